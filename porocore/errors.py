@@ -1,0 +1,31 @@
+"""The errors that a user or a plugin author is meant to meet.
+
+Every message says what was expected, what came and what to do. Only the command line turns one of these
+into text on a terminal and exit status 2; a library caller catches :class:`PorocoreError`.
+"""
+
+from __future__ import annotations
+
+
+class PorocoreError(Exception):
+    """Base class of all errors that porocore raises on purpose."""
+
+
+class ConfigurationError(PorocoreError):
+    """A configuration file or an option holds something that cannot be used."""
+
+
+class PluginError(PorocoreError):
+    """A backend is unknown, missing, broken or offered twice."""
+
+
+class RunFolderError(PorocoreError):
+    """A run folder cannot be used: it holds another run, or it cannot be written."""
+
+
+class DataError(PorocoreError):
+    """A file that porocore was asked to read is truncated, foreign or of another version."""
+
+
+class SolveError(PorocoreError):
+    """The macroscale problem could not be solved; a cell that cannot be solved is a status instead."""

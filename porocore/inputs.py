@@ -1,0 +1,77 @@
+"""Named inputs of a study: which components of (H, p) move, and how far."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.errors import ConfigurationError
+from porocore.states import Array, MacroState
+
+NAMES = tuple(f"H{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)) + ("p",)
+
+
+@dataclass(frozen=True)
+class InputSpace:
+    """An ordered choice of d of the ten inputs H11 … H33, p with a closed range for each; the others stay zero.
+
+    Attributes
+    ----------
+    names
+        From ``H11`` … ``H33`` and ``p``.
+    lower, upper
+        Bounds, one for each name.
+    """
+
+    names: tuple[str, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name in self.names:
+            if name not in NAMES:
+                raise ConfigurationError(f"unknown input '{name}'; the inputs are {', '.join(NAMES)}")
+        for name, low, high in zip(self.names, self.lower, self.upper, strict=True):
+            if not low < high:
+                raise ConfigurationError(
+                    f"the range of input '{name}' is empty: [{low:g}, {high:g}]; give [lower, upper] with lower < upper"
+                )
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @classmethod
+    def from_ranges(cls, ranges: Mapping[str, tuple[float, float]]) -> InputSpace:
+        """From ``{"H22": (-0.4, 0.04), ...}``."""
+        low, high = zip(*ranges.values(), strict=True)
+        return cls(tuple(ranges), tuple(low), tuple(high))
+
+    @cached_property
+    def columns(self) -> tuple[int, ...]:
+        """Position of each input in the ten components (H row by row, then p)."""
+        return tuple(NAMES.index(name) for name in self.names)
+
+    def gather(self, states: MacroState) -> Array:
+        """The inputs of n states, (n, d)."""
+        return flatten(states)[:, list(self.columns)]
+
+    def scatter(self, x: npt.ArrayLike) -> MacroState:
+        """States (n) from inputs (n, d), all other components zero."""
+        x = np.atleast_2d(np.asarray(x, dtype=float))
+        flat = np.zeros((len(x), 10))
+        flat[:, list(self.columns)] = x
+        return MacroState(flat[:, :9].reshape(-1, 3, 3), flat[:, 9].copy())
+
+    def moves_other(self, states: MacroState, tolerance: float = 1e-6) -> npt.NDArray[np.bool_]:
+        """Rows (n,) in which a component that is no input is not zero."""
+        rest = np.delete(flatten(states), self.columns, axis=1)
+        return np.abs(rest).max(axis=1, initial=0.0) > tolerance
+
+
+def flatten(states: MacroState) -> Array:
+    """(n, 10): H row by row, then p."""
+    return np.concatenate([states.grad_u.reshape(-1, 9), states.p[:, None]], axis=1)

@@ -1,0 +1,96 @@
+"""The cell solver: from macroscopic states to the responses of the periodic cell."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.states import Array, CellResponse, MacroState
+
+
+@dataclass(frozen=True, eq=False)
+class CellField:
+    """The micro displacement of one solved state, to look at or to start a neighbour from.
+
+    Attributes
+    ----------
+    grad_u : (3, 3)
+        H of the state that it solves.
+    p : float
+        Its pore pressure.
+    domain : {"eighth", "whole"}
+        The part of the cell on which it is known.
+    u : (nodes, 3)
+        u¹ at the nodes of that domain's solid mesh, in the order of :class:`~porocore.cell.mesh.CellMesh.points`.
+    """
+
+    grad_u: Array
+    p: float
+    domain: str
+    u: Array
+
+
+@dataclass(frozen=True, eq=False)
+class CellSolution:
+    """The responses of a batch and, where asked for, the field of each row (None where it failed)."""
+
+    response: CellResponse
+    fields: list[CellField | None] | None = None
+
+
+class CellSolver(ABC):
+    """Solves the fluid and the solid cell problem; set-up is apart from the repeated solves.
+
+    The laws that an implementation obeys are tested by ``porocore.testing.CellSolverConformance``:
+    the derivatives are the slopes of the responses, ∂P_E/∂p = −∂φ/∂H, W is objective, and a state that
+    cannot be solved is a row with a status and NaN while the others are returned.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        if options:
+            raise TypeError(f"{type(self).__name__} takes no options, got {sorted(options)}")
+
+    @abstractmethod
+    def prepare(self, cell: Cell) -> Any:
+        """Everything that the states of one cell share (meshes, operators, sparsity, factors)."""
+
+    @abstractmethod
+    def solve(
+        self,
+        prepared: Any,
+        states: MacroState,
+        *,
+        start: Sequence[CellField | None] | None = None,
+        tangent: bool = True,
+        fields: bool = False,
+    ) -> CellSolution:
+        """Solve the solid cell problem for each state.
+
+        Parameters
+        ----------
+        prepared
+            What :meth:`prepare` returned.
+        states
+            n states.
+        start
+            For each state the field of a known neighbour; None starts from the undeformed cell. A start
+            changes the cost and, where the cell has several equilibria, which of them is found.
+        tangent
+            Whether the ten derivatives are wanted.
+        fields
+            Whether the micro displacement is wanted.
+        """
+
+    @abstractmethod
+    def conductivity(self, prepared: Any) -> Array:
+        """Hydraulic conductivity K (3, 3) of the undeformed cell, <w^j_i>_f with the cell's viscosity."""
+
+    def solve_one(self, prepared: Any, grad_u: Any, p: float = 0.0, **how: Any) -> CellResponse:
+        """Solve one state; a convenience around :meth:`solve`."""
+        state = MacroState(np.asarray(grad_u, float).reshape(1, 3, 3), np.array([float(p)]))
+        return self.solve(prepared, state, **how).response

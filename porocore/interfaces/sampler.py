@@ -1,0 +1,58 @@
+"""The sampler: which states to solve next. Ask for states, tell what came of them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+from porocore.inputs import InputSpace
+from porocore.states import CellResponse
+
+
+@dataclass(frozen=True)
+class Request:
+    """One state to be solved.
+
+    Attributes
+    ----------
+    key
+        Name of the state within the run; the same run asks for the same keys, whatever the order of completion.
+    x
+        Values of the sampled inputs.
+    start
+        Key of the solved state whose field the solver starts from; None: the undeformed cell.
+    """
+
+    key: str
+    x: tuple[float, ...]
+    start: str | None = None
+
+
+class Sampler(ABC):
+    """Chooses states by ask and tell.
+
+    A sampler is deterministic: after the same tells it asks for the same states, so that an interrupted
+    sampling is resumed by telling a new sampler the finished states again as it asks for them.
+    """
+
+    @abstractmethod
+    def __init__(self, inputs: InputSpace, **options: Any) -> None: ...
+
+    @abstractmethod
+    def ask(self) -> list[Request]:
+        """States that can be solved now, in any order; each is asked for once. Empty: wait for tells, or done."""
+
+    @abstractmethod
+    def tell(self, key: str, response: CellResponse) -> None:
+        """The outcome (one row) of a state that was asked for; a failed one has its status and NaN."""
+
+    @property
+    @abstractmethod
+    def done(self) -> bool:
+        """Whether every state has been asked for and told."""
+
+    @property
+    @abstractmethod
+    def expected(self) -> int:
+        """An estimate of how many states there will be in all, for the progress display."""

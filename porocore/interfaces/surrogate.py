@@ -1,0 +1,101 @@
+"""The surrogate: a fast stand-in for the solid cell problem, learned from solved states."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from porocore.inputs import InputSpace
+from porocore.states import CellResponse, MacroState
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingSet:
+    """Solved states and what a surrogate may know of the cell beforehand.
+
+    Attributes
+    ----------
+    states, responses
+        Rows that all hold values (:attr:`CellResponse.valid`).
+    inputs
+        The named inputs that were sampled and their ranges.
+    reference
+        Response of the undeformed cell with its tangent (one row): M and Q of the linear limit.
+    identity
+        Hash of the cell and of the law, stored with the surrogate and checked when it is used.
+    provenance
+        Text to keep with the surrogate (versions, configuration).
+    """
+
+    states: MacroState
+    responses: CellResponse
+    inputs: InputSpace
+    reference: CellResponse
+    identity: str
+    provenance: dict[str, str]
+
+
+@dataclass(frozen=True)
+class TrainingProgress:
+    """One report of a running training."""
+
+    epoch: int
+    epochs: int
+    loss: float
+    validation_loss: float
+
+
+class Surrogate(ABC):
+    """A surrogate of one model family; ``options`` are its settings from the configuration.
+
+    An instance is created with its options, :meth:`fit` makes it usable, :meth:`save` and :meth:`load`
+    keep everything that using it needs, in a format that executes nothing when it is read.
+    """
+
+    #: Hash of the cell that it was trained for; set by ``fit`` and ``load``.
+    identity: str
+    #: Sampled inputs and their range; set by ``fit`` and ``load``.
+    inputs: InputSpace
+    #: Texts kept beside it; set by ``fit`` and ``load``.
+    provenance: dict[str, str]
+
+    @abstractmethod
+    def __init__(self, **options: Any) -> None: ...
+
+    @abstractmethod
+    def fit(
+        self,
+        data: TrainingSet,
+        *,
+        seed: int,
+        checkpoint: Path | None = None,
+        on_progress: Callable[[TrainingProgress], None] | None = None,
+    ) -> Self:
+        """Train on ``data`` and return self.
+
+        A training that was interrupted continues from ``checkpoint`` if that file exists and belongs to the
+        same data, options and seed, and then ends with the same weights as an uninterrupted one.
+        """
+
+    @abstractmethod
+    def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
+        """Responses and exact derivatives for n states; ``outside`` flags those beyond the sampled range."""
+
+    @abstractmethod
+    def save(self, path: Path) -> None:
+        """Write one file, atomically."""
+
+    @classmethod
+    @abstractmethod
+    def load(cls, path: Path) -> Self:
+        """Read what :meth:`save` wrote.
+
+        Raises
+        ------
+        DataError
+            The file is truncated, foreign or of another version.
+        """
+

@@ -1,0 +1,87 @@
+"""The macroscale problem: a box of poroelastic material, what is done to its faces, and when."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Face = Literal["x-", "x+", "y-", "y+", "z-", "z+"]
+FACES: tuple[Face, ...] = ("x-", "x+", "y-", "y+", "z-", "z+")
+Positive = Annotated[float, Field(gt=0)]
+Count = Annotated[int, Field(ge=1)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Boundary(_Strict):
+    """What is prescribed on one face; what is left out is free of traction and impermeable.
+
+    Non-zero values are multiplied by the load and by the ramp of the time plan.
+    """
+
+    displacement: tuple[float | None, float | None, float | None] = (None, None, None)
+    """Components of u; None leaves a component free."""
+    traction: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Dead traction t̄ per reference area [E]."""
+    pressure: float | None = None
+    """Pore pressure; None makes the face a flux boundary."""
+    flux: float = 0.0
+    """Outward flux q̄ per reference area where the pressure is free."""
+
+    @model_validator(mode="after")
+    def _one_kind_each(self) -> Boundary:
+        for i, (u, t) in enumerate(zip(self.displacement, self.traction, strict=True)):
+            if u is not None and t != 0:
+                raise ValueError(f"component {i + 1} has both a displacement and a traction; keep one")
+        if self.pressure is not None and self.flux != 0:
+            raise ValueError("a face has both a pressure and a flux; keep one")
+        return self
+
+
+class TimePlan(_Strict):
+    """Backward Euler steps; the load is ramped up linearly in ``ramp_increments`` steps of ``ramp_step`` first."""
+
+    end: Positive = 100.0
+    step: Positive = 0.5
+    ramp_increments: Count = 10
+    ramp_step: Positive = 0.05
+    smallest_step: Positive = 1e-6
+    """Step halving stops here."""
+    profiles: tuple[Positive, ...] = (1.0, 10.0, 40.0)
+    """Times at which the fields are kept."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> TimePlan:
+        if self.end <= self.ramp_increments * self.ramp_step:
+            raise ValueError(
+                f"end = {self.end:g} does not lie behind the ramp, which takes {self.ramp_increments * self.ramp_step:g}"
+            )
+        if any(t > self.end for t in self.profiles):
+            raise ValueError(f"a profile time lies behind end = {self.end:g}")
+        return self
+
+
+class NewtonSettings(_Strict):
+    """Stops when the residual has fallen to ``tolerance`` times the force and volume scale of the step."""
+
+    tolerance: Positive = 1e-9
+    iterations: Count = 25
+
+
+class MacroProblem(_Strict):
+    """Confined compression and its relatives on a box [0, a] × [0, b] × [0, c] of hexahedra."""
+
+    size: tuple[Positive, Positive, Positive] = (0.1, 7.5, 0.1)
+    elements: tuple[Count, Count, Count] = (1, 106, 1)
+    boundary: dict[Face, Boundary]
+    load: float = 1.0
+    """Factor of every prescribed value."""
+    time: TimePlan = TimePlan()
+    newton: NewtonSettings = NewtonSettings()
+
+    def ramp(self, time: float) -> float:
+        """Share of the load that acts at ``time``."""
+        return min(1.0, time / (self.time.ramp_increments * self.time.ramp_step))

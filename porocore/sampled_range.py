@@ -1,0 +1,65 @@
+"""Where a surrogate was trained: the hull of the sampled inputs, and the question whether a state lies in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import ConvexHull, QhullError
+
+from porocore.inputs import InputSpace
+from porocore.states import Array, MacroState
+
+#: Above this number of inputs the hull has too many facets to be of use and the bounding box stands in.
+MOST_HULL_INPUTS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class SampledRange:
+    """A convex polytope {x : A x ≤ b} around the sampled inputs.
+
+    Attributes
+    ----------
+    inputs : InputSpace
+        The inputs, d of them.
+    normals : (m, d)
+        A, in inputs scaled to the ranges of ``inputs``.
+    offsets : (m,)
+        b.
+    """
+
+    inputs: InputSpace
+    normals: Array
+    offsets: Array
+
+    @classmethod
+    def around(cls, inputs: InputSpace, points: npt.ArrayLike) -> SampledRange:
+        """Hull of ``points`` (n, d); their bounding box if they do not span the space or d is large."""
+        points = cls._scaled(inputs, np.asarray(points, dtype=float))
+        d = len(inputs)
+        if 2 <= d <= MOST_HULL_INPUTS and len(points) > d:
+            try:
+                equations = ConvexHull(points).equations
+                return cls(inputs, equations[:, :-1].copy(), -equations[:, -1])
+            except QhullError:
+                pass
+        unit = np.eye(d)
+        return cls(
+            inputs, np.concatenate([unit, -unit]), np.concatenate([points.max(axis=0), -points.min(axis=0)])
+        )
+
+    @staticmethod
+    def _scaled(inputs: InputSpace, x: Array) -> Array:
+        low, high = np.array(inputs.lower), np.array(inputs.upper)
+        return (x - low) / (high - low)
+
+    def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
+        """Which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
+        scaled = self._scaled(self.inputs, np.atleast_2d(np.asarray(x, dtype=float)))
+        inside: npt.NDArray[np.bool_] = (scaled @ self.normals.T <= self.offsets + tolerance).all(axis=1)
+        return inside
+
+    def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
+        """Which states (n,) lie outside, or move a component that was not sampled."""
+        return ~self.contains(self.inputs.gather(states)) | self.inputs.moves_other(states)

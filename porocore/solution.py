@@ -1,0 +1,135 @@
+"""What a macro solve returns: the history, the profiles, and the mesh that they live on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from porocore.errors import DataError
+from porocore.states import Array
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """One accepted time step, for the progress display."""
+
+    time: float
+    end: float
+    iterations: int
+    settlement: float
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Scalars against time, all (steps,); the first row is the state at rest."""
+
+    time: Array
+    #: Share of the load that acts.
+    ramp: Array
+    #: Largest displacement against the y axis, max(−u_2).
+    settlement: Array
+    #: Largest pore pressure.
+    pressure_max: Array
+    #: Drained volume as in the paper: ∫∫ (1/det F̄) ∇·(Ḡw) dV dt.
+    drained: Array
+    #: Drained volume from the flux through the boundary: ∫∫ q·N dS dt.
+    drained_flux: Array
+    #: Volume share of the points at which the cell law was asked outside its sampled range.
+    outside: Array
+    #: Largest deviation of the element means of P_E,22 from their average over the body.
+    stress_spread: Array
+    #: Newton iterations of the step.
+    iterations: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Fields at one time. Nodal: all nodes of the quadratic mesh; the rest: element means."""
+
+    time: float
+    u: Array  #: (nodes, 3)
+    p: Array  #: (nodes,)  the linear field, evaluated at all nodes
+    grad_u: Array  #: (elements, 3, 3)  H
+    mean_grad: Array  #: (elements, 3, 3)  <∇u¹>_s
+    deformation: Array  #: (elements, 3, 3)  F̄
+    conductivity: Array  #: (elements, 3, 3)  K_t
+    stress: Array  #: (elements, 3, 3)  P_E
+    flux: Array  #: (elements, 3)  Ḡw
+    element_p: Array  #: (elements,)
+    outside: Array  #: (elements,)  share of the element's points outside the sampled range
+
+
+@dataclass(frozen=True, eq=False)
+class MacroSolution:
+    """History, profiles at the chosen times and at the end, and the mesh.
+
+    Attributes
+    ----------
+    law
+        Name of the law.
+    load
+        Factor of the prescribed values.
+    points : (nodes, 3)
+        Nodes of the quadratic mesh.
+    cells : (elements, 27)
+        Triquadratic hexahedra in VTK order.
+    """
+
+    law: str
+    load: float
+    points: Array
+    cells: npt.NDArray[np.int64]
+    history: History
+    profiles: tuple[Profile, ...]
+
+    def save(self, path: Path) -> None:
+        """Write one HDF5 file, atomically."""
+        from porocore.files import atomic_path
+
+        with atomic_path(path) as part, h5py.File(part, "w") as file:
+            file.attrs.update(format="porocore-solution", version=1, law=self.law, load=self.load)
+            file["points"], file["cells"] = self.points, self.cells
+            for f in fields(History):
+                file[f"history/{f.name}"] = getattr(self.history, f.name)
+            for i, profile in enumerate(self.profiles):
+                for f in fields(Profile):
+                    file[f"profiles/{i}/{f.name}"] = getattr(profile, f.name)
+
+    @classmethod
+    def load_file(cls, path: Path) -> MacroSolution:
+        """Read what :meth:`save` wrote.
+
+        Raises
+        ------
+        DataError
+            The file is truncated or foreign.
+        """
+        try:
+            with h5py.File(path) as file:
+                if file.attrs.get("format") != "porocore-solution" or file.attrs.get("version") != 1:
+                    raise DataError(f"{path}: expected a porocore solution of version 1; solve again")
+                profiles = [
+                    Profile(
+                        **{
+                            f.name: (
+                                float(group[f.name][()]) if f.name == "time" else np.asarray(group[f.name])
+                            )
+                            for f in fields(Profile)
+                        }
+                    )
+                    for _, group in sorted(file.get("profiles", {}).items(), key=lambda item: int(item[0]))
+                ]
+                return cls(
+                    str(file.attrs["law"]),
+                    float(file.attrs["load"]),
+                    np.asarray(file["points"]),
+                    np.asarray(file["cells"]),
+                    History(**{f.name: np.asarray(file[f"history/{f.name}"]) for f in fields(History)}),
+                    tuple(profiles),
+                )
+        except (OSError, KeyError) as error:
+            raise DataError(f"{path}: not a complete porocore solution ({error}); solve again") from error

@@ -1,0 +1,170 @@
+"""What flows through porocore: macroscopic states in, responses of the cell out.
+
+Every array is float64 and is led by the batch axis of length n. Derivatives carry the indices of the
+response first and those of the variable last. Everything is dimensionless with Young's modulus E = 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from typing import Any, Self, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+Array: TypeAlias = npt.NDArray[np.float64]
+IntArray: TypeAlias = npt.NDArray[np.int64]
+
+
+class Status(IntEnum):
+    """How a cell solve ended.
+
+    ``unstable`` keeps its values (the residual is met, the tangent is indefinite); every later status holds NaN.
+    """
+
+    converged = 0
+    #: Residual met, but the tangent has negative pivots: an equilibrium that the cell would leave.
+    unstable = 1
+    #: A pore wall has passed through its mirror plane or another wall, or no fluid volume is left (J > 0 all the same).
+    overlap = 2
+    #: No load step, however small, keeps J > 0.
+    inverted = 3
+    #: The iteration or step limit was reached.
+    not_converged = 4
+
+    @property
+    def has_values(self) -> bool:
+        """Whether the responses of such a state are numbers."""
+        return self <= Status.unstable
+
+
+class _Batch:
+    """Selecting rows of a dataclass of arrays, nested ones included."""
+
+    def __getitem__(self, rows: Any) -> Self:
+        picked = {}
+        for f in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, f.name)
+            picked[f.name] = None if value is None else value[rows]
+        return type(self)(**picked)
+
+    @classmethod
+    def concatenate(cls, parts: list[Self]) -> Self:
+        """Join batches end to end; a field that is None in the first part must be None in all."""
+        joined: dict[str, Any] = {}
+        for f in fields(cls):  # type: ignore[arg-type]
+            values = [getattr(part, f.name) for part in parts]
+            if values[0] is None:
+                joined[f.name] = None
+            elif isinstance(values[0], _Batch):
+                joined[f.name] = type(values[0]).concatenate(values)
+            else:
+                joined[f.name] = np.concatenate(values)
+        return cls(**joined)
+
+
+@dataclass(frozen=True, eq=False)
+class MacroState(_Batch):
+    """A batch of macroscopic states.
+
+    Attributes
+    ----------
+    grad_u : (n, 3, 3)
+        H = ∇_X u⁰, H_ij = ∂u_i/∂X_j [-].
+    p : (n,)
+        Pore pressure, positive in compression [E].
+    """
+
+    grad_u: Array
+    p: Array
+
+    def __post_init__(self) -> None:
+        if self.grad_u.ndim == 3 and (
+            self.grad_u.shape[1:] != (3, 3) or self.p.shape != self.grad_u.shape[:1]
+        ):
+            raise ValueError(
+                f"expected grad_u (n, 3, 3) and p (n,), got {self.grad_u.shape} and {self.p.shape}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.p)
+
+    @classmethod
+    def single(cls, grad_u: npt.ArrayLike, p: float = 0.0) -> MacroState:
+        """One state as a batch of length 1."""
+        return cls(np.asarray(grad_u, dtype=float).reshape(1, 3, 3), np.array([float(p)]))
+
+    @classmethod
+    def zeros(cls, n: int) -> MacroState:
+        """The undeformed state, n times."""
+        return cls(np.zeros((n, 3, 3)), np.zeros(n))
+
+
+@dataclass(frozen=True, eq=False)
+class CellTangent(_Batch):
+    """First derivatives of the responses with respect to (H, p); response indices first.
+
+    A surrogate that does not provide a response leaves its derivatives None.
+    """
+
+    mean_grad_grad_u: Array | None = None  #: (n, 3, 3, 3, 3)  M_ijkl = ∂<∂u¹_i/∂Y_j>_s / ∂H_kl
+    mean_grad_p: Array | None = None  #: (n, 3, 3)        Q_ij = ∂<∂u¹_i/∂Y_j>_s / ∂p
+    stress_grad_u: Array | None = None  #: (n, 3, 3, 3, 3)  ∂P_E,ij / ∂H_kl
+    stress_p: Array | None = None  #: (n, 3, 3)        ∂P_E,ij / ∂p
+    fluid_volume_grad_u: Array | None = None  #: (n, 3, 3)        ∂φ / ∂H_kl
+    fluid_volume_p: Array | None = None  #: (n,)             ∂φ / ∂p
+
+
+@dataclass(frozen=True, eq=False)
+class CellPeaks(_Batch):
+    """Local extremes over the solid and signs of trouble."""
+
+    grad: Array  #: (n, 3, 3)  largest |∂u¹_i/∂Y_j|
+    energy: Array  #: (n,)       largest Ψ [E]
+    energy_mean: Array  #: (n,)       <Ψ>_s [E]
+    min_jacobian: Array  #: (n,)       smallest J
+    min_gap: Array  #: (n,)       smallest distance of the pore wall to its mirror planes; negative: overlap
+    negative_pivots: Array  #: (n,)       of the tangent at the solution; -1 where the solver cannot tell
+
+
+@dataclass(frozen=True, eq=False)
+class CellResponse(_Batch):
+    """What a cell solver returns and a surrogate predicts; a response that is not provided is None.
+
+    Rows whose status has no values hold NaN in every response, derivative and peak.
+
+    Attributes
+    ----------
+    mean_grad : (n, 3, 3)
+        <∇_Y u¹>_s, an integral over the solid divided by the volume of the whole cell [-].
+    potential : (n,)
+        W(H, p) = <Ψ + pJ>_s − p J₀ [E].
+    stress : (n, 3, 3)
+        Total first Piola–Kirchhoff stress P_E = ∂W/∂H, tension positive [E].
+    fluid_volume : (n,)
+        φ = −∂W/∂p, current fluid volume per reference volume of the cell [-].
+    tangent, peaks
+        See :class:`CellTangent` and :class:`CellPeaks`.
+    status : (n,) int
+        :class:`Status` of each row.
+    outside : (n,) bool
+        For a surrogate: the state lies outside the range it was trained on.
+    """
+
+    mean_grad: Array
+    status: IntArray
+    potential: Array | None = None
+    stress: Array | None = None
+    fluid_volume: Array | None = None
+    tangent: CellTangent | None = None
+    peaks: CellPeaks | None = None
+    outside: npt.NDArray[np.bool_] | None = None
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def valid(self) -> npt.NDArray[np.bool_]:
+        """Rows that hold values, (n,) bool."""
+        return self.status <= int(Status.unstable)
