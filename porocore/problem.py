@@ -71,17 +71,22 @@ class NewtonSettings(_Strict):
     iterations: Count = 25
 
 
-class MacroProblem(_Strict):
-    """Confined compression and its relatives on a box [0, a] × [0, b] × [0, c] of hexahedra."""
+class MacroSetup(_Strict):
+    """Confined compression and its relatives on a box [0, a] × [0, b] × [0, c] of hexahedra, for any load."""
 
     size: tuple[Positive, Positive, Positive] = (0.1, 7.5, 0.1)
     elements: tuple[Count, Count, Count] = (1, 106, 1)
     boundary: dict[Face, Boundary]
-    load: float = 1.0
-    """Factor of every prescribed value."""
     time: TimePlan = TimePlan()
     newton: NewtonSettings = NewtonSettings()
 
     def ramp(self, time: float) -> float:
         """Share of the load that acts at ``time``."""
         return min(1.0, time / (self.time.ramp_increments * self.time.ramp_step))
+
+
+class MacroProblem(MacroSetup):
+    """A set-up under one load."""
+
+    load: float = 1.0
+    """Factor of every prescribed value."""
