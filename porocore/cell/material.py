@@ -32,29 +32,35 @@ class NeoHookean(BaseModel):
         """First Lamé constant λ [E]."""
         return self.poisson_ratio / ((1 + self.poisson_ratio) * (1 - 2 * self.poisson_ratio))
 
+    def volumetric(self, log_J: Array) -> tuple[Array, Array, Array]:
+        """U = −μ ln J + λ/2 (ln J)² and its first and second derivative with respect to ln J."""
+        return (
+            (self.lam / 2 * log_J - self.mu) * log_J,
+            self.lam * log_J - self.mu,
+            np.full_like(log_J, self.lam),
+        )
+
     def energy(self, F: Array) -> Array:
         """Ψ (...) [E]."""
-        log_J = np.log(determinant(F))
-        energy: Array = (
-            self.mu / 2 * ((F * F).sum(axis=(-2, -1)) - 3) - self.mu * log_J + self.lam / 2 * log_J**2
-        )
+        energy: Array = self.mu / 2 * ((F * F).sum(axis=(-2, -1)) - 3) + self.volumetric(np.log(determinant(F)))[0]
         return energy
 
     def stress(self, F: Array) -> Array:
         """P = ∂Ψ/∂F (..., 3, 3), first Piola–Kirchhoff, tension positive [E]."""
         J = determinant(F)
-        return self.mu * F + ((self.lam * np.log(J) - self.mu) / J)[..., None, None] * cofactor(F)
+        return self.mu * F + (self.volumetric(np.log(J))[1] / J)[..., None, None] * cofactor(F)
 
     def tangent(self, F: Array) -> Array:
         """A_ijkl = ∂P_ij/∂F_kl (..., 3, 3, 3, 3) [E]."""
         J = determinant(F)
-        F_inverse_T = cofactor(F) / J[..., None, None]
-        c = self.lam * np.log(J) - self.mu
+        G = cofactor(F) / J[..., None, None]  # F⁻ᵀ
+        _, first, second = self.volumetric(np.log(J))
         eye = np.eye(3)
-        outer = F_inverse_T[..., :, :, None, None] * F_inverse_T[..., None, None, :, :]
-        swapped = np.einsum("...il,...kj->...ijkl", F_inverse_T, F_inverse_T)
-        identity = np.einsum("ik,jl->ijkl", eye, eye)
-        tangent: Array = self.lam * outer - c[..., None, None, None, None] * swapped + self.mu * identity
+        tangent: Array = (
+            second[..., None, None, None, None] * (G[..., :, :, None, None] * G[..., None, None, :, :])
+            - first[..., None, None, None, None] * np.einsum("...il,...kj->...ijkl", G, G)
+            + self.mu * np.einsum("ik,jl->ijkl", eye, eye)
+        )
         return tangent
 
 
@@ -70,8 +76,13 @@ def determinant(F: Array) -> Array:
 
 def cofactor(F: Array) -> Array:
     """cof F = J F⁻ᵀ of (..., 3, 3), in closed form; ∂J/∂F."""
-    a, b, c = F[..., 0, :], F[..., 1, :], F[..., 2, :]
-    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
+    cof = np.moveaxis(np.empty((3, 3, *F.shape[:-2])), (0, 1), (-2, -1))  # component-first in memory: fast slices
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        for m in range(3):
+            n, o = (m + 1) % 3, (m + 2) % 3
+            cof[..., i, m] = F[..., j, n] * F[..., k, o] - F[..., j, o] * F[..., k, n]
+    return cof
 
 
 def cofactor_tangent(F: Array) -> Array:

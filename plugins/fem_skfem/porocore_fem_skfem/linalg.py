@@ -1,0 +1,185 @@
+"""Symmetric linear systems: a factor (or a multigrid cycle) as preconditioner, conjugate gradients on top.
+
+A factor may be of single precision, of a neighbouring state or no factor at all; the iteration makes up
+for it and notices negative curvature. Patterns are upper triangles in CSR with the diagonal first.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from porocore.errors import ConfigurationError
+
+#: Beyond this number of unknowns a factor grows faster than multigrid does.
+DIRECT_LIMIT = 100_000
+#: SuperLU in three dimensions is only bearable for small systems.
+SUPERLU_LIMIT = 6_000
+
+
+class FactorError(Exception):
+    """The linear solver broke down; the caller shortens its step."""
+
+
+class SymmetricFactor(ABC):
+    """An approximate inverse of a symmetric matrix whose pattern is fixed."""
+
+    #: Number of negative pivots of the last factorisation; -1: this solver cannot tell.
+    negative: int
+
+    @abstractmethod
+    def factor(self, data: Any) -> None:
+        """Set up for the entries (nnz of the upper triangle)."""
+
+    @abstractmethod
+    def solve(self, rhs: Any) -> Any:
+        """Apply to (n,) or (n, k)."""
+
+
+class SuperLUFactor(SymmetricFactor):
+    """scipy's SuperLU with symmetric ordering and diagonal pivots, so that their signs are the inertia."""
+
+    def __init__(self, indptr: Any, indices: Any) -> None:
+        self._pattern = SymmetricPattern(indptr, indices)
+        self.negative = 0
+
+    def factor(self, data: Any) -> None:
+        try:
+            self._lu = splu(
+                self._pattern.full(data).tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as error:
+            raise FactorError(str(error)) from error
+        self.negative = int((self._lu.U.diagonal() < 0).sum())
+
+    def solve(self, rhs: Any) -> Any:
+        return self._lu.solve(np.ascontiguousarray(rhs))
+
+
+class MultigridFactor(SymmetricFactor):
+    """One V-cycle of smoothed aggregation (pyamg); ``near_kernel`` are the rigid translations."""
+
+    def __init__(self, indptr: Any, indices: Any, near_kernel: Any) -> None:
+        self._pattern = SymmetricPattern(indptr, indices)
+        self._near_kernel = near_kernel
+        self.negative = -1
+
+    def factor(self, data: Any) -> None:
+        from pyamg import smoothed_aggregation_solver
+
+        hierarchy = smoothed_aggregation_solver(
+            self._pattern.full(data), B=self._near_kernel, symmetry="symmetric", max_coarse=500
+        )
+        self._cycle = hierarchy.aspreconditioner()
+
+    def solve(self, rhs: Any) -> Any:
+        if rhs.ndim == 1:
+            return self._cycle @ rhs
+        return np.stack([self._cycle @ column for column in rhs.T], axis=1)
+
+
+class SymmetricPattern:
+    """An upper triangular pattern and the full matrix that belongs to it."""
+
+    def __init__(self, indptr: Any, indices: Any) -> None:
+        n = len(indptr) - 1
+        upper = sparse.csr_matrix((np.arange(1, len(indices) + 1, dtype=np.int64), indices, indptr), shape=(n, n))
+        full = (upper + sparse.triu(upper, 1).T).tocsr()
+        full.sort_indices()
+        self._indptr, self._indices, self._source = full.indptr, full.indices, full.data - 1
+        self._shape = (n, n)
+        #: Where the diagonal stands among the entries of the upper triangle.
+        self.diagonal = np.asarray(indptr[:-1])
+
+    def full(self, data: Any) -> Any:
+        """The symmetric matrix in CSR from the entries of its upper triangle."""
+        return sparse.csr_matrix((data[self._source], self._indices, self._indptr), shape=self._shape)
+
+
+def choose_factor(
+    indptr: Any, indices: Any, *, solver: str = "auto", near_kernel: Any = None
+) -> SymmetricFactor:
+    """The best solver that is installed, by size; ``solver`` forces one of pardiso, superlu, amg."""
+    from porocore_fem_skfem import pardiso
+
+    n = len(indptr) - 1
+    have_pardiso = pardiso.library() is not None
+    have_amg = find_spec("pyamg") is not None and near_kernel is not None
+    if solver == "auto":
+        if have_amg and (n > DIRECT_LIMIT or (not have_pardiso and n > SUPERLU_LIMIT)):
+            solver = "amg"
+        else:
+            solver = "pardiso" if have_pardiso else "superlu"
+    if solver == "pardiso":
+        if not have_pardiso:
+            raise ConfigurationError("fem.options.solver: pardiso is not installed; run pip install mkl")
+        return pardiso.PardisoFactor(indptr, indices)
+    if solver == "amg" and have_amg:
+        return MultigridFactor(indptr, indices, near_kernel)
+    if solver == "superlu":
+        return SuperLUFactor(indptr, indices)
+    raise ConfigurationError(
+        f"fem.options.solver: expected auto, pardiso, superlu or amg (which needs pip install pyamg), got '{solver}'"
+    )
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """What came of a conjugate gradient iteration."""
+
+    x: Any
+    iterations: int
+    converged: bool
+    #: A direction of negative curvature was met: the matrix is indefinite.
+    indefinite: bool
+
+
+def conjugate_gradients(
+    matrix: Any,
+    rhs: Any,
+    precondition: Callable[[Any], Any],
+    *,
+    tolerance: float,
+    limit: int = 200,
+) -> Iteration:
+    """Preconditioned conjugate gradients for (n,) or for the columns of (n, k) at once.
+
+    Stops when every residual is below ``tolerance`` times its right-hand side.
+    """
+    single = rhs.ndim == 1
+    b = rhs[:, None] if single else rhs
+    goal = tolerance * np.linalg.norm(b, axis=0)
+    x = np.zeros_like(b)
+    r = b.copy()
+    p = z = precondition(r)
+    rz = (r * z).sum(axis=0)
+    iterations, indefinite = 0, False
+    active = np.linalg.norm(r, axis=0) > goal
+    while active.any() and iterations < limit:
+        q = matrix @ p
+        curvature = (p * q).sum(axis=0)
+        if (curvature[active] <= 0).any():
+            indefinite = True
+            break
+        alpha = np.where(active, rz / np.where(curvature > 0, curvature, 1.0), 0.0)
+        x += alpha * p
+        r -= alpha * q
+        iterations += 1
+        active = np.linalg.norm(r, axis=0) > goal
+        if not active.any():
+            break
+        z = precondition(r)
+        rz_new = (r * z).sum(axis=0)
+        p = z + np.where(active, rz_new / np.where(rz != 0, rz, 1.0), 0.0) * p
+        rz = rz_new
+    return Iteration(x[:, 0] if single else x, iterations, not active.any(), indefinite)

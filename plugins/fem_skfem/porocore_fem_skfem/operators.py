@@ -1,0 +1,111 @@
+"""From a mesh to constant operators: gradients at the quadrature points, weights, sparsity, scattering.
+
+Fields are component-first, (3, nodes) and (3, 3, points), with periodic nodes merged, so that a gradient is
+one sparse product and an assembly one batched product followed by one sparse scatter.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from porocore.cell.mesh import CellMesh
+from scipy import sparse
+from skfem import ElementTetP1, ElementTetP2
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTet
+
+ELEMENTS = {4: ElementTetP1(), 10: ElementTetP2()}
+
+
+class Operators:
+    """Isoparametric gradients of the mesh's own element, or of another one on the same geometry.
+
+    Parameters
+    ----------
+    mesh
+        Linear or quadratic tetrahedra.
+    degree
+        Polynomial degree that the quadrature integrates exactly; 2 (four points) is enough for the averages.
+    nodes_per_cell
+        4 or 10; the first four nodes of a quadratic mesh carry the linear element.
+    """
+
+    def __init__(self, mesh: CellMesh, degree: int, cells: Any = None) -> None:
+        cells = mesh.cells if cells is None else cells
+        xi, weights = get_quadrature(RefTet, degree)
+        geometry = _shape(ELEMENTS[mesh.cells.shape[1]], xi)[1]  # (a, 3, q)
+        jacobian = np.einsum("eai,ajq->eqij", mesh.points[mesh.cells], geometry, optimize=True)
+        values, local = _shape(ELEMENTS[cells.shape[1]], xi)
+        #: ∇N of each element, quadrature point and local node, (elements, q, a, 3).
+        self.grad_N = np.einsum("ajq,eqji->eqai", local, np.linalg.inv(jacobian), optimize=True)
+        #: N at the quadrature points, (a, q).
+        self.values = values
+        self.weights = (np.linalg.det(jacobian) * weights).reshape(-1)  # (points,)
+        self.cells = cells
+        self.n_points = len(self.weights)
+
+    def gradient(self, n_nodes: int) -> Any:
+        """Sparse (3·points, nodes): row j·points + q is ∂/∂Y_j at point q."""
+        e, q, a, _ = self.grad_N.shape
+        points = np.arange(e * q).reshape(e, q)
+        rows = np.stack([np.repeat(points[:, :, None], a, 2) + j * e * q for j in range(3)], axis=-1)
+        columns = np.broadcast_to(self.cells[:, None, :, None], (e, q, a, 3))
+        return sparse.csr_matrix(
+            (self.grad_N.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * e * q, n_nodes)
+        )
+
+    @cached_property
+    def volume(self) -> float:
+        """Of the mesh, by this quadrature."""
+        return float(self.weights.sum())
+
+
+def _shape(element: Any, xi: Any) -> tuple[Any, Any]:
+    """Values (a, q) and reference gradients (a, 3, q) of a scikit-fem element."""
+    pairs = [element.lbasis(xi, i) for i in range(element.doflocs.shape[0])]
+    return np.array([np.broadcast_to(v, xi.shape[1:]) for v, _ in pairs]), np.array(
+        [np.broadcast_to(g, (3, *xi.shape[1:])) for _, g in pairs]
+    )
+
+
+class Scatter:
+    """Sums element blocks into the upper triangle of a matrix whose pattern is computed once.
+
+    Parameters
+    ----------
+    dofs : (elements, m)
+        Unknown of each row of an element block.
+    n : int
+        Number of unknowns.
+    """
+
+    def __init__(self, dofs: Any, n: int) -> None:
+        elements, m = dofs.shape
+        rows = np.repeat(dofs, m, axis=1).ravel()
+        columns = np.tile(dofs, (1, m)).ravel()
+        kept = np.flatnonzero(rows <= columns)
+        # Every row needs its diagonal, and it comes first because the rest of the row lies right of it.
+        keys = rows[kept] * n + columns[kept]
+        unique, slot = np.unique(np.concatenate([keys, np.arange(n) * (n + 1)]), return_inverse=True)
+        slot = slot.reshape(-1)[: len(keys)]
+        self.n = n
+        self.rows, self.indices = unique // n, (unique % n).astype(np.int32)
+        self.indptr = np.searchsorted(self.rows, np.arange(n + 1)).astype(np.int32)
+        self._sum = sparse.csr_matrix(
+            (np.ones(len(kept)), (slot, kept)), shape=(len(unique), elements * m * m)
+        )
+
+    def __call__(self, blocks: Any) -> Any:
+        """Entries (nnz) from blocks (elements, m, m)."""
+        return self._sum @ blocks.ravel()
+
+    def restricted(self, free: Any) -> tuple[Any, Any, Any]:
+        """Pattern (indptr, indices) of the rows and columns in ``free`` and the entries that it keeps."""
+        number = np.full(self.n, -1, dtype=np.int64)
+        number[free] = np.arange(len(free))
+        kept = np.flatnonzero((number[self.rows] >= 0) & (number[self.indices] >= 0))
+        rows = number[self.rows[kept]]
+        indptr = np.searchsorted(rows, np.arange(len(free) + 1)).astype(np.int32)
+        return indptr, number[self.indices[kept]].astype(np.int32), kept

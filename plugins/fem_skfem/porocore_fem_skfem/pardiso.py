@@ -1,0 +1,102 @@
+"""The symmetric indefinite direct solver of Intel's Math Kernel Library, by its C interface.
+
+The wrappers on the package index know neither the separate phases, nor single precision, nor the inertia,
+which are what makes a cell solve fast and tells whether its tangent is indefinite.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore_fem_skfem.linalg import FactorError, SymmetricFactor
+
+_ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1
+_SYMMETRIC_INDEFINITE = -2
+
+
+@lru_cache(maxsize=1)
+def library() -> Any:
+    """The loaded library, set to one thread; None where it is not installed."""
+    folders = [Path(sys.prefix) / "lib", Path(sys.prefix) / "Library" / "bin", Path(sys.base_prefix) / "lib"]
+    for folder in folders:
+        for path in sorted([*folder.glob("libmkl_rt.so*"), *folder.glob("mkl_rt*.dll")]):
+            try:
+                mkl = ctypes.CDLL(str(path))
+            except OSError:
+                continue
+            mkl.MKL_Set_Interface_Layer(0)  # 32-bit integers
+            mkl.MKL_Set_Threading_Layer(1)  # sequential: parallel solves share the cores better than threads do
+            return mkl
+    return None
+
+
+class PardisoFactor(SymmetricFactor):
+    """LDLᵀ with Bunch–Kaufman pivoting, analysed once for a pattern; factors in single precision by default."""
+
+    def __init__(self, indptr: Any, indices: Any, *, single: bool = True) -> None:
+        self.n = len(indptr) - 1
+        self.dtype = np.float32 if single else np.float64
+        self._indptr = np.ascontiguousarray(indptr + 1, dtype=np.int32)
+        self._indices = np.ascontiguousarray(indices + 1, dtype=np.int32)
+        self._handle = np.zeros(64, dtype=np.int64)
+        self._iparm = np.zeros(64, dtype=np.int32)
+        self._iparm[[0, 1, 9, 20, 23, 27, 30]] = [1, 2, 8, 1, 0, int(single), 0]
+        self._data = np.zeros(len(indices), dtype=self.dtype)
+        self._analysed = False
+        self.negative = 0
+
+    def factor(self, data: Any) -> None:
+        self._data[:] = data
+        if not self._analysed:
+            self._call(_ANALYSE)
+            self._analysed = True
+        self._call(_FACTOR)
+        self.negative = int(self._iparm[22])
+
+    def solve(self, rhs: Any) -> Any:
+        # Pardiso wants the right-hand sides column after column.
+        b = np.array(rhs.T, dtype=self.dtype, order="C")
+        x = np.empty_like(b)
+        self._call(_SOLVE, b, x)
+        return x.T.astype(np.float64)
+
+    def _call(self, phase: int, b: Any = None, x: Any = None) -> None:
+        def integer(value: int) -> Any:
+            return ctypes.byref(ctypes.c_int32(value))
+
+        def pointer(array: Any) -> Any:
+            return None if array is None else array.ctypes.data_as(ctypes.c_void_p)
+
+        error = ctypes.c_int32(0)
+        count = 1 if b is None or b.ndim == 1 else b.shape[0]
+        library().pardiso(
+            pointer(self._handle),
+            integer(1),
+            integer(1),
+            integer(_SYMMETRIC_INDEFINITE),
+            integer(phase),
+            integer(self.n),
+            pointer(self._data),
+            pointer(self._indptr),
+            pointer(self._indices),
+            None,
+            integer(count),
+            pointer(self._iparm),
+            integer(0),
+            pointer(b),
+            pointer(x),
+            ctypes.byref(error),
+        )
+        if error.value:
+            raise FactorError(f"PARDISO phase {phase} ended with error {error.value}")
+
+    def __del__(self) -> None:
+        if getattr(self, "_analysed", False) and not sys.is_finalizing():
+            self._call(_RELEASE)
+            self._analysed = False

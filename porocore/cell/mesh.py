@@ -1,0 +1,177 @@
+"""Meshes of the solid and of the fluid, made by gmsh and unfolded by symmetry."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from porocore.cell.mirror import eighth_to_whole, snap, wedge_to_eighth
+from porocore.errors import PorocoreError
+from porocore.states import Array
+
+if TYPE_CHECKING:
+    from porocore.cell.geometry import OrthogonalChannels
+
+Phase = Literal["solid", "fluid"]
+Domain = Literal["eighth", "whole"]
+#: A narrow channel needs at least some ten elements around it, however coarse the rest may be.
+LARGEST_SIZE_TO_RADIUS = 0.8
+SYSTEM_LIBRARIES = "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1"
+
+
+class MeshSettings(BaseModel):
+    """Element size (of the unit cell) and kind of tetrahedra."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    size: Annotated[float, Field(gt=0.01, le=0.5)] = 0.11
+    element: Literal["linear", "quadratic-straight", "quadratic-curved"] = "quadratic-curved"
+
+
+@dataclass(frozen=True, eq=False)
+class CellMesh:
+    """Tetrahedra of one phase on the eighth [0, ½]³ or on the whole cell [−½, ½]³.
+
+    Attributes
+    ----------
+    phase, domain
+        What is meshed.
+    points : (N, 3)
+        Nodes.
+    cells : (M, 4) or (M, 10)
+        Linear or quadratic tetrahedra in VTK order, positively oriented.
+    """
+
+    phase: Phase
+    domain: Domain
+    points: Array
+    cells: npt.NDArray[np.int64]
+
+    @property
+    def order(self) -> int:
+        """1 or 2."""
+        return 1 if self.cells.shape[1] == 4 else 2
+
+    @cached_property
+    def boundary(self) -> npt.NDArray[np.int64]:
+        """Facets of one tetrahedron only, (K, 3) or (K, 6) in VTK order, outward."""
+        corners = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        middles = np.array([[6, 5, 4], [4, 8, 7], [7, 9, 6], [5, 9, 8]])
+        local = corners if self.order == 1 else np.concatenate([corners, middles], axis=1)
+        facets = self.cells[:, local].reshape(-1, local.shape[1])
+        _, first, count = np.unique(
+            np.sort(facets[:, :3], axis=1), axis=0, return_index=True, return_counts=True
+        )
+        return facets[first[count == 1]]
+
+    @cached_property
+    def wall(self) -> npt.NDArray[np.int64]:
+        """Facets of the pore wall Γ, outward from this phase; the rest of the boundary lies on the cell's planes."""
+        corners = self.points[self.boundary[:, :3]]
+        planes = (0.0, 0.5) if self.domain == "eighth" else (-0.5, 0.5)
+        on_plane = np.zeros(len(corners), dtype=bool)
+        for plane in planes:
+            on_plane |= (corners == plane).all(axis=1).any(axis=1)
+        return self.boundary[~on_plane]
+
+    @cached_property
+    def periodic_class(self) -> npt.NDArray[np.int64]:
+        """(N,) number of each node when opposite faces are one; the identity on the eighth."""
+        if self.domain == "eighth":
+            return np.arange(len(self.points))
+        wrapped = np.where(self.points == 0.5, -0.5, self.points)
+        inverse: npt.NDArray[np.int64] = np.unique(wrapped, axis=0, return_inverse=True)[1].reshape(-1)
+        return inverse
+
+    @cached_property
+    def hash(self) -> str:
+        """Of points and cells."""
+        digest = hashlib.sha256(self.points.round(12).tobytes() + self.cells.tobytes())
+        return digest.hexdigest()[:16]
+
+
+@lru_cache(maxsize=8)
+def make_mesh(geometry: OrthogonalChannels, settings: MeshSettings, phase: Phase, domain: Domain) -> CellMesh:
+    """Mesh one phase; the eighth is part of the whole, so both give the same averages for symmetric loads.
+
+    Raises
+    ------
+    PorocoreError
+        gmsh cannot be imported or fails.
+    """
+    if domain == "whole":
+        eighth = make_mesh(geometry, settings, phase, "eighth")
+        return CellMesh(phase, domain, *eighth_to_whole(eighth.points, eighth.cells))
+    points, cells = _mesh_part(geometry, settings)[phase]
+    if geometry.unfolding == "wedge":
+        points, cells = wedge_to_eighth(points, cells)
+    else:
+        points = snap(points, [0.0, 0.5])
+    return CellMesh(phase, domain, points, cells)
+
+
+def _import_gmsh() -> Any:
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:
+        raise PorocoreError(
+            f"gmsh cannot be loaded ({error}); it needs some system libraries: on Debian or Ubuntu run "
+            f"apt-get install {SYSTEM_LIBRARIES}"
+        ) from error
+    return gmsh
+
+
+@lru_cache(maxsize=4)
+def _mesh_part(
+    geometry: OrthogonalChannels, settings: MeshSettings
+) -> dict[Phase, tuple[Array, npt.NDArray[np.int64]]]:
+    gmsh = _import_gmsh()
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("General.NumThreads", 1)
+        size = min(settings.size, LARGEST_SIZE_TO_RADIUS * geometry.radius)
+        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.model.add("cell")
+        tags = dict(zip(("solid", "fluid"), geometry.draw(gmsh), strict=True))
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.optimize("Netgen")
+        if settings.element != "linear":
+            gmsh.option.setNumber("Mesh.SecondOrderLinear", float(settings.element == "quadratic-straight"))
+            gmsh.model.mesh.setOrder(2)
+        return {phase: _read(gmsh, volumes) for phase, volumes in tags.items()}  # type: ignore[misc]
+    except Exception as error:  # gmsh raises plain Exception
+        raise PorocoreError(f"gmsh could not mesh {geometry!r} at size {settings.size:g}: {error}") from error
+    finally:
+        gmsh.finalize()
+
+
+def _read(gmsh: Any, volumes: list[int]) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Points and tetrahedra (VTK order) of the given volumes, numbered from 0."""
+    node_tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    position = np.zeros(int(node_tags.max()) + 1, dtype=np.int64)
+    position[node_tags.astype(np.int64)] = np.arange(len(node_tags))
+    blocks = []
+    for volume in volumes:
+        kinds, _, nodes = gmsh.model.mesh.getElements(3, volume)
+        for kind, tags in zip(kinds, nodes, strict=True):
+            per_element = {4: 4, 11: 10}[int(kind)]
+            blocks.append(position[tags.astype(np.int64)].reshape(-1, per_element))
+    cells = np.concatenate(blocks)
+    if cells.shape[1] == 10:
+        cells = cells[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]]  # gmsh numbers the last two edges the other way round
+    used, cells = np.unique(cells, return_inverse=True)
+    cells = cells.reshape(-1, blocks[0].shape[1])
+    points = coordinates.reshape(-1, 3)[used]
+    corners = points[cells[:, :4]]
+    edges = corners[:, 1:] - corners[:, :1]
+    if not (np.linalg.det(edges) > 0).all():
+        raise ValueError("inverted tetrahedra")
+    return points, cells

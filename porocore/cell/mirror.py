@@ -1,0 +1,57 @@
+"""Unfolding the mesh of a symmetric part of the cell by reflections.
+
+The images share their nodes on the mirror planes exactly, so the whole cell comes out with matching
+opposite faces and with the full symmetry of the cube, which no independent mesh generation would give.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.states import Array
+
+#: Nodes of a tetrahedron (VTK order, 4 or 10) after swapping its first two corners, which restores the orientation.
+SWAPPED = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
+
+
+def wedge_to_eighth(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Images of 0 ≤ x ≤ y ≤ z ≤ ½ under the six permutations of the coordinates."""
+    points = snap(points, [0.0, 0.5])
+    for i, j in ((0, 1), (1, 2)):
+        on_plane = np.abs(points[:, i] - points[:, j]) < 1e-9
+        points[on_plane, i] = points[on_plane, j]
+    images = []
+    for order in permutations(range(3)):
+        odd = np.linalg.det(np.eye(3)[list(order)]) < 0
+        images.append((points[:, order], odd))
+    return _merge(images, cells)
+
+
+def eighth_to_whole(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Images of [0, ½]³ under the eight sign changes of the coordinates."""
+    points = snap(points, [0.0, 0.5])
+    images = [(points * signs, np.prod(signs) < 0) for signs in product((1.0, -1.0), repeat=3)]
+    return _merge(images, cells)
+
+
+def snap(points: Array, planes: list[float], tolerance: float = 1e-9) -> Array:
+    """Coordinates within ``tolerance`` of a plane are put onto it."""
+    points = points.copy()
+    for plane in planes:
+        points[np.abs(points - plane) < tolerance] = plane
+    return points
+
+
+def _merge(
+    images: list[tuple[Array, bool]], cells: npt.NDArray[np.int64]
+) -> tuple[Array, npt.NDArray[np.int64]]:
+    swapped = cells[:, SWAPPED[: cells.shape[1]]]
+    all_points = np.concatenate([points for points, _ in images]) + 0.0  # + 0.0 turns −0.0 into 0.0
+    all_cells = np.concatenate(
+        [(swapped if odd else cells) + k * len(points) for k, (points, odd) in enumerate(images)]
+    )
+    merged, inverse = np.unique(all_points, axis=0, return_inverse=True)
+    return merged, inverse.reshape(-1)[all_cells]
