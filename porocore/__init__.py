@@ -1,0 +1,93 @@
+"""Two-scale finite-strain poroelasticity with learned cell problems and swappable backends.
+
+This is the public interface: what is listed in ``__all__`` is what a plugin needs, besides
+``porocore.testing``. Names are imported when they are first used, so that ``import porocore`` costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from porocore.cell.cell import Cell as Cell
+    from porocore.cell.material import NeoHookean as NeoHookean
+    from porocore.config import RunConfig as RunConfig
+    from porocore.config import load_config as load_config
+    from porocore.errors import ConfigurationError as ConfigurationError
+    from porocore.errors import DataError as DataError
+    from porocore.errors import PluginError as PluginError
+    from porocore.errors import PorocoreError as PorocoreError
+    from porocore.errors import RunFolderError as RunFolderError
+    from porocore.errors import SolveError as SolveError
+    from porocore.hookspecs import Offer as Offer
+    from porocore.hookspecs import hookimpl as hookimpl
+    from porocore.inputs import InputSpace as InputSpace
+    from porocore.interfaces.cell import CellField as CellField
+    from porocore.interfaces.cell import CellSolution as CellSolution
+    from porocore.interfaces.cell import CellSolver as CellSolver
+    from porocore.interfaces.macro import MacroSolver as MacroSolver
+    from porocore.interfaces.sampler import Request as Request
+    from porocore.interfaces.sampler import Sampler as Sampler
+    from porocore.interfaces.surrogate import Surrogate as Surrogate
+    from porocore.interfaces.surrogate import TrainingProgress as TrainingProgress
+    from porocore.interfaces.surrogate import TrainingSet as TrainingSet
+    from porocore.laws import LawMemory as LawMemory
+    from porocore.laws import MacroLaw as MacroLaw
+    from porocore.laws import MacroResponse as MacroResponse
+    from porocore.laws import MacroTangent as MacroTangent
+    from porocore.problem import MacroProblem as MacroProblem
+    from porocore.sampled_range import SampledRange as SampledRange
+    from porocore.solution import History as History
+    from porocore.solution import MacroSolution as MacroSolution
+    from porocore.solution import Profile as Profile
+    from porocore.solution import StepReport as StepReport
+    from porocore.states import CellPeaks as CellPeaks
+    from porocore.states import CellResponse as CellResponse
+    from porocore.states import CellTangent as CellTangent
+    from porocore.states import MacroState as MacroState
+    from porocore.states import Status as Status
+
+_HOMES = {
+    "porocore.cell.cell": ["Cell"],
+    "porocore.cell.material": ["NeoHookean"],
+    "porocore.config": ["RunConfig", "load_config"],
+    "porocore.errors": [
+        "ConfigurationError",
+        "DataError",
+        "PluginError",
+        "PorocoreError",
+        "RunFolderError",
+        "SolveError",
+    ],
+    "porocore.hookspecs": ["Offer", "hookimpl"],
+    "porocore.inputs": ["InputSpace"],
+    "porocore.interfaces.cell": ["CellField", "CellSolution", "CellSolver"],
+    "porocore.interfaces.macro": ["MacroSolver"],
+    "porocore.interfaces.sampler": ["Request", "Sampler"],
+    "porocore.interfaces.surrogate": ["Surrogate", "TrainingProgress", "TrainingSet"],
+    "porocore.laws": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
+    "porocore.problem": ["MacroProblem"],
+    "porocore.sampled_range": ["SampledRange"],
+    "porocore.solution": ["History", "MacroSolution", "Profile", "StepReport"],
+    "porocore.states": ["CellPeaks", "CellResponse", "CellTangent", "MacroState", "Status"],
+}
+_MODULE_OF = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = sorted(_MODULE_OF)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("porocore")
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'porocore' has no attribute '{name}'")
+    value = getattr(importlib.import_module(_MODULE_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__, "__version__"]

@@ -1,0 +1,18 @@
+"""One abstract class for each part that can be exchanged; no implementation lives here."""
+
+from porocore.interfaces.cell import CellField, CellSolution, CellSolver
+from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.sampler import Request, Sampler
+from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
+
+__all__ = [
+    "CellField",
+    "CellSolution",
+    "CellSolver",
+    "MacroSolver",
+    "Request",
+    "Sampler",
+    "Surrogate",
+    "TrainingProgress",
+    "TrainingSet",
+]

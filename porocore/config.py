@@ -1,0 +1,255 @@
+"""The configuration of a study: YAML in, validated and typed settings out.
+
+Every stage has an identity, a hash of what its result depends on, so that a change of the macroscale does not
+invalidate the samples.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from porocore.cell.cell import Cell
+from porocore.closures import CLOSURES
+from porocore.config_errors import faults, show, unexpected
+from porocore.errors import ConfigurationError
+from porocore.inputs import InputSpace
+from porocore.problem import MacroProblem, MacroSetup
+from porocore.yaml_document import Location, YamlDocument
+
+InputName = Literal["H11", "H12", "H13", "H21", "H22", "H23", "H31", "H32", "H33", "p"]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class FemSettings(_Section):
+    """The finite-element backend, of the cell and of the macroscale alike, and its own options."""
+
+    backend: str = "skfem"
+    options: dict[str, Any] = {}
+
+
+class SweptInput(_Section):
+    """Closed range of one input and the sampler's default step in it."""
+
+    range: tuple[float, float]
+    step: Positive | None = None
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> SweptInput:
+        low, high = self.range
+        if not low < high:
+            raise ValueError(f"range [{low:g}, {high:g}] is empty; give [lower, upper] with lower < upper")
+        return self
+
+
+class HeldOutSettings(_Section):
+    """Random states that no surrogate is trained on; its error is measured there."""
+
+    count: Annotated[int, Field(ge=1)] = 100
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+class SamplingSettings(_Section):
+    """Which states of the cell are solved to learn from."""
+
+    sampler: str = "density-sweep"
+    inputs: Annotated[dict[InputName, SweptInput], Field(min_length=1)]
+    """In the order of the sweeps: the first is swept alone, the next from every value of it."""
+    tolerance: Positive | None = None
+    options: dict[str, Any] = {}
+    """Further options of the sampler."""
+    workers: Literal["auto"] | Annotated[int, Field(ge=1)] = "auto"
+    test: HeldOutSettings = HeldOutSettings()
+
+    def input_space(self) -> InputSpace:
+        """The inputs and their ranges."""
+        return InputSpace.from_ranges({name: swept.range for name, swept in self.inputs.items()})
+
+    def sampler_options(self) -> dict[str, Any]:
+        """Keyword arguments of the sampler, as far as set: ``step`` by input, ``tolerance``, ``options``."""
+        options: dict[str, Any] = {}
+        steps = {name: swept.step for name, swept in self.inputs.items() if swept.step is not None}
+        if steps:
+            options["step"] = steps
+        if self.tolerance is not None:
+            options["tolerance"] = self.tolerance
+        return options | self.options
+
+    def worker_count(self) -> int:
+        """Number of processes; 'auto' is one for each core that this process may use."""
+        if self.workers != "auto":
+            return self.workers
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class SurrogateSettings(_Section):
+    """The surrogate's backend, its seed and its own options."""
+
+    backend: str = "torch"
+    seed: Annotated[int, Field(ge=0)] = 0
+    options: dict[str, Any] = {}
+
+
+class MacroSettings(MacroSetup):
+    """The macroscale set-up and the loads under which it is solved."""
+
+    loads: Annotated[tuple[float, ...], Field(min_length=1)]
+
+    @field_validator("loads")
+    @classmethod
+    def _useful(cls, loads: tuple[float, ...]) -> tuple[float, ...]:
+        if 0.0 in loads:
+            raise ValueError("a load of 0 moves nothing; remove it")
+        if len(set(loads)) < len(loads):
+            raise ValueError("a load is listed twice; keep one")
+        return loads
+
+    def problem(self, load: float) -> MacroProblem:
+        """The problem under one load."""
+        return MacroProblem(load=load, **{name: getattr(self, name) for name in MacroSetup.model_fields})
+
+
+@dataclass(frozen=True)
+class StageIdentities:
+    """Hash of everything that the result of each stage depends on, as far as the configuration goes."""
+
+    cell: str
+    sampling: str
+    test: str
+    training: str
+    macro: str
+
+
+class RunConfig(_Section):
+    """A whole study."""
+
+    title: str = ""
+    cell: Cell = Cell()
+    fem: FemSettings = FemSettings()
+    sampling: SamplingSettings
+    surrogate: SurrogateSettings = SurrogateSettings()
+    closure: str = "mean-gradient"
+    macro: MacroSettings
+
+    @field_validator("closure")
+    @classmethod
+    def _known_closure(cls, closure: str) -> str:
+        if closure not in CLOSURES:
+            close = difflib.get_close_matches(closure, CLOSURES, n=1)
+            question = f"; did you mean '{close[0]}'?" if close else ""
+            raise ValueError(f"unknown closure '{closure}'{question} the closures are {', '.join(CLOSURES)}")
+        return closure
+
+    def with_backends(self, fem: str | None = None, surrogate: str | None = None) -> RunConfig:
+        """With another backend; options that were written for the old one do not go over to the new one."""
+        update: dict[str, Any] = {}
+        if fem is not None and fem != self.fem.backend:
+            update["fem"] = FemSettings(backend=fem)
+        if surrogate is not None and surrogate != self.surrogate.backend:
+            update["surrogate"] = SurrogateSettings(backend=surrogate, seed=self.surrogate.seed)
+        return self.model_copy(update=update)
+
+    def resolved_yaml(self) -> str:
+        """Every setting, defaults included; loading it gives an equal configuration."""
+        return yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+    @cached_property
+    def stages(self) -> StageIdentities:
+        """Identity of each stage; the number of workers and the title belong to none."""
+        inputs = [(name, swept.model_dump()) for name, swept in self.sampling.inputs.items()]
+        cell = _hash(self.cell.model_dump(), self.fem.model_dump())
+        how = self.sampling.model_dump(include={"sampler", "tolerance", "options"})
+        sampling = _hash(cell, inputs, how)
+        ranges = [(name, swept.range) for name, swept in self.sampling.inputs.items()]
+        test = _hash(cell, ranges, self.sampling.test.model_dump())
+        training = _hash(sampling, self.surrogate.model_dump())
+        macro = _hash(training, self.closure, self.macro.model_dump())
+        return StageIdentities(cell, sampling, test, training, macro)
+
+    @property
+    def identity(self) -> str:
+        """Hash of the whole run."""
+        return _hash(asdict(self.stages))
+
+
+def load_config(path: Path | str) -> RunConfig:
+    """Read and validate a configuration.
+
+    Raises
+    ------
+    ConfigurationError
+        Lists every fault in one message, one line each: file, line, dotted key, what was expected, what
+        came and what to do.
+    """
+    document = YamlDocument.read(Path(path))
+    found: list[tuple[Location, str]] = []
+    config: RunConfig | None = None
+    try:
+        config = RunConfig.model_validate(document.data)
+    except ValidationError as error:
+        found += faults(document, error.errors(), RunConfig)
+    else:
+        found += [
+            (at, unexpected(at, "a finite number", value))
+            for at, value in _leaves(config.model_dump())
+            if isinstance(value, float) and not math.isfinite(value)
+        ]
+    # No setting of porocore is true or false, but pydantic would take 'yes' for 1.
+    found += [
+        (at, f"{'.'.join(at)}: expected a number or text, got {show(value)}; put text in quotes")
+        for at, value in _leaves(document.data)
+        if isinstance(value, bool) and "options" not in at and at not in dict(found)
+    ]
+    if found or config is None:
+        lines = sorted(((document.line(at), text) for at, text in found), key=lambda fault: fault[0])
+        raise ConfigurationError("\n".join(f"{document.path}:{line}: {text}" for line, text in lines))
+    return config
+
+
+def differences(one: RunConfig, other: RunConfig) -> list[str]:
+    """Dotted keys in which two configurations differ, ``key (a, not b)``."""
+    return list(_differences(one.model_dump(mode="json"), other.model_dump(mode="json"), ()))
+
+
+def _differences(one: Any, other: Any, at: Location) -> Iterator[str]:
+    if isinstance(one, dict) and isinstance(other, dict):
+        for key in {**one, **other}:
+            yield from _differences(one.get(key), other.get(key), (*at, str(key)))
+    elif one != other:
+        yield f"{'.'.join(at)} ({_short(one)}, not {_short(other)})"
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def _leaves(data: Any, at: Location = ()) -> Iterator[tuple[Location, Any]]:
+    """Everything in nested mappings and lists that is neither, with its location."""
+    if isinstance(data, Mapping):
+        for key, value in data.items():
+            yield from _leaves(value, (*at, str(key)))
+    elif isinstance(data, list | tuple):
+        for i, value in enumerate(data):
+            yield from _leaves(value, (*at, str(i)))
+    else:
+        yield at, data
+
+
+def _hash(*parts: Any) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]

@@ -1,0 +1,118 @@
+"""Reading a YAML file together with the line on which each key stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from porocore.errors import ConfigurationError
+
+#: Where something stands in a document: keys and list positions, as text.
+Location = tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class YamlDocument:
+    """The mapping that a file holds.
+
+    Attributes
+    ----------
+    path
+        The file.
+    data
+        Its content, of plain types only.
+    lines
+        Line of every key and list entry, counted from 1; the document itself is the empty location.
+    """
+
+    path: Path
+    data: dict[str, Any]
+    lines: dict[Location, int]
+
+    @classmethod
+    def read(cls, path: Path) -> YamlDocument:
+        """Read one file.
+
+        Raises
+        ------
+        ConfigurationError
+            It cannot be read, is not YAML, does not hold a mapping, or gives a key twice.
+        """
+        try:
+            text = path.read_text(encoding="utf-8")
+        except FileNotFoundError as error:
+            raise ConfigurationError(
+                f"{path}: no such file; give the path of a configuration, such as one from examples/"
+            ) from error
+        except IsADirectoryError as error:
+            raise ConfigurationError(f"{path}: expected a configuration file, got a folder") from error
+        except UnicodeDecodeError as error:
+            raise ConfigurationError(f"{path}: expected YAML text in UTF-8, got other bytes") from error
+        except OSError as error:
+            raise ConfigurationError(f"{path}: cannot be read: {error.strerror or error}") from error
+        try:
+            loader = yaml.SafeLoader(text)
+            node = loader.get_single_node()
+            data = None if node is None else loader.construct_document(node)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            where = f"{path}:{mark.line + 1}" if mark else f"{path}"
+            context = f"{error.context}, " if error.context else ""
+            raise ConfigurationError(
+                f"{where}: not valid YAML: {context}{error.problem}; "
+                "check indentation, colons and quotes on this line and the one above"
+            ) from error
+        except (yaml.YAMLError, ValueError, RecursionError) as error:
+            raise ConfigurationError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+        if not isinstance(data, dict):
+            found = "nothing" if data is None else f"a {type(data).__name__}"
+            raise ConfigurationError(f"{path}: expected sections such as 'cell:' and 'macro:', got {found}")
+        lines: dict[Location, int] = {}
+        _record(node, (), lines, path, set())
+        return cls(path, data, lines)
+
+    def __contains__(self, location: Location) -> bool:
+        return location in self.lines
+
+    def line(self, location: Location) -> int:
+        """Line of a location, or of the nearest enclosing one that stands in the file."""
+        while location not in self.lines:
+            location = location[:-1]
+        return self.lines[location]
+
+    def value(self, location: Location) -> Any:
+        """What stands at a location."""
+        value: Any = self.data
+        for part in location:
+            value = (
+                value[int(part)] if isinstance(value, list) else {str(k): v for k, v in value.items()}[part]
+            )
+        return value
+
+
+def _record(node: Any, location: Location, lines: dict[Location, int], path: Path, above: set[int]) -> None:
+    """Note the line of every key below ``node``; ``above`` are the nodes around it: an alias may loop."""
+    if id(node) in above:
+        raise ConfigurationError(
+            f"{path}:{node.start_mark.line + 1}: an alias that contains itself; spell it out"
+        )
+    lines.setdefault(location, node.start_mark.line + 1)
+    if isinstance(node, yaml.MappingNode):
+        own: dict[str, int] = {}
+        for key, value in node.value:
+            name, line = str(key.value), key.start_mark.line + 1
+            # Keys merged in by '<<' stand before the node's own and may be overridden.
+            if name in own and own[name] >= node.start_mark.line + 1:
+                raise ConfigurationError(
+                    f"{path}:{line}: {'.'.join((*location, name))}: "
+                    f"given twice, first on line {own[name]}; keep one"
+                )
+            own[name] = line
+            lines[(*location, name)] = line
+            _record(value, (*location, name), lines, path, above | {id(node)})
+    elif isinstance(node, yaml.SequenceNode):
+        for i, value in enumerate(node.value):
+            _record(value, (*location, str(i)), lines, path, above | {id(node)})
