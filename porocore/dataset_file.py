@@ -1,0 +1,239 @@
+"""The HDF5 layout of solved states; a merged dataset and a single finished solve are written alike.
+
+Layout, n rows sorted by key, d sampled inputs: attributes ``format``, ``version``, ``identity``;
+``inputs/names, lower, upper`` (d); ``provenance/*`` (texts); ``key``, ``start`` (n, text, empty: from the
+undeformed cell); ``x`` (n, d); ``grad_u`` (n, 3, 3); ``p``, ``seconds``, ``status`` (n);
+``response/*`` as in :data:`porocore.records.LAYOUT`;
+``field/domain`` (n, text, empty: no field), ``field/grad_u``, ``field/p``, ``field/end`` (n), where its rows
+of ``field/u`` (all nodes, 3) end and those of the next row begin. Every array carries checksums.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from porocore.errors import ConfigurationError, DataError
+from porocore.files import atomic_path
+from porocore.inputs import InputSpace
+from porocore.interfaces.cell import CellField
+from porocore.records import Record, build_response, flatten_response
+from porocore.states import Array, CellResponse, MacroState
+
+FORMAT, VERSION = "porocore-dataset", 1
+#: Files that any HDF5 since 1.10 reads; older layouts would double the size of a single row.
+LIBVER = ("v110", "v110")
+CHUNK_NODES = 1024
+TEXT = h5py.string_dtype()
+
+
+@dataclass(frozen=True)
+class Header:
+    """What all rows of a file share."""
+
+    inputs: InputSpace
+    identity: str
+    provenance: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """The rows of one file but for the fields, which stay on the disk."""
+
+    path: Path
+    keys: list[str]
+    starts: list[str]
+    x: Array
+    states: MacroState
+    seconds: Array
+    response: CellResponse
+
+    @classmethod
+    def empty(cls, path: Path, d: int) -> Block:
+        """No rows."""
+        response = CellResponse(np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64))
+        return cls(path, [], [], np.zeros((0, d)), MacroState.zeros(0), np.zeros(0), response)
+
+    @classmethod
+    def of_record(cls, path: Path, record: Record) -> Block:
+        """One row."""
+        x, seconds = np.array([record.x], dtype=float), np.array([record.seconds])
+        return cls(path, [record.key], [record.start or ""], x, record.state, seconds, record.response)
+
+    @classmethod
+    def join(cls, path: Path, rows: list[tuple[Block, int]], d: int) -> Block:
+        """The given rows of the given blocks in this order, for a file at ``path``."""
+        if not rows:
+            return cls.empty(path, d)
+        blocks = list({id(block): block for block, _ in rows}.values())
+        lengths = [len(block.keys) for block in blocks]
+        first = dict(zip(map(id, blocks), np.cumsum([0, *lengths[:-1]]), strict=True))
+        order = np.array([first[id(block)] + row for block, row in rows])
+        return cls(
+            path,
+            [block.keys[row] for block, row in rows],
+            [block.starts[row] for block, row in rows],
+            np.concatenate([block.x for block in blocks])[order],
+            MacroState.concatenate([block.states for block in blocks])[order],
+            np.concatenate([block.seconds for block in blocks])[order],
+            CellResponse.concatenate([block.response for block in blocks])[order],
+        )
+
+
+def write_block(path: Path, header: Header, block: Block, fields: Iterable[CellField | None]) -> None:
+    """Write one file, whole or not at all.
+
+    Raises
+    ------
+    RunFolderError
+        The disk is full or read-only.
+    """
+    with atomic_path(path) as part:
+        try:
+            with h5py.File(part, "w", libver=LIBVER) as file:
+                _write(file, header, block, fields)
+        except RuntimeError as error:
+            # How h5py reports what the operating system refuses while it closes a file.
+            raise OSError(str(error)) from error
+
+
+def _write(file: Any, header: Header, block: Block, fields: Iterable[CellField | None]) -> None:
+    file.attrs.update(format=FORMAT, version=VERSION, identity=header.identity)
+    file.create_dataset("inputs/names", data=list(header.inputs.names), dtype=TEXT)
+    file["inputs/lower"], file["inputs/upper"] = header.inputs.lower, header.inputs.upper
+    for name, text in header.provenance.items():
+        file.create_dataset(f"provenance/{name}", data=text, dtype=TEXT)
+    file.create_dataset("key", data=block.keys, shape=(len(block.keys),), dtype=TEXT)
+    file.create_dataset("start", data=block.starts, shape=(len(block.keys),), dtype=TEXT)
+    arrays = {
+        "x": block.x,
+        "grad_u": block.states.grad_u,
+        "p": block.states.p,
+        "seconds": block.seconds,
+        "status": block.response.status,
+    }
+    arrays |= {f"response/{name}": array for name, array in flatten_response(block.response).items()}
+    nodes = file.create_dataset(
+        "field/u", (0, 3), "f8", maxshape=(None, 3), chunks=(CHUNK_NODES, 3), fletcher32=True
+    )
+    domains, grad_u, p, ends, end = [], [], [], [], 0
+    for kept in fields:
+        if kept is not None:
+            nodes.resize(end + len(kept.u), axis=0)
+            nodes[end:] = kept.u
+            end += len(kept.u)
+        domains.append("" if kept is None else kept.domain)
+        grad_u.append(np.zeros((3, 3)) if kept is None else kept.grad_u)
+        p.append(0.0 if kept is None else kept.p)
+        ends.append(end)
+    file.create_dataset("field/domain", data=domains, shape=(len(domains),), dtype=TEXT)
+    arrays["field/grad_u"], arrays["field/p"] = np.array(grad_u).reshape(-1, 3, 3), np.array(p, dtype=float)
+    arrays["field/end"] = np.array(ends, dtype=np.int64)
+    for name, array in arrays.items():
+        file.create_dataset(name, data=array, fletcher32=array.size > 0)
+
+
+def read_block(path: Path, advice: str) -> tuple[Header, Block]:
+    """Header and rows of one file, without the fields.
+
+    Raises
+    ------
+    DataError
+        The file is missing, truncated, damaged, foreign or of another version; ``advice`` says what to do.
+    """
+    with _reading(path, advice) as file:
+        found = file.attrs.get("format"), file.attrs.get("version")
+        if found[0] != FORMAT:
+            raise DataError(f"{path}: is an HDF5 file, but no dataset of porocore; {advice}")
+        if found[1] != VERSION:
+            raise DataError(f"{path}: is a dataset of version {found[1]}, expected {VERSION}; {advice}")
+        names = file["inputs/names"].asstr()[()]
+        inputs = InputSpace(
+            tuple(names),
+            tuple(map(float, file["inputs/lower"][()])),
+            tuple(map(float, file["inputs/upper"][()])),
+        )
+        provenance = {name: str(text.asstr()[()]) for name, text in file.get("provenance", {}).items()}
+        keys = [str(key) for key in file["key"].asstr()[()]]
+        arrays: dict[str, Array] = {}
+        if "response" in file:
+            file["response"].visititems(
+                lambda name, item: arrays.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None
+            )
+        block = Block(
+            path,
+            keys,
+            [str(start) for start in file["start"].asstr()[()]],
+            file["x"][()],
+            MacroState(file["grad_u"][()], file["p"][()]),
+            file["seconds"][()],
+            build_response(file["status"][()], arrays),
+        )
+        columns = (block.starts, block.x, block.states, block.seconds, block.response)
+        lengths = {len(keys), *(len(column) for column in columns)}
+        if len(lengths) > 1 or len(set(keys)) < len(keys) or block.x.shape[1:] != (len(inputs),):
+            raise ValueError("its arrays do not belong together")
+        return Header(inputs, str(file.attrs["identity"]), provenance), block
+
+
+def read_fields(rows: list[tuple[Block, int]]) -> Iterator[CellField | None]:
+    """The fields of the given rows of the given blocks, one after the other; None where none was kept.
+
+    Raises
+    ------
+    DataError
+        A file has gone or is damaged.
+    """
+    with ExitStack() as stack:
+        large: dict[Path, _Fields] = {}
+        for block, row in rows:
+            advice = "delete it and sample again"
+            if len(block.keys) == 1:
+                with _reading(block.path, advice) as file:
+                    yield _Fields(file["field"])[row]
+                continue
+            if block.path not in large:
+                file = stack.enter_context(_reading(block.path, advice))
+                large[block.path] = _Fields(file["field"])
+            yield large[block.path][row]
+
+
+class _Fields:
+    """The fields of an open file; all but u¹ itself is read at once."""
+
+    def __init__(self, group: Any) -> None:
+        self.domain = group["domain"].asstr()[()]
+        self.grad_u, self.p = group["grad_u"][()], group["p"][()]
+        self.end = np.concatenate([[0], group["end"][()]])
+        self.u = group["u"]
+
+    def __getitem__(self, row: int) -> CellField | None:
+        if not self.domain[row]:
+            return None
+        u = self.u[int(self.end[row]) : int(self.end[row + 1])]
+        return CellField(self.grad_u[row], float(self.p[row]), str(self.domain[row]), u)
+
+
+@contextmanager
+def _reading(path: Path, advice: str) -> Iterator[Any]:
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except FileNotFoundError as error:
+        raise DataError(f"{path}: no such file; sample first") from error
+    except (
+        OSError,
+        KeyError,
+        ValueError,
+        TypeError,
+        RuntimeError,
+        AttributeError,
+        ConfigurationError,
+    ) as error:
+        raise DataError(f"{path}: not a complete dataset of porocore ({error}); {advice}") from error

@@ -1,0 +1,211 @@
+"""Between a sampler, which asks for states, the pool that solves them and the dataset that keeps them."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+
+from porocore.dataset import Dataset
+from porocore.errors import DataError, PluginError
+from porocore.execution import CellPool, Outcome
+from porocore.interfaces.sampler import Request, Sampler
+from porocore.records import Record
+from porocore.states import CellResponse, Status
+
+
+@dataclass(frozen=True)
+class Progress:
+    """One report of a running campaign."""
+
+    #: States that are known, earlier runs included.
+    done: int
+    #: Estimate of all states.
+    expected: int
+    #: Known states without values.
+    failed: int
+    #: States solved per second of this run [1/s]; 0 until the first is solved.
+    rate: float
+    #: Estimate of what is left [s]; None until there is a rate.
+    remaining: float | None
+    #: An interrupt has come: what runs is finished and kept; a second one stops at once.
+    stopping: bool = False
+
+
+@dataclass(frozen=True)
+class CampaignSummary:
+    """What a campaign has done."""
+
+    solved: int
+    #: Taken from the dataset, where an earlier run had left them.
+    reused: int
+    #: Number of states by status, reused ones included.
+    counts: dict[Status, int]
+    #: Wall time of this run [s].
+    seconds: float
+
+
+def run_campaign(
+    sampler: Sampler,
+    pool: CellPool,
+    dataset: Dataset,
+    *,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> CampaignSummary:
+    """Solve what ``sampler`` asks for until it is done, keeping each outcome before the sampler is told.
+
+    States that the dataset holds already are told from there, so an interrupted campaign goes on where it
+    was. A request names the state whose field it starts from, and that field comes from the dataset, so
+    neither interruptions nor the number of workers change a result, given a solver whose answer depends on
+    nothing but the state and the start.
+
+    Raises
+    ------
+    PorocoreError
+        The solver raised an exception or a worker died. What ran beside it is finished and kept.
+    KeyboardInterrupt
+        The same, after Ctrl-C; a second Ctrl-C does not wait.
+    DataError
+        The dataset holds a state of that key at other inputs.
+    PluginError
+        The sampler asks for nothing although it is not done.
+    """
+    campaign = _Campaign(sampler, pool, dataset, on_progress)
+    with _interrupts_noted() as interrupt:
+        try:
+            campaign.run(interrupt)
+        except Exception:
+            campaign.finish_running()
+            raise
+        if interrupt.is_set():
+            campaign.finish_running()
+            raise KeyboardInterrupt
+    dataset.consolidate()
+    return campaign.summary()
+
+
+class _Campaign:
+    def __init__(
+        self,
+        sampler: Sampler,
+        pool: CellPool,
+        dataset: Dataset,
+        on_progress: Callable[[Progress], None] | None,
+    ) -> None:
+        self.sampler, self.pool, self.dataset, self.on_progress = sampler, pool, dataset, on_progress
+        self.began = time.perf_counter()
+        self.queue: deque[Request] = deque()
+        self.running: dict[str, Request] = {}
+        self.counts: Counter[Status] = Counter()
+        self.solved = self.reused = 0
+
+    def run(self, interrupt: threading.Event) -> None:
+        self.ask()
+        self.report(stopping=False)
+        while self.queue or self.running:
+            while self.queue and self.pool.has_room and not interrupt.is_set():
+                self.submit(self.queue.popleft())
+            if interrupt.is_set():
+                self.report(stopping=True)
+                return
+            outcome = self.pool.wait()
+            self.keep(outcome)
+            self.tell(outcome.key, outcome.response)
+            self.ask()
+            self.report(stopping=interrupt.is_set())
+        if not self.sampler.done:
+            raise PluginError(
+                f"the sampler {type(self.sampler).__name__} asks for no more states, but says that it is not "
+                "done; report this to its author"
+            )
+
+    def ask(self) -> None:
+        while requests := self.sampler.ask():
+            for request in requests:
+                if request.key not in self.dataset:
+                    self.queue.append(request)
+                    continue
+                known = self.dataset.inputs_of(request.key)
+                if known != request.x:
+                    raise DataError(
+                        f"{self.dataset.path}: holds state '{request.key}' at {known}, but {request.x} is "
+                        "asked for: it was sampled with other settings; choose another --out"
+                    )
+                self.reused += 1
+                self.tell(request.key, self.dataset.response(request.key))
+
+    def submit(self, request: Request) -> None:
+        if request.start is not None and request.start not in self.dataset:
+            raise PluginError(
+                f"the sampler {type(self.sampler).__name__} asks for state '{request.key}' to start from "
+                f"'{request.start}', which is not solved; report this to its author"
+            )
+        start = None if request.start is None else self.dataset.field(request.start)
+        self.running[request.key] = request
+        self.pool.submit(request.key, self.dataset.inputs.scatter(request.x), start)
+
+    def keep(self, outcome: Outcome) -> None:
+        request = self.running.pop(outcome.key)
+        state = self.dataset.inputs.scatter(request.x)
+        self.dataset.append(
+            Record(
+                request.key,
+                request.x,
+                state,
+                outcome.response,
+                outcome.seconds,
+                request.start,
+                outcome.field,
+            )
+        )
+        self.solved += 1
+
+    def tell(self, key: str, response: CellResponse) -> None:
+        self.counts[Status(int(response.status[0]))] += 1
+        self.sampler.tell(key, response)
+
+    def finish_running(self) -> None:
+        for outcome in self.pool.finish_running():
+            self.keep(outcome)
+
+    def report(self, *, stopping: bool) -> None:
+        if self.on_progress is None:
+            return
+        done = self.counts.total()
+        expected = max(self.sampler.expected, done)
+        rate = self.solved / max(time.perf_counter() - self.began, 1e-9)
+        failed = sum(n for status, n in self.counts.items() if not status.has_values)
+        remaining = (expected - done) / rate if rate > 0 else None
+        self.on_progress(Progress(done, expected, failed, rate, remaining, stopping))
+
+    def summary(self) -> CampaignSummary:
+        counts = {status: self.counts[status] for status in Status if self.counts[status]}
+        return CampaignSummary(self.solved, self.reused, counts, time.perf_counter() - self.began)
+
+
+@contextmanager
+def _interrupts_noted() -> Iterator[threading.Event]:
+    """Note the first Ctrl-C instead of raising it at an arbitrary place; a second one raises.
+
+    Outside the main thread, where signals do not arrive, nothing changes.
+    """
+    noted = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield noted
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        if noted.is_set():
+            raise KeyboardInterrupt
+        noted.set()
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, before)
