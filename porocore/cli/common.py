@@ -1,0 +1,61 @@
+"""What the commands share."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from porocore.config import RunConfig
+
+ConfigArgument = Annotated[
+    Path | None,
+    typer.Argument(metavar="CONFIG", help="Configuration (YAML).", show_default="the packaged benchmark"),
+]
+FemOption = Annotated[
+    str | None,
+    typer.Option("--fem", metavar="NAME", help="Finite-element backend instead of the configured one."),
+]
+SurrogateOption = Annotated[
+    str | None,
+    typer.Option("--surrogate", metavar="NAME", help="Surrogate backend instead of the configured one."),
+]
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Run folder.", show_default="runs/<name of the configuration>"),
+]
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="Continue the run that the folder already holds.")
+]
+
+
+class Interrupted(Exception):
+    """Ctrl-C; the text says how to go on."""
+
+
+@contextmanager
+def interruptible(advice: str = "") -> Iterator[None]:
+    """Turn Ctrl-C into :class:`Interrupted`; typer would make a silent exit of it."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise Interrupted(f"interrupted; continue with: {advice}" if advice else "interrupted") from error
+
+
+def read_config(path: Path | None, fem: str | None, surrogate: str | None = None) -> tuple[Path, RunConfig]:
+    """The configuration, the packaged one for None, with the chosen backends."""
+    from porocore.benchmark import benchmark_path
+    from porocore.config import load_config
+
+    path = benchmark_path() if path is None else path
+    return path, load_config(path).with_backends(fem, surrogate)
+
+
+def command(*words: object) -> str:
+    """A command to copy into a shell; None is left out."""
+    return shlex.join(["porocore", *(str(word) for word in words if word is not None)])

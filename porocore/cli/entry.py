@@ -1,0 +1,106 @@
+"""The application, and how an error becomes one message and an exit status.
+
+Exit status: 0 done, 1 the state of ``porocore cell`` has no solution, 2 an error that the message explains,
+130 interrupted. A traceback with status 1 is a bug in porocore or in a plugin.
+"""
+
+from __future__ import annotations
+
+import errno
+import sys
+from typing import Annotated, NoReturn
+
+import typer
+
+from porocore.cli import cell, plugins, study
+from porocore.cli.common import Interrupted
+from porocore.errors import PorocoreError
+
+HELP = """
+Two-scale finite-strain poroelasticity.
+
+A study solves the periodic cell of a porous solid for sampled deformations and pore pressures, trains a
+surrogate on the solved states, and solves a macroscopic consolidation problem with it, beside linear
+poroelasticity from the same cell. Everything is dimensionless with Young's modulus 1.
+"""
+EPILOG = """
+Examples:
+
+* `porocore run` – the benchmark of Dehghani & Zilian, into runs/dehghani2022
+* `porocore run my.yaml --out runs/mine` – your own study; add `--resume` to continue it
+* `porocore cell my.yaml --grad-u "0 0 0; 0 -0.1 0; 0 0 0" --p 0.05` – one state of the cell
+"""
+
+app = typer.Typer(
+    help=HELP,
+    epilog=EPILOG,
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+_WHOLE, _STEPS, _LOOK = (
+    "A whole study",
+    "The same in steps, each from the files of the one before",
+    "Looking around",
+)
+app.command(rich_help_panel=_WHOLE)(study.run)
+app.command(rich_help_panel=_STEPS)(study.sample)
+app.command(rich_help_panel=_STEPS)(study.train)
+app.command(rich_help_panel=_STEPS)(study.solve)
+app.command(rich_help_panel=_STEPS)(study.report)
+app.command(rich_help_panel=_LOOK)(cell.cell)
+app.command(rich_help_panel=_LOOK)(plugins.plugins)
+
+#: What the system says when a disk or a folder will not take a file.
+_WRITING = {
+    errno.ENOSPC: "make room and continue with --resume",
+    errno.EDQUOT: "make room and continue with --resume",
+    errno.EROFS: "choose a folder that can be written, with --out",
+    errno.EACCES: "choose a folder that you may write, with --out",
+}
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        import porocore
+
+        typer.echo(f"porocore {porocore.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and end.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Entry point of the ``porocore`` command."""
+    try:
+        app(prog_name="porocore")
+    except PorocoreError as error:
+        _stop(str(error), 2)
+    except Interrupted as interruption:
+        _stop(str(interruption), 130, "")
+    except KeyboardInterrupt:
+        _stop("interrupted", 130, "")
+    except OSError as error:
+        if error.errno not in _WRITING:
+            raise
+        where = f"{error.filename}: " if error.filename else ""
+        _stop(f"{where}{error.strerror}; {_WRITING[error.errno]}", 2)
+
+
+def _stop(message: str, status: int, label: str = "error: ") -> NoReturn:
+    lines = message.splitlines()
+    if len(lines) > 1:
+        message = "\n  ".join([f"{len(lines)} faults", *lines])
+    typer.secho(label, fg=typer.colors.RED, bold=True, err=True, nl=False)
+    typer.echo(message, err=True)
+    sys.exit(status)

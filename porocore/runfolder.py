@@ -1,0 +1,274 @@
+"""The folder of one run: who may write there, and where each file lies.
+
+A folder belongs to one configuration from the moment it is claimed. It is never taken over by another run,
+and two processes cannot write it at the same time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from porocore.config import RunConfig, differences, load_config
+from porocore.errors import RunFolderError
+from porocore.files import atomic_path
+
+if sys.platform != "win32":
+    import fcntl
+
+FORMAT = "porocore-run"
+VERSION = 1
+CONFIG, RECORD, LOCK = "config.yaml", "run.json", ".lock"
+_PACKAGES = ("numpy", "scipy", "h5py", "gmsh", "scikit-fem", "torch")
+
+
+class RunFolder:
+    """A claimed run folder; used as a context manager it holds the folder's lock.
+
+    Create one by :meth:`claim` (a new run, or the same run resumed) or :meth:`open` (a later step of a run).
+
+    Attributes
+    ----------
+    path
+        The folder.
+    config
+        Its configuration.
+    """
+
+    def __init__(self, path: Path, config: RunConfig) -> None:
+        self.path = path
+        self.config = config
+        self._lock: int | None = None
+
+    @classmethod
+    def claim(cls, path: Path | str, config: RunConfig, *, resume: bool = False) -> RunFolder:
+        """Make the folder and write configuration and versions, or with ``resume`` come back to it.
+
+        Raises
+        ------
+        RunFolderError
+            The folder holds another run or foreign files, or this run while ``resume`` is not set, or it
+            cannot be written. Nothing in it was changed.
+        """
+        path = Path(path)
+        folder = cls(path, config)
+        try:
+            if path.exists() and not path.is_dir():
+                raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
+            present = {entry.name for entry in path.iterdir()} if path.exists() else set()
+            foreign = sorted(name for name in present if not folder._left_by_a_start(name))
+            if RECORD not in present and foreign:
+                raise RunFolderError(
+                    f"{path} is not empty and holds no run of porocore (found {_some(foreign)}); "
+                    "choose another --out"
+                )
+            path.mkdir(parents=True, exist_ok=True)
+            with folder:
+                # Looked for under the lock: another process may have claimed the folder just now.
+                if (path / RECORD).exists():
+                    folder._check_same(cls.open(path), resume)
+                else:
+                    folder._write_record()
+        except OSError as error:
+            raise RunFolderError(
+                f"{path}: the run folder cannot be made: {error.strerror or error}; choose another --out"
+            ) from error
+        return folder
+
+    @classmethod
+    def open(cls, path: Path | str) -> RunFolder:
+        """The run that a folder holds.
+
+        Raises
+        ------
+        RunFolderError
+            It holds none, one of another version, or its configuration was edited after the run began.
+        """
+        path = Path(path)
+        try:
+            record = json.loads((path / RECORD).read_text(encoding="utf-8"))
+            found = (record["format"], record["version"])
+            identity = record["identity"]
+        except (FileNotFoundError, NotADirectoryError) as error:
+            raise RunFolderError(
+                f"{path} is not a run folder (it has no {RECORD}); start one: "
+                f"porocore run CONFIG --out {path}, or porocore sample CONFIG --out {path}"
+            ) from error
+        except OSError as error:
+            raise RunFolderError(f"{path / RECORD} cannot be read: {error.strerror or error}") from error
+        except (ValueError, KeyError, TypeError) as error:
+            raise RunFolderError(
+                f"{path / RECORD} is damaged ({error!r}); start again in another --out"
+            ) from error
+        if found != (FORMAT, VERSION):
+            raise RunFolderError(
+                f"{path / RECORD}: expected {FORMAT} version {VERSION}, got {found[0]} version {found[1]}; "
+                "use the porocore that made it, or start again in another --out"
+            )
+        config = load_config(path / CONFIG)
+        if config.identity != identity:
+            raise RunFolderError(
+                f"{path / CONFIG} was changed after the run began and no longer belongs to the files beside "
+                "it; change it back, or start a new run from it with another --out"
+            )
+        return cls(path, config)
+
+    def __enter__(self) -> Self:
+        """Take the lock; the system releases it when the process ends, however it ends."""
+        if sys.platform == "win32":
+            return self
+        try:
+            self._lock = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise RunFolderError(
+                f"{self.path} cannot be written: {error.strerror or error}; choose another --out"
+            ) from error
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            holder = os.read(self._lock, 32).decode(errors="replace").strip() or "unknown"
+            os.close(self._lock)
+            self._lock = None
+            raise RunFolderError(
+                f"another porocore (process {holder}) is working in {self.path}; "
+                "wait for it, stop it, or choose another --out"
+            ) from error
+        os.truncate(self._lock, 0)
+        os.write(self._lock, f"{os.getpid()}\n".encode())
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def require(self, file: Path, command: str) -> Path:
+        """``file`` if it is there.
+
+        Raises
+        ------
+        RunFolderError
+            It is missing; ``command`` (``sample``, ``train``, ``solve``) makes it.
+        """
+        if not file.exists():
+            raise RunFolderError(f"{file} is missing; make it first: porocore {command} {self.path}")
+        return file
+
+    @property
+    def dataset(self) -> Path:
+        """Solved states to learn from."""
+        return self.path / "samples.h5"
+
+    @property
+    def test_dataset(self) -> Path:
+        """Solved random states that no surrogate is trained on."""
+        return self.path / "test.h5"
+
+    @property
+    def surrogate(self) -> Path:
+        """The trained surrogate."""
+        return self.path / "surrogate.h5"
+
+    @property
+    def training_checkpoint(self) -> Path:
+        """From which an interrupted training continues."""
+        return self.path / "checkpoints" / "training.h5"
+
+    def macro_checkpoint(self, law: str, load: float) -> Path:
+        """From which an interrupted macro solve continues."""
+        return self.path / "checkpoints" / f"{_file_name(law, load)}.h5"
+
+    def solution(self, law: str, load: float) -> Path:
+        """Macro solution under one law and load."""
+        return self.path / "solutions" / f"{_file_name(law, load)}.h5"
+
+    def solutions(self) -> list[Path]:
+        """Every macro solution of the run: for each load, with the closure and linearly."""
+        laws = (self.config.closure, "linear")
+        return [self.solution(law, load) for load in self.config.macro.loads for law in laws]
+
+    @property
+    def fields(self) -> Path:
+        """Folder of the files for ParaView."""
+        return self.path / "fields"
+
+    @property
+    def timings(self) -> Path:
+        """Seconds that each stage took."""
+        return self.path / "timings.json"
+
+    @property
+    def metrics(self) -> Path:
+        """Figures of merit."""
+        return self.path / "metrics.json"
+
+    @property
+    def report(self) -> Path:
+        """The page to read."""
+        return self.path / "report.html"
+
+    def _check_same(self, held: RunFolder, resume: bool) -> None:
+        if held.config.identity != self.config.identity:
+            changed = [d for d in differences(self.config, held.config) if not d.startswith("title ")]
+            raise RunFolderError(
+                f"{self.path} holds another run; this one has {_some(changed)}; choose another --out"
+            )
+        if not resume:
+            raise RunFolderError(
+                f"{self.path} already holds this run; add --resume to continue it, or choose another --out"
+            )
+
+    def _left_by_a_start(self, name: str) -> bool:
+        """Whether a file is what a start of this very run leaves that dies before the record is written."""
+        if name == CONFIG:
+            return (self.path / CONFIG).read_bytes() == self.config.resolved_yaml().encode()
+        part = name.endswith(".part") and name.startswith((f".{CONFIG}.", f".{RECORD}."))
+        return name == LOCK or part
+
+    def _write_record(self) -> None:
+        with atomic_path(self.path / CONFIG) as part:
+            part.write_text(self.config.resolved_yaml(), encoding="utf-8")
+        record = {
+            "format": FORMAT,
+            "version": VERSION,
+            "identity": self.config.identity,
+            "stages": asdict(self.config.stages),
+            "versions": versions(),
+        }
+        with atomic_path(self.path / RECORD) as part:
+            part.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+
+
+def versions() -> dict[str, str]:
+    """Of porocore, its plugins and the packages that numbers depend on; nothing is imported for that."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    names = {*_PACKAGES, *(d.name for d in metadata.distributions() if _is_plugin(d))}
+    for name in sorted(names):
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def _is_plugin(distribution: Any) -> bool:
+    return any(entry_point.group == "porocore" for entry_point in distribution.entry_points)
+
+
+def _file_name(law: str, load: float) -> str:
+    safe = "".join(c if c.isalnum() else "-" for c in law)
+    return f"{safe}_load{load!r}"
+
+
+def _some(names: list[str]) -> str:
+    shown = ", ".join(names[:4])
+    return f"{shown} and {len(names) - 4} more" if len(names) > 4 else shown
