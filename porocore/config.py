@@ -13,7 +13,6 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -168,7 +167,8 @@ class RunConfig(_Section):
         """Every setting, defaults included; loading it gives an equal configuration."""
         return yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
 
-    @cached_property
+    # Not a cached property: model_copy would carry the cache over to a changed configuration.
+    @property
     def stages(self) -> StageIdentities:
         """Identity of each stage; the number of workers and the title belong to none."""
         inputs = [(name, swept.model_dump()) for name, swept in self.sampling.inputs.items()]

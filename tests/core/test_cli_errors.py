@@ -1,0 +1,316 @@
+"""The command line: what it calls, what it prints, and that every error is one message and a status."""
+
+import errno
+import json
+import subprocess
+import sys
+import time
+import types
+
+import numpy as np
+import pytest
+
+import porocore
+from porocore import registry
+from porocore.benchmark import benchmark_path
+from porocore.cli import main
+from porocore.cli.cell import as_text, parse_grad_u
+from porocore.config import load_config
+from porocore.errors import ConfigurationError, SolveError
+from porocore.hookspecs import Offer
+from porocore.runfolder import RunFolder
+
+
+@pytest.fixture
+def porocore_command(monkeypatch, capsys):
+    """Run the command line in this process: status, standard output, standard error."""
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["porocore", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        captured = capsys.readouterr()
+        return ended.value.code, captured.out, captured.err
+
+    return run
+
+
+@pytest.fixture
+def pipeline(monkeypatch):
+    """Stages that write empty files and note that they were called."""
+    fake = types.ModuleType("porocore.pipeline")
+    fake.calls = []
+
+    def stage(name, files):
+        def call(folder, config, *, console):
+            fake.calls.append((name, folder.path, config))
+            for file in files(folder):
+                file.parent.mkdir(exist_ok=True)
+                file.write_bytes(b"")
+            console.note(f"{name} speaks")
+            return folder.report
+
+        setattr(fake, name, call)
+
+    stage("sample", lambda folder: [folder.dataset, folder.test_dataset])
+    stage("train", lambda folder: [folder.surrogate])
+    stage("solve", lambda folder: folder.solutions())
+    stage("report", lambda folder: [folder.report])
+    stage("run", lambda folder: [folder.report])
+    monkeypatch.setitem(sys.modules, "porocore.pipeline", fake)
+    monkeypatch.setattr(porocore, "pipeline", fake, raising=False)
+    return fake
+
+
+@pytest.fixture(autouse=True)
+def offers(monkeypatch):
+    """Backends that exist by name only, so that no test depends on what is installed."""
+    source = registry.Source("acme", "1.0", "extra")
+    names = {
+        "cell solver": ["skfem", "other-fem"],
+        "macro solver": ["skfem", "other-fem"],
+        "sampler": ["density-sweep"],
+        "surrogate": ["torch"],
+    }
+    offers = [
+        registry.Offered(kind, Offer(name=name, load=dict, summary=""), source)
+        for kind, known in names.items()
+        for name in known
+    ]
+    monkeypatch.setattr(registry, "registry", lambda: registry.Registry(offers, []))
+
+
+def one_message(err):
+    assert err.startswith("error: ")
+    assert "Traceback" not in err
+    return err.removeprefix("error: ").strip()
+
+
+def test_run_without_configuration_is_the_benchmark(porocore_command, pipeline, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    status, out, err = porocore_command("run")
+    assert (status, out.strip()) == (0, "runs/dehghani2022/report.html")
+    assert err.strip() == "run speaks"
+    ((_, path, config),) = pipeline.calls
+    assert str(path) == "runs/dehghani2022"
+    assert config == load_config(benchmark_path())
+
+
+def test_backends_can_be_chosen_for_a_run(porocore_command, pipeline, tmp_path):
+    status, *_ = porocore_command(
+        "run", "--fem", "other-fem", "--surrogate", "torch", "--out", tmp_path / "a"
+    )
+    assert status == 0
+    assert pipeline.calls[0][2].fem.backend == "other-fem"
+    assert RunFolder.open(tmp_path / "a").config.fem.backend == "other-fem"
+
+
+def test_the_steps_follow_one_another(porocore_command, pipeline, tmp_path):
+    out = tmp_path / "run"
+    assert porocore_command("sample", benchmark_path(), "--out", out)[:2] == (0, f"{out / 'samples.h5'}\n")
+    for command, result in (("train", "surrogate.h5"), ("report", None)):
+        if result is None:
+            status, _, err = porocore_command("report", out)
+            assert status == 2
+            assert f"make it first: porocore solve {out}" in one_message(err)
+        else:
+            assert porocore_command(command, out)[:2] == (0, f"{out / result}\n")
+    status, printed, err = porocore_command("solve", out)
+    assert status == 0
+    assert len(printed.splitlines()) == 4
+    assert f"next: porocore report {out}" in err
+    assert porocore_command("report", out)[:2] == (0, f"{out / 'report.html'}\n")
+    assert [call[0] for call in pipeline.calls] == ["sample", "train", "solve", "report"]
+
+
+@pytest.mark.parametrize(("step", "before"), [("train", "sample"), ("solve", "sample"), ("report", "sample")])
+def test_a_step_without_its_predecessor_names_the_command(porocore_command, pipeline, tmp_path, step, before):
+    RunFolder.claim(tmp_path, load_config(benchmark_path()))
+    status, out, err = porocore_command(step, tmp_path)
+    assert (status, out) == (2, "")
+    assert f"make it first: porocore {before} {tmp_path}" in one_message(err)
+    assert pipeline.calls == []
+
+
+def test_sampling_goes_on_in_a_run_folder_or_with_resume(porocore_command, pipeline, tmp_path):
+    out = tmp_path / "run"
+    assert porocore_command("sample", benchmark_path(), "--out", out)[0] == 0
+    assert porocore_command("sample", out)[0] == 0
+    status, _, err = porocore_command("sample", benchmark_path(), "--out", out)
+    assert status == 2
+    assert "add --resume" in one_message(err)
+    assert porocore_command("sample", benchmark_path(), "--out", out, "--resume")[0] == 0
+    status, _, err = porocore_command("sample", out, "--fem", "other-fem")
+    assert status == 2
+    assert "leave out --fem and --out" in one_message(err)
+
+
+def test_an_unknown_backend_makes_no_folder(porocore_command, pipeline, tmp_path):
+    status, out, err = porocore_command("run", "--fem", "skfme", "--out", tmp_path / "run")
+    assert (status, out) == (2, "")
+    assert "unknown cell solver 'skfme'; did you mean 'skfem'?" in one_message(err)
+    assert not (tmp_path / "run").exists()
+
+
+def test_faults_of_a_configuration_come_line_by_line(porocore_command, tmp_path):
+    path = tmp_path / "study.yaml"
+    text = benchmark_path().read_text(encoding="utf-8")
+    path.write_text(text.replace("radius: 0.25", "radius: 0.5").replace("step: 0.5", "stop: 0.5"))
+    status, out, err = porocore_command("run", path, "--out", tmp_path / "run")
+    assert (status, out) == (2, "")
+    first, *rest = one_message(err).splitlines()
+    assert first == "2 faults"
+    assert len(rest) == 2
+    assert all(line.startswith(f"  {path}:") for line in rest)
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_error_of_a_stage_is_one_message(porocore_command, pipeline, tmp_path):
+    def fail(folder, config, *, console):
+        raise SolveError("Newton's iteration fails at t = 1; take a smaller macro.time.step")
+
+    pipeline.run = fail
+    status, out, err = porocore_command("run", "--out", tmp_path / "run")
+    assert (status, out) == (2, "")
+    assert one_message(err) == "Newton's iteration fails at t = 1; take a smaller macro.time.step"
+
+
+@pytest.mark.parametrize(
+    ("code", "advice"), [(errno.ENOSPC, "make room"), (errno.EROFS, "--out"), (errno.EACCES, "--out")]
+)
+def test_a_disk_that_takes_no_more_is_explained(porocore_command, pipeline, tmp_path, code, advice):
+    def fail(folder, config, *, console):
+        raise OSError(code, "the system's words", str(folder.dataset))
+
+    pipeline.run = fail
+    status, _, err = porocore_command("run", "--out", tmp_path / "run")
+    assert status == 2
+    message = one_message(err)
+    assert "samples.h5: the system's words" in message
+    assert advice in message
+
+
+def test_a_bug_keeps_its_traceback(porocore_command, pipeline, tmp_path, monkeypatch):
+    def fail(folder, config, *, console):
+        raise ZeroDivisionError("a bug")
+
+    pipeline.run = fail
+    monkeypatch.setattr(sys, "argv", ["porocore", "run", "--out", str(tmp_path / "run")])
+    with pytest.raises(ZeroDivisionError):
+        main()
+
+
+@pytest.mark.parametrize(
+    ("words", "advice"),
+    [
+        (["run", "CONFIG", "--fem", "other-fem"], "porocore run CONFIG --fem other-fem --out OUT --resume"),
+        (["sample", "CONFIG"], "porocore sample OUT"),
+    ],
+)
+def test_an_interruption_says_how_to_go_on(porocore_command, pipeline, tmp_path, words, advice):
+    def interrupt(folder, config, *, console):
+        raise KeyboardInterrupt
+
+    pipeline.run = pipeline.sample = interrupt
+    out, config = tmp_path / "a run", str(benchmark_path())
+    words = [config if word == "CONFIG" else word for word in words]
+    status, printed, err = porocore_command(*words, "--out", out)
+    assert (status, printed) == (130, "")
+    expected = advice.replace("CONFIG", config).replace("OUT", f"'{out}'")
+    assert err.strip() == f"interrupted; continue with: {expected}"
+
+
+@pytest.mark.parametrize(
+    "words", [["run", "--frobnicate"], ["frobnicate"], ["sample"], ["cell", "--p", "much"], ["train"]]
+)
+def test_usage_errors_have_status_2(porocore_command, words):
+    status, out, err = porocore_command(*words)
+    assert (status, out) == (2, "")
+    assert "Usage: porocore" in err
+    assert "Traceback" not in err
+
+
+def solved(status="converged"):
+    value = np.nan if status == "inverted" else 0.5
+    return {
+        "porosity": 0.4123,
+        "conductivity": np.eye(3),
+        "mean_grad": np.full((3, 3), value),
+        "fluid_volume": value,
+        "status": status,
+        "tangent": {"mean_grad_p": np.full((3, 3), value), "mean_grad_grad_u": np.full((3, 3, 3, 3), value)},
+        "seconds": np.float64(1.5),
+    }
+
+
+def test_cell_prints_one_json_object(porocore_command, pipeline):
+    asked = []
+    pipeline.solve_cell = lambda config, grad_u, p: asked.append((config, grad_u, p)) or solved()
+    status, out, err = porocore_command(
+        "cell", benchmark_path(), "--grad-u", "-0.1 0 0; 0,0,1e-2; 0 0 0", "--p", "-0.05", "--json"
+    )
+    assert (status, err) == (0, "")
+    result = json.loads(out)
+    assert result["conductivity"] == np.eye(3).tolist()
+    assert (result["fluid_volume"], result["status"], result["seconds"]) == (0.5, "converged", 1.5)
+    assert np.shape(result["tangent"]["mean_grad_grad_u"]) == (3, 3, 3, 3)
+    assert asked == [(load_config(benchmark_path()), [[-0.1, 0, 0], [0, 0, 0.01], [0, 0, 0]], -0.05)]
+
+
+def test_a_state_without_solution_is_null_with_its_status_and_exit_status_1(porocore_command, pipeline):
+    pipeline.solve_cell = lambda config, grad_u, p: solved("inverted")
+    status, out, err = porocore_command("cell", "--json")
+    assert (status, err) == (1, "")
+    result = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    assert result["status"] == "inverted"
+    assert result["fluid_volume"] is None
+    assert result["mean_grad"] == [[None] * 3] * 3
+
+
+def test_cell_for_reading_leaves_out_what_is_too_long():
+    text = as_text({**solved(), "conductivity": np.eye(3).tolist(), "mean_grad": [[None] * 3] * 3})
+    assert "status: converged" in text
+    assert text.count("\n  ") >= 6
+    assert "mean_grad_grad_u" not in as_text(
+        {"tangent": {"mean_grad_grad_u": np.zeros((3, 3, 3, 3)).tolist(), "fluid_volume_p": 1.0}}
+    )
+
+
+@pytest.mark.parametrize(
+    "text", ["", "1 2 3", "1 2 3; 4 5 6; 7 8", "1 2 3; 4 5 6; 7 8 x", "1 2 3; 4 5 6; 7 8 nan"]
+)
+def test_a_malformed_gradient_is_refused(text):
+    with pytest.raises(ConfigurationError, match="expected nine finite numbers"):
+        parse_grad_u(text)
+
+
+def test_help_is_fast_and_version_is_that_of_the_package(porocore_command):
+    times = []
+    for _ in range(3):
+        begun = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-c", "from porocore.cli import main; main()", "--help"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        times.append(time.perf_counter() - begun)
+    assert all(
+        name in done.stdout for name in ("run", "sample", "train", "solve", "report", "cell", "plugins")
+    )
+    assert min(times) < 0.6
+    assert porocore_command("--version")[:2] == (0, f"porocore {porocore.__version__}\n")
+
+
+def test_plugins_lists_what_can_be_done(porocore_command, monkeypatch):
+    rows = [
+        registry.PluginRow("surrogate", "torch", "acme 1.0", "missing dependency", "", "pip install acme"),
+        registry.PluginRow("", "odd", "odd 2.0", "broken", "", "ValueError: no"),
+    ]
+    monkeypatch.setattr(registry, "plugins_table", lambda: rows)
+    status, out, _ = porocore_command("plugins")
+    assert status == 0
+    lines = [line.split() for line in out.splitlines()]
+    assert lines[1] == ["surrogate", "torch", "missing", "dependency", "acme", "1.0"]
+    assert lines[2] == ["pip", "install", "acme"]
+    assert lines[4] == ["ValueError:", "no"]

@@ -1,0 +1,271 @@
+"""Configurations: what is accepted, what identifies a stage, and how faults are told."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from porocore.benchmark import benchmark_path
+from porocore.config import InputName, RunConfig, differences, load_config
+from porocore.errors import ConfigurationError
+from porocore.inputs import NAMES
+from porocore.yaml_document import YamlDocument
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+BENCHMARK = EXAMPLES / "dehghani2022.yaml"
+
+
+@pytest.fixture
+def edit(tmp_path):
+    """A function that writes the benchmark with pieces of its text replaced and returns the path."""
+
+    def edit(*replacements):
+        text = BENCHMARK.read_text(encoding="utf-8")
+        for old, new in replacements:
+            assert old in text
+            text = text.replace(old, new)
+        path = tmp_path / "study.yaml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return edit
+
+
+def fault(path, *parts):
+    """The one line of the error that has all ``parts``, the line it points at, and the last key."""
+    with pytest.raises(ConfigurationError) as error:
+        load_config(path)
+    (line,) = [line for line in str(error.value).splitlines() if all(part in line for part in parts)]
+    name, number, key, *_ = line.split(":")
+    assert name == str(path)
+    last_key = [part for part in key.strip().split(".") if not part.isdigit()][-1]
+    return line, path.read_text(encoding="utf-8").splitlines()[int(number) - 1], last_key
+
+
+def test_the_benchmark_is_the_papers():
+    config = load_config(BENCHMARK)
+    assert (config.cell.geometry.radius, config.cell.material.poisson_ratio, config.cell.viscosity) == (
+        0.25,
+        0.35,
+        1e-3,
+    )
+    assert list(config.sampling.inputs) == ["p", "H22"]
+    assert config.sampling.inputs["H22"].range == (-0.4, 0.04)
+    assert config.sampling.sampler_options()["step"] == {"p": 0.04, "H22": 0.03}
+    assert config.macro.loads == (-0.2, -0.01)
+    problem = config.macro.problem(-0.2)
+    assert (problem.size, problem.elements, problem.load) == ((0.1, 7.5, 0.1), (1, 106, 1), -0.2)
+    assert problem.boundary["y+"].traction == (0, 1, 0)
+    assert problem.boundary["x+"].displacement == (0, None, 0)
+    assert problem.time.ramp_increments * problem.time.ramp_step == 0.5
+    assert problem.time.profiles == (1, 10, 40)
+
+
+def test_the_second_example_differs_in_the_radius_alone():
+    stated = load_config(EXAMPLES / "dehghani2022-as-stated.yaml")
+    changed = [d for d in differences(load_config(BENCHMARK), stated) if not d.startswith("title")]
+    assert changed == ["cell.geometry.radius (0.25, not 0.2)"]
+
+
+def test_the_packaged_benchmark_is_the_example():
+    assert load_config(benchmark_path()) == load_config(BENCHMARK)
+
+
+def test_the_resolved_configuration_is_complete_and_loads_to_the_same(tmp_path):
+    config = load_config(BENCHMARK)
+    path = tmp_path / "resolved.yaml"
+    path.write_text(config.resolved_yaml(), encoding="utf-8")
+    again = load_config(path)
+    assert again == config
+    assert again.identity == config.identity
+    assert yaml.safe_load(config.resolved_yaml())["macro"]["newton"]["tolerance"] == 1e-9
+
+
+def test_numbers_that_yaml_takes_for_text_are_numbers(edit):
+    path = edit(("viscosity: 1.0e-3", "viscosity: 1e-3"))
+    assert yaml.safe_load(path.read_text())["cell"]["viscosity"] == "1e-3"
+    assert load_config(path).cell.viscosity == 1e-3
+
+
+def test_input_names_agree_with_the_input_space():
+    assert InputName.__args__ == NAMES
+
+
+def test_workers_are_counted():
+    config = load_config(BENCHMARK)
+    assert config.sampling.worker_count() >= 1
+    assert config.sampling.model_copy(update={"workers": 7}).worker_count() == 7
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "changed"),
+    [
+        ("radius: 0.25", "radius: 0.24", {"cell", "sampling", "test", "training", "macro"}),
+        ("backend: skfem", "backend: dolfinx", {"cell", "sampling", "test", "training", "macro"}),
+        ("step: 0.03", "step: 0.02", {"sampling", "training", "macro"}),
+        ("tolerance: 0.05", "tolerance: 0.1", {"sampling", "training", "macro"}),
+        ("[-0.40, 0.04]", "[-0.30, 0.04]", {"sampling", "test", "training", "macro"}),
+        ("count: 100", "count: 50", {"test"}),
+        ("backend: torch\n  seed: 2022", "backend: torch\n  seed: 1", {"training", "macro"}),
+        ("loads: [-0.2, -0.01]", "loads: [-0.1]", {"macro"}),
+        ("    end: 100", "    end: 50", {"macro"}),
+        ("workers: auto", "workers: 3", set()),
+        ("title: ", "title: Another ", set()),
+    ],
+)
+def test_a_change_touches_the_stages_that_depend_on_it(edit, old, new, changed):
+    before, after = load_config(BENCHMARK), load_config(edit((old, new)))
+    stages = vars(before.stages)
+    assert {name for name in stages if stages[name] != vars(after.stages)[name]} == changed
+    assert (before.identity != after.identity) == bool(changed)
+
+
+def test_the_order_of_the_inputs_counts_and_that_of_the_faces_does_not(edit):
+    config = load_config(BENCHMARK)
+    data = yaml.safe_load(BENCHMARK.read_text(encoding="utf-8"))
+    data["sampling"]["inputs"] = dict(reversed(data["sampling"]["inputs"].items()))
+    assert RunConfig.model_validate(data).stages.sampling != config.stages.sampling
+    data = yaml.safe_load(BENCHMARK.read_text(encoding="utf-8"))
+    data["macro"]["boundary"] = dict(reversed(data["macro"]["boundary"].items()))
+    assert RunConfig.model_validate(data).identity == config.identity
+
+
+def test_another_backend_starts_without_the_options_of_the_configured_one(edit):
+    config = load_config(edit(("backend: torch\n", "backend: torch\n  options: {hidden: [8]}\n")))
+    before = config.identity
+    assert config.with_backends() == config
+    assert config.with_backends(surrogate="torch").surrogate.options == {"hidden": [8]}
+    other = config.with_backends(fem="dolfinx", surrogate="jax")
+    assert (other.fem.backend, other.surrogate.backend) == ("dolfinx", "jax")
+    assert other.surrogate.options == {}
+    assert other.identity != before
+    assert other.surrogate.seed == config.surrogate.seed
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "parts"),
+    [
+        ("radius: 0.25", "radius: 0.5", "cell.geometry.radius", ["0 < radius < 0.5", "got 0.5"]),
+        ("radius: 0.25", "radius: 0", "cell.geometry.radius", ["0 < radius < 0.5", "got 0"]),
+        ("radius: 0.25", "radius: wide", "cell.geometry.radius", ["expected a number", "got 'wide'"]),
+        ("radius: 0.25", "radius:", "cell.geometry.radius", ["expected a number", "got nothing"]),
+        ("radius: 0.25", "radius: yes", "cell.geometry.radius", ["expected a number", "got true"]),
+        ("radius: 0.25", "radios: 0.25", "cell.geometry.radios", ["unknown key", "did you mean 'radius'?"]),
+        (
+            "poisson_ratio: 0.35",
+            "poisson_ratio: 0.5",
+            "cell.material.poisson_ratio",
+            ["< 0.5", "incompressible"],
+        ),
+        ("axes: xyz", "axes: xx", "cell.geometry.axes", ["one of x, y, z, xy, xz, yz, xyz", "got 'xx'"]),
+        (
+            "element: quadratic-curved",
+            "element: quadratic",
+            "cell.mesh.element",
+            ["'linear', 'quadratic-straight' or 'quadratic-curved'", "did you mean"],
+        ),
+        ("range: [-0.02, 0.24]", "range: [0.24, 0.24]", "sampling.inputs.p", ["[0.24, 0.24] is empty"]),
+        (
+            "range: [-0.02, 0.24]",
+            "range: [0.24]",
+            "sampling.inputs.p.range",
+            ["a list of 2 entries", "[0.24]"],
+        ),
+        ("range: [-0.02, 0.24]", "range: [0, 1, 2]", "sampling.inputs.p.range", ["a list of 2 entries"]),
+        ("    H22:", "    H44:", "sampling.inputs.H44", ["unknown key", "H11, H12"]),
+        ("workers: auto", "workers: 0", "sampling.workers", ["'auto' or a", "1 <= workers", "got 0"]),
+        ("workers: auto", "wrokers: auto", "sampling.wrokers", ["did you mean 'workers'?"]),
+        (
+            "closure: mean-gradient",
+            "closure: mean-gradiant",
+            "closure",
+            ["unknown closure 'mean-gradiant'", "did you mean 'mean-gradient'?"],
+        ),
+        ("loads: [-0.2, -0.01]", "loads: []", "macro.loads", ["at least 1 entry"]),
+        ("loads: [-0.2, -0.01]", "loads: [-0.2, 0]", "macro.loads", ["a load of 0 moves nothing"]),
+        ("loads: [-0.2, -0.01]", "loads: [.nan]", "macro.loads.0", ["finite number", "got .nan"]),
+        (
+            "elements: [1, 106, 1]",
+            "elements: [1, 10.5, 1]",
+            "macro.elements.1",
+            ["a whole number", "got 10.5"],
+        ),
+        ("size: [0.1, 7.5, 0.1]", "size: [0.1, -7.5, 0.1]", "macro.size.1", ["0 < value", "got -7.5"]),
+        ("    y-: {", "    bottom: {", "macro.boundary.bottom", ["unknown key", "x-, x+, y-, y+, z-, z+"]),
+        ("end: 100", "end: 0.4", "macro.time", ["end = 0.4 does not lie behind the ramp"]),
+        ("end: 100", "end: .inf", "macro.time.end", ["expected a finite number", "got .inf"]),
+    ],
+)
+def test_a_fault_names_file_line_key_expectation_and_value(edit, old, new, key, parts):
+    line, source, last_key = fault(edit((old, new)), f" {key}: ", *parts)
+    assert f"{last_key}:" in source, f"{line!r} points at {source!r}"
+
+
+def test_a_missing_key_points_at_the_section_that_lacks_it(edit):
+    line, source, _ = fault(
+        edit(("  loads: [-0.2, -0.01]", "  #")), "macro.loads: missing; add 'loads:' under"
+    )
+    assert source.startswith("macro:"), line
+
+
+def test_an_empty_section_is_explained(edit):
+    fault(edit(("fem:\n  backend: skfem", "fem:\n #")), " fem: expected a section", "got nothing")
+
+
+def test_all_faults_come_in_one_message_in_the_order_of_the_file(edit):
+    path = edit(
+        ("radius: 0.25", "radius: 0.7"),
+        ("poisson_ratio: 0.35", "poisson_ratio: no"),
+        ("    step: 0.5", "    stop: 0.5"),
+    )
+    with pytest.raises(ConfigurationError) as error:
+        load_config(path)
+    lines = str(error.value).splitlines()
+    assert [line.split(": ")[1] for line in lines] == [
+        "cell.geometry.radius",
+        "cell.material.poisson_ratio",
+        "macro.time.stop",
+    ]
+    numbers = [int(line.split(":")[1]) for line in lines]
+    assert numbers == sorted(numbers)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ["expected sections", "got nothing"]),
+        ("- cell", ["expected sections", "got a list"]),
+        ("cell: [1", [":1:", "not valid YAML"]),
+        ("cell:\n\tmesh: 1", [":2:", "not valid YAML"]),
+        ("cell: !!python/object/apply:os.getcwd []", [":1:", "not valid YAML", "python/object"]),
+        ("cell: *nowhere", ["undefined alias"]),
+        ("cell: &loop {geometry: *loop}", ["an alias that contains itself"]),
+        ("title: 2022-13-45", ["month must be in 1..12"]),
+        ("title: a\n---\ntitle: b", ["expected a single document"]),
+        ("title: a\ncell: {}\ntitle: b", [":3: title: given twice, first on line 1"]),
+    ],
+)
+def test_what_is_not_a_mapping_of_sections_is_refused(tmp_path, text, parts):
+    path = tmp_path / "study.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigurationError) as error:
+        load_config(path)
+    assert all(part in str(error.value) for part in [str(path), *parts]), str(error.value)
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path):
+    with pytest.raises(ConfigurationError, match="no such file"):
+        load_config(tmp_path / "absent.yaml")
+    with pytest.raises(ConfigurationError, match="got a folder"):
+        load_config(tmp_path)
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00title")
+    with pytest.raises(ConfigurationError, match="UTF-8"):
+        load_config(tmp_path / "binary.yaml")
+
+
+def test_merged_keys_may_be_overridden(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text("side: &side {a: 1, b: 2}\nother:\n  <<: *side\n  b: 3\n")
+    document = YamlDocument.read(path)
+    assert document.data["other"] == {"a": 1, "b": 3}
+    assert document.line(("other", "b")) == 4
