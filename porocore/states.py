@@ -124,7 +124,7 @@ class CellPeaks(_Batch):
     energy: Array  #: (n,)       largest Ψ [E]
     energy_mean: Array  #: (n,)       <Ψ>_s [E]
     min_jacobian: Array  #: (n,)       smallest J
-    min_gap: Array  #: (n,)       smallest distance of the pore wall to its mirror planes; negative: overlap
+    min_gap: Array  #: (n,)       smallest relative distance of the wall to its mirror planes; NaN on the whole cell
     negative_pivots: Array  #: (n,)       of the tangent at the solution; -1 where the solver cannot tell
 
 

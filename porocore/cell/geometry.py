@@ -30,7 +30,11 @@ class OrthogonalChannels(BaseModel):
     def porosity(self) -> float:
         """Exact volume share of the pores, φ_f = n π r² − (volume counted twice)."""
         r, n = self.radius, len(self.axes)
-        return {1: np.pi * r**2, 2: 2 * np.pi * r**2 - 16 / 3 * r**3, 3: 3 * np.pi * r**2 - 8 * 2**0.5 * r**3}[n]
+        return {
+            1: np.pi * r**2,
+            2: 2 * np.pi * r**2 - 16 / 3 * r**3,
+            3: 3 * np.pi * r**2 - 8 * 2**0.5 * r**3,
+        }[n]
 
     @property
     def unfolding(self) -> Unfolding:
@@ -61,9 +65,7 @@ class OrthogonalChannels(BaseModel):
 
 def _tetrahedron(occ: Any, corners: list[tuple[float, float, float]]) -> int:
     points = [occ.addPoint(*corner) for corner in corners]
-    edge = {
-        (i, j): occ.addLine(points[i], points[j]) for i in range(4) for j in range(i + 1, 4)
-    }
+    edge = {(i, j): occ.addLine(points[i], points[j]) for i in range(4) for j in range(i + 1, 4)}
     faces = [
         occ.addPlaneSurface([occ.addCurveLoop([edge[i, j], edge[j, k], -edge[i, k]])])
         for i, j, k in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))

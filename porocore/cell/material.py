@@ -42,7 +42,9 @@ class NeoHookean(BaseModel):
 
     def energy(self, F: Array) -> Array:
         """Ψ (...) [E]."""
-        energy: Array = self.mu / 2 * ((F * F).sum(axis=(-2, -1)) - 3) + self.volumetric(np.log(determinant(F)))[0]
+        energy: Array = (
+            self.mu / 2 * ((F * F).sum(axis=(-2, -1)) - 3) + self.volumetric(np.log(determinant(F)))[0]
+        )
         return energy
 
     def stress(self, F: Array) -> Array:
@@ -76,7 +78,9 @@ def determinant(F: Array) -> Array:
 
 def cofactor(F: Array) -> Array:
     """cof F = J F⁻ᵀ of (..., 3, 3), in closed form; ∂J/∂F."""
-    cof = np.moveaxis(np.empty((3, 3, *F.shape[:-2])), (0, 1), (-2, -1))  # component-first in memory: fast slices
+    cof = np.moveaxis(
+        np.empty((3, 3, *F.shape[:-2])), (0, 1), (-2, -1)
+    )  # component-first in memory: fast slices
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         for m in range(3):

@@ -22,7 +22,9 @@ Phase = Literal["solid", "fluid"]
 Domain = Literal["eighth", "whole"]
 #: A narrow channel needs at least some ten elements around it, however coarse the rest may be.
 LARGEST_SIZE_TO_RADIUS = 0.8
-SYSTEM_LIBRARIES = "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1"
+SYSTEM_LIBRARIES = (
+    "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1"
+)
 
 
 class MeshSettings(BaseModel):
@@ -30,7 +32,10 @@ class MeshSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    size: Annotated[float, Field(gt=0.01, le=0.5)] = 0.11
+    size: Annotated[float, Field(ge=0.01, le=0.5)] = 0.2
+    """Of the solid's elements; narrow channels are meshed finer where they need it."""
+    fluid_size: Annotated[float, Field(ge=0.01, le=0.5)] = 0.07
+    """Of the fluid's; Stokes flow around the sharp ridges converges slowly, and it is solved only once."""
     element: Literal["linear", "quadratic-straight", "quadratic-curved"] = "quadratic-curved"
 
 
@@ -108,7 +113,8 @@ def make_mesh(geometry: OrthogonalChannels, settings: MeshSettings, phase: Phase
     if domain == "whole":
         eighth = make_mesh(geometry, settings, phase, "eighth")
         return CellMesh(phase, domain, *eighth_to_whole(eighth.points, eighth.cells))
-    points, cells = _mesh_part(geometry, settings)[phase]
+    size = settings.size if phase == "solid" else settings.fluid_size
+    points, cells = _mesh_part(geometry, size, settings.element)[phase]
     if geometry.unfolding == "wedge":
         points, cells = wedge_to_eighth(points, cells)
     else:
@@ -129,26 +135,26 @@ def _import_gmsh() -> Any:
 
 @lru_cache(maxsize=4)
 def _mesh_part(
-    geometry: OrthogonalChannels, settings: MeshSettings
+    geometry: OrthogonalChannels, size: float, element: str
 ) -> dict[Phase, tuple[Array, npt.NDArray[np.int64]]]:
     gmsh = _import_gmsh()
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)
-        size = min(settings.size, LARGEST_SIZE_TO_RADIUS * geometry.radius)
+        size = min(size, LARGEST_SIZE_TO_RADIUS * geometry.radius)
         gmsh.option.setNumber("Mesh.MeshSizeMin", size)
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         gmsh.model.add("cell")
         tags = dict(zip(("solid", "fluid"), geometry.draw(gmsh), strict=True))
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.optimize("Netgen")
-        if settings.element != "linear":
-            gmsh.option.setNumber("Mesh.SecondOrderLinear", float(settings.element == "quadratic-straight"))
+        if element != "linear":
+            gmsh.option.setNumber("Mesh.SecondOrderLinear", float(element == "quadratic-straight"))
             gmsh.model.mesh.setOrder(2)
         return {phase: _read(gmsh, volumes) for phase, volumes in tags.items()}  # type: ignore[misc]
     except Exception as error:  # gmsh raises plain Exception
-        raise PorocoreError(f"gmsh could not mesh {geometry!r} at size {settings.size:g}: {error}") from error
+        raise PorocoreError(f"gmsh could not mesh {geometry!r} at size {size:g}: {error}") from error
     finally:
         gmsh.finalize()
 
@@ -166,7 +172,9 @@ def _read(gmsh: Any, volumes: list[int]) -> tuple[Array, npt.NDArray[np.int64]]:
             blocks.append(position[tags.astype(np.int64)].reshape(-1, per_element))
     cells = np.concatenate(blocks)
     if cells.shape[1] == 10:
-        cells = cells[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]]  # gmsh numbers the last two edges the other way round
+        cells = cells[
+            :, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
+        ]  # gmsh numbers the last two edges the other way round
     used, cells = np.unique(cells, return_inverse=True)
     cells = cells.reshape(-1, blocks[0].shape[1])
     points = coordinates.reshape(-1, 3)[used]

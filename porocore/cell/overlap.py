@@ -6,6 +6,7 @@ while J stays positive everywhere; without wall contact such a state is no valid
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -28,12 +29,17 @@ SUBDIVISION = np.array(
         [6, 9, 7, 8],
     ]
 )
+#: Intervals along a facet's edge at which the wall is examined.
+FACET_GRID = 8
 #: A node counts as inside a tetrahedron when all its barycentric coordinates exceed this.
 DEPTH = 0.02
 
 
 def mirror_gap(mesh: CellMesh, grad_u: Array, u: Array) -> float:
-    """Smallest distance of the deformed wall to the mirror planes of the eighth; negative: it has passed one.
+    """Smallest distance of the deformed wall to a mirror plane of the eighth, relative to its undeformed distance.
+
+    1 in the undeformed state; negative: the wall has passed through the plane. The wall is examined at a
+    grid of points on every facet, since a crease begins as a fold within the facets next to the plane.
 
     Parameters
     ----------
@@ -44,15 +50,31 @@ def mirror_gap(mesh: CellMesh, grad_u: Array, u: Array) -> float:
     u : (nodes, 3)
         u¹.
     """
-    nodes = np.unique(mesh.wall)
-    X = mesh.points[nodes]
-    stretch = 1 + np.diag(grad_u)
-    x = stretch * X + u[nodes]
+    X, weights = _wall_points(mesh)
+    x = X * (1 + np.diag(grad_u)) + np.einsum("sa,kai->ksi", weights, u[mesh.wall]).reshape(-1, 3)
+    edge = (1 + np.diag(grad_u)) / 2
     gap = np.inf
     for axis in range(3):
-        below, above = X[:, axis] > 0, X[:, axis] < 0.5
-        gap = min(gap, x[below, axis].min(initial=np.inf), (stretch[axis] / 2 - x[above, axis]).min(initial=np.inf))
+        below, above = X[:, axis], 0.5 - X[:, axis]
+        off = below > 1e-12
+        gap = min(gap, (x[off, axis] / below[off]).min(initial=np.inf))
+        off = above > 1e-12
+        gap = min(gap, ((edge[axis] - x[off, axis]) / above[off]).min(initial=np.inf))
     return float(gap)
+
+
+@lru_cache(maxsize=8)
+def _wall_points(mesh: CellMesh) -> tuple[Array, Array]:
+    """Grid points on the wall's facets (points, 3), and the shape functions (samples, 3 or 6) that give them."""
+    n = FACET_GRID
+    grid = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)]) / n
+    a, b, c = grid.T
+    if mesh.order == 1:
+        weights = grid
+    else:
+        corners = [a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1)]
+        weights = np.stack([*corners, 4 * a * b, 4 * b * c, 4 * c * a], axis=1)
+    return np.einsum("sa,kai->ksi", weights, mesh.points[mesh.wall]).reshape(-1, 3), weights
 
 
 def walls_overlap(mesh: CellMesh, grad_u: Array, u: Array) -> bool:

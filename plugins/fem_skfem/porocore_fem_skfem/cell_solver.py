@@ -102,9 +102,7 @@ class SkfemCellSolver(CellSolver):
         if not (np.isfinite(H).all() and np.isfinite(p)) or np.linalg.det(np.eye(3) + H) <= 0:
             return failed(Status.inverted, tangent=tangent), None
         problem = prepared.domain_for(H)
-        # A factor left over from an unrelated state would make the result depend on the order of the batch.
-        for constraints in problem.known_constraints:
-            constraints.factored = None
+        problem.begin()
         outcome = follow(problem, _start(problem, start), H, p, TOLERANCE)
         if outcome.equilibrium is None:
             return failed(outcome.status, tangent=tangent), None

@@ -93,7 +93,9 @@ class SymmetricPattern:
 
     def __init__(self, indptr: Any, indices: Any) -> None:
         n = len(indptr) - 1
-        upper = sparse.csr_matrix((np.arange(1, len(indices) + 1, dtype=np.int64), indices, indptr), shape=(n, n))
+        upper = sparse.csr_matrix(
+            (np.arange(1, len(indices) + 1, dtype=np.int64), indices, indptr), shape=(n, n)
+        )
         full = (upper + sparse.triu(upper, 1).T).tocsr()
         full.sort_indices()
         self._indptr, self._indices, self._source = full.indptr, full.indices, full.data - 1

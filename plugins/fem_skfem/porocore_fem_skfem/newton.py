@@ -19,8 +19,10 @@ from porocore_fem_skfem.solid import Constraints, Point, SolidProblem
 
 #: More iterations than this cost more than a new factor.
 PATIENCE = 18
-ITERATIONS = 15
-SMALLEST_STEP = 1 / 128
+ITERATIONS = 12
+#: In any component of H and in p; a step beyond it seldom converges.
+LARGEST_STEP = 0.16
+SMALLEST_STEP = 1 / 300
 ARMIJO = 1e-4
 
 
@@ -65,7 +67,9 @@ def follow(problem: SolidProblem, start: Equilibrium, H: Any, p: float, toleranc
 
     A state on the way whose walls overlap ends the path: what lies behind it is not reached without contact.
     """
-    here, share, step = start, 0.0, 1.0
+    here, share = start, 0.0
+    largest = LARGEST_STEP / max(float(np.abs(H - start.H).max()), abs(p - start.p), 1e-12)
+    step = min(1.0, largest)
     steps = iterations = 0
     while share < 1:
         goal = min(1.0, share + step)
@@ -73,17 +77,21 @@ def follow(problem: SolidProblem, start: Equilibrium, H: Any, p: float, toleranc
         try:
             reached = _newton(problem, _predict(problem, here, H_goal, p_goal), tolerance)
         except StepFailed as failed:
-            step = (goal - share) / 2
+            step = (goal - share) / 4
             if step < SMALLEST_STEP:
                 return Outcome(failed.status, None, steps, iterations)
             continue
-        here, step, share = reached, 2 * (goal - share), goal
+        here, step, share = reached, min(2 * (goal - share), largest), goal
         steps, iterations = steps + 1, iterations + here.iterations
-        if problem.mesh.domain == "eighth" and gap(problem, here) < 0:
+        if _overlaps(problem, here):
             return Outcome(Status.overlap, None, steps, iterations)
-    if problem.mesh.domain == "whole" and walls_overlap(problem.mesh, here.H, here.u[:, problem.nodes].T):
-        return Outcome(Status.overlap, None, steps, iterations)
     return Outcome(Status.converged, here, steps, iterations)
+
+
+def _overlaps(problem: SolidProblem, here: Equilibrium) -> bool:
+    if problem.mesh.domain == "eighth":
+        return gap(problem, here) < 0
+    return walls_overlap(problem.mesh, here.H, here.u[:, problem.nodes].T)
 
 
 def gap(problem: SolidProblem, here: Equilibrium) -> float:
@@ -91,14 +99,6 @@ def gap(problem: SolidProblem, here: Equilibrium) -> float:
     if problem.mesh.domain == "whole":
         return float("nan")
     return mirror_gap(problem.mesh, here.H, here.u.T)
-
-
-def factor_exactly(constraints: Constraints, data: Any) -> int:
-    """Factor the entries of a tangent as they are; its negative pivots (-1: unknown)."""
-    if constraints.factored is not data:
-        constraints.factor.factor(data)
-        constraints.factored = data
-    return constraints.factor.negative
 
 
 def _predict(problem: SolidProblem, here: Equilibrium, H: Any, p: float) -> Equilibrium:
@@ -135,7 +135,9 @@ def _newton(problem: SolidProblem, guess: Equilibrium, tolerance: float) -> Equi
         gradient = problem.gradient(step)
         length, inverted = 1.0, True
         while length > 1e-3:
-            trial = problem.point(guess.H, guess.p, at.F + length * gradient - (np.eye(3) + guess.H)[:, :, None])
+            trial = problem.point(
+                guess.H, guess.p, at.F + length * gradient - (np.eye(3) + guess.H)[:, :, None]
+            )
             if trial.J.min() > 0:
                 inverted = False
                 trial_energy = problem.energy(trial)
@@ -167,39 +169,31 @@ def _force_scale(problem: SolidProblem, stress: Any) -> Any:
 
 def _direction(problem: SolidProblem, constraints: Constraints, at: Point, rhs: Any, accuracy: float) -> Any:
     """K⁻¹ rhs as a field (3, nodes); with an indefinite K, the solution of the least shifted K that is not."""
-    data = constraints.restrict(problem.tangent(at))
-    matrix = constraints.pattern.full(data)
-    factor = constraints.factor
+    entries = constraints.restrict(problem.tangent(at))
+    matrix = constraints.pattern.full(entries)
     try:
-        if constraints.factored is None:
-            factor_exactly(constraints, data)
-        solved = conjugate_gradients(matrix, rhs, factor.solve, tolerance=accuracy, limit=PATIENCE)
-        if not solved.converged:
-            factor_exactly(constraints, data)
-            if factor.negative <= 0:
-                solved = conjugate_gradients(matrix, rhs, factor.solve, tolerance=accuracy)
-        x = solved.x
-        if not solved.converged:
-            x = _shifted(constraints, data, matrix, rhs)
+        solved = conjugate_gradients(
+            matrix, rhs, constraints.precondition, tolerance=accuracy, limit=PATIENCE
+        )
+        if not solved.converged and constraints.renew(entries) <= 0:
+            solved = conjugate_gradients(matrix, rhs, constraints.precondition, tolerance=accuracy)
+        x = solved.x if solved.converged else _shifted(constraints, entries, rhs)
     except FactorError as error:
-        constraints.factored = None
         raise StepFailed(Status.not_converged) from error
     field = np.zeros(3 * problem.n_nodes)
     field[constraints.free] = x
     return field.reshape(3, -1)
 
 
-def _shifted(constraints: Constraints, data: Any, matrix: Any, rhs: Any) -> Any:
+def _shifted(constraints: Constraints, entries: Any, rhs: Any) -> Any:
     diagonal = constraints.pattern.diagonal
-    size = float(np.abs(data[diagonal]).mean())
+    size = float(np.abs(entries[diagonal]).mean())
     shift = 1e-3
     while shift < 10:
-        moved = data.copy()
+        moved = entries.copy()
         moved[diagonal] += shift * size
-        constraints.factor.factor(moved)
-        constraints.factored = moved
-        if constraints.factor.negative <= 0:
-            x = constraints.factor.solve(rhs)
+        if constraints.renew(moved) <= 0:
+            x = constraints.precondition(rhs)
             if x @ rhs > 0:
                 return x
         shift *= 4

@@ -31,7 +31,9 @@ def library() -> Any:
             except OSError:
                 continue
             mkl.MKL_Set_Interface_Layer(0)  # 32-bit integers
-            mkl.MKL_Set_Threading_Layer(1)  # sequential: parallel solves share the cores better than threads do
+            mkl.MKL_Set_Threading_Layer(
+                1
+            )  # sequential: parallel solves share the cores better than threads do
             return mkl
     return None
 

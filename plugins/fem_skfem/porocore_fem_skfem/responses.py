@@ -14,7 +14,7 @@ from porocore.cell.material import cofactor, cofactor_tangent, determinant
 from porocore.states import CellPeaks, CellResponse, CellTangent, Status
 
 from porocore_fem_skfem.linalg import conjugate_gradients
-from porocore_fem_skfem.newton import Equilibrium, factor_exactly, gap
+from porocore_fem_skfem.newton import Equilibrium, gap
 from porocore_fem_skfem.solid import SolidProblem
 
 #: Of the ten columns of θ = (H row by row, p): parities that the mirror planes of the eighth sort them into.
@@ -33,15 +33,16 @@ class _Averages:
 def respond(problem: SolidProblem, here: Equilibrium, *, tangent: bool) -> CellResponse:
     """One row of responses; ``unstable`` where the tangent has negative pivots."""
     averages = _average(problem, here)
-    constraints = problem.constraints()
-    negative = factor_exactly(constraints, constraints.restrict(problem.tangent(here.at)))
+    data = problem.tangent(here.at)
+    entries = problem.constraints().restrict(data)
+    negative = problem.constraints().renew(entries)
     return CellResponse(
         mean_grad=averages.mean_grad[None],
         status=np.array([Status.unstable if negative > 0 else Status.converged], dtype=np.int64),
         potential=np.array([averages.potential]),
         stress=averages.stress[None],
         fluid_volume=np.array([averages.fluid_volume]),
-        tangent=_derivatives(problem, here) if tangent else None,
+        tangent=_derivatives(problem, here, data, entries) if tangent else None,
         peaks=_peaks(problem, here, negative),
     )
 
@@ -96,13 +97,13 @@ def _peaks(problem: SolidProblem, here: Equilibrium, negative: int) -> CellPeaks
     )
 
 
-def _derivatives(problem: SolidProblem, here: Equilibrium) -> CellTangent:
+def _derivatives(problem: SolidProblem, here: Equilibrium, data: Any, entries: Any) -> CellTangent:
     classes = PARITY if problem.mesh.domain == "eighth" else {"": tuple(range(10))}
     mean_grad = np.zeros((3, 3, 10))
     second = np.zeros((10, 10))
-    data = problem.tangent(here.at)
     for odd, columns in classes.items():
-        _one_class(problem, here, data, odd, columns, mean_grad, second)
+        of_class = problem.constraints(odd).restrict(data) if odd else entries
+        _one_class(problem, here, of_class, odd, columns, mean_grad, second)
     # The fluid's share −p J₀ of W.
     F0 = np.eye(3) + here.H
     second[:9, :9] -= here.p * cofactor_tangent(F0).reshape(9, 9)
@@ -119,17 +120,24 @@ def _derivatives(problem: SolidProblem, here: Equilibrium) -> CellTangent:
 
 
 def _one_class(
-    problem: SolidProblem, here: Equilibrium, data: Any, odd: str, columns: Any, mean_grad: Any, second: Any
+    problem: SolidProblem,
+    here: Equilibrium,
+    entries: Any,
+    odd: str,
+    columns: Any,
+    mean_grad: Any,
+    second: Any,
 ) -> None:
     """Fill the columns of one parity class, whose perturbations meet no other class."""
     at, w = here.at, problem.w
     constraints = problem.constraints(odd)
-    entries = constraints.restrict(data)
     matrix = constraints.pattern.full(entries)
-    factor_exactly(constraints, entries)
+    constraints.renew(entries)
     loads = [_load_change(problem, at, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
     R = np.stack([problem.assemble(load).ravel()[constraints.free] for load in loads], axis=1)
-    solved = conjugate_gradients(matrix, -R, constraints.factor.solve, tolerance=SENSITIVITY_TOLERANCE, limit=60)
+    solved = conjugate_gradients(
+        matrix, -R, constraints.precondition, tolerance=SENSITIVITY_TOLERANCE, limit=60
+    )
     U = solved.x
     mixed = R.T @ U
     curvature = mixed + mixed.T + U.T @ (matrix @ U)
@@ -141,7 +149,11 @@ def _one_class(
         explicit = (loads[a] @ w).ravel()
         for b, other in enumerate(columns):
             # ∂²Π/∂θ∂θ' at fixed u¹; Π is linear in p.
-            direct = explicit[other] if other < 9 else (float((w * at.cof[column // 3, column % 3]).sum()) if column < 9 else 0.0)
+            direct = (
+                explicit[other]
+                if other < 9
+                else (float((w * at.cof[column // 3, column % 3]).sum()) if column < 9 else 0.0)
+            )
             second[column, other] = problem.copies * (direct + curvature[a, b])
 
 

@@ -5,6 +5,7 @@ Nothing here solves; see :mod:`porocore_fem_skfem.newton` and :mod:`porocore_fem
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 from porocore.cell.material import NeoHookean, cofactor, determinant
 from porocore.cell.mesh import CellMesh
 
-from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor
+from porocore_fem_skfem.linalg import SymmetricFactor, SymmetricPattern, choose_factor
 from porocore_fem_skfem.operators import Operators, Scatter
 
 
@@ -31,7 +32,11 @@ class Point:
 
 
 class Constraints:
-    """A set of free unknowns with its matrix pattern and a linear solver that keeps its analysis."""
+    """A set of free unknowns with its matrix pattern and the factors that serve it.
+
+    ``base`` is the undeformed cell's and never changes, so that a solve does not depend on the one before it;
+    ``own`` is renewed within a solve. ``active`` is the one in use.
+    """
 
     def __init__(self, scatter: Scatter, free: Any, solver: str) -> None:
         self.free = free
@@ -39,13 +44,42 @@ class Constraints:
         self.pattern = SymmetricPattern(indptr, indices)
         translations = np.zeros((len(free), 3))
         translations[np.arange(len(free)), free // (scatter.n // 3)] = 1.0
-        self.factor = choose_factor(indptr, indices, solver=solver, near_kernel=translations)
-        #: Entries that the factor was last made of; None before the first time.
-        self.factored: Any = None
+
+        def make() -> SymmetricFactor:
+            return choose_factor(indptr, indices, solver=solver, near_kernel=translations)
+
+        self._make = make
+        self._base: SymmetricFactor | None = None
+        self._own: SymmetricFactor | None = None
+        self._factored: Any = None
+        self.active: SymmetricFactor | None = None
 
     def restrict(self, data: Any) -> Any:
         """Entries of the constrained matrix from those of the whole one."""
         return data[self._kept]
+
+    def begin(self, undeformed: Callable[[], Any]) -> None:
+        """Use the undeformed cell's factor, made of ``undeformed()`` when it is first needed."""
+        if self._base is None:
+            self._base = self._make()
+            self._base.factor(self.restrict(undeformed()))
+        self.active, self._factored = self._base, None
+
+    def renew(self, entries: Any) -> int:
+        """Make ``entries`` the active factor; returns the number of negative pivots, -1 where unknown."""
+        if self._factored is not entries:
+            if self._own is None:
+                self._own = self._make()
+            self._factored = None
+            self._own.factor(entries)
+            self.active, self._factored = self._own, entries
+        assert self._own is not None
+        return self._own.negative
+
+    def precondition(self, rhs: Any) -> Any:
+        """Apply the active factor."""
+        assert self.active is not None
+        return self.active.solve(rhs)
 
 
 class SolidProblem:
@@ -90,10 +124,13 @@ class SolidProblem:
             self._constraints[odd] = Constraints(self.scatter, np.flatnonzero(~fixed.ravel()), self.solver)
         return self._constraints[odd]
 
-    @property
-    def known_constraints(self) -> list[Constraints]:
-        """Those that were asked for so far."""
-        return list(self._constraints.values())
+    def begin(self) -> None:
+        """Forget the factors of the last solve."""
+        self.constraints().begin(self._undeformed_tangent)
+
+    def _undeformed_tangent(self) -> Any:
+        still = self.point(np.zeros((3, 3)), 0.0, np.zeros((3, 3, self.operators.n_points)))
+        return self.tangent(still)
 
     # ---- physics --------------------------------------------------------------------------------
 

@@ -34,7 +34,7 @@ class StokesProblem:
         B = velocity.gradient(self.n)
         e, q = velocity.grad_N.shape[:2]
         points = np.arange(e * q).reshape(e, q)
-        corners, inverse = np.unique(pressure.cells, return_inverse=True)
+        corners, first, inverse = np.unique(pressure.cells, return_index=True, return_inverse=True)
         # Pressure basis values at the points, one column for each corner node.
         N = sparse.csr_matrix(
             (
@@ -56,6 +56,9 @@ class StokesProblem:
         wall = np.zeros(self.n, dtype=bool)
         wall[nodes[mesh.wall]] = True
         self._wall = wall
+        at = mesh.points[mesh.cells[:, :4].ravel()[first]]
+        #: Pressure nodes on the planes of each axis, where a pressure odd under that mirror vanishes.
+        self._pressure_on_plane = ((at == 0.0) | (at == 0.5)) & (mesh.domain == "eighth")
         self._on_plane = np.zeros((self.n, 3), dtype=bool)
         if mesh.domain == "eighth":
             self._on_plane[:] = (mesh.points == 0.0) | (mesh.points == 0.5)
@@ -102,17 +105,22 @@ class StokesProblem:
         inverses = [self.inverse(p) for p in planes]
         force = inverses[j](self.load)
 
+        even = ~self._pressure_on_plane[:, j]
+
         def schur(pressures: Any) -> Any:
             out = np.zeros_like(pressures)
             for i in range(3):
                 out += self.divergence[i] @ inverses[i](self.divergence[i].T @ pressures)
-            return out
+            return out * even
 
         operator = _Columnwise(schur)
-        rhs = -self.divergence[j] @ force
+        rhs = -(self.divergence[j] @ force) * even
         solved = conjugate_gradients(
-            operator, rhs, lambda r: r / (self.pressure_mass[:, None] if r.ndim == 2 else self.pressure_mass),
-            tolerance=TOLERANCE, limit=400,
+            operator,
+            rhs,
+            lambda r: r / (self.pressure_mass[:, None] if r.ndim == 2 else self.pressure_mass),
+            tolerance=TOLERANCE,
+            limit=400,
         )
         if not solved.converged:
             raise PorocoreError("the Stokes cell problem did not converge; refine the mesh (cell.mesh.size)")

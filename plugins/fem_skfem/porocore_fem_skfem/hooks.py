@@ -1,0 +1,34 @@
+"""What this plugin offers; importing it loads nothing heavy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from porocore.hookspecs import Offer, hookimpl
+
+
+def _cell_solver() -> type[Any]:
+    from porocore_fem_skfem.cell_solver import SkfemCellSolver
+
+    return SkfemCellSolver
+
+
+def _macro_solver() -> type[Any]:
+    from porocore_fem_skfem.macro import SkfemMacroSolver
+
+    return SkfemMacroSolver
+
+
+_NEEDS = {"requires": ("skfem",), "install": "pip install porocore-fem-skfem"}
+
+
+@hookimpl
+def porocore_cell_solvers() -> list[Offer]:
+    return [
+        Offer("skfem", _cell_solver, "scikit-fem elements, batched assembly, kept sparse factor", **_NEEDS)
+    ]
+
+
+@hookimpl
+def porocore_macro_solvers() -> list[Offer]:
+    return [Offer("skfem", _macro_solver, "scikit-fem hexahedra, quadratic u and linear p", **_NEEDS)]

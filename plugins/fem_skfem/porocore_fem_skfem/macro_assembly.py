@@ -1,0 +1,172 @@
+"""Residual and tangent of the u–p problem from the law's response at all quadrature points.
+
+All elements are congruent, so an integral over an element is a product with a constant matrix and the
+assembly is a handful of large matrix products followed by one product with a sparse matrix of zeros and ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from porocore.laws import MacroResponse, MacroTangent
+from porocore.states import MacroState
+from porocore_fem_skfem.macro_space import Space
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """Out of balance forces and volumes, and what they are to be compared with.
+
+    Attributes
+    ----------
+    values : (unknowns,)
+        ∫ P_E:∇N − ∫ t̄ N, and ∫ Δstorage N − Δt ∫ q·∇N + Δt ∫ q̄ N; on a prescribed unknown the reaction.
+    force_scale, volume_scale
+        Largest sum of the magnitudes of what meets in one unknown.
+    """
+
+    values: Any
+    force_scale: float
+    volume_scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The tangent, split into free and prescribed unknowns."""
+
+    free: Any  #: scipy CSC, free × free
+    coupling: Any  #: scipy CSR, free × prescribed
+
+
+class Assembler:
+    """Everything about a :class:`Space` that does not change from one iteration to the next."""
+
+    def __init__(self, space: Space) -> None:
+        self.space = space
+        ref = space.reference
+        w, g, N, gp = ref.weights, ref.grad_u, ref.p, ref.grad_p
+        q = len(w)
+        self.n_points = len(space.cells) * q
+        #: Volume of each quadrature point, (points,).
+        self.weights = np.tile(w, len(space.cells))
+        wg, wN, wgp = w[:, None, None] * g, w[:, None] * N, w[:, None, None] * gp
+        # Rows run over (q, tensor indices), columns over local nodes (test before trial).
+        self._force = wg.transpose(0, 2, 1).reshape(3 * q, 27)
+        self._volume, self._flow = wN, wgp.transpose(0, 2, 1).reshape(3 * q, 8)
+        self._uu = np.einsum("qaj,qbl->qjlab", wg, g).reshape(9 * q, -1)
+        self._up = np.einsum("qaj,qb->qjab", wg, N).reshape(3 * q, -1)
+        self._pu = np.concatenate(
+            [
+                np.einsum("qb,qal->qlba", wN, g).reshape(3 * q, -1),
+                np.einsum("qbm,qal->qmlba", wgp, g).reshape(9 * q, -1),
+            ]
+        )
+        self._pp = np.concatenate(
+            [
+                np.einsum("qb,qc->qbc", wN, N).reshape(q, -1),
+                np.einsum("qbm,qc->qmbc", wgp, N).reshape(3 * q, -1),
+                np.einsum("qbm,qcn->qmnbc", wgp, gp).reshape(9 * q, -1),
+            ]
+        )
+        self._dofs = space.dofs
+        #: Largest ∫ |∇N| over the body of a displacement node.
+        self.stretch = float(
+            np.bincount(space.cells.ravel(), np.tile(np.abs(wg).sum(axis=(0, 2)), len(space.cells))).max()
+        )
+        self._build_patterns()
+
+    def _build_patterns(self) -> None:
+        space = self.space
+        is_free = np.ones(space.size, bool)
+        is_free[space.prescribed] = False
+        #: Free unknowns, ascending.
+        self.free = np.flatnonzero(is_free)
+        free_slot, fixed_slot = np.full((2, space.size), -1, dtype=np.int64)
+        free_slot[self.free] = np.arange(len(self.free))
+        fixed_slot[space.prescribed] = np.arange(len(space.prescribed))
+        u, p = self._dofs[:, :81].reshape(-1, 3, 27), self._dofs[:, 81:]
+        e = len(u)
+        # Blocks in the order in which the products leave them:
+        # (e, i, k, a, b), (e, i, a, b), (e, k, b, a), (e, b, c).
+        shapes = [(e, 3, 3, 27, 27), (e, 3, 27, 8), (e, 3, 8, 27), (e, 8, 8)]
+        rows = [u[:, :, None, :, None], u[:, :, :, None], p[:, None, :, None], p[:, :, None]]
+        columns = [u[:, None, :, None, :], p[:, None, None, :], u[:, :, None, :], p[:, None, :]]
+        self._ends = np.cumsum([0, *(int(np.prod(s)) for s in shapes)])
+        self._entries = np.empty(self._ends[-1])
+        row = np.concatenate([np.broadcast_to(r, s).ravel() for r, s in zip(rows, shapes, strict=True)])
+        column = np.concatenate([np.broadcast_to(c, s).ravel() for c, s in zip(columns, shapes, strict=True)])
+        n, k = len(self.free), len(space.prescribed)
+        self._free = _Pattern(free_slot[column], free_slot[row], (n, n))
+        self._coupling = _Pattern(free_slot[row], fixed_slot[column], (n, k))
+
+    def states(self, x: Any) -> tuple[MacroState, Any]:
+        """H, p and ∇p (points, 3) at all quadrature points, from all unknowns."""
+        ref, elements = self.space.reference, len(self.space.cells)
+        local = x[self._dofs]
+        q = len(ref.weights)
+        grad_u = local[:, :81].reshape(elements * 3, 27) @ ref.grad_u.transpose(1, 0, 2).reshape(27, -1)
+        grad_u = grad_u.reshape(elements, 3, q, 3).swapaxes(1, 2).reshape(-1, 3, 3)
+        p = local[:, 81:] @ ref.p.T
+        grad_p = local[:, 81:] @ ref.grad_p.transpose(1, 0, 2).reshape(8, -1)
+        return MacroState(grad_u, p.ravel()), grad_p.reshape(-1, 3)
+
+    def residual(self, response: MacroResponse, dt: float, factor: float) -> Residual:
+        """With the load at ``factor`` (load × ramp)."""
+        space, e = self.space, len(self.space.cells)
+        stress = response.stress.reshape(e, -1, 3, 3).swapaxes(1, 2).reshape(3 * e, -1)
+        f_u = (stress @ self._force).reshape(e, 81)
+        stored = response.storage.reshape(e, -1) @ self._volume
+        moved = -dt * (response.flux.reshape(e, -1) @ self._flow)
+        external = np.concatenate([-factor * space.force, dt * factor * space.outflow])
+        values = self._gather(f_u, stored + moved) + external
+        scales = self._gather(np.abs(f_u), np.abs(stored) + np.abs(moved)) + np.abs(external)
+        return Residual(values, float(scales[: space.n_u].max()), float(scales[space.n_u :].max()))
+
+    def _gather(self, f_u: Any, f_p: Any) -> Any:
+        blocks = np.concatenate([f_u, f_p], axis=1)
+        return np.bincount(self._dofs.ravel(), blocks.ravel(), minlength=self.space.size)
+
+    def system(self, tangent: MacroTangent, dt: float) -> System:
+        """Derivative of the residual."""
+        e = len(self.space.cells)
+        out = [self._entries[a:b] for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
+        stiffness = tangent.stress_grad_u.reshape(e, -1, 3, 3, 3, 3).transpose(0, 2, 4, 1, 3, 5)
+        np.matmul(stiffness.reshape(9 * e, -1), self._uu, out=out[0].reshape(9 * e, -1))
+        stress_p = tangent.stress_p.reshape(e, -1, 3, 3).swapaxes(1, 2)
+        np.matmul(stress_p.reshape(3 * e, -1), self._up, out=out[1].reshape(3 * e, -1))
+        storage = tangent.storage_grad_u.reshape(e, -1, 3, 3).swapaxes(1, 2).reshape(3 * e, -1)
+        flux = tangent.flux_grad_u.reshape(e, -1, 3, 3, 3).transpose(0, 3, 1, 2, 4).reshape(3 * e, -1)
+        np.matmul(np.concatenate([storage, -dt * flux], axis=1), self._pu, out=out[2].reshape(3 * e, -1))
+        by_p = [tangent.storage_p, -dt * tangent.flux_p, -dt * tangent.flux_grad_p]
+        rows = np.concatenate([part.reshape(e, -1) for part in by_p], axis=1)
+        np.matmul(rows, self._pp, out=out[3].reshape(e, -1))
+        return System(
+            self._free.matrix(self._entries, sparse.csc_matrix),
+            self._coupling.matrix(self._entries, sparse.csr_matrix),
+        )
+
+
+class _Pattern:
+    """Sums entries at (major, minor) into compressed storage; a negative index leaves an entry out."""
+
+    def __init__(self, major: Any, minor: Any, shape: tuple[int, int]) -> None:
+        kept = np.flatnonzero((major >= 0) & (minor >= 0))
+        width = max(int(minor[kept].max(initial=0)) + 1, 1)
+        unique, slot = np.unique(major[kept] * width + minor[kept], return_inverse=True)
+        majors = int(shape[0])
+        self._shape = shape
+        self._indices = (unique % width).astype(np.int32)
+        self._indptr = np.searchsorted(unique // width, np.arange(majors + 1)).astype(np.int32)
+        order = np.argsort(slot.ravel(), kind="stable")
+        starts = np.searchsorted(slot.ravel()[order], np.arange(len(unique) + 1))
+        self._sum = sparse.csr_matrix(
+            (np.ones(len(kept)), kept[order], starts), shape=(len(unique), len(major))
+        )
+
+    def matrix(self, entries: Any, kind: Any) -> Any:
+        """Compressed by columns (major = column; square) or by rows (major = row)."""
+        return kind((self._sum @ entries, self._indices, self._indptr), shape=self._shape)

@@ -1,0 +1,206 @@
+"""The laws that every cell solver obeys, as tests that a plugin author subclasses.
+
+.. code-block:: python
+
+    class TestMyCellSolver(CellSolverConformance):
+        @classmethod
+        def make_solver(cls):
+            return MyCellSolver()
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from porocore.cell.cell import Cell
+from porocore.cell.geometry import OrthogonalChannels
+from porocore.cell.material import NeoHookean
+from porocore.cell.mesh import MeshSettings
+from porocore.interfaces.cell import CellSolver
+from porocore.states import CellResponse, CellTangent, MacroState, Status
+
+#: Three states away from zero: diagonal, diagonal under suction, and general with shear and pressure.
+STATES = {
+    "compressed": (np.diag([0.02, -0.08, 0.03]), 0.05),
+    "stretched": (np.diag([0.10, -0.02, 0.05]), -0.04),
+    "sheared": (np.array([[0.03, 0.08, -0.02], [0.01, -0.06, 0.04], [0.0, 0.05, 0.02]]), 0.08),
+}
+RESPONSES = ("mean_grad", "potential", "stress", "fluid_volume")
+
+
+class CellSolverConformance:
+    """Subclass it, name the class ``Test…`` and give it ``make_solver``."""
+
+    #: Kept coarse; what is tested here holds on every mesh.
+    mesh = MeshSettings(size=0.2, fluid_size=0.14)
+
+    @classmethod
+    def make_solver(cls) -> CellSolver:
+        """The solver under test, with default options."""
+        raise NotImplementedError
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def solver(cls) -> CellSolver:
+        return cls.make_solver()
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def prepared(cls, solver: CellSolver) -> Any:
+        return solver.prepare(Cell(mesh=cls.mesh))
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def responses(cls, solver: CellSolver, prepared: Any) -> dict[str, CellResponse]:
+        return {name: solver.solve_one(prepared, *state) for name, state in STATES.items()}
+
+    def test_rest(self, solver: CellSolver, prepared: Any) -> None:
+        rest = solver.solve_one(prepared, np.zeros((3, 3)))
+        assert rest.status[0] == Status.converged
+        for name in ("mean_grad", "potential", "stress"):
+            assert np.abs(getattr(rest, name)).max() < 1e-13
+        assert rest.fluid_volume is not None
+        assert rest.fluid_volume[0] == pytest.approx(OrthogonalChannels().porosity, rel=5e-3)
+
+    @pytest.mark.parametrize("name", STATES)
+    def test_derivatives_are_the_slopes(
+        self, solver: CellSolver, prepared: Any, responses: dict[str, CellResponse], name: str
+    ) -> None:
+        H, p = STATES[name]
+        at = responses[name]
+        rng = np.random.default_rng(1)
+        dH, dp = rng.normal(size=(3, 3)), rng.normal()
+        if name != "sheared":
+            dH = np.diag(np.diag(dH))
+        h = 1e-3
+        steps = [solver.solve_one(prepared, H + k * h * dH, p + k * h * dp) for k in (-2, -1, 1, 2)]
+        for response, slope in _slopes(at, dH, dp).items():
+            values = [getattr(step, response)[0] for step in steps]
+            difference = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * h)
+            assert np.abs(difference - slope).max() < 1e-6 * np.abs(slope).max(), response
+
+    def test_shear_derivatives_of_a_diagonal_state(
+        self, solver: CellSolver, prepared: Any, responses: dict[str, CellResponse]
+    ) -> None:
+        H, p = STATES["compressed"]
+        h, dH = 1e-3, np.zeros((3, 3))
+        dH[0, 1], dH[2, 0] = 1.0, -0.5
+        steps = [solver.solve_one(prepared, H + k * h * dH, p) for k in (-2, -1, 1, 2)]
+        for response, slope in _slopes(responses["compressed"], dH, 0.0).items():
+            if response in ("potential", "fluid_volume"):
+                continue  # even in shear, so their slope vanishes
+            values = [getattr(step, response)[0] for step in steps]
+            difference = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * h)
+            assert np.abs(difference - slope).max() < 1e-6 * np.abs(slope).max(), response
+
+    @pytest.mark.parametrize("name", STATES)
+    def test_reciprocity(self, responses: dict[str, CellResponse], name: str) -> None:
+        tangent = responses[name].tangent
+        assert tangent is not None
+        A = tangent.stress_grad_u.reshape(9, 9)  # type: ignore[union-attr]
+        assert np.abs(A - A.T).max() < 1e-9 * np.abs(A).max()
+        np.testing.assert_allclose(tangent.stress_p, -tangent.fluid_volume_grad_u, rtol=0, atol=1e-9)  # type: ignore[operator]
+
+    def test_uniform_pressure_identity(self, solver: CellSolver, prepared: Any) -> None:
+        tangent = solver.solve_one(prepared, np.zeros((3, 3))).tangent
+        assert tangent is not None
+        assert tangent.mean_grad_grad_u is not None
+        assert tangent.mean_grad_p is not None
+        M, Q = tangent.mean_grad_grad_u[0], tangent.mean_grad_p[0]
+        expected = (1 - 2 * NeoHookean().poisson_ratio) * (M[1, 1, 1, 1] + 2 * M[1, 1, 0, 0])
+        np.testing.assert_allclose(np.diag(Q), expected, rtol=1e-6)
+
+    def test_cubic_symmetry(self, solver: CellSolver, prepared: Any) -> None:
+        tangent = solver.solve_one(prepared, np.zeros((3, 3))).tangent
+        assert tangent is not None
+        M = tangent.mean_grad_grad_u[0]  # type: ignore[index]
+        for i, j in ((0, 1), (1, 2), (2, 0)):
+            assert M[i, i, i, i] == pytest.approx(M[j, j, j, j], rel=1e-8)
+            assert M[i, i, j, j] == pytest.approx(M[j, j, i, i], rel=1e-8)
+            assert M[i, j, i, j] == pytest.approx(M[0, 1, 0, 1], rel=1e-8)
+
+    def test_objectivity(self, solver: CellSolver, prepared: Any, responses: dict[str, CellResponse]) -> None:
+        H, p = STATES["sheared"]
+        R = Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix()
+        turned = solver.solve_one(prepared, R @ (np.eye(3) + H) - np.eye(3), p)
+        straight = responses["sheared"]
+        assert turned.potential[0] == pytest.approx(straight.potential[0], rel=1e-9)  # type: ignore[index]
+        assert turned.fluid_volume[0] == pytest.approx(straight.fluid_volume[0], rel=1e-9)  # type: ignore[index]
+        np.testing.assert_allclose(turned.stress[0], R @ straight.stress[0], atol=1e-10)  # type: ignore[index]
+        np.testing.assert_allclose(turned.mean_grad[0], R @ straight.mean_grad[0], atol=1e-10)
+
+    @pytest.mark.parametrize("name", ["compressed", "stretched"])
+    def test_eighth_and_whole_cell_agree(
+        self, solver: CellSolver, responses: dict[str, CellResponse], name: str
+    ) -> None:
+        whole = solver.solve_one(solver.prepare(Cell(mesh=self.mesh, symmetry="none")), *STATES[name])
+        eighth = responses[name]
+        for response in RESPONSES:
+            np.testing.assert_allclose(getattr(whole, response), getattr(eighth, response), atol=1e-8)
+        for field in fields(CellTangent):
+            np.testing.assert_allclose(
+                getattr(whole.tangent, field.name), getattr(eighth.tangent, field.name), atol=1e-8
+            )
+
+    def test_conductivity(self, solver: CellSolver, prepared: Any) -> None:
+        K = solver.conductivity(prepared)
+        np.testing.assert_allclose(K, K.T, atol=1e-8 * K.max())
+        assert (np.linalg.eigvalsh(K) > 0).all()
+        whole = solver.conductivity(solver.prepare(Cell(mesh=self.mesh, symmetry="none")))
+        np.testing.assert_allclose(whole, K, atol=1e-8 * K.max())
+
+    def test_conductivity_of_a_straight_channel(self, solver: CellSolver) -> None:
+        r = 0.15
+        cell = Cell(geometry=OrthogonalChannels(radius=r, axes="z"), mesh=self.mesh, viscosity=0.5)
+        K = solver.conductivity(solver.prepare(cell))
+        assert K[2, 2] == pytest.approx(np.pi * r**4 / 8 / 0.5, rel=1e-2)
+        assert abs(K[0, 0]) < 1e-3 * K[2, 2]
+
+    def test_a_failed_state_does_not_take_the_others_along(self, solver: CellSolver, prepared: Any) -> None:
+        H = np.zeros((4, 3, 3))
+        H[1, 1, 1], H[2, 1, 1], H[3, 1, 1] = -0.4, -1.2, -0.1
+        batch = solver.solve(prepared, MacroState(H, np.zeros(4)), fields=True)
+        assert [Status(s) for s in batch.response.status] == [
+            Status.converged,
+            Status.overlap,
+            Status.inverted,
+            Status.converged,
+        ]
+        for name in RESPONSES:
+            values = getattr(batch.response, name)
+            assert np.isnan(values[1:3]).all()
+            assert np.isfinite(values[[0, 3]]).all()
+        assert batch.fields is not None
+        assert [field is None for field in batch.fields] == [False, True, True, False]
+
+    def test_a_start_changes_the_way_and_not_the_answer(self, solver: CellSolver, prepared: Any) -> None:
+        near = solver.solve(prepared, MacroState.single(np.diag([0, -0.12, 0]), 0.1), fields=True)
+        assert near.fields is not None
+        target = MacroState.single(np.diag([0, -0.14, 0]), 0.1)
+        warm = solver.solve(prepared, target, start=near.fields).response
+        cold = solver.solve(prepared, target).response
+        for name in RESPONSES:
+            np.testing.assert_allclose(getattr(warm, name), getattr(cold, name), atol=1e-9)
+
+
+def _slopes(at: CellResponse, dH: Any, dp: float) -> dict[str, Any]:
+    """Directional derivative of each response."""
+    t = at.tangent
+    assert t is not None
+
+    def along(by_H: Any, by_p: Any) -> Any:
+        return np.tensordot(by_H[0], dH, axes=2) + by_p[0] * dp
+
+    assert at.stress is not None
+    assert at.fluid_volume is not None
+    return {
+        "mean_grad": along(t.mean_grad_grad_u, t.mean_grad_p),
+        "stress": along(t.stress_grad_u, t.stress_p),
+        "fluid_volume": along(t.fluid_volume_grad_u, t.fluid_volume_p),
+        "potential": along(at.stress, -at.fluid_volume),
+    }
