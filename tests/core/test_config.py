@@ -1,11 +1,13 @@
 """Configurations: what is accepted, what identifies a stage, and how faults are told."""
 
+import tomllib
 from pathlib import Path
 
 import pytest
 import yaml
 
-from porocore.benchmark import benchmark_path
+from porocore import benchmark
+from porocore.benchmark import NAME, benchmark_path
 from porocore.config import InputName, RunConfig, differences, load_config
 from porocore.errors import ConfigurationError
 from porocore.inputs import NAMES
@@ -69,6 +71,17 @@ def test_the_second_example_differs_in_the_radius_alone():
 
 def test_the_packaged_benchmark_is_the_example():
     assert load_config(benchmark_path()) == load_config(BENCHMARK)
+    build = tomllib.loads((EXAMPLES.parent / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]
+    packaged = build["build"]["targets"]["wheel"]["force-include"]
+    assert packaged == {f"examples/{NAME}": f"porocore/data/{NAME}"}
+
+
+def test_an_installed_package_uses_its_own_copy(tmp_path, monkeypatch):
+    monkeypatch.setattr(benchmark, "__file__", str(tmp_path / "porocore" / "benchmark.py"))
+    copy = tmp_path / "porocore" / "data" / NAME
+    copy.parent.mkdir(parents=True)
+    copy.write_bytes(BENCHMARK.read_bytes())
+    assert benchmark_path() == copy
 
 
 def test_the_resolved_configuration_is_complete_and_loads_to_the_same(tmp_path):
