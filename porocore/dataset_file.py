@@ -20,15 +20,13 @@ import h5py
 import numpy as np
 
 from porocore.errors import ConfigurationError, DataError
-from porocore.files import atomic_path
+from porocore.hdf5 import atomic_hdf5
 from porocore.inputs import InputSpace
 from porocore.interfaces.cell import CellField
 from porocore.records import Record, build_response, flatten_response
 from porocore.states import Array, CellResponse, MacroState
 
 FORMAT, VERSION = "porocore-dataset", 1
-#: Files that any HDF5 since 1.10 reads; older layouts would double the size of a single row.
-LIBVER = ("v110", "v110")
 CHUNK_NODES = 1024
 TEXT = h5py.string_dtype()
 
@@ -94,13 +92,8 @@ def write_block(path: Path, header: Header, block: Block, fields: Iterable[CellF
     RunFolderError
         The disk is full or read-only.
     """
-    with atomic_path(path) as part:
-        try:
-            with h5py.File(part, "w", libver=LIBVER) as file:
-                _write(file, header, block, fields)
-        except RuntimeError as error:
-            # How h5py reports what the operating system refuses while it closes a file.
-            raise OSError(str(error)) from error
+    with atomic_hdf5(path) as file:
+        _write(file, header, block, fields)
 
 
 def _write(file: Any, header: Header, block: Block, fields: Iterable[CellField | None]) -> None:

@@ -109,7 +109,7 @@ class CellPool:
                 self._running[self._executor.submit(_solve_in_worker, key, state, start)] = key
                 self._processes |= set(active_children()) - others
         except BrokenProcessPool as error:
-            raise self._broken(key) from error
+            raise self._broken() from error
 
     def wait(self) -> Outcome:
         """The next finished state; blocks until there is one.
@@ -128,7 +128,7 @@ class CellPool:
         try:
             outcome = future.result()
         except BrokenProcessPool as error:
-            raise self._broken(*self._running.values()) from error
+            raise self._broken() from error
         return self._checked(self._running.pop(future), outcome)
 
     def finish_running(self) -> Iterator[Outcome]:
@@ -172,10 +172,10 @@ class CellPool:
         error.add_note(outcome.details)
         raise error
 
-    @staticmethod
-    def _broken(*keys: str) -> PorocoreError:
+    def _broken(self) -> PorocoreError:
+        lost = [repr(key) for future, key in self._running.items() if not future.done() or future.exception()]
         return PorocoreError(
-            f"a worker process died while solving {' or '.join(repr(key) for key in keys)} (out of memory, "
+            f"a worker process died while solving {' or '.join(lost)} (out of memory, "
             "or killed); finished states are kept: resume with fewer workers or a coarser mesh"
         )
 

@@ -1,0 +1,124 @@
+"""A cell in closed form, for worker processes to import; as a script it samples into a file until it is done.
+
+<∇u¹> is smooth in H22 and p, a region has no solution, and u¹ and W depend a little on the start, so that a
+wrong start shows. It can be slow, log each solve, raise, and die.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.dataset import Dataset
+from porocore.execution import CellPool
+from porocore.inputs import InputSpace
+from porocore.interfaces.cell import CellField, CellSolution, CellSolver
+from porocore.sampling.campaign import run_campaign
+from porocore.sampling.density import DensitySweep
+from porocore.states import CellPeaks, CellResponse, CellTangent, MacroState, Status
+
+INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))
+IDENTITY = "fake-1"
+OPTIONS = {"step": {"p": 0.1, "H22": 0.1}, "tolerance": 0.05}
+
+
+@dataclass(frozen=True)
+class Fake:
+    """What the cell does."""
+
+    sleep: float = 0.0
+    log: str = ""
+    #: Below this H22 + p there is no solution.
+    edge: float = -0.27
+    #: p at which the solver raises an exception, or the process dies.
+    raise_at: float | None = None
+    die_at: float | None = None
+    nodes: int = 7
+
+
+def mean_gradient(H22: float, p: float) -> np.ndarray:
+    """<∇u¹> in closed form."""
+    g = np.zeros((3, 3))
+    g[1, 1] = -0.23 * H22 / (1 + 2 * H22) - 0.114 * p * (1 + H22)
+    g[0, 0] = g[2, 2] = -0.075 * H22 + 0.02 * H22**2 - 0.114 * p
+    return g
+
+
+class FakeCellSolver(CellSolver):
+    """See the module."""
+
+    def __init__(self, fake: Fake) -> None:
+        self.fake = fake
+
+    def prepare(self, cell: Any) -> Fake:
+        return self.fake
+
+    def conductivity(self, prepared: Any) -> np.ndarray:
+        return np.eye(3)
+
+    def solve(
+        self,
+        prepared: Fake,
+        states: MacroState,
+        *,
+        start: Sequence[CellField | None] | None = None,
+        tangent: bool = True,
+        fields: bool = False,
+    ) -> CellSolution:
+        assert len(states) == 1
+        H22, p = float(states.grad_u[0, 1, 1]), float(states.p[0])
+        if prepared.log:
+            with open(prepared.log, "a") as file:
+                file.write(f"{os.getpid()} {os.environ.get('OMP_NUM_THREADS')} {p:+.10f} {H22:+.10f}\n")
+        if prepared.raise_at is not None and abs(p - prepared.raise_at) < 1e-9:
+            raise ArithmeticError("a pivot vanished")
+        if prepared.die_at is not None and abs(p - prepared.die_at) < 1e-9:
+            os._exit(9)
+        time.sleep(prepared.sleep)
+        if H22 + p < prepared.edge:
+            return CellSolution(response(np.full((3, 3), np.nan), np.nan, Status.overlap), [None])
+        before = start[0] if start else None
+        u = np.sin(np.outer(np.arange(1, prepared.nodes + 1), [1, 2, 3]) * (H22 + 1.3 * p))
+        u = u / 3 + 1e-3 * before.u if before is not None else u / 3
+        field = CellField(states.grad_u[0].copy(), p, "eighth", u)
+        g = mean_gradient(H22, p)
+        return CellSolution(response(g, H22**2 - p + 1e-9 * u.sum(), Status.converged), [field])
+
+
+def response(g: np.ndarray, W: float, status: Status) -> CellResponse:
+    """One row in which every part is provided."""
+    seed = np.arange(81.0).reshape(1, 3, 3, 3, 3) * W
+    return CellResponse(
+        mean_grad=g[None].copy(),
+        status=np.array([int(status)]),
+        potential=np.array([W]),
+        stress=g[None] + 1,
+        fluid_volume=np.array([0.4 + W]),
+        tangent=CellTangent(seed, g[None] - 1, seed + 1, g[None] - 2, g[None] - 3, np.array([W - 1])),
+        peaks=CellPeaks(g[None] * 2, *(np.array([W * k]) for k in (1, 2, 3, 4)), np.array([W * 0])),
+    )
+
+
+def make(fake: Fake) -> tuple[FakeCellSolver, Fake]:
+    """The factory that a pool takes."""
+    solver = FakeCellSolver(fake)
+    return solver, solver.prepare(None)
+
+
+def refuse() -> tuple[FakeCellSolver, Fake]:
+    """A factory whose cell cannot be meshed."""
+    raise ValueError("no mesh of such a cell")
+
+
+if __name__ == "__main__":
+    path, log, workers, sleep = sys.argv[1:]
+    dataset = Dataset.create_or_open(Path(path), inputs=INPUTS, identity=IDENTITY)
+    with CellPool(make, (Fake(sleep=float(sleep), log=log),), workers=int(workers)) as pool:
+        run_campaign(DensitySweep(INPUTS, **OPTIONS), pool, dataset)
