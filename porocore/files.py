@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from porocore.errors import RunFolderError
@@ -12,7 +12,7 @@ from porocore.errors import RunFolderError
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary path beside ``path`` that takes its place when the block ends well, after reaching the disk.
+    """A temporary path beside ``path`` that takes its place, once on the disk, when the block ends well.
 
     Raises
     ------
@@ -29,4 +29,5 @@ def atomic_path(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise RunFolderError(f"cannot write {path}: {error}; make room or choose another --out") from error
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # not only a missing file: the error above is the one to tell
+            part.unlink()
