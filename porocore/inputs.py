@@ -12,7 +12,7 @@ import numpy.typing as npt
 from porocore.errors import ConfigurationError
 from porocore.states import Array, MacroState
 
-NAMES = tuple(f"H{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)) + ("p",)
+NAMES = (*(f"H{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)), "p")
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,8 @@ class InputSpace:
     def moves_other(self, states: MacroState, tolerance: float = 1e-6) -> npt.NDArray[np.bool_]:
         """Rows (n,) in which a component that is no input is not zero."""
         rest = np.delete(flatten(states), self.columns, axis=1)
-        return np.abs(rest).max(axis=1, initial=0.0) > tolerance
+        moves: npt.NDArray[np.bool_] = np.abs(rest).max(axis=1, initial=0.0) > tolerance
+        return moves
 
 
 def flatten(states: MacroState) -> Array:

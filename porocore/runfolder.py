@@ -164,6 +164,16 @@ class RunFolder:
         return file
 
     @property
+    def reference(self) -> Path:
+        """The undeformed cell."""
+        return self.path / "cell.json"
+
+    @property
+    def training_curve(self) -> Path:
+        """Losses against epochs."""
+        return self.path / "training.csv"
+
+    @property
     def dataset(self) -> Path:
         """Solved states to learn from."""
         return self.path / "samples.h5"

@@ -52,14 +52,16 @@ class SampledRange:
     @staticmethod
     def _scaled(inputs: InputSpace, x: Array) -> Array:
         low, high = np.array(inputs.lower), np.array(inputs.upper)
-        return (x - low) / (high - low)
+        scaled: Array = (x - low) / (high - low)
+        return scaled
 
     def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
         """Which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
         scaled = self._scaled(self.inputs, np.atleast_2d(np.asarray(x, dtype=float)))
-        inside: npt.NDArray[np.bool_] = (scaled @ self.normals.T <= self.offsets + tolerance).all(axis=1)
-        return inside
+        return np.all(scaled @ self.normals.T <= self.offsets + tolerance, axis=1)
 
     def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
         """Which states (n,) lie outside, or move a component that was not sampled."""
-        return ~self.contains(self.inputs.gather(states)) | self.inputs.moves_other(states)
+        inside = self.contains(self.inputs.gather(states))
+        outside: npt.NDArray[np.bool_] = ~inside | self.inputs.moves_other(states)
+        return outside

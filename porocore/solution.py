@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import numpy.typing as npt
 
 from porocore.errors import DataError
+from porocore.hdf5 import atomic_hdf5
 from porocore.states import Array
 
 
@@ -88,9 +90,7 @@ class MacroSolution:
 
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically."""
-        from porocore.files import atomic_path
-
-        with atomic_path(path) as part, h5py.File(part, "w") as file:
+        with atomic_hdf5(path) as file:
             file.attrs.update(format="porocore-solution", version=1, law=self.law, load=self.load)
             file["points"], file["cells"] = self.points, self.cells
             for f in fields(History):
@@ -112,17 +112,8 @@ class MacroSolution:
             with h5py.File(path) as file:
                 if file.attrs.get("format") != "porocore-solution" or file.attrs.get("version") != 1:
                     raise DataError(f"{path}: expected a porocore solution of version 1; solve again")
-                profiles = [
-                    Profile(
-                        **{
-                            f.name: (
-                                float(group[f.name][()]) if f.name == "time" else np.asarray(group[f.name])
-                            )
-                            for f in fields(Profile)
-                        }
-                    )
-                    for _, group in sorted(file.get("profiles", {}).items(), key=lambda item: int(item[0]))
-                ]
+                groups = sorted(file.get("profiles", {}).items(), key=lambda item: int(item[0]))
+                profiles = [_read_profile(group) for _, group in groups]
                 return cls(
                     str(file.attrs["law"]),
                     float(file.attrs["load"]),
@@ -133,3 +124,8 @@ class MacroSolution:
                 )
         except (OSError, KeyError) as error:
             raise DataError(f"{path}: not a complete porocore solution ({error}); solve again") from error
+
+
+def _read_profile(group: Any) -> Profile:
+    arrays = {f.name: np.asarray(group[f.name]) for f in fields(Profile) if f.name != "time"}
+    return Profile(time=float(group["time"][()]), **arrays)

@@ -22,14 +22,14 @@ PLUGINS = sorted(path.parent for path in (ROOT / "plugins").glob("*/porocore_*/_
 LAYERS = (
     (
         "foundation",
-        ("errors", "files", "states", "inputs", "sampled_range", "cell", "laws", "problem", "solution"),
+        ("errors", "files", "states", "inputs", "sampled_range", "cell", "laws", "problem", "solution", "hdf5"),
     ),
     ("interfaces", ("interfaces",)),
     ("hooks", ("hookspecs",)),
     ("work", ()),
     ("choice", ("registry", "config")),
     ("run", ("runfolder",)),
-    ("pipeline", ("pipeline",)),
+    ("pipeline", ("pipeline", "summary")),
     ("command line", ("cli",)),
 )
 WORK = [name for name, _ in LAYERS].index("work")

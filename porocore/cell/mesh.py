@@ -73,7 +73,8 @@ class CellMesh:
         _, first, count = np.unique(
             np.sort(facets[:, :3], axis=1), axis=0, return_index=True, return_counts=True
         )
-        return facets[first[count == 1]]
+        boundary: npt.NDArray[np.int64] = facets[first[count == 1]]
+        return boundary
 
     @cached_property
     def wall(self) -> npt.NDArray[np.int64]:

@@ -25,7 +25,7 @@ def wedge_to_eighth(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array,
         points[on_plane, i] = points[on_plane, j]
     images = []
     for order in permutations(range(3)):
-        odd = np.linalg.det(np.eye(3)[list(order)]) < 0
+        odd = bool(np.linalg.det(np.eye(3)[list(order)]) < 0)
         images.append((points[:, order], odd))
     return _merge(images, cells)
 
@@ -33,7 +33,7 @@ def wedge_to_eighth(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array,
 def eighth_to_whole(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array, npt.NDArray[np.int64]]:
     """Images of [0, ½]³ under the eight sign changes of the coordinates."""
     points = snap(points, [0.0, 0.5])
-    images = [(points * signs, np.prod(signs) < 0) for signs in product((1.0, -1.0), repeat=3)]
+    images = [(points * signs, bool(np.prod(signs) < 0)) for signs in product((1.0, -1.0), repeat=3)]
     return _merge(images, cells)
 
 

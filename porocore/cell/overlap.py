@@ -36,7 +36,7 @@ DEPTH = 0.02
 
 
 def mirror_gap(mesh: CellMesh, grad_u: Array, u: Array) -> float:
-    """Smallest distance of the deformed wall to a mirror plane of the eighth, relative to its undeformed distance.
+    """Smallest distance of the deformed wall to a mirror plane of the eighth, relative to the undeformed one.
 
     1 in the undeformed state; negative: the wall has passed through the plane. The wall is examined at a
     grid of points on every facet, since a crease begins as a fold within the facets next to the plane.
@@ -65,7 +65,7 @@ def mirror_gap(mesh: CellMesh, grad_u: Array, u: Array) -> float:
 
 @lru_cache(maxsize=8)
 def _wall_points(mesh: CellMesh) -> tuple[Array, Array]:
-    """Grid points on the wall's facets (points, 3), and the shape functions (samples, 3 or 6) that give them."""
+    """Grid points on the wall's facets (points, 3), and their shape functions (samples, 3 or 6)."""
     n = FACET_GRID
     grid = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)]) / n
     a, b, c = grid.T
@@ -116,6 +116,6 @@ def _depth(corners: Array, points: Array) -> npt.NDArray[np.float64]:
     flat = np.abs(np.linalg.det(edges)) < 1e-14
     edges[flat] = np.eye(3)
     inner = np.linalg.solve(edges, (points - corners[:, 0])[:, :, None])[:, :, 0]
-    depth = np.minimum(inner.min(axis=1), 1 - inner.sum(axis=1))
+    depth: npt.NDArray[np.float64] = np.minimum(inner.min(axis=1), 1 - inner.sum(axis=1))
     depth[flat] = -1.0
     return depth

@@ -1,7 +1,7 @@
 """The application, and how an error becomes one message and an exit status.
 
-Exit status: 0 done, 1 the state of ``porocore cell`` has no solution, 2 an error that the message explains,
-130 interrupted. A traceback with status 1 is a bug in porocore or in a plugin.
+Exit status: 0 done, 2 an error that the message explains, 130 interrupted.
+A traceback with status 1 is a bug in porocore or in a plugin.
 """
 
 from __future__ import annotations

@@ -89,6 +89,16 @@ def run_campaign(
     return campaign.summary()
 
 
+def is_complete(sampler: Sampler, dataset: Dataset) -> bool:
+    """Whether ``dataset`` holds every state that a fresh ``sampler`` asks for."""
+    while requests := sampler.ask():
+        for request in requests:
+            if request.key not in dataset:
+                return False
+            sampler.tell(request.key, dataset.response(request.key))
+    return sampler.done
+
+
 class _Campaign:
     def __init__(
         self,

@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+
 from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.states import CellResponse, MacroState, Status
-
 from porocore_fem_skfem.newton import Equilibrium, follow, undeformed
 from porocore_fem_skfem.responses import failed, respond
 from porocore_fem_skfem.solid import SolidProblem

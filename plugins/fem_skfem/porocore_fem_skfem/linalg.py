@@ -131,7 +131,7 @@ def choose_factor(
     if solver == "superlu":
         return SuperLUFactor(indptr, indices)
     raise ConfigurationError(
-        f"fem.options.solver: expected auto, pardiso, superlu or amg (which needs pip install pyamg), got '{solver}'"
+        f"fem.options.solver: expected auto, pardiso, superlu or amg (pip install pyamg), got '{solver}'"
     )
 
 

@@ -122,7 +122,7 @@ def make_space(problem: MacroProblem) -> Space:
         cells,
         p_basis.element_dofs.T.astype(np.int64),
         _vtk_order(points, cells),
-        _reference(u_basis, p_basis, points[cells[0]]),
+        _reference(u_basis, p_basis),
         prescribed,
         values,
         force,
@@ -130,18 +130,18 @@ def make_space(problem: MacroProblem) -> Space:
     )
 
 
-def _reference(u_basis: Any, p_basis: Any, nodes: Any) -> Reference:
-    """From the first element; ``nodes`` (27, 3) are its nodes."""
+def _reference(u_basis: Any, p_basis: Any) -> Reference:
+    """From the first element."""
     grad = [
         np.stack([b.basis[a][0].grad[:, 0].T for a in range(b.Nbfun)], axis=1) for b in (u_basis, p_basis)
     ]
-    local = ((nodes - nodes.min(axis=0)) / np.ptp(nodes, axis=0)).T
+    nodes = ElementHex2().doflocs.T  # in the element's own coordinates, which need not run along x, y, z
     return Reference(
         weights=u_basis.dx[0].copy(),
         grad_u=grad[0],
-        p=np.stack([p_basis.basis[a][0].value[0] for a in range(p_basis.Nbfun)], axis=1),
+        p=np.stack([np.asarray(p_basis.basis[a][0])[0] for a in range(p_basis.Nbfun)], axis=1),
         grad_p=grad[1],
-        p_at_nodes=np.stack([ElementHex1().lbasis(local, a)[0] for a in range(p_basis.Nbfun)], axis=1),
+        p_at_nodes=np.stack([ElementHex1().lbasis(nodes, a)[0] for a in range(p_basis.Nbfun)], axis=1),
     )
 
 
@@ -208,5 +208,5 @@ def _neumann(problem: MacroProblem, mesh: MeshHex, nodes: int, p_nodes: int) -> 
 def _face_integrals(mesh: MeshHex, element: Any, facets: Any) -> Any:
     """∫ N dS over the facets, for each node."""
     basis = FacetBasis(mesh, element, facets=facets, intorder=INTEGRATION_ORDER)
-    local = np.stack([(basis.basis[a][0].value * basis.dx).sum(axis=1) for a in range(basis.Nbfun)])
+    local = np.stack([(np.asarray(basis.basis[a][0]) * basis.dx).sum(axis=1) for a in range(basis.Nbfun)])
     return np.bincount(basis.element_dofs.ravel(), local.ravel(), minlength=basis.N)

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from porocore.cell.overlap import mirror_gap, walls_overlap
 from porocore.states import Status
-
 from porocore_fem_skfem.linalg import FactorError, conjugate_gradients
 from porocore_fem_skfem.solid import Constraints, Point, SolidProblem
 
@@ -168,7 +168,7 @@ def _force_scale(problem: SolidProblem, stress: Any) -> Any:
 
 
 def _direction(problem: SolidProblem, constraints: Constraints, at: Point, rhs: Any, accuracy: float) -> Any:
-    """K⁻¹ rhs as a field (3, nodes); with an indefinite K, the solution of the least shifted K that is not."""
+    """K⁻¹ rhs as a field (3, nodes); with an indefinite K, of the least shifted K that is definite."""
     entries = constraints.restrict(problem.tangent(at))
     matrix = constraints.pattern.full(entries)
     try:

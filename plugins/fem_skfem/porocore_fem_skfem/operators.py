@@ -10,11 +10,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from porocore.cell.mesh import CellMesh
 from scipy import sparse
 from skfem import ElementTetP1, ElementTetP2
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet
+
+from porocore.cell.mesh import CellMesh
 
 ELEMENTS = {4: ElementTetP1(), 10: ElementTetP2()}
 

@@ -39,7 +39,7 @@ def library() -> Any:
 
 
 class PardisoFactor(SymmetricFactor):
-    """LDLᵀ with Bunch–Kaufman pivoting, analysed once for a pattern; factors in single precision by default."""
+    """LDLᵀ with Bunch–Kaufman pivoting, analysed once for a pattern; in single precision by default."""
 
     def __init__(self, indptr: Any, indices: Any, *, single: bool = True) -> None:
         self.n = len(indptr) - 1

@@ -1,7 +1,8 @@
 """Averages over the cell at an equilibrium, and their exact derivatives from the factorised tangent.
 
-With Π_θ the load derivative of the discrete energy and u_θ = −K⁻¹ R_θ, W_θθ = Π_θθ + R_θᵀu_θ + u_θᵀR_θ + u_θᵀK u_θ,
-whose error is of second order in that of u_θ and which is symmetric whatever that error.
+With Π_θ the load derivative of the discrete energy and u_θ = −K⁻¹ R_θ,
+W_θθ = Π_θθ + R_θᵀu_θ + u_θᵀR_θ + u_θᵀK u_θ, whose error is of second order in that of u_θ
+and which is symmetric whatever that error.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from porocore.cell.material import cofactor, cofactor_tangent, determinant
 from porocore.states import CellPeaks, CellResponse, CellTangent, Status
-
 from porocore_fem_skfem.linalg import conjugate_gradients
 from porocore_fem_skfem.newton import Equilibrium, gap
 from porocore_fem_skfem.solid import SolidProblem

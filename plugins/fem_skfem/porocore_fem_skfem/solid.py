@@ -10,16 +10,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from porocore.cell.material import NeoHookean, cofactor, determinant
 from porocore.cell.mesh import CellMesh
-
 from porocore_fem_skfem.linalg import SymmetricFactor, SymmetricPattern, choose_factor
 from porocore_fem_skfem.operators import Operators, Scatter
 
 
 @dataclass
 class Point:
-    """The solid at one iterate: everything that energy, residual and tangent share; component-first (3, 3, points)."""
+    """Kinematics at one iterate, shared by energy, residual and tangent; component-first (3, 3, points)."""
 
     F: Any
     J: Any

@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from porocore.cell.mesh import CellMesh
-from porocore.errors import PorocoreError
 from scipy import sparse
 
+from porocore.cell.mesh import CellMesh
+from porocore.errors import PorocoreError
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate_gradients
 from porocore_fem_skfem.operators import Operators, Scatter
 

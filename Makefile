@@ -1,0 +1,30 @@
+# `make run` does the main job, `make test` runs all tests; both share .venv.
+
+PORO := .venv/bin/porocore
+RUN ?= runs/dehghani2022
+
+.PHONY: run test test-slow lint benchmarks clean
+
+run: .venv/.ready-run
+	$(PORO) run --out $(RUN) --resume
+
+test: .venv/.ready-test
+	sh tools/test.sh
+
+# Everything, the tests marked slow included.
+test-slow: .venv/.ready-test
+	sh tools/test.sh --run-slow
+
+lint: .venv/.ready-test
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy
+
+benchmarks: .venv/.ready-test
+	.venv/bin/python benchmarks/run.py
+
+.venv/.ready-%: tools/setup.sh constraints.txt pyproject.toml $(wildcard plugins/*/pyproject.toml)
+	sh tools/setup.sh $*
+
+clean:
+	rm -rf .venv runs

@@ -1,0 +1,288 @@
+"""A whole study, stage by stage: cell → samples → surrogate → macro solutions → report.
+
+Each stage reads the files of the one before from the run folder, continues where an earlier process
+stopped, and adds its wall time to the folder's record.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.closures import CLOSURES, ClosedLaw
+from porocore.config import RunConfig
+from porocore.console import Console
+from porocore.dataset import Dataset
+from porocore.errors import DataError
+from porocore.execution import CellPool
+from porocore.files import atomic_path
+from porocore.interfaces.cell import CellSolver
+from porocore.interfaces.sampler import Sampler
+from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
+from porocore.laws import MacroLaw
+from porocore.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.reference import CellReference
+from porocore.registry import registry
+from porocore.runfolder import RunFolder, versions
+from porocore.sampling.campaign import CampaignSummary, Progress, is_complete, run_campaign
+from porocore.sampling.random_states import RandomStates
+from porocore.solution import MacroSolution, StepReport
+from porocore.states import MacroState, Status
+
+
+def run(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
+    """All stages; returns the path of the report."""
+    sample(folder, config, console=console)
+    train(folder, config, console=console)
+    solve(folder, config, console=console)
+    return report(folder, config, console=console)
+
+
+def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
+    """Solve the undeformed cell, the sampler's states, and the held-out random states."""
+    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
+    inputs = config.sampling.input_space()
+    sampler = _sampler(config)
+    if not folder.reference.exists():
+        with _timed(folder, "cell"):
+            reference = CellReference.compute(solver, prepared, config.cell, config.stages.cell)
+            reference.save(folder.reference)
+    reference = _reference(folder, config)
+    console.note(f"cell: porosity {reference.porosity:.4f}, K_11 {reference.conductivity[0, 0]:.4f}")
+    held_out = RandomStates(inputs, count=config.sampling.test.count, seed=config.sampling.test.seed)
+    provenance = {"config": config.resolved_yaml(), **versions(), **reference.mesh}
+    stages = [
+        ("sampling", sampler, folder.dataset, config.stages.sampling),
+        ("held-out states", held_out, folder.test_dataset, config.stages.test),
+    ]
+    arguments = (config.fem.backend, config.fem.options, config.cell)
+    with CellPool(prepare_cell, arguments, workers=config.sampling.worker_count()) as pool:
+        for title, states, path, identity in stages:
+            dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
+            with _timed(folder, title):
+                _campaign(title, states, pool, dataset, console)
+
+
+def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
+    """Fit the surrogate to the converged states, unless it was done before."""
+    if folder.surrogate.exists():
+        _load_surrogate(folder, config)
+        console.note(f"training: {folder.surrogate.name} is there already")
+        return
+    data = training_set(folder, config)
+    surrogate: Surrogate = registry().get("surrogate", config.surrogate.backend)(**config.surrogate.options)
+    with _timed(folder, "training"), console.task("training", "epochs") as task:
+        curve = _TrainingCurve(folder.training_curve)
+
+        def show(progress: TrainingProgress) -> None:
+            curve.add(progress)
+            task.update(
+                progress.epoch,
+                progress.epochs,
+                detail=f"loss {progress.loss:.2e}, validation {progress.validation_loss:.2e}",
+            )
+
+        surrogate.fit(
+            data, seed=config.surrogate.seed, checkpoint=folder.training_checkpoint, on_progress=show
+        )
+        surrogate.save(folder.surrogate)
+    folder.training_checkpoint.unlink(missing_ok=True)
+
+
+def solve(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
+    """Solve the macro problem under every load, with the closed surrogate and linearly."""
+    laws = macro_laws(folder, config)
+    solver = registry().get("macro solver", config.fem.backend)()
+    for load in config.macro.loads:
+        prepared = None
+        for name, law in laws.items():
+            path = folder.solution(name, load)
+            if path.exists():
+                console.note(f"solving: {path.name} is there already")
+                continue
+            if prepared is None:
+                prepared = solver.prepare(config.macro.problem(load))
+            checkpoint = folder.macro_checkpoint(name, load)
+            with (
+                _timed(folder, f"macro, {name}, load {load:g}"),
+                console.task(f"column, {name}, load {load:g}", "time") as task,
+            ):
+
+                def show(step: StepReport, task: Any = task) -> None:
+                    task.update(round(step.time, 6), step.end, detail=f"settlement {step.settlement:.4g}")
+
+                solution = solver.solve(prepared, law, checkpoint=checkpoint, on_step=show)
+                solution.save(path)
+            checkpoint.unlink(missing_ok=True)
+
+
+def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
+    """Write metrics.json, the files for ParaView and the page; returns the page's path."""
+    from porocore.report.html import write_report
+    from porocore.summary import gather
+    from porocore.vtk import write_vtu_series
+
+    with _timed(folder, "report"):
+        for path in folder.solutions():
+            write_vtu_series(folder.fields, path.stem, MacroSolution.load_file(path))
+        reference = _reference(folder, config)
+        coefficients = linear_coefficients(reference, config)
+        surrogate = _load_surrogate(folder, config)
+        context, metrics = gather(folder, config, reference, coefficients, surrogate, _timings(folder))
+        write_report(folder.report, context)
+    metrics["stages"] = _timings(folder)
+    with atomic_path(folder.metrics) as part:
+        part.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    return folder.report
+
+
+def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
+    """One state of the cell with everything that a solve returns, as nested dictionaries of arrays."""
+    began = time.perf_counter()
+    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
+    conductivity = solver.conductivity(prepared)
+    rest = solver.solve(prepared, MacroState.zeros(1), tangent=False).response
+    ready = time.perf_counter()
+    response = solver.solve_one(prepared, grad_u, p)
+    assert rest.fluid_volume is not None
+    assert response.tangent is not None
+    assert response.peaks is not None
+    return {
+        "porosity": float(rest.fluid_volume[0]),
+        "conductivity": conductivity,
+        "status": Status(int(response.status[0])).name,
+        "mean_grad": response.mean_grad[0],
+        "stress": None if response.stress is None else response.stress[0],
+        "fluid_volume": None if response.fluid_volume is None else response.fluid_volume[0],
+        "potential": None if response.potential is None else response.potential[0],
+        "tangent": {name: value[0] for name, value in vars(response.tangent).items() if value is not None},
+        "peaks": {name: value[0] for name, value in vars(response.peaks).items()},
+        "seconds": {"set_up": ready - began, "solve": time.perf_counter() - ready},
+    }
+
+
+def prepare_cell(backend: str, options: dict[str, Any], cell: Cell) -> tuple[CellSolver, Any]:
+    """A cell solver and what it has prepared; worker processes call this once."""
+    solver: CellSolver = registry().get("cell solver", backend)(**options)
+    return solver, solver.prepare(cell)
+
+
+def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
+    """The converged states of the run.
+
+    Raises
+    ------
+    DataError
+        There are too few of them.
+    """
+    inputs = config.sampling.input_space()
+    dataset = Dataset.open(folder.dataset, inputs=inputs, identity=config.stages.sampling)
+    if not is_complete(_sampler(config), dataset):
+        raise DataError(
+            f"{folder.dataset}: sampling was interrupted and is not finished; run porocore sample {folder.path}"
+        )
+    responses = dataset.responses()
+    good = np.flatnonzero(responses.status == Status.converged)
+    if len(good) <= 2 * len(dataset.inputs) + 1:
+        raise DataError(
+            f"{folder.dataset}: only {len(good)} of {len(dataset)} states converged, too few to train on; "
+            "widen the ranges or refine the steps in sampling.inputs"
+        )
+    return TrainingSet(
+        dataset.states()[good],
+        responses[good],
+        dataset.inputs,
+        _reference(folder, config).response,
+        config.stages.cell,
+        versions(),
+    )
+
+
+def macro_laws(folder: RunFolder, config: RunConfig) -> dict[str, MacroLaw]:
+    """The two laws of a run by name: the closed surrogate, and linear poroelasticity of the same cell."""
+    reference = _reference(folder, config)
+    closure = CLOSURES[config.closure](reference.solid_fraction, config.cell.material, reference.conductivity)
+    surrogate = _load_surrogate(folder, config)
+    closed = ClosedLaw(surrogate, closure, identity=config.stages.training)
+    return {config.closure: closed, "linear": LinearPoroelasticity(linear_coefficients(reference, config))}
+
+
+def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
+    """Of the run's cell."""
+    return LinearCoefficients.from_reference(
+        reference.response, reference.solid_fraction, config.cell.material, reference.conductivity
+    )
+
+
+def _sampler(config: RunConfig) -> Sampler:
+    sampler: Sampler = registry().get("sampler", config.sampling.sampler)(
+        config.sampling.input_space(), **config.sampling.sampler_options()
+    )
+    return sampler
+
+
+def _reference(folder: RunFolder, config: RunConfig) -> CellReference:
+    return CellReference.load(folder.require(folder.reference, "sample"), config.stages.cell)
+
+
+def _load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
+    path = folder.require(folder.surrogate, "train")
+    surrogate: Surrogate = registry().get("surrogate", config.surrogate.backend).load(path)
+    if surrogate.identity != config.stages.cell:
+        raise DataError(
+            f"{path}: trained for another cell (identity {surrogate.identity}, expected {config.stages.cell}); "
+            f"delete it and run porocore train {folder.path}"
+        )
+    return surrogate
+
+
+def _campaign(
+    title: str, sampler: Sampler, pool: CellPool, dataset: Dataset, console: Console
+) -> CampaignSummary:
+    with console.task(title, "states") as task:
+
+        def show(progress: Progress) -> None:
+            detail = "stopping after the running solves" if progress.stopping else ""
+            task.update(progress.done, progress.expected, failed=progress.failed, detail=detail)
+
+        return run_campaign(sampler, pool, dataset, on_progress=show)
+
+
+class _TrainingCurve:
+    """Losses in a CSV file; a resumed training goes on below the rows that were written before."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        if not path.exists():
+            path.write_text("epoch,loss,validation_loss\n", encoding="utf-8")
+
+    def add(self, progress: TrainingProgress) -> None:
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(f"{progress.epoch},{progress.loss:.6e},{progress.validation_loss:.6e}\n")
+
+
+@contextmanager
+def _timed(folder: RunFolder, stage: str) -> Iterator[None]:
+    """Add the block's wall time to what the stage has taken so far, also when it is interrupted."""
+    began = time.perf_counter()
+    try:
+        yield
+    finally:
+        timings = _timings(folder)
+        timings[stage] = timings.get(stage, 0.0) + time.perf_counter() - began
+        with atomic_path(folder.timings) as part:
+            part.write_text(json.dumps(timings, indent=2) + "\n", encoding="utf-8")
+
+
+def _timings(folder: RunFolder) -> dict[str, float]:
+    if not folder.timings.exists():
+        return {}
+    timings: dict[str, float] = json.loads(folder.timings.read_text(encoding="utf-8"))
+    return timings

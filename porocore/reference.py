@@ -1,0 +1,131 @@
+"""The undeformed cell: what every later stage needs of it besides the samples."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.errors import DataError, PorocoreError
+from porocore.files import atomic_path
+from porocore.interfaces.cell import CellSolver
+from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
+
+FORMAT, VERSION = "porocore-reference", 1
+
+
+@dataclass(frozen=True, eq=False)
+class CellReference:
+    """Response at H = 0, p = 0 with its tangent (one row), conductivity and phase fractions.
+
+    Attributes
+    ----------
+    identity
+        Hash of the cell and of the backend's settings.
+    response
+        One row; its tangent holds M and Q of the linear limit.
+    conductivity : (3, 3)
+        K with the cell's viscosity.
+    mesh
+        Facts on the meshes, name to text.
+    """
+
+    identity: str
+    response: CellResponse
+    conductivity: Array
+    mesh: dict[str, str]
+
+    @property
+    def porosity(self) -> float:
+        """φ_f of the mesh that the responses belong to."""
+        assert self.response.fluid_volume is not None
+        return float(self.response.fluid_volume[0])
+
+    @property
+    def solid_fraction(self) -> float:
+        """φ_s = 1 − φ_f."""
+        return 1 - self.porosity
+
+    @classmethod
+    def compute(cls, solver: CellSolver, prepared: Any, cell: Cell, identity: str) -> CellReference:
+        """Solve both cell problems at rest.
+
+        Raises
+        ------
+        PorocoreError
+            The undeformed cell has no solution, which a mesh or backend fault must cause.
+        """
+        response = solver.solve(prepared, MacroState.zeros(1)).response
+        if response.status[0] != Status.converged:
+            raise PorocoreError(
+                f"the undeformed cell ended with status '{Status(response.status[0]).name}'; "
+                "refine the mesh (cell.mesh.size) or try another backend (--fem)"
+            )
+        solid, fluid = cell.make_mesh("solid", "eighth"), cell.make_mesh("fluid", "eighth")
+        mesh = {
+            "element": cell.mesh.element,
+            "solid tetrahedra in the eighth": f"{len(solid.cells):,}",
+            "solid nodes in the eighth": f"{len(solid.points):,}",
+            "fluid tetrahedra in the eighth": f"{len(fluid.cells):,}",
+            "solid mesh hash": solid.hash,
+            "fluid mesh hash": fluid.hash,
+        }
+        return cls(identity, response, solver.conductivity(prepared), mesh)
+
+    def save(self, path: Path) -> None:
+        """Write one JSON file, atomically."""
+        response = self.response
+        assert response.tangent is not None
+        document = {
+            "format": FORMAT,
+            "version": VERSION,
+            "identity": self.identity,
+            "conductivity": self.conductivity.tolist(),
+            "mesh": self.mesh,
+            "mean_grad": response.mean_grad.tolist(),
+            "potential": _listed(response.potential),
+            "stress": _listed(response.stress),
+            "fluid_volume": _listed(response.fluid_volume),
+            "tangent": {f.name: _listed(getattr(response.tangent, f.name)) for f in fields(CellTangent)},
+        }
+        with atomic_path(path) as part:
+            part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: Path, identity: str) -> CellReference:
+        """Read what :meth:`save` wrote.
+
+        Raises
+        ------
+        DataError
+            The file is damaged or belongs to another cell.
+        """
+        advice = "delete it and run porocore sample on the folder again"
+        try:
+            document = json.loads(path.read_text(encoding="utf-8"))
+            if (document["format"], document["version"]) != (FORMAT, VERSION):
+                raise DataError(f"{path}: expected {FORMAT} version {VERSION}; {advice}")
+            if document["identity"] != identity:
+                raise DataError(f"{path}: belongs to another cell ({document['identity']}); {advice}")
+            arrays = {name: _array(document[name]) for name in ("potential", "stress", "fluid_volume")}
+            response = CellResponse(
+                mean_grad=np.array(document["mean_grad"]),
+                status=np.array([Status.converged], dtype=np.int64),
+                tangent=CellTangent(**{name: _array(value) for name, value in document["tangent"].items()}),
+                **arrays,
+            )
+            return cls(identity, response, np.array(document["conductivity"]), document["mesh"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise DataError(f"{path}: not a complete cell reference ({error!r}); {advice}") from error
+
+
+def _listed(array: Array | None) -> Any:
+    return None if array is None else array.tolist()
+
+
+def _array(value: Any) -> Any:
+    return None if value is None else np.array(value, dtype=float)
