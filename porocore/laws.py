@@ -1,15 +1,17 @@
 """What the macro solver asks at its quadrature points: a macroscopic law.
 
-Linear poroelasticity (:mod:`porocore.linear`) and a closed cell law (:mod:`porocore.closures`) are both of this kind,
-so one macro code path serves all and each checks the others.
+Linear poroelasticity (:mod:`porocore.linear`) and a closed cell law (:mod:`porocore.closures`) are both of
+this kind, so one macro code path serves all and each checks the others.
 """
 
 from __future__ import annotations
 
+import hashlib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from porocore.states import Array, MacroState, _Batch
@@ -52,6 +54,8 @@ class MacroResponse(_Batch):
         To hand in at the next step if this one is accepted.
     deformation : (n, 3, 3)
         F̄ = I + H + <∇u¹>_s/φ_s (I + H in a linear law).
+    volume_ratio : (n,)
+        det F̄, by which the drained volume is divided (1 in a linear law).
     transformed_conductivity : (n, 3, 3)
         K_t = (1/det F̄) Ḡ K F̄⁻ᵀ (K in a linear law).
     outside : (n,) bool
@@ -63,6 +67,7 @@ class MacroResponse(_Batch):
     flux: Array
     memory: LawMemory
     deformation: Array
+    volume_ratio: Array
     transformed_conductivity: Array
     outside: npt.NDArray[Any]
     tangent: MacroTangent | None = None
@@ -85,3 +90,12 @@ class MacroLaw(ABC):
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
     ) -> MacroResponse:
         """Response at n points; ``grad_p`` is ∇_X p (n, 3)."""
+
+
+def fingerprint(*parts: str | float | Array) -> str:
+    """Hash of texts, numbers and arrays, for :attr:`MacroLaw.identity`."""
+    digest = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else np.ascontiguousarray(part, dtype=float).tobytes()
+        digest.update(f"{type(part).__name__}{len(data)}:".encode() + data)
+    return digest.hexdigest()[:16]

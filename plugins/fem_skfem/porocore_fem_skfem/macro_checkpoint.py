@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from porocore.errors import DataError
-from porocore.files import atomic_path
+from porocore.hdf5 import atomic_hdf5
 from porocore.laws import LawMemory, MacroLaw
 from porocore.problem import MacroProblem
 from porocore.solution import Profile
@@ -31,7 +31,7 @@ def identity(problem: MacroProblem, law: MacroLaw) -> str:
 
 def save(path: Path, owner: str, stepper: Stepper, x: Any, memory: LawMemory, record: Record) -> None:
     """Write the state after an accepted step, atomically; ``owner`` is :func:`identity`."""
-    with atomic_path(path) as part, h5py.File(part, "w") as file:
+    with atomic_hdf5(path) as file:
         file.attrs.update(format=FORMAT, version=VERSION, identity=owner)
         file.attrs.update(time=stepper.time, halvings=stepper.halvings, streak=stepper.streak)
         file["x"] = x

@@ -74,7 +74,7 @@ def newton_step(
         residual = assembler.residual(response, dt, factor)
         if not np.isfinite(residual.values).all():
             raise StepFailed(_without_values(response))
-        # A first guess within the tolerance is improved all the same: in a thousand steps its errors would add up.
+        # A first guess within the tolerance is improved all the same: over many steps its errors add up.
         allowed = settings.tolerance if iteration else 0.0
         misfit, system = _misfit(assembler, residual), None
         if misfit > allowed or jump.any():

@@ -1,0 +1,94 @@
+"""The time stepping: stops that are hit exactly, halving and growing back."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from porocore.errors import SolveError
+from porocore.problem import TimePlan
+from porocore.stepping import Stepper
+
+
+def run(stepper, fails=lambda time, dt: False):
+    times = [stepper.time]
+    while not stepper.done:
+        time = stepper.next()
+        if fails(time, time - stepper.time):
+            stepper.reject("no reason")
+        else:
+            stepper.accept()
+            times.append(time)
+    return times
+
+
+def test_papers_plan_is_ten_tenths_and_then_whole_steps():
+    times = run(Stepper(TimePlan(end=100, step=0.5, ramp_increments=10, ramp_step=0.05)))
+    assert len(times) == 1 + 10 + 199
+    assert times[1:11] == pytest.approx([0.05 * k for k in range(1, 11)], rel=1e-15)
+    assert {0.5, 1.0, 10.0, 40.0, 100.0} <= set(times)
+    assert max(b - a for a, b in pairwise(times[10:])) == pytest.approx(0.5, rel=1e-12)
+
+
+def test_odd_profile_times_are_hit_exactly_and_leave_no_sliver():
+    plan = TimePlan(end=7, step=1, ramp_increments=3, ramp_step=0.1, profiles=(0.17, 2.05, 6.999))
+    stepper = Stepper(plan)
+    times = run(stepper)
+    assert {0.1, 0.17, 0.2, 0.30000000000000004, 2.05, 6.999, 7} <= set(times)
+    assert [t for t in times if stepper.is_profile(t)] == [0.17, 2.05, 6.999, 7]
+    steps = [b - a for a, b in pairwise(times)]
+    assert max(steps) <= 1
+    between = [b - a for a, b in pairwise(times) if a >= 0.3 and b <= 2.05]
+    assert between == pytest.approx([0.875, 0.875])
+
+
+def test_a_profile_at_the_end_of_the_ramp_is_one_time():
+    times = run(Stepper(TimePlan(end=2, step=0.5, ramp_increments=10, ramp_step=0.05, profiles=(0.5,))))
+    assert len(times) == len(set(times)) == 1 + 10 + 3
+
+
+def test_failed_steps_are_halved_and_grow_back():
+    stepper = Stepper(TimePlan(end=20, step=1, ramp_increments=1, ramp_step=1, profiles=()))
+    times = run(stepper, lambda time, dt: 5 <= time <= 8 and dt > 0.25)
+    steps = {round(a, 6): b - a for a, b in pairwise(times)}
+    assert max(b - a for a, b in pairwise(times) if 5 <= b <= 8) <= 0.25
+    assert sum(b - a > 0.25 for a, b in pairwise(times)) > 10
+    assert steps[19.0] == pytest.approx(1)
+    assert stepper.halvings == 0
+    assert times[-1] == 20
+
+
+def test_a_rejected_step_is_at_most_half_as_long_even_before_a_stop():
+    stepper = Stepper(TimePlan(end=2.4, step=1, ramp_increments=1, ramp_step=1, profiles=()))
+    stepper.accept()
+    before = stepper.next() - stepper.time
+    assert before == pytest.approx(0.7)
+    stepper.reject("no reason")
+    assert stepper.next() - stepper.time <= before / 2
+
+
+def test_the_smallest_step_ends_in_an_error_with_the_reason():
+    stepper = Stepper(TimePlan(end=2, step=1, ramp_increments=1, ramp_step=1, profiles=(), smallest_step=0.1))
+    for _ in range(3):
+        stepper.reject("it folds")
+    message = r"from t = 0 failed at its smallest length 0.125 .*0.1\): it folds; lower"
+    with pytest.raises(SolveError, match=message):
+        stepper.reject("it folds")
+
+
+def test_a_restored_stepper_continues_with_the_same_times():
+    plan = TimePlan(end=9, step=0.7, ramp_increments=3, ramp_step=0.1, profiles=(3.3,))
+
+    def fails(time, dt):
+        return 2 < time < 4 and dt > 0.2
+
+    whole = run(Stepper(plan), fails)
+    stepper = Stepper(plan)
+    while stepper.time < 3:
+        stepper.reject("no reason") if fails(
+            stepper.next(), stepper.next() - stepper.time
+        ) else stepper.accept()
+    restored = Stepper(plan, stepper.time, stepper.halvings, stepper.streak)
+    assert stepper.halvings > 0
+    assert run(restored, fails) == [t for t in whole if t >= stepper.time]
