@@ -1,0 +1,249 @@
+"""Everything that the report page shows, gathered in typed records by the pipeline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.inputs import InputSpace
+from porocore.linear import LinearCoefficients
+from porocore.solution import MacroSolution
+from porocore.states import Array, IntArray
+
+
+@dataclass(frozen=True)
+class Published:
+    """Numbers and words of a publication that the page sets beside its own.
+
+    Attributes
+    ----------
+    source
+        Citation.
+    load
+        Load of the statements on the settlement.
+    porosity
+        Fluid share of the cell [-].
+    conductivity_viscosity
+        K_11 μ_f [-].
+    mean_grad_2222, mean_grad_2211, mean_grad_p_11
+        M_2222, M_2211, Q_11 of the undeformed cell [-].
+    settlement, steady_time, duration
+        What it says of the final settlement against the linear one, the time at which the nonlinear column is
+        steady [-], and how long it takes against the linear one.
+    note
+        What a reader must know of these numbers.
+    """
+
+    source: str
+    load: float
+    porosity: float
+    conductivity_viscosity: float
+    mean_grad_2222: float
+    mean_grad_2211: float
+    mean_grad_p_11: float
+    settlement: str
+    steady_time: float
+    duration: str
+    note: str = ""
+
+
+#: The benchmark of Dehghani & Zilian.
+DEHGHANI_ZILIAN = Published(
+    source="H. Dehghani and A. Zilian, Finite strain poro-hyperelasticity: an asymptotic multi-scale ALE-FSI "
+    "approach supported by ANNs",
+    load=-0.2,
+    porosity=0.29,
+    conductivity_viscosity=1.943e-3,
+    mean_grad_2222=-0.23,
+    mean_grad_2211=-0.076,
+    mean_grad_p_11=-0.113,
+    settlement="around 20 % smaller",
+    steady_time=38.0,
+    duration="considerably shorter time",
+    note="The published porosity is that of the radius 0.2 in the paper's text; the published K, M and Q are "
+    "those of a radius of 0.25 and a Poisson ratio of 0.35.",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class CellSummary:
+    """The cell and its undeformed response.
+
+    Attributes
+    ----------
+    description
+        One line on geometry and material.
+    porosity, viscosity
+        φ_f and μ_f [-].
+    linear
+        The linear limit, which carries K, M and Q of the undeformed cell.
+    mesh
+        Facts on the mesh to be listed, such as ``{"solid tetrahedra": "3,344"}``.
+    surface
+        Points (N, 3) and tetrahedra (M, 4) or (M, 10) of the solid for the picture; None: no picture.
+    crease : (2,)
+        (a, b): squeezed beyond H_22 = a + b p the sharp ridges of the solid fold onto themselves; None: not
+        known.
+    """
+
+    description: str
+    porosity: float
+    viscosity: float
+    linear: LinearCoefficients
+    mesh: Mapping[str, str] = field(default_factory=dict)
+    surface: tuple[Array, IntArray] | None = None
+    crease: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SamplingSummary:
+    """The solved states.
+
+    Attributes
+    ----------
+    inputs
+        The d sampled inputs and their ranges.
+    x : (n, d)
+        Values of the inputs.
+    status : (n,) int
+        :class:`porocore.states.Status` of each.
+    training : (n,) bool
+        Rows that the surrogate was trained on; their hull is the sampled range.
+    """
+
+    inputs: InputSpace
+    x: Array
+    status: IntArray
+    training: npt.NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        n = len(self.status)
+        if self.x.shape != (n, len(self.inputs)) or self.training.shape != (n,):
+            raise ValueError(
+                f"expected x ({n}, {len(self.inputs)}) and training ({n},), "
+                f"got {self.x.shape} and {self.training.shape}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class OutputCheck:
+    """One output of the surrogate on the held-out states.
+
+    Attributes
+    ----------
+    name
+        Label in matplotlib's mathematics, such as ``r"$\\langle\\nabla_Y u^1\\rangle_{22}$"``.
+    plain
+        The same in plain text, such as ``"⟨∇u¹⟩₂₂"``.
+    solved, predicted : (m,)
+        Values of the cell solver and of the surrogate.
+    span
+        Range of the output over the training states, to which errors are referred.
+    outside : (m,) bool
+        Held-out states beyond the sampled range; shown, but not counted in the error.
+    """
+
+    name: str
+    plain: str
+    solved: Array
+    predicted: Array
+    span: float
+    outside: npt.NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        if not self.solved.shape == self.predicted.shape == self.outside.shape or self.solved.ndim != 1:
+            raise ValueError(
+                f"expected solved, predicted and outside of one length, got "
+                f"{self.solved.shape}, {self.predicted.shape} and {self.outside.shape}"
+            )
+        if not self.span > 0:
+            raise ValueError(f"expected a positive span of '{self.plain}', got {self.span:g}")
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingCurve:
+    """Losses against epochs, all (k,)."""
+
+    epoch: Array
+    loss: Array
+    validation_loss: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SurrogateSummary:
+    """The surrogate: what it is, how well it does on held-out states, and how it was trained."""
+
+    backend: str
+    description: str
+    training_states: int
+    outputs: tuple[OutputCheck, ...]
+    curve: TrainingCurve | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One load, solved with the cell's law and with linear poroelasticity on the same mesh and time plan."""
+
+    nonlinear: MacroSolution
+    linear: MacroSolution
+
+    def __post_init__(self) -> None:
+        if self.nonlinear.load != self.linear.load:
+            raise ValueError(
+                f"expected two solutions of one load, got {self.nonlinear.load:g} and {self.linear.load:g}"
+            )
+
+    @property
+    def load(self) -> float:
+        """Factor of the prescribed values."""
+        return self.nonlinear.load
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Wall time of one stage of the run."""
+
+    name: str
+    seconds: float
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class ReportContext:
+    """All that :func:`porocore.report.html.write_report` needs.
+
+    Attributes
+    ----------
+    title
+        Heading of the page.
+    cell, sampling, surrogate, cases
+        The results; at least one case.
+    stages
+        Times.
+    provenance
+        Versions, seeds, identities: name to text.
+    config_text
+        The resolved configuration.
+    published
+        What to set beside the results; None where the run is no repetition of a publication.
+    warnings
+        Shown in a box at the top, before those that the results themselves give rise to.
+    """
+
+    title: str
+    cell: CellSummary
+    sampling: SamplingSummary
+    surrogate: SurrogateSummary
+    cases: tuple[Case, ...]
+    stages: tuple[Stage, ...]
+    provenance: Mapping[str, str]
+    config_text: str
+    published: Published | None = None
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.cases:
+            raise ValueError("expected at least one case, got none")

@@ -1,0 +1,100 @@
+"""A picture of the solid of the cell."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
+
+from porocore.report.figures.style import new_figure, styled
+from porocore.states import Array, IntArray
+
+#: Facets of a tetrahedron in VTK order, outward, and their mid-edge nodes.
+CORNERS = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+MIDDLES = np.array([[6, 5, 4], [4, 8, 7], [7, 9, 6], [5, 9, 8]])
+#: Pieces of each edge of a curved facet.
+PIECES = 4
+SOLID = to_rgb("#c9a27a")
+WALL = to_rgb("#5b8db8")
+VIEW = {"elev": 24.0, "azim": -58.0}
+#: Towards the light, in the frame of the picture.
+LIGHT = np.array([0.25, -0.75, 0.9])
+
+
+@styled
+def cell_picture(points: Array, cells: IntArray) -> Figure:
+    """The surface of a tetrahedral mesh, shaded: outer faces of its box in one colour, pore wall in another.
+
+    Parameters
+    ----------
+    points : (N, 3)
+        Nodes.
+    cells : (M, 4) or (M, 10)
+        Linear or quadratic tetrahedra in VTK order, positively oriented.
+    """
+    triangles = surface_triangles(points, cells)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.linalg.norm(normals, axis=1).clip(1e-300)[:, None]
+    seen = normals @ _towards_viewer() > 0  # the back of a facet is hidden by solid in front of it
+    triangles, normals = triangles[seen], normals[seen]
+    figure = new_figure(4.2, 4.2)
+    axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
+    assert isinstance(axes, Axes3D)
+    bright = 0.5 + 0.5 * (normals @ (LIGHT / np.linalg.norm(LIGHT))).clip(0, 1)
+    face = _on_box(triangles, points)
+    # A face of the box that the viewer sees has nothing in front of it, so the walls are painted first.
+    for rows, colour, level in ((~face, WALL, 1), (face, SOLID, 2)):
+        colours = np.array(colour) * bright[rows, None]
+        axes.add_collection3d(
+            Poly3DCollection(
+                triangles[rows], facecolors=colours, edgecolors=colours, linewidths=0.3, zorder=level
+            )
+        )
+    low, high = points.min(axis=0), points.max(axis=0)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(tuple(high - low), zoom=1.1)
+    axes.view_init(**VIEW)
+    axes.set_axis_off()
+    return figure
+
+
+def surface_triangles(points: Array, cells: IntArray) -> Array:
+    """Triangles (k, 3, 3) of the facets of one tetrahedron only, outward; curved ones in pieces."""
+    quadratic = cells.shape[1] == 10
+    local = np.concatenate([CORNERS, MIDDLES], axis=1) if quadratic else CORNERS
+    facets = cells[:, local].reshape(-1, local.shape[1])
+    _, first, count = np.unique(np.sort(facets[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
+    facets = facets[first[count == 1]]
+    triangles: Array = _pieces(points[facets]) if quadratic else points[facets]
+    return triangles
+
+
+def _pieces(facets: Array) -> Array:
+    """Flat triangles (k · PIECES², 3, 3) of quadratic ones (k, 6, 3), so that curved walls look curved."""
+    n = PIECES
+    up = [((i, j), (i + 1, j), (i, j + 1)) for i in range(n) for j in range(n - i)]
+    down = [((i + 1, j), (i + 1, j + 1), (i, j + 1)) for i in range(n - 1) for j in range(n - 1 - i)]
+    s, t = np.moveaxis(np.array(up + down, dtype=float) / n, -1, 0)
+    r = 1 - s - t
+    shape = np.stack([r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r])
+    pieces: Array = np.einsum("apc,kax->kpcx", shape, facets).reshape(-1, 3, 3)
+    return pieces
+
+
+def _towards_viewer() -> Array:
+    elevation, azimuth = np.radians(VIEW["elev"]), np.radians(VIEW["azim"])
+    return np.array(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
+    )
+
+
+def _on_box(triangles: Array, points: Array) -> npt.NDArray[np.bool_]:
+    """Triangles (k,) bool that lie in a face of the bounding box."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    slack = 1e-6 * float((high - low).max())
+    flat = (np.abs(triangles - low) < slack).all(axis=1) | (np.abs(triangles - high) < slack).all(axis=1)
+    on_box: npt.NDArray[np.bool_] = flat.any(axis=1)
+    return on_box

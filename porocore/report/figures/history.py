@@ -1,0 +1,77 @@
+"""Settlement, pore pressure and drained volume against time."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from porocore.report.figures.style import DASHED, DOTTED, LINEAR, NONLINEAR, legend_above, new_figure, styled
+from porocore.report.metrics import time_to_fraction
+from porocore.solution import MacroSolution
+from porocore.states import Array
+
+MARKS = ((0.95, "o"), (0.99, "D"))
+
+
+@styled
+def history_figure(nonlinear: MacroSolution, linear: MacroSolution, *, log_time: bool = False) -> Figure:
+    """Histories of one load, the cell's law against linear poroelasticity.
+
+    Parameters
+    ----------
+    nonlinear, linear
+        Two solutions of one problem.
+    log_time
+        Logarithmic time axis; the state at rest, t = 0, is then left out.
+
+    Returns
+    -------
+    Figure
+        Three panels above each other: largest settlement, largest pore pressure, drained volume (the paper's
+        measure solid or dashed, the flux through the boundary dotted).
+    """
+    figure = new_figure(5.4, 7.6)
+    settlement, pressure, drained = figure.subplots(3, 1, sharex=True)
+    first = 1 if log_time else 0
+    for solution, colour, style, label in (
+        (nonlinear, NONLINEAR, "-", "nonlinear"),
+        (linear, LINEAR, DASHED, "linear"),
+    ):
+        history = solution.history
+        time = history.time[first:]
+        settlement.plot(time, history.settlement[first:], color=colour, ls=style, label=label)
+        pressure.plot(time, history.pressure_max[first:], color=colour, ls=style)
+        drained.plot(time, history.drained[first:], color=colour, ls=style)
+        drained.plot(time, history.drained_flux[first:], color=colour, ls=DOTTED, lw=2.4, alpha=0.75)
+        for share, marker in MARKS:
+            _mark(settlement, history.time, history.settlement, share, marker, colour)
+    # Proxies that explain in grey what both laws share.
+    settlement.plot([], [], color="0.35", ls=DOTTED, lw=2.4, label="drained, by boundary flux")
+    for share, marker in MARKS:
+        settlement.plot(
+            [], [], color="0.35", ls="", marker=marker, ms=5, label=f"{100 * share:.0f} % of final"
+        )
+    settlement.set_ylabel(r"settlement max$(-u_2)$ [–]")
+    pressure.set_ylabel("largest pore pressure $p\\,/E$ [–]")
+    drained.set_ylabel("drained volume [–]")
+    drained.set_xlabel("time $t$ [–]" + (", logarithmic" if log_time else ""))
+    for axes in (settlement, pressure, drained):
+        if axes.dataLim.ymin >= 0:
+            axes.set_ylim(bottom=0)
+        axes.margins(x=0.01)
+    if log_time:
+        drained.set_xscale("log")
+    else:
+        drained.set_xlim(left=0)
+    figure.align_ylabels()
+    legend_above(figure, settlement, columns=2)
+    return figure
+
+
+def _mark(axes: Axes, time: Array, value: Array, share: float, marker: str, colour: str) -> None:
+    when = time_to_fraction(time, value, share)
+    if when is not None:
+        axes.plot(
+            when, np.interp(when, time, value), marker=marker, ms=5.5, color=colour, mec="white", mew=0.8
+        )

@@ -1,0 +1,198 @@
+"""Fields along the column's axis at chosen times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+
+from porocore.report.figures.style import (
+    DASHED,
+    TIME_COLOURS,
+    legend_above,
+    lighter,
+    new_figure,
+    styled,
+)
+from porocore.solution import MacroSolution, Profile
+from porocore.states import Array
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A field of a :class:`~porocore.solution.Profile`: its label, where it lives and how to take it."""
+
+    label: str
+    plain: str
+    nodal: bool
+    take: Callable[[Profile], Array]
+
+
+QUANTITIES: dict[str, Quantity] = {
+    "p": Quantity(r"pore pressure $p\,/E$ [–]", "pore pressure", True, lambda f: f.p),
+    "settlement": Quantity(r"settlement $-u_2$ [–]", "settlement", True, lambda f: -f.u[:, 1]),
+    "H22": Quantity(
+        r"$\partial u_2 / \partial X_2$ [–]",
+        "macroscopic displacement gradient ∂u₂/∂X₂",
+        False,
+        lambda f: f.grad_u[:, 1, 1],
+    ),
+    "mean_grad_22": Quantity(
+        r"$\langle\nabla_Y u^1\rangle_{22}$ [–]",
+        "mean microscopic displacement gradient, component 22",
+        False,
+        lambda f: f.mean_grad[:, 1, 1],
+    ),
+    "mean_grad_11": Quantity(
+        r"$\langle\nabla_Y u^1\rangle_{11}$ [–]",
+        "mean microscopic displacement gradient, component 11",
+        False,
+        lambda f: f.mean_grad[:, 0, 0],
+    ),
+    "K22": Quantity(
+        r"conductivity $(K_t)_{22}$ [–]",
+        "transformed conductivity along the column",
+        False,
+        lambda f: f.conductivity[:, 1, 1],
+    ),
+    "K11": Quantity(
+        r"conductivity $(K_t)_{11}$ [–]",
+        "transformed conductivity across the column",
+        False,
+        lambda f: f.conductivity[:, 0, 0],
+    ),
+    "F22": Quantity(
+        r"deformation $\bar F_{22}$ [–]",
+        "mean deformation gradient, component 22",
+        False,
+        lambda f: f.deformation[:, 1, 1],
+    ),
+    "F11": Quantity(
+        r"deformation $\bar F_{11}$ [–]",
+        "mean deformation gradient, component 11",
+        False,
+        lambda f: f.deformation[:, 0, 0],
+    ),
+    "P22": Quantity(
+        r"total stress $P_{E,22}\,/E$ [–]",
+        "total stress along the column",
+        False,
+        lambda f: f.stress[:, 1, 1],
+    ),
+    "flux": Quantity(r"fluid flux $(\bar G w)_2$ [–]", "fluid flux upwards", False, lambda f: f.flux[:, 1]),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Nodes and elements along the y axis through the corner of least x and z, in order of y."""
+
+    nodes: npt.NDArray[np.int64]  #: (k,) indices
+    node_y: Array  #: (k,)
+    elements: npt.NDArray[np.int64]  #: (e,) indices
+    element_y: Array  #: (e,) centres
+    ends: Array  #: (e, 2) least and largest y of each element
+
+    @classmethod
+    def of(cls, solution: MacroSolution) -> Line:
+        """The line of a box mesh."""
+        points, cells = solution.points, solution.cells
+        slack = 1e-9 * float(np.ptp(points, axis=0).max())
+        corner = points.min(axis=0)
+        on_axis = (np.abs(points[:, [0, 2]] - corner[[0, 2]]) < slack).all(axis=1)
+        nodes = np.flatnonzero(on_axis)
+        nodes = nodes[np.argsort(points[nodes, 1], kind="stable")]
+        elements = np.flatnonzero(on_axis[cells].any(axis=1))
+        ends = np.stack(
+            [points[cells[elements], 1].min(axis=1), points[cells[elements], 1].max(axis=1)], axis=1
+        )
+        order = np.argsort(ends[:, 0], kind="stable")
+        return cls(nodes, points[nodes, 1], elements[order], ends[order].mean(axis=1), ends[order])
+
+    def series(self, profile: Profile, quantity: Quantity) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+        """Position, value and whether the law was asked beyond its range there, each (k,) or (e,)."""
+        flagged = profile.outside[self.elements] > 0
+        if not quantity.nodal:
+            return self.element_y, quantity.take(profile)[self.elements], flagged
+        slack = 1e-9 * float(self.node_y[-1] - self.node_y[0])
+        low, high = self.ends[flagged].T
+        inside = (self.node_y[:, None] >= low - slack) & (self.node_y[:, None] <= high + slack)
+        return self.node_y, quantity.take(profile)[self.nodes], inside.any(axis=1)
+
+
+@styled
+def profile_figure(
+    nonlinear: MacroSolution,
+    linear: MacroSolution,
+    quantity: str,
+    *,
+    times: Sequence[float] | None = None,
+) -> Figure:
+    """One field along the column, solid for the cell's law and dashed for linear poroelasticity.
+
+    Parts in which the cell law was asked outside its sampled range are pale with hollow markers.
+
+    Parameters
+    ----------
+    nonlinear, linear
+        Two solutions with profiles at the same times.
+    quantity
+        A key of :data:`QUANTITIES`.
+    times
+        Which profiles to show, six at most; None: all but the closing one (if there are others).
+
+    Raises
+    ------
+    ValueError
+        The quantity is unknown, or a solution has no profile at one of the times.
+    """
+    if quantity not in QUANTITIES:
+        raise ValueError(f"unknown quantity '{quantity}'; choose from {', '.join(QUANTITIES)}")
+    what = QUANTITIES[quantity]
+    if times is None:
+        times = chosen_times(nonlinear)
+    figure = new_figure(5.4, 4.0)
+    axes = figure.add_subplot()
+    line, linear_line = Line.of(nonlinear), Line.of(linear)
+    any_flagged = False
+    for time, colour in zip(times, TIME_COLOURS, strict=False):
+        y, value, _ = linear_line.series(profile_at(linear, time), what)
+        axes.plot(y, value, color=colour, ls=DASHED, lw=1.3)
+        y, value, flagged = line.series(profile_at(nonlinear, time), what)
+        if flagged.any():
+            any_flagged = True
+            every = max(1, len(y) // 24)
+            axes.plot(y, value, color=lighter(colour), lw=1.7)
+            spots = np.flatnonzero(flagged)[::every]
+            axes.plot(
+                y[spots], value[spots], ls="", marker="o", ms=3.6, mfc="white", mec=lighter(colour, 0.4)
+            )
+        axes.plot(y, np.where(flagged, np.nan, value), color=colour, label=f"$t$ = {time:g}")
+    axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
+    axes.set_xlabel("position along the column $X_2$ [–]")
+    axes.set_ylabel(what.label)
+    axes.margins(x=0.02)
+    if any_flagged:
+        axes.plot(
+            [], [], color="0.65", marker="o", ms=3.6, mfc="white", mec="0.5", label="beyond the sampled range"
+        )
+    legend_above(figure, axes, columns=3)
+    return figure
+
+
+def chosen_times(solution: MacroSolution) -> tuple[float, ...]:
+    """Times of the profiles, without the closing one if there are others; six at most."""
+    times = tuple(profile.time for profile in solution.profiles)
+    return times[: max(1, len(times) - 1)][: len(TIME_COLOURS)]
+
+
+def profile_at(solution: MacroSolution, time: float) -> Profile:
+    """The profile at ``time``; ValueError if none was kept."""
+    for profile in solution.profiles:
+        if abs(profile.time - time) <= 1e-9 * max(1.0, abs(time)):
+            return profile
+    kept = ", ".join(f"{profile.time:g}" for profile in solution.profiles)
+    raise ValueError(f"the {solution.law} solution has no profile at t = {time:g}; it has {kept or 'none'}")

@@ -1,0 +1,141 @@
+"""Where the cell was solved, and how that ended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.spatial import ConvexHull, QhullError
+
+from porocore.inputs import InputSpace
+from porocore.report.figures.style import (
+    BLACK,
+    BLUE,
+    DASHED,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    legend_above,
+    new_figure,
+    styled,
+)
+from porocore.states import Array, IntArray, Status
+
+#: Marker, colour, filled, size and label of each status; shape and fill tell them apart without colour.
+MARKERS: dict[Status, tuple[str, str, bool, float, str]] = {
+    Status.converged: ("o", BLUE, True, 3.6, "converged"),
+    Status.unstable: ("^", ORANGE, True, 5.5, "unstable"),
+    Status.overlap: ("s", VERMILLION, False, 4.6, "overlap"),
+    Status.inverted: ("x", BLACK, True, 5.5, "inverted"),
+    Status.not_converged: ("+", PURPLE, True, 7.0, "not converged"),
+}
+
+
+@styled
+def samples_figure(
+    inputs: InputSpace,
+    x: Array,
+    status: IntArray,
+    *,
+    training: npt.NDArray[np.bool_] | None = None,
+    pair: tuple[str, str] | None = None,
+    visited: Sequence[Array] = (),
+    crease: tuple[float, float] | None = None,
+) -> Figure:
+    """The sampled states in the plane of two inputs, by status.
+
+    Parameters
+    ----------
+    inputs
+        The d sampled inputs.
+    x : (n, d)
+        Their values.
+    status : (n,) int
+        :class:`porocore.states.Status` of each.
+    training : (n,) bool
+        Rows that were trained on; their hull (projected) is outlined. None: no outline.
+    pair
+        Names of the inputs on the two axes; None: H22 and p if both were sampled, else the first two. A study
+        of one input has an axis of that input only.
+    visited : sequence of (k, d)
+        Paths of states that the macro runs went through, drawn as lines.
+    crease : (2,)
+        (a, b) of the line H_22 = a + b p beyond which ridges fold; drawn if the axes are H22 and p.
+    """
+    columns = _columns(inputs, pair)
+    figure = new_figure(6.4, 4.6 if len(columns) == 2 else 2.2)
+    axes = figure.add_subplot()
+    plane = _project(x, columns)
+    if training is not None and training.any():
+        _outline(axes, plane[training])
+    for which, (marker, colour, filled, size, label) in MARKERS.items():
+        rows = plane[status == which]
+        if len(rows):
+            axes.plot(
+                *rows.T,
+                ls="",
+                marker=marker,
+                ms=size,
+                mec=colour,
+                mfc=colour if filled else "none",
+                mew=1.0,
+                label=f"{label} ({len(rows)})",
+            )
+    names = tuple(inputs.names[i] for i in columns)
+    if crease is not None and names == ("H22", "p"):
+        _crease(axes, crease, inputs)
+    for k, path in enumerate(visited):
+        label = "states in the column" if k == 0 else "_nolegend_"
+        axes.plot(*_project(path, columns).T, color=GREEN, lw=1.6, label=label)
+    axes.set_xlabel(axis_label(names[0]))
+    if len(names) == 2:
+        axes.set_ylabel(axis_label(names[1]))
+    else:
+        axes.yaxis.set_visible(False)
+    legend_above(figure, axes, columns=3)
+    return figure
+
+
+def axis_label(name: str) -> str:
+    """Label of an input with its unit."""
+    if name == "p":
+        return r"pore pressure $p\,/E$ [–]"
+    return rf"$\partial u_{name[1]} / \partial X_{name[2]}$ [–]"
+
+
+def _columns(inputs: InputSpace, pair: tuple[str, str] | None) -> list[int]:
+    if pair is None:
+        if len(inputs) == 1:
+            return [0]
+        pair = ("H22", "p") if {"H22", "p"} <= set(inputs.names) else (inputs.names[0], inputs.names[1])
+    for name in pair:
+        if name not in inputs.names:
+            raise ValueError(f"'{name}' was not sampled; choose from {', '.join(inputs.names)}")
+    return [inputs.names.index(name) for name in pair]
+
+
+def _project(x: Array, columns: list[int]) -> Array:
+    return np.column_stack([x[:, columns[0]], x[:, columns[1]] if len(columns) == 2 else np.zeros(len(x))])
+
+
+def _outline(axes: Axes, points: Array) -> None:
+    try:
+        corners = points[ConvexHull(points / np.ptp(points, axis=0).clip(1e-300)).vertices]
+    except (QhullError, ValueError):  # too few points, or all on one line
+        return
+    axes.fill(*corners.T, fc=SKY, alpha=0.13, lw=0)
+    axes.plot(*np.vstack([corners, corners[:1]]).T, color=GREY, lw=1.1, label="sampled range")
+
+
+def _crease(axes: Axes, crease: tuple[float, float], inputs: InputSpace) -> None:
+    p = inputs.names.index("p")
+    ends = np.array([max(0.0, inputs.lower[p]), inputs.upper[p]])  # it was found for p >= 0
+    axes.plot(
+        crease[0] + crease[1] * ends, ends, color=BLACK, ls=DASHED, lw=1.2, label="ridges fold to the left"
+    )

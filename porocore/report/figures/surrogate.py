@@ -1,0 +1,75 @@
+"""How well the surrogate predicts states that it has not seen, and how its training went."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from porocore.report.context import OutputCheck, TrainingCurve
+from porocore.report.figures.style import BLUE, GREY, VERMILLION, legend_above, new_figure, styled
+from porocore.report.metrics import rms_percent, worst_percent
+
+
+@styled
+def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
+    """Predicted against solved held-out states, one column of panels for each output, errors beneath.
+
+    Held-out states beyond the sampled range are grey and hollow and do not count in the error in the panel.
+    """
+    figure = new_figure(4.4 * len(checks), 5.0)
+    panels = figure.subplots(2, len(checks), squeeze=False, sharex="col", height_ratios=[3, 1.25])
+    for check, parity, error in zip(checks, *panels, strict=True):
+        both = np.concatenate([check.solved, check.predicted])
+        ends = np.array([both.min(), both.max()]) if len(both) else np.array([0.0, 1.0])
+        ends = ends + 0.04 * (ends[1] - ends[0]) * np.array([-1, 1])
+        parity.plot(ends, ends, color=GREY, lw=1.0)
+        deviation = 100 * (check.predicted - check.solved) / check.span
+        for axes, y in ((parity, check.predicted), (error, deviation)):
+            beyond = check.outside
+            if beyond.any():
+                axes.plot(check.solved[beyond], y[beyond], "o", ms=4, mfc="white", mec=GREY, mew=0.9)
+            axes.plot(check.solved[~beyond], y[~beyond], "o", ms=4, mfc=BLUE, mec="white", mew=0.4)
+        error.axhline(0, color=GREY, lw=1.0)
+        parity.set(xlim=ends, ylim=ends, ylabel=f"predicted {check.name} [–]")
+        error.set(xlabel=f"solved {check.name} [–]", ylabel="error [% of range]")
+        parity.text(0.04, 0.96, _error_text(check), transform=parity.transAxes, va="top", fontsize=9)
+    figure.align_ylabels()
+    return figure
+
+
+@styled
+def training_figure(curve: TrainingCurve) -> Figure:
+    """Loss and validation loss against epochs, logarithmic; the best validation loss is marked."""
+    figure = new_figure(5.4, 3.6)
+    axes = figure.add_subplot()
+    axes.semilogy(curve.epoch, curve.loss, color=BLUE, lw=1.3, label="training")
+    axes.semilogy(
+        curve.epoch, curve.validation_loss, color=VERMILLION, lw=1.3, ls=(0, (4, 1.5)), label="validation"
+    )
+    if np.isfinite(curve.validation_loss).any():
+        best = int(np.nanargmin(curve.validation_loss))
+        axes.plot(
+            curve.epoch[best],
+            curve.validation_loss[best],
+            "v",
+            ms=8,
+            mfc="white",
+            mec=VERMILLION,
+            mew=1.5,
+            label=f"best, epoch {curve.epoch[best]:.0f}",
+        )
+    axes.set(xlabel="epoch", ylabel="loss (mean squared error, scaled) [–]")
+    axes.margins(x=0.02)
+    legend_above(figure, axes, columns=3)
+    return figure
+
+
+def _error_text(check: OutputCheck) -> str:
+    rms, worst, beyond = rms_percent(check), worst_percent(check), int(check.outside.sum())
+    if rms is None or worst is None:
+        text = "no held-out states in the range"
+    else:
+        text = f"RMS {rms:.2g} % of range\nworst {worst:.2g} %\n{len(check.solved) - beyond} states"
+    return text + (f"\n({beyond} beyond the range, hollow)" if beyond else "")

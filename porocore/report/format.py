@@ -1,0 +1,54 @@
+"""Numbers as text for a reader: significant digits, a real minus sign, a dash for what is not defined."""
+
+from __future__ import annotations
+
+import math
+
+NONE = "–"
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """``digits`` significant digits, without an exponent where that is readable."""
+    if value is None or not math.isfinite(value):
+        return NONE
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if -4 <= exponent < 6:
+        return f"{value:.{max(0, digits - 1 - exponent)}f}".replace("-", "−")
+    mantissa, power = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa} · 10{str(int(power)).translate(SUPERSCRIPT)}".replace("-", "−")
+
+
+def plain(value: float) -> str:
+    """A number that somebody chose, as they would write it."""
+    return f"{value:g}".replace("-", "−")
+
+
+def percent(share: float | None, decimals: int = 1) -> str:
+    """A share as per cent."""
+    if share is None or not math.isfinite(share):
+        return NONE
+    return f"{100 * share:.{decimals}f} %".replace("-", "−")
+
+
+def difference(ratio: float | None, less: str = "smaller", more: str = "larger") -> str:
+    """A ratio in words, such as ``19.8 % smaller``."""
+    if ratio is None or not math.isfinite(ratio):
+        return NONE
+    if abs(ratio - 1) < 5e-4:
+        return "the same to 0.05 %"
+    return f"{100 * abs(ratio - 1):.1f} % {less if ratio < 1 else more}"
+
+
+def duration(seconds: float) -> str:
+    """Seconds as a reader would say them."""
+    if seconds < 0.0995:
+        return f"{1000 * seconds:.3g} ms"
+    if seconds < 99.5:
+        return f"{seconds:.3g} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes} min {rest:02d} s"
+    return f"{minutes // 60} h {minutes % 60:02d} min"

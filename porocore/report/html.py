@@ -1,0 +1,166 @@
+"""The report: one HTML file that holds everything and asks for nothing else."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import jinja2
+import numpy as np
+from matplotlib.figure import Figure
+
+from porocore.files import atomic_path
+from porocore.report import figures
+from porocore.report.context import Case, ReportContext, SamplingSummary
+from porocore.report.figures.profiles import chosen_times
+from porocore.report.format import difference, duration, number, percent, plain
+from porocore.report.metrics import case_metrics, rms_percent, worst_percent
+from porocore.report.words import (
+    MEANINGS,
+    all_warnings,
+    benchmark_rows,
+    case_sentences,
+    cell_rows,
+    linear_rows,
+)
+from porocore.states import Array, MacroState, Status
+
+#: Profiles shown for each load, in order.
+PROFILES = ("p", "settlement", "H22", "mean_grad_22", "mean_grad_11", "K22", "K11")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure as a data address, with a text for those who cannot see it."""
+
+    source: str
+    text: str
+
+
+def write_report(path: Path, context: ReportContext) -> None:
+    """Write the page to ``path``, atomically: figures are embedded, nothing is fetched, nothing is executed.
+
+    Raises
+    ------
+    RunFolderError
+        The file cannot be written.
+    """
+    html = render(context)
+    with atomic_path(path) as part:
+        part.write_text(html, encoding="utf-8")
+
+
+def render(context: ReportContext) -> str:
+    """The page as text."""
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {
+        "number": number,
+        "plain": plain,
+        "percent": percent,
+        "duration": duration,
+        "difference": difference,
+    }
+    template = environment.from_string(
+        files("porocore.report").joinpath("template.html.j2").read_text(encoding="utf-8")
+    )
+    metrics = [case_metrics(case) for case in context.cases]
+    published = context.published
+    benchmark = next((m for m in metrics if published is not None and m["load"] == published.load), None)
+    return template.render(
+        context=context,
+        warnings=all_warnings(context),
+        metrics=metrics,
+        sentences=[case_sentences(m) for m in metrics],
+        benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
+        cell_rows=cell_rows(context.cell, published),
+        linear_rows=linear_rows(context.cell),
+        cell_picture=_cell_picture(context),
+        statuses=_statuses(context.sampling),
+        training_states=int(context.sampling.training.sum()),
+        samples=_svg(_samples_figure(context), "Sampled states by how their solution ended"),
+        outputs=[
+            (check, int((~check.outside).sum()), rms_percent(check), worst_percent(check))
+            for check in context.surrogate.outputs
+        ],
+        parity=[
+            _svg(figures.parity_figure([check]), f"Predicted against solved {check.plain}")
+            for check in context.surrogate.outputs
+        ],
+        training=(
+            _svg(figures.training_figure(context.surrogate.curve), "Training and validation loss")
+            if context.surrogate.curve is not None
+            else None
+        ),
+        cases=[_case_pictures(case) for case in context.cases],
+        total_seconds=sum(stage.seconds for stage in context.stages),
+    )
+
+
+def _svg(figure: Figure, text: str) -> Picture:
+    encoded = base64.b64encode(figures.svg_bytes(figure)).decode("ascii")
+    return Picture(f"data:image/svg+xml;base64,{encoded}", text)
+
+
+def _cell_picture(context: ReportContext) -> Picture | None:
+    """The many triangles of a surface are smaller as a PNG image than as SVG."""
+    if context.cell.surface is None:
+        return None
+    png = figures.png_bytes(figures.cell_picture(*context.cell.surface))
+    return Picture(f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}", "The solid of the cell")
+
+
+def _statuses(sampling: SamplingSummary) -> list[tuple[str, int, str]]:
+    """Name, count and meaning of each status that occurred, converged always."""
+    counts = {status: int((sampling.status == status).sum()) for status in Status}
+    return [
+        (status.name.replace("_", " "), count, MEANINGS[status])
+        for status, count in counts.items()
+        if count or status is Status.converged
+    ]
+
+
+def _samples_figure(context: ReportContext) -> Figure:
+    sampling = context.sampling
+    return figures.samples_figure(
+        sampling.inputs,
+        sampling.x,
+        sampling.status,
+        training=sampling.training,
+        visited=[path for case in context.cases for path in _visited(case, sampling)],
+        crease=context.cell.crease,
+    )
+
+
+def _visited(case: Case, sampling: SamplingSummary) -> list[Array]:
+    """The inputs at the elements of each kept profile, upwards."""
+    height = case.nonlinear.points[case.nonlinear.cells, 1].mean(axis=1)
+    order = np.argsort(height, kind="stable")
+    return [
+        sampling.inputs.gather(MacroState(profile.grad_u[order], profile.element_p[order]))
+        for profile in case.nonlinear.profiles
+    ]
+
+
+def _case_pictures(case: Case) -> dict[str, list[Picture]]:
+    load = plain(case.load)
+    histories = [
+        _svg(
+            figures.history_figure(case.nonlinear, case.linear, log_time=log_time),
+            f"Settlement, pore pressure and drained volume against {'logarithmic ' if log_time else ''}time, "
+            f"load {load}",
+        )
+        for log_time in (False, True)
+    ]
+    times = ", ".join(f"{time:g}" for time in chosen_times(case.nonlinear))
+    profiles = [
+        _svg(
+            figures.profile_figure(case.nonlinear, case.linear, quantity),
+            f"{figures.QUANTITIES[quantity].plain} along the column at t = {times}, load {load}",
+        )
+        for quantity in PROFILES
+    ]
+    return {"histories": histories, "profiles": profiles if case.nonlinear.profiles else []}

@@ -1,0 +1,143 @@
+"""Figures of merit of macro solutions: settlements, times to settle, drained volumes, flagged shares."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from porocore.report.context import Case, OutputCheck
+from porocore.solution import History, MacroSolution
+from porocore.states import Array
+
+#: A run whose settlement still moves by more than this share of its final value in the last tenth of the time
+#: has not reached the steady state.
+STEADY_TOLERANCE = 5e-3
+
+
+def time_to_fraction(time: Array, value: Array, fraction: float) -> float | None:
+    """First time at which ``value`` reaches ``fraction`` of its last entry, linear between the steps.
+
+    Parameters
+    ----------
+    time, value : (steps,)
+        A history; ``value`` may have either sign.
+    fraction
+        Of the last value, in (0, 1].
+
+    Returns
+    -------
+    float or None
+        None where the last value is zero or not finite.
+    """
+    final = float(value[-1])
+    if final == 0 or not np.isfinite(final):
+        return None
+    share = value / final
+    i = int(np.argmax(share >= fraction))
+    if i == 0:
+        return float(time[0])
+    step = (fraction - share[i - 1]) / (share[i] - share[i - 1])
+    return float(time[i - 1] + step * (time[i] - time[i - 1]))
+
+
+def time_mean(time: Array, value: Array) -> float:
+    """Mean over time of what backward Euler found at the end of each step (steps,)."""
+    return float(np.sum(value[1:] * np.diff(time)) / (time[-1] - time[0]))
+
+
+def steady_drift(history: History) -> float | None:
+    """Change of the settlement over the last tenth of the time, as a share of its final value."""
+    final = float(history.settlement[-1])
+    if final == 0:
+        return None
+    start, end = history.time[0], history.time[-1]
+    before = float(np.interp(end - 0.1 * (end - start), history.time, history.settlement))
+    return abs(final - before) / abs(final)
+
+
+def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
+    """Figures of merit of one solution, ready for JSON; a figure that is not defined is None.
+
+    Lengths, volumes, times and pressures are dimensionless as in the solution. ``stress_spread`` is the
+    largest deviation of P_E,22 from its mean over the body, over all times, as a share of the load: zero in
+    a column.
+    """
+    history = solution.history
+    load = abs(solution.load)
+    return {
+        "law": solution.law,
+        "final_settlement": float(history.settlement[-1]),
+        "time_to_95_percent": time_to_fraction(history.time, history.settlement, 0.95),
+        "time_to_99_percent": time_to_fraction(history.time, history.settlement, 0.99),
+        "steady_drift": steady_drift(history),
+        "max_pressure": float(history.pressure_max.max()),
+        "time_of_max_pressure": float(history.time[int(history.pressure_max.argmax())]),
+        "final_pressure": float(history.pressure_max[-1]),
+        "drained": float(history.drained[-1]),
+        "drained_flux": float(history.drained_flux[-1]),
+        "flagged_end": float(history.outside[-1]),
+        "flagged_largest": float(history.outside.max()),
+        "flagged_time_mean": time_mean(history.time, history.outside),
+        "stress_spread": float(history.stress_spread.max()) / load if load > 0 else None,
+        "steps": len(history.time) - 1,
+        "newton_iterations": int(history.iterations.sum()),
+        "end_time": float(history.time[-1]),
+    }
+
+
+def case_metrics(case: Case) -> dict[str, Any]:
+    """Both solutions of one load and their ratios (nonlinear / linear), ready for JSON."""
+    nonlinear, linear = solution_metrics(case.nonlinear), solution_metrics(case.linear)
+
+    def ratio(key: str) -> float | None:
+        top, bottom = nonlinear[key], linear[key]
+        return None if top is None or not bottom else top / bottom
+
+    return {
+        "load": case.load,
+        "nonlinear": nonlinear,
+        "linear": linear,
+        "settlement_ratio": ratio("final_settlement"),
+        "time_to_95_percent_ratio": ratio("time_to_95_percent"),
+        "time_to_99_percent_ratio": ratio("time_to_99_percent"),
+        "drained_ratio": ratio("drained"),
+    }
+
+
+def report_metrics(cases: tuple[Case, ...]) -> dict[str, Any]:
+    """What goes into ``metrics.json``: ``{"cases": [...]}``, one entry for each load."""
+    return {"cases": [case_metrics(case) for case in cases]}
+
+
+def case_warnings(metrics: dict[str, Any]) -> list[str]:
+    """What a reader must know before trusting the case that :func:`case_metrics` describes."""
+    load, found = f"{metrics['load']:g}".replace("-", "−"), []
+    flagged = metrics["nonlinear"]
+    if flagged["flagged_largest"] > 0:
+        found.append(
+            f"Load {load}: at the end {100 * flagged['flagged_end']:.0f} % of the body, at most "
+            f"{100 * flagged['flagged_largest']:.0f} % and {100 * flagged['flagged_time_mean']:.0f} % on "
+            "average over time, asked the surrogate beyond the states that it was trained on. There it "
+            "extrapolates: its answers are not backed by cell solutions."
+        )
+    for kind in ("nonlinear", "linear"):
+        drift = metrics[kind]["steady_drift"]
+        if drift is not None and drift > STEADY_TOLERANCE:
+            found.append(
+                f"Load {load}: the {kind} settlement still changed by {100 * drift:.1f} % of its final value "
+                "in the last tenth of the time, so that value is not the steady state. Raise the end time."
+            )
+    return found
+
+
+def rms_percent(check: OutputCheck) -> float | None:
+    """RMS error on the held-out states within the sampled range, in per cent of the output's span; None without."""
+    error = (check.predicted - check.solved)[~check.outside]
+    return 100 * float(np.sqrt(np.mean(error**2))) / check.span if len(error) else None
+
+
+def worst_percent(check: OutputCheck) -> float | None:
+    """Largest error on the held-out states within the sampled range, in per cent of the span; None without."""
+    error = (check.predicted - check.solved)[~check.outside]
+    return 100 * float(np.abs(error).max()) / check.span if len(error) else None

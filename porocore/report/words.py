@@ -1,0 +1,123 @@
+"""The result in sentences, and the rows that set it beside what was published."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from porocore.report.context import CellSummary, Published, ReportContext
+from porocore.report.format import NONE, difference, number, percent, plain
+from porocore.report.metrics import case_metrics, case_warnings
+from porocore.states import Status
+
+#: What each status means, in plain words.
+MEANINGS: dict[Status, str] = {
+    Status.converged: "in equilibrium, and stable as far as the solved part of the cell can tell",
+    Status.unstable: "in equilibrium, but the cell would leave it at the least disturbance (indefinite "
+    "tangent); the values are kept",
+    Status.overlap: "the pore wall has passed through itself or its mirror image, or no fluid volume is "
+    "left, although every point still has J > 0; no valid data",
+    Status.inverted: "no load step, however small, keeps J > 0; no data",
+    Status.not_converged: "the limit of iterations or steps was reached; no data",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A quantity, what was published, and what this run found."""
+
+    name: str
+    published: str
+    found: str
+
+
+def case_sentences(metrics: dict[str, Any]) -> list[str]:
+    """One case, as :func:`porocore.report.metrics.case_metrics` describes it, in a few sentences."""
+    nonlinear, linear = metrics["nonlinear"], metrics["linear"]
+    settled, expected = nonlinear["final_settlement"], linear["final_settlement"]
+    sentences = [
+        f"Under the load {plain(metrics['load'])} the settlement ends at {number(settled)} with the "
+        f"cell's own law and at {number(expected)} with linear poroelasticity of the same cell: "
+        f"{difference(metrics['settlement_ratio'])}."
+    ]
+    if nonlinear["time_to_99_percent"] is not None and linear["time_to_99_percent"] is not None:
+        sentences.append(
+            f"95 % of the final settlement is reached at t = {number(nonlinear['time_to_95_percent'], 3)} "
+            f"against {number(linear['time_to_95_percent'], 3)}, 99 % at "
+            f"t = {number(nonlinear['time_to_99_percent'], 3)} against "
+            f"{number(linear['time_to_99_percent'], 3)} "
+            f"({difference(metrics['time_to_99_percent_ratio'], 'sooner', 'later')})."
+        )
+    if nonlinear["flagged_largest"] > 0:
+        sentences.append(
+            f"At the end {percent(nonlinear['flagged_end'], 0)} of the body lies beyond the states that the "
+            f"surrogate was trained on ({percent(nonlinear['flagged_time_mean'], 0)} on average over time)."
+        )
+    else:
+        sentences.append("Every state of the body lies within the range that the surrogate was trained on.")
+    return sentences
+
+
+def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[Row]:
+    """The statements of the publication on one load beside the figures of that load."""
+    nonlinear, linear = metrics["nonlinear"], metrics["linear"]
+    return [
+        Row(
+            "final settlement, nonlinear against linear",
+            published.settlement,
+            difference(metrics["settlement_ratio"]),
+        ),
+        Row(
+            "steady state, nonlinear",
+            f"at t = {plain(published.steady_time)} (no criterion stated)",
+            f"95 % at t = {number(nonlinear['time_to_95_percent'], 3)}, "
+            f"99 % at t = {number(nonlinear['time_to_99_percent'], 3)}",
+        ),
+        Row(
+            "steady state, nonlinear against linear",
+            published.duration,
+            f"to 95 %: {difference(metrics['time_to_95_percent_ratio'], 'sooner', 'later')} (linear: t = "
+            f"{number(linear['time_to_95_percent'], 3)}); to 99 %: "
+            f"{difference(metrics['time_to_99_percent_ratio'], 'sooner', 'later')} (linear: t = "
+            f"{number(linear['time_to_99_percent'], 3)})",
+        ),
+    ]
+
+
+def cell_rows(cell: CellSummary, published: Published | None) -> list[Row]:
+    """Porosity, conductivity and micro–macro tangents of the undeformed cell."""
+    linear = cell.linear
+    M, Q = linear.mean_grad_grad_u, linear.mean_grad_p
+    said = [NONE] * 5
+    if published is not None:
+        said = [
+            number(published.porosity, 2),
+            number(published.conductivity_viscosity / cell.viscosity, 4),
+            number(published.mean_grad_2222, 2),
+            number(published.mean_grad_2211, 2),
+            number(published.mean_grad_p_11, 3),
+        ]
+    names = ("porosity φ_f", f"K₁₁ at μ_f = {plain(cell.viscosity)}", "M₂₂₂₂", "M₂₂₁₁", "Q₁₁")
+    found = (cell.porosity, linear.conductivity[0, 0], M[1, 1, 1, 1], M[1, 1, 0, 0], Q[0, 0])
+    return [
+        Row(name, text, number(float(value))) for name, text, value in zip(names, said, found, strict=True)
+    ]
+
+
+def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
+    """The coefficients of linear poroelasticity."""
+    linear = cell.linear
+    return [
+        ("drained stiffness C_eff,2222 / E", number(float(linear.stiffness[1, 1, 1, 1]))),
+        ("Biot coefficient α₂₂", number(float(linear.biot[1, 1]))),
+        ("inverse Biot modulus E / M_B", number(linear.storage)),
+        ("consolidation coefficient c_v", number(linear.consolidation_coefficient())),
+    ]
+
+
+def all_warnings(context: ReportContext) -> list[str]:
+    """Those handed in, then those that the results give rise to."""
+    found = list(context.warnings)
+    for case in context.cases:
+        found += case_warnings(case_metrics(case))
+    return found

@@ -1,0 +1,265 @@
+"""The report page: what is in it, that it stands alone, and that nothing in it can be executed."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from porocore.cell.material import NeoHookean
+from porocore.errors import RunFolderError
+from porocore.inputs import InputSpace
+from porocore.linear import LinearCoefficients
+from porocore.report.context import (
+    DEHGHANI_ZILIAN,
+    Case,
+    CellSummary,
+    OutputCheck,
+    ReportContext,
+    SamplingSummary,
+    Stage,
+    SurrogateSummary,
+    TrainingCurve,
+)
+from porocore.report.html import render, write_report
+from porocore.states import CellResponse, CellTangent, Status
+
+VOID = {"meta", "img", "br"}
+ODD = 'A <script>alert("1")</script> & <b>bold</b> title'
+
+
+class Page(HTMLParser):
+    """Tags, attributes and the visible text; fails on tags that do not close in order."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.text = ""
+        self.feed(html)
+        self.close()
+        assert not self.open, f"not closed: {self.open}"
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.text += data
+
+    @property
+    def words(self) -> str:
+        return " ".join(self.text.split())
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+def reference() -> CellResponse:
+    """M and Q of the benchmark's cell, the values that the table must show."""
+    M = np.zeros((1, 3, 3, 3, 3))
+    for i in range(3):
+        for j in range(3):
+            M[0, i, i, j, j] = -0.2297 if i == j else -0.0754
+    Q = -0.1135 * np.eye(3)[None]
+    tangent = CellTangent(mean_grad_grad_u=M, mean_grad_p=Q)
+    return CellResponse(np.zeros((1, 3, 3)), np.zeros(1, int), tangent=tangent)
+
+
+@pytest.fixture(scope="module")
+def context(column) -> ReportContext:
+    rng = np.random.default_rng(1)
+    inputs = InputSpace(("p", "H22"), (-0.02, -0.4), (0.24, 0.04))
+    x = rng.uniform(inputs.lower, inputs.upper, (60, 2))
+    status = np.where(x[:, 1] < -0.2, int(Status.overlap), int(Status.converged))
+    status[0] = Status.not_converged
+    solved = rng.uniform(-0.02, 0.08, 40)
+    check = OutputCheck(
+        r"$\langle\nabla_Y u^1\rangle_{22}$", "⟨∇u¹⟩₂₂", solved, solved + 1e-4, 0.1, np.arange(40) >= 30
+    )
+    tetrahedron = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    epoch = np.arange(1.0, 50)
+    return ReportContext(
+        title=ODD,
+        cell=CellSummary(
+            "Three channels of radius 0.25 & a neo-Hookean solid",
+            0.4123,
+            1e-3,
+            LinearCoefficients.from_reference(reference(), 0.5877, NeoHookean(), 1.94 * np.eye(3)),
+            {"solid tetrahedra": "13,104"},
+            (tetrahedron, np.array([[0, 1, 2, 3]])),
+            (-0.15, -0.33),
+        ),
+        sampling=SamplingSummary(inputs, x, status, status == Status.converged),
+        surrogate=SurrogateSummary(
+            "torch",
+            "3 × 40 sigmoid network",
+            42,
+            (check,),
+            TrainingCurve(epoch, 1 / epoch, 2 / epoch),
+        ),
+        cases=(Case(column(), column(law="linear", final=2.5, rate=0.06, beyond=None)),),
+        stages=(Stage("sampling", 312.4, "60 states <i>"), Stage("training", 28.0)),
+        provenance={"porocore": "0.1.0", "seed <1>": "7"},
+        config_text="cell: <radius> & {0.25}",
+        published=DEHGHANI_ZILIAN,
+        warnings=("Handed in <first> & shown",),
+    )
+
+
+@pytest.fixture(scope="module")
+def html(context) -> str:
+    return render(context)
+
+
+@pytest.fixture(scope="module")
+def page(html) -> Page:
+    return Page(html)
+
+
+def test_stands_alone_and_runs_nothing(html, page):
+    assert {tag for tag, _ in page.tags}.isdisjoint({"script", "link", "iframe", "object", "embed", "base"})
+    for tag, attributes in page.tags:
+        for name, value in attributes.items():
+            assert not name.startswith("on"), f"{tag} has a handler {name}"
+            if name in {"src", "href", "srcset", "action", "style"}:
+                assert value is not None
+                assert value.startswith(("data:image/", "#")), f"{tag} refers to {value[:60]}"
+    css = html[html.index("<style>") : html.index("</style>")]
+    assert "url(" not in css
+    assert "@import" not in css
+    targets = {a["href"] for a in page.all("a")}
+    assert targets == {f"#{section['id']}" for section in page.all("section")}
+
+
+def test_has_all_sections(page):
+    sections = [section["id"] for section in page.all("section")]
+    assert sections == ["summary", "cell", "sampling", "surrogate", "macro", "times", "provenance"]
+
+
+def test_figures_are_whole_images_with_a_text(page):
+    images = page.all("img")
+    # the cell, the samples, one output, the training, two histories and seven profiles
+    assert len(images) == 1 + 1 + 1 + 1 + 2 + 7
+    for image in images:
+        assert image["alt"]
+        kind, data = image["src"].split(";base64,")
+        decoded = base64.b64decode(data, validate=True)
+        if kind == "data:image/png":
+            assert decoded.startswith(b"\x89PNG")
+        else:
+            assert kind == "data:image/svg+xml"
+            assert ET.fromstring(decoded).tag.endswith("svg")
+    assert len({image["alt"] for image in images}) == len(images)
+
+
+def test_text_of_the_user_is_shown_and_not_interpreted(page):
+    for text in (ODD, "60 states <i>", "seed <1>", "cell: <radius> & {0.25}", "Handed in <first> & shown"):
+        assert text in page.words
+
+
+def test_says_the_result_in_numbers_beside_the_publication(page):
+    # 2 (1 − e^{−10}) and 2.5 (1 − e^{−6}): 19.8 % smaller
+    for text in ("ends at 2.000", "at 2.494", "19.8 % smaller", "around 20 % smaller", "at t = 38"):
+        assert text in page.words
+    assert "considerably shorter time" in page.words
+    for published, found in (("1.943", "1.940"), ("−0.23", "−0.2297"), ("−0.113", "−0.1135")):
+        assert f"{published} {found}" in page.words or f"{published}{found}" in page.text
+    assert "H₂₂ ≈ −0.15 − 0.33 p" in page.words
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_warnings_come_before_the_summary(context, page):
+    handed_in, flagged = page.words.index("Handed in <first>"), page.words.index("it extrapolates")
+    assert handed_in < flagged < page.words.index("Under the load −0.2")
+    calm = replace(
+        context, warnings=(), cases=(Case(replace_outside(context, 0.0), context.cases[0].linear),)
+    )
+    assert not Page(render(calm)).all("aside")
+
+
+def replace_outside(context, share):
+    solution = context.cases[0].nonlinear
+    outside = np.full_like(solution.history.outside, share)
+    return replace(solution, history=replace(solution.history, outside=outside))
+
+
+def test_counts_of_statuses(context, page):
+    for status, name in ((Status.converged, "converged"), (Status.overlap, "overlap")):
+        count = int((context.sampling.status == status).sum())
+        assert f"{name}{count}in equilibrium" in page.text or f"{name}{count}the pore wall" in page.text
+    assert "inverted" not in page.words  # none ended so
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave out the drawing, which takes seconds, where only words are looked at."""
+    monkeypatch.setattr("porocore.report.figures.svg_bytes", lambda figure: b"<svg/>")
+    monkeypatch.setattr("porocore.report.figures.png_bytes", lambda figure: b"")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_without_a_publication_nothing_is_called_published(context):
+    words = Page(render(replace(context, published=None))).words
+    assert "published" not in words.lower()
+    assert "around 20 %" not in words
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_benchmark_is_not_set_beside_another_load(context, column):
+    other = Case(column(load=-0.01), column(load=-0.01, law="linear"))
+    assert "considerably shorter time" not in Page(render(replace(context, cases=(other,)))).words
+
+
+def test_is_the_same_bytes_again(context, html):
+    assert render(context) == html
+
+
+def test_written_whole_or_not_at_all(context, html, tmp_path, monkeypatch):
+    path = tmp_path / "report.html"
+    path.write_text("the old one")
+    monkeypatch.setattr("porocore.report.html.render", lambda context: html)
+    with monkeypatch.context() as patch:
+        patch.setattr("porocore.files.os.replace", disk_full)
+        with pytest.raises(RunFolderError, match=r"cannot write .*report\.html"):
+            write_report(path, context)
+    assert path.read_text() == "the old one"
+    write_report(path, context)
+    assert path.read_text(encoding="utf-8") == html
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def disk_full(*_):
+    raise OSError(28, "No space left on device")
+
+
+def test_pyplot_is_not_used():
+    script = (
+        "import sys, json, matplotlib; before = dict(matplotlib.rcParams)\n"
+        "from porocore.report import figures, html\n"
+        "import numpy as np; from porocore.report.context import TrainingCurve\n"
+        "e = np.arange(1.0, 9); figures.svg_bytes(figures.training_figure(TrainingCurve(e, 1 / e, 2 / e)))\n"
+        "print(json.dumps(['matplotlib.pyplot' in sys.modules, dict(matplotlib.rcParams) == before]))"
+    )
+    # With a backend named, reading the settings does not itself import pyplot to choose one.
+    ran = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "MPLBACKEND": "agg"},
+    )
+    assert json.loads(ran.stdout) == [False, True]

@@ -1,0 +1,260 @@
+"""What the figures draw, asked of the figures themselves."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from porocore.inputs import InputSpace
+from porocore.report.context import OutputCheck, TrainingCurve
+from porocore.report.figures import (
+    QUANTITIES,
+    cell_picture,
+    history_figure,
+    parity_figure,
+    png_bytes,
+    profile_figure,
+    samples_figure,
+    svg_bytes,
+    training_figure,
+)
+from porocore.report.figures.cell import surface_triangles
+from porocore.report.figures.profiles import Line
+from porocore.states import Status
+
+CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
+#: The unit cube in six tetrahedra around the diagonal 0–7.
+KUHN = np.array([[0, 4, 6, 7], [0, 6, 2, 7], [0, 2, 3, 7], [0, 3, 1, 7], [0, 1, 5, 7], [0, 5, 4, 7]])
+
+
+@pytest.fixture(scope="module")
+def pair(column):
+    return column(), column(law="linear", final=2.5, rate=0.06, beyond=None)
+
+
+def legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def assert_no_overlap(figure):
+    """The legend covers no panel, and everything lies on the page."""
+    figure.canvas.draw()
+    page = figure.bbox
+    boxes = [axes.get_tightbbox() for axes in figure.axes]
+    for box in boxes:
+        assert page.x0 - 1 <= box.x0 <= box.x1 <= page.x1 + 1
+        assert page.y0 - 1 <= box.y0 <= box.y1 <= page.y1 + 1
+    for i, box in enumerate(boxes):
+        others = boxes[:i] + [shown.get_window_extent() for shown in figure.legends]
+        assert not any(box.overlaps(other) for other in others)
+
+
+@pytest.mark.parametrize("log_time", [False, True])
+def test_history(pair, log_time):
+    figure = history_figure(*pair, log_time=log_time)
+    settlement, _, drained = figure.axes
+    line = settlement.get_lines()[0]
+    first = 1 if log_time else 0
+    np.testing.assert_array_equal(line.get_ydata(), pair[0].history.settlement[first:])
+    assert drained.get_xscale() == ("log" if log_time else "linear")
+    assert legend(figure)[:2] == ["nonlinear", "linear"]
+    assert_no_overlap(figure)
+
+
+@pytest.mark.parametrize("quantity", list(QUANTITIES))
+def test_profiles_are_labelled_and_do_not_overlap(pair, quantity):
+    figure = profile_figure(*pair, quantity)
+    (axes,) = figure.axes
+    assert axes.get_xlabel()
+    assert axes.get_ylabel().endswith("[–]")
+    assert [text for text in legend(figure) if text.startswith("$t$")] == [
+        "$t$ = 1",
+        "$t$ = 10",
+        "$t$ = 40",
+    ]
+    assert_no_overlap(figure)
+
+
+def test_profile_flags_what_lies_beyond_the_sampled_range(pair):
+    nonlinear, linear = pair
+    figure = profile_figure(nonlinear, linear, "H22", times=(10.0,))
+    profile = nonlinear.profiles[1]
+    flagged = profile.outside > 0
+    assert 0 < flagged.sum() < len(flagged)
+    full = next(line for line in figure.axes[0].get_lines() if line.get_label() == "$t$ = 10")
+    np.testing.assert_array_equal(np.isnan(full.get_ydata()), flagged)
+    assert "beyond the sampled range" in legend(figure)
+    inside = replace(nonlinear, profiles=(replace(profile, outside=np.zeros(len(flagged))),))
+    assert "beyond the sampled range" not in legend(profile_figure(inside, linear, "H22", times=(10.0,)))
+
+
+def test_line_through_a_box_of_several_elements_across(column):
+    solution = column(elements=(2, 5, 3))
+    line = Line.of(solution)
+    np.testing.assert_allclose(line.node_y, np.linspace(0, 7.5, 11), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(line.element_y, 7.5 * (np.arange(5) + 0.5) / 5, rtol=0, atol=1e-12)
+    profile = replace(solution.profiles[0], outside=np.zeros(30))
+    profile.outside[line.elements[1]] = 0.1  # y from 1.5 to 3: nodes 2, 3, 4
+    _, _, nodes = line.series(profile, QUANTITIES["p"])
+    _, _, elements = line.series(profile, QUANTITIES["H22"])
+    np.testing.assert_array_equal(np.flatnonzero(nodes), [2, 3, 4])
+    np.testing.assert_array_equal(np.flatnonzero(elements), [1])
+
+
+def test_profile_of_an_unknown_quantity_or_time(pair):
+    with pytest.raises(ValueError, match="unknown quantity 'K12'; choose from p, settlement"):
+        profile_figure(*pair, "K12")
+    with pytest.raises(ValueError, match="no profile at t = 3; it has 1, 10, 40, 100"):
+        profile_figure(*pair, "p", times=(3.0,))
+
+
+def test_samples_by_status():
+    inputs = InputSpace(("p", "H12", "H22"), (0, -1, -0.4), (1, 1, 0.04))
+    rng = np.random.default_rng(0)
+    x = rng.uniform(inputs.lower, inputs.upper, (50, 3))
+    status = np.repeat([int(s) for s in Status], 10)
+    training = status <= int(Status.unstable)
+    figure = samples_figure(
+        inputs, x, status, training=training, visited=[x[:5], x[5:9]], crease=(-0.15, -0.33)
+    )
+    (axes,) = figure.axes
+    lines = {line.get_label(): line for line in axes.get_lines()}
+    for state in Status:
+        name = state.name.replace("_", " ")
+        np.testing.assert_array_equal(
+            lines[f"{name} (10)"].get_xydata(), x[status == state][:, [2, 0]]
+        )  # H22 across, p upwards
+    hull = lines["sampled range"].get_xydata()
+    low, high = x[training][:, [2, 0]].min(axis=0), x[training][:, [2, 0]].max(axis=0)
+    np.testing.assert_allclose([hull.min(axis=0), hull.max(axis=0)], [low, high])
+    markers = {lines[f"{s.name.replace('_', ' ')} (10)"].get_marker() for s in Status}
+    assert len(markers) == len(Status)  # told apart without colour
+    assert "states in the column" in legend(figure)
+    assert_no_overlap(figure)
+
+
+def test_samples_of_one_input_and_of_an_unknown_one():
+    inputs = InputSpace(("H22",), (-0.4,), (0.04,))
+    x, status = np.linspace(-0.4, 0.04, 9)[:, None], np.zeros(9, int)
+    figure = samples_figure(inputs, x, status, training=status == 0)
+    assert legend(figure) == ["converged (9)"]
+    with pytest.raises(ValueError, match="'p' was not sampled; choose from H22"):
+        samples_figure(inputs, x, status, pair=("H22", "p"))
+
+
+def test_parity_says_the_error():
+    solved = np.linspace(0, 1, 21)
+    check = OutputCheck("$y$", "y", solved, solved + 0.01, 2.0, solved > 0.9)
+    figure = parity_figure([check, check])
+    assert len(figure.axes) == 4
+    text = figure.axes[0].texts[0].get_text()
+    assert "RMS 0.5 % of range" in text
+    assert "19 states" in text
+    assert "(2 beyond the range" in text
+    assert_no_overlap(figure)
+
+
+def test_parity_without_held_out_states_says_so():
+    none = np.zeros(0)
+    figure = parity_figure([OutputCheck("$y$", "y", none, none, 1.0, none.astype(bool))])
+    assert figure.axes[0].texts[0].get_text() == "no held-out states in the range"
+
+
+def test_training_marks_the_best_epoch():
+    epoch = np.arange(0.0, 100, 10)
+    figure = training_figure(TrainingCurve(epoch, np.exp(-epoch), 1 + (epoch - 60) ** 2))
+    assert "best, epoch 60" in legend(figure)
+    assert figure.axes[0].get_yscale() == "log"
+    assert_no_overlap(figure)
+
+
+def volume_by_divergence(triangles):
+    """∫ x·n dS / 3 over a closed surface of outward triangles."""
+    return np.einsum("ti,ti->", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6
+
+
+def test_surface_of_a_cube_is_closed_and_outward():
+    triangles = surface_triangles(CUBE, KUHN)
+    assert len(triangles) == 12
+    assert volume_by_divergence(triangles) == pytest.approx(1.0, rel=1e-14)
+
+
+def ball():
+    """An octahedron of eight quadratic tetrahedra, the middles of its edges pushed out onto the unit sphere."""
+    axis = np.concatenate([np.eye(3), -np.eye(3), np.zeros((1, 3))])
+    points, cells = list(axis), []
+    number: dict[tuple[int, int], int] = {}
+
+    def middle(a: int, b: int) -> int:
+        key = (min(a, b), max(a, b))
+        if key not in number:
+            point = (axis[a] + axis[b]) / 2
+            number[key] = len(points)
+            points.append(point if 6 in key else point / np.linalg.norm(point))
+        return number[key]
+
+    for a in (0, 3):
+        for b in (1, 4):
+            for c in (2, 5):
+                corners = [6, a, b, c]
+                if np.linalg.det(axis[corners[1:]]) < 0:
+                    corners[2:] = [c, b]
+                edges = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
+                cells.append(corners + [middle(corners[i], corners[j]) for i, j in edges])
+    return np.array(points), np.array(cells)
+
+
+def volume_by_quadrature(points, cells):
+    """∫ det J over quadratic tetrahedra, exactly, by a Gauss rule on the collapsed cube."""
+    x, w = np.polynomial.legendre.leggauss(4)
+    x, w = (x + 1) / 2, w / 2
+    volume = 0.0
+    for a, wa in zip(x, w, strict=True):
+        for b, wb in zip(x, w, strict=True):
+            for c, wc in zip(x, w, strict=True):
+                r, s, t = a, b * (1 - a), c * (1 - a) * (1 - b)
+                weight = wa * wb * wc * (1 - a) ** 2 * (1 - b)
+                q = 1 - r - s - t
+                # Gradients of the shape functions in VTK order with respect to (r, s, t).
+                dq, dr, ds, dt = -np.ones(3), *np.eye(3)
+                corners = [(4 * v - 1) * dv for v, dv in ((q, dq), (r, dr), (s, ds), (t, dt))]
+                pairs = (((q, dq), (r, dr)), ((r, dr), (s, ds)), ((s, ds), (q, dq)))
+                pairs += (((q, dq), (t, dt)), ((r, dr), (t, dt)), ((s, ds), (t, dt)))
+                middles = [4 * (v * dw_ + w_ * dv) for (v, dv), (w_, dw_) in pairs]
+                jacobian = np.einsum("eni,nj->eij", points[cells], np.array(corners + middles))
+                volume += weight * np.linalg.det(jacobian).sum()
+    return volume
+
+
+def test_surface_of_curved_tetrahedra(monkeypatch):
+    """The volume under the flat pieces converges with their number to that of the curved elements."""
+    points, cells = ball()
+    exact = volume_by_quadrature(points, cells)
+    assert exact > 1.5 * 4 / 3  # the flat octahedron has 4/3
+    error = []
+    for pieces in (4, 8):
+        monkeypatch.setattr("porocore.report.figures.cell.PIECES", pieces)
+        triangles = surface_triangles(points, cells)
+        assert len(triangles) == 8 * pieces**2
+        error.append(exact - volume_by_divergence(triangles))
+    assert np.log2(error[0] / error[1]) == pytest.approx(2, abs=0.1)
+
+
+def test_cell_picture_shows_the_solid():
+    """Seen from outside, the picture is filled where the cube is and white elsewhere."""
+
+    image = imread(io.BytesIO(png_bytes(cell_picture(CUBE, KUHN), dpi=40)))[..., :3]
+    height, width, _ = image.shape
+    assert (image[height // 2, width // 2] < 0.95).any()
+    assert (image[[0, 0, -1, -1], [0, -1, 0, -1]] == 1).all()
+    white = (image == 1).all(axis=2).mean()
+    assert 0.15 < white < 0.7
+
+
+def test_the_same_figure_gives_the_same_bytes(pair):
+    first, second = (svg_bytes(profile_figure(*pair, "p")) for _ in range(2))
+    assert first == second

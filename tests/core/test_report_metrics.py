@@ -1,0 +1,132 @@
+"""Figures of merit against a history that is known in closed form, and numbers as text."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from porocore.report.context import Case, OutputCheck
+from porocore.report.format import difference, duration, number, percent, plain
+from porocore.report.metrics import (
+    case_metrics,
+    case_warnings,
+    report_metrics,
+    rms_percent,
+    solution_metrics,
+    steady_drift,
+    time_to_fraction,
+    worst_percent,
+)
+
+
+def exact_time(share: float, rate: float, end: float = 100.0) -> float:
+    """When 1 − exp(−rate t) reaches a share of its value at ``end``."""
+    return -math.log(1 - share * (1 - math.exp(-rate * end))) / rate
+
+
+@pytest.mark.parametrize("rate", [0.06, 0.1])
+def test_times_of_an_exponential_settlement(column, rate):
+    metrics = solution_metrics(column(rate=rate))
+    assert metrics["final_settlement"] == pytest.approx(2.0 * (1 - math.exp(-rate * 100)), rel=1e-14)
+    for percent_, key in ((0.95, "time_to_95_percent"), (0.99, "time_to_99_percent")):
+        late = metrics[key] - exact_time(percent_, rate)
+        # The chord lies below a concave curve: late by h²/8 |f''|/f' = h² rate/8 at most (h = 0.5).
+        assert 0 <= late < 0.5**2 * rate / 8 * (1 + 0.5 * rate)
+
+
+def test_interpolation_converges_with_the_step():
+    def error(n: int) -> float:
+        time = np.linspace(0, 100, n)
+        return abs(time_to_fraction(time, 1 - np.exp(-0.1 * time), 0.95) - exact_time(0.95, 0.1))
+
+    # The nodes lie differently in each grid, so orders are taken from the worst of many.
+    coarse, fine = max(error(n) for n in range(101, 141)), max(error(2 * n - 1) for n in range(101, 141))
+    assert math.log2(coarse / fine) == pytest.approx(2, abs=0.3)
+
+
+def test_ratios_and_losses_of_a_case(column):
+    metrics = case_metrics(Case(column(), column(law="linear", final=2.5, rate=0.06, beyond=None)))
+    expected = 2.0 * (1 - math.exp(-10)) / (2.5 * (1 - math.exp(-6)))
+    assert metrics["settlement_ratio"] == pytest.approx(expected, rel=1e-13)
+    assert metrics["drained_ratio"] == pytest.approx(expected, rel=1e-13)
+    assert metrics["time_to_99_percent_ratio"] == pytest.approx(
+        exact_time(0.99, 0.1) / exact_time(0.99, 0.06), rel=1e-3
+    )
+    assert metrics["nonlinear"]["stress_spread"] == pytest.approx(1e-9 / 0.2, rel=1e-12)
+    assert metrics["nonlinear"]["drained_flux"] * 1.12 == pytest.approx(metrics["nonlinear"]["drained"])
+
+
+def test_flagged_shares(column):
+    solution = column()
+    time = solution.history.time
+    outside = np.where(time > 75, 0.2, np.where(time > 50, 0.6, 0.0))
+    metrics = solution_metrics(replace(solution, history=replace(solution.history, outside=outside)))
+    assert metrics["flagged_end"] == 0.2
+    assert metrics["flagged_largest"] == 0.6
+    assert metrics["flagged_time_mean"] == pytest.approx((25 * 0.6 + 25 * 0.2) / 100, rel=1e-12)
+
+
+def test_a_body_that_does_not_move_has_no_times(column):
+    case = Case(column(final=0.0), column(final=0.0, law="linear"))
+    metrics = case_metrics(case)
+    assert metrics["nonlinear"]["time_to_95_percent"] is None
+    assert metrics["settlement_ratio"] is None
+    assert json.loads(json.dumps(report_metrics((case,)), allow_nan=False))["cases"] == [metrics]
+
+
+def test_warns_of_a_run_that_ends_too_early(column):
+    early = column(rate=0.01, beyond=None)
+    # s(t) = 1 − e^{−t/100}: from t = 90 to 100 it grows by (e^{−0.9} − e^{−1})/(1 − e^{−1}) of its end value
+    assert steady_drift(early.history) == pytest.approx((math.exp(-0.9) - math.exp(-1)) / (1 - math.exp(-1)))
+    (warning,) = case_warnings(case_metrics(Case(early, column(law="linear", beyond=None))))
+    assert "nonlinear" in warning
+    assert "6.1 %" in warning
+
+
+def test_warns_of_flagged_states_only(column):
+    calm, linear = column(beyond=None), column(law="linear", beyond=None)
+    assert case_warnings(case_metrics(Case(calm, linear))) == []
+    (warning,) = case_warnings(case_metrics(Case(column(beyond=-0.2), linear)))
+    assert "Load −0.2: at the end 100 % of the body" in warning
+
+
+def test_two_solutions_of_different_loads_are_no_case(column):
+    with pytest.raises(ValueError, match=r"one load, got -0\.2 and -0\.01"):
+        Case(column(), column(load=-0.01))
+
+
+def test_errors_count_the_states_inside_only():
+    solved = np.array([0.0, 1.0, 2.0, 3.0])
+    check = OutputCheck("x", "x", solved, solved + np.array([0.03, -0.04, 0.0, 9.0]), 2.0, np.arange(4) == 3)
+    assert rms_percent(check) == pytest.approx(100 * math.sqrt(25e-4 / 3) / 2)
+    assert worst_percent(check) == pytest.approx(2.0)
+    assert rms_percent(replace(check, outside=np.ones(4, bool))) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (number(1.9999), "2.000"),
+        (number(-0.07540), "−0.07540"),
+        (number(9.9999e-5, 3), "0.000100"),
+        (number(5e-9, 2), "5.0 · 10⁻⁹"),
+        (number(0.0), "0"),
+        (number(None), "–"),
+        (number(float("nan")), "–"),
+        (plain(-0.01), "−0.01"),
+        (percent(0.8732), "87.3 %"),
+        (difference(0.8), "20.0 % smaller"),
+        (difference(1.05, "sooner", "later"), "5.0 % later"),
+        (difference(1.0001), "the same to 0.05 %"),
+        (duration(0.0123), "12.3 ms"),
+        (duration(59.6), "59.6 s"),
+        (duration(119.7), "2 min 00 s"),
+        (duration(7260), "2 h 01 min"),
+    ],
+)
+def test_numbers_as_text(text, expected):
+    assert text == expected

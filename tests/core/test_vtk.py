@@ -1,0 +1,90 @@
+"""The .vtu series: read back by meshio, and its XML looked at without it."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import meshio
+import numpy as np
+import pytest
+
+from porocore.errors import RunFolderError
+from porocore.vtk import write_vtu_series
+
+
+@pytest.fixture
+def solution(column):
+    return column(elements=(1, 6, 2))
+
+
+def test_fields_come_back(solution, tmp_path):
+    write_vtu_series(tmp_path, "column", solution)
+    for i, profile in enumerate(solution.profiles):
+        mesh = meshio.read(tmp_path / f"column-{i:03d}.vtu")
+        np.testing.assert_array_equal(mesh.points, solution.points)
+        (block,) = mesh.cells
+        assert block.type == "hexahedron27"
+        np.testing.assert_array_equal(block.data, solution.cells)
+        np.testing.assert_array_equal(mesh.point_data["u"], profile.u)
+        np.testing.assert_array_equal(mesh.point_data["p"], profile.p)
+        cells = {name: blocks[0] for name, blocks in mesh.cell_data.items()}
+        for name, expected in {
+            "H": profile.grad_u,
+            "mean_grad": profile.mean_grad,
+            "deformation": profile.deformation,
+            "K_t": profile.conductivity,
+            "P_E": profile.stress,
+            "flux": profile.flux,
+            "element_p": profile.element_p,
+            "outside": profile.outside,
+        }.items():
+            np.testing.assert_array_equal(cells.pop(name), expected.reshape(len(expected), -1).squeeze())
+        assert not cells
+
+
+def test_tensors_are_written_row_by_row(solution, tmp_path):
+    grad_u = np.arange(9.0).reshape(3, 3) + np.zeros((len(solution.cells), 1, 1))
+    profile = replace(solution.profiles[0], grad_u=grad_u)
+    write_vtu_series(tmp_path, "x", replace(solution, profiles=(profile,)))
+    (read,) = meshio.read(tmp_path / "x-000.vtu").cell_data["H"]
+    np.testing.assert_array_equal(read[0], np.arange(9.0))
+
+
+def test_series_lists_existing_files_with_their_times(solution, tmp_path):
+    path = write_vtu_series(tmp_path / "new", 'a "quoted" & <odd> name', solution)
+    assert path.suffix == ".pvd"
+    entries = ET.parse(path).getroot().findall("./Collection/DataSet")
+    assert [float(entry.attrib["timestep"]) for entry in entries] == [1.0, 10.0, 40.0, 100.0]
+    for entry in entries:
+        root = ET.parse(path.parent / entry.attrib["file"]).getroot()
+        assert root.attrib["type"] == "UnstructuredGrid"
+    written = {file.name for file in path.parent.iterdir()}
+    assert written == {path.name, *(entry.attrib["file"] for entry in entries)}  # nothing temporary is left
+
+
+def test_times_keep_all_their_digits(solution, tmp_path):
+    time = 0.1 + 0.2
+    path = write_vtu_series(
+        tmp_path, "x", replace(solution, profiles=(replace(solution.profiles[0], time=time),))
+    )
+    (entry,) = ET.parse(path).getroot().iter("DataSet")
+    assert float(entry.attrib["timestep"]) == time
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "..", "/tmp/x"])
+def test_a_name_with_a_folder_is_refused(solution, tmp_path, name):
+    with pytest.raises(ValueError, match="plain file name"):
+        write_vtu_series(tmp_path, name, solution)
+
+
+def test_a_solution_without_profiles_is_refused(solution, tmp_path):
+    with pytest.raises(ValueError, match="no profiles"):
+        write_vtu_series(tmp_path, "x", replace(solution, profiles=()))
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_unwritable_folder_is_named(solution, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(RunFolderError, match=r"cannot write .*file/x-000\.vtu"):
+        write_vtu_series(tmp_path / "file", "x", solution)
