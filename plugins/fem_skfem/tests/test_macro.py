@@ -136,6 +136,7 @@ def test_undrained_column_keeps_its_fluid():
     ramp = np.minimum(1, solution.history.time / 0.2)
     np.testing.assert_allclose(solution.history.settlement, 0.03 * ramp, rtol=1e-12)
     np.testing.assert_allclose(solution.history.pressure_max, p * ramp, rtol=1e-9)
+    assert solution.history.iterations.max() == 1  # the prescribed jump is part of the linear system
 
 
 def test_prescribed_inflow_ends_in_a_linear_pressure():
