@@ -12,7 +12,7 @@ from porocore.states import Array
 
 #: A run whose settlement still moves by more than this share of its final value in the last tenth of the time
 #: has not reached the steady state.
-STEADY_TOLERANCE = 5e-3
+STEADY_TOLERANCE = 1e-3
 
 
 def time_to_fraction(time: Array, value: Array, fraction: float) -> float | None:

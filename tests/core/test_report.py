@@ -111,7 +111,7 @@ def context(column) -> ReportContext:
             (check,),
             TrainingCurve(epoch, 1 / epoch, 2 / epoch),
         ),
-        cases=(Case(column(), column(law="linear", final=2.5, rate=0.06, beyond=None)),),
+        cases=(Case(column(), column(law="linear", final=2.6, rate=0.08, beyond=None)),),
         stages=(Stage("sampling", 312.4, "60 states <i>"), Stage("training", 28.0)),
         provenance={"porocore": "0.1.0", "seed <1>": "7"},
         config_text="cell: <radius> & {0.25}",
@@ -172,8 +172,8 @@ def test_text_of_the_user_is_shown_and_not_interpreted(page):
 
 
 def test_says_the_result_in_numbers_beside_the_publication(page):
-    # 2 (1 − e^{−10}) and 2.5 (1 − e^{−6}): 19.8 % smaller
-    for text in ("ends at 2.000", "at 2.494", "19.8 % smaller", "around 20 % smaller", "at t = 38"):
+    # 2 (1 − e^{−10}) and 2.6 (1 − e^{−8}): 23.1 % smaller
+    for text in ("ends at 2.000", "at 2.599", "23.1 % smaller", "around 20 % smaller", "at t = 38"):
         assert text in page.words
     assert "considerably shorter time" in page.words
     for published, found in (("1.943", "1.940"), ("−0.23", "−0.2297"), ("−0.113", "−0.1135")):
