@@ -63,5 +63,6 @@ class SampledRange:
     def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
         """Which states (n,) lie outside, or move a component that was not sampled."""
         inside = self.contains(self.inputs.gather(states))
-        outside: npt.NDArray[np.bool_] = ~inside | self.inputs.moves_other(states)
+        outside: npt.NDArray[np.bool_] = np.logical_not(inside)
+        outside |= self.inputs.moves_other(states)
         return outside

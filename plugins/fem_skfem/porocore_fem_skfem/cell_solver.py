@@ -24,7 +24,7 @@ TOLERANCE = 1e-11
 class PreparedCell:
     """What the states of a cell share; each domain is set up when it is first needed."""
 
-    def __init__(self, cell: Cell, degree: int, solver: str) -> None:
+    def __init__(self, cell: Cell, degree: int | None, solver: str) -> None:
         self.cell, self._degree, self._solver = cell, degree, solver
 
     @cached_property
@@ -37,7 +37,8 @@ class PreparedCell:
 
     def _problem(self, domain: Any) -> SolidProblem:
         mesh = self.cell.make_mesh("solid", domain)
-        return SolidProblem(mesh, self.cell.material, degree=self._degree, solver=self._solver)
+        degree = self._degree or (1 if mesh.order == 1 else 2)
+        return SolidProblem(mesh, self.cell.material, degree=degree, solver=self._solver)
 
     def domain_for(self, H: Any) -> SolidProblem:
         """The eighth where load and settings allow it."""
@@ -56,17 +57,17 @@ class SkfemCellSolver(CellSolver):
     Options
     -------
     quadrature_degree : int
-        Of the solid, 2 by default (four points).
+        Of the solid; by default 2 (four points), and 1 for linear elements, whose gradients are constant.
     solver : {"auto", "pardiso", "superlu", "amg"}
         Linear solver; auto takes the best that is installed, multigrid beyond 100,000 unknowns.
     """
 
-    def __init__(self, *, quadrature_degree: int = 2, solver: str = "auto", **unknown: Any) -> None:
+    def __init__(self, *, quadrature_degree: int | None = None, solver: str = "auto", **unknown: Any) -> None:
         if unknown:
             raise ConfigurationError(
                 f"fem.options: unknown key '{min(unknown)}'; scikit-fem takes quadrature_degree and solver"
             )
-        if not (isinstance(quadrature_degree, int) and 1 <= quadrature_degree <= 8):
+        if quadrature_degree is not None and quadrature_degree not in range(1, 9):
             raise ConfigurationError(
                 f"fem.options.quadrature_degree: expected an integer from 1 to 8, got {quadrature_degree!r}"
             )
