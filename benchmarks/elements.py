@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 from common import best, table
 
-import numpy as np
 from porocore.cell.cell import Cell
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
@@ -24,9 +24,7 @@ def measure(element: str, size: float, runs: int) -> tuple[float, np.ndarray, in
     solver.solve_one(prepared, H / 2)
     seconds, response = best(lambda: solver.solve_one(prepared, H, P), runs)
     t = response.tangent
-    values = np.array(
-        [t.mean_grad_grad_u[0, 1, 1, 1, 1], t.mean_grad_p[0, 1, 1], response.stress[0, 1, 1]]
-    )
+    values = np.array([t.mean_grad_grad_u[0, 1, 1, 1, 1], t.mean_grad_p[0, 1, 1], response.stress[0, 1, 1]])
     return seconds, values, len(prepared.eighth.constraints().free)
 
 
@@ -38,7 +36,13 @@ def main() -> str:
             seconds, values, unknowns = measure(element, size, 3 if element != "linear" else 2)
             errors = np.abs(values / exact - 1)
             rows.append(
-                [element, f"{size:g}", f"{unknowns:,}", *(f"{100 * e:.2f} %" for e in errors), f"{seconds:.3f}"]
+                [
+                    element,
+                    f"{size:g}",
+                    f"{unknowns:,}",
+                    *(f"{100 * e:.2f} %" for e in errors),
+                    f"{seconds:.3f}",
+                ]
             )
             if errors.max() <= GOAL:
                 enough[element] = min(seconds, enough.get(element, np.inf))

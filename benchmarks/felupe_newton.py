@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from common import best, table
-
 import felupe
 import numpy as np
+from common import best, table
+from pypardiso import spsolve
+
 from porocore.cell.cell import Cell
 from porocore_fem_skfem import newton
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
-from pypardiso import spsolve
 
 H_22, TOLERANCE = -0.15, 1e-9
 
@@ -55,7 +55,11 @@ def main() -> str:
     rows = [
         ["FElupe, Newton", f"{baseline:.3f}", "1.00"],
         ["porocore, Newton", f"{alone:.3f}", f"{alone / baseline:.2f}"],
-        ["porocore, Newton, averages and all derivatives", f"{everything:.3f}", f"{everything / baseline:.2f}"],
+        [
+            "porocore, Newton, averages and all derivatives",
+            f"{everything:.3f}",
+            f"{everything / baseline:.2f}",
+        ],
     ]
     text = table(
         f"(a) {tetrahedra:,} first-order tetrahedra, eighth of the cell, H_22 = {H_22}",

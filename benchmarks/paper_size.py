@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 from common import best, table
 
-import numpy as np
 from porocore.cell.cell import Cell
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
@@ -44,7 +44,10 @@ def main() -> str:
         ["mesh", "tetrahedra", "unknowns", "error of M_1212", "set-up s", "solve s", "with derivatives s"],
         rows,
     )
-    return text + f"\nThe paper: 147,043 tetrahedra, {PAPER_SECONDS:.1f} s a solve without derivatives (other hardware).\n"
+    return (
+        text
+        + f"\nThe paper: 147,043 tetrahedra, {PAPER_SECONDS:.1f} s without derivatives (other hardware).\n"
+    )
 
 
 if __name__ == "__main__":

@@ -85,8 +85,8 @@ class CellSummary:
     surface
         Points (N, 3) and tetrahedra (M, 4) or (M, 10) of the solid for the picture; None: no picture.
     crease : (2,)
-        (a, b): squeezed beyond H_22 = a + b p the sharp ridges of the solid fold onto themselves; None: not
-        known.
+        (a, b): squeezed beyond H_22 = a + b p the sharp ridges of the solid crease, on a very fine mesh;
+        None: not known.
     """
 
     description: str

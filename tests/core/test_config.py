@@ -59,7 +59,8 @@ def test_the_benchmark_is_the_papers():
     assert (problem.size, problem.elements, problem.load) == ((0.1, 7.5, 0.1), (1, 106, 1), -0.2)
     assert problem.boundary["y+"].traction == (0, 1, 0)
     assert problem.boundary["x+"].displacement == (0, None, 0)
-    assert problem.time.ramp_increments * problem.time.ramp_step == 0.5
+    assert problem.time.ramp_increments == 10
+    assert problem.time.ramp_step == pytest.approx(problem.time.step / 10)
     assert problem.time.profiles == (1, 10, 40)
 
 
@@ -118,10 +119,10 @@ def test_workers_are_counted():
         ("step: 0.03", "step: 0.02", {"sampling", "training", "macro"}),
         ("tolerance: 0.05", "tolerance: 0.1", {"sampling", "training", "macro"}),
         ("[-0.40, 0.04]", "[-0.30, 0.04]", {"sampling", "test", "training", "macro"}),
-        ("count: 100", "count: 50", {"test"}),
+        ("count: 120", "count: 50", {"test"}),
         ("backend: torch\n  seed: 2022", "backend: torch\n  seed: 1", {"training", "macro"}),
         ("loads: [-0.2, -0.01]", "loads: [-0.1]", {"macro"}),
-        ("    end: 100", "    end: 50", {"macro"}),
+        ("    end: 150", "    end: 50", {"macro"}),
         ("workers: auto", "workers: 3", set()),
         ("title: ", "title: Another ", set()),
     ],
@@ -205,8 +206,8 @@ def test_another_backend_starts_without_the_options_of_the_configured_one(edit):
         ),
         ("size: [0.1, 7.5, 0.1]", "size: [0.1, -7.5, 0.1]", "macro.size.1", ["0 < value", "got -7.5"]),
         ("    y-: {", "    bottom: {", "macro.boundary.bottom", ["unknown key", "x-, x+, y-, y+, z-, z+"]),
-        ("end: 100", "end: 0.4", "macro.time", ["end = 0.4 does not lie behind the ramp"]),
-        ("end: 100", "end: .inf", "macro.time.end", ["expected a finite number", "got .inf"]),
+        ("end: 150", "end: 0.4", "macro.time", ["end = 0.4 does not lie behind the ramp"]),
+        ("end: 150", "end: .inf", "macro.time.end", ["expected a finite number", "got .inf"]),
     ],
 )
 def test_a_fault_names_file_line_key_expectation_and_value(edit, old, new, key, parts):
@@ -229,7 +230,7 @@ def test_all_faults_come_in_one_message_in_the_order_of_the_file(edit):
     path = edit(
         ("radius: 0.25", "radius: 0.7"),
         ("poisson_ratio: 0.35", "poisson_ratio: no"),
-        ("    step: 0.5", "    stop: 0.5"),
+        ("    step: 0.75", "    stop: 0.75"),
     )
     with pytest.raises(ConfigurationError) as error:
         load_config(path)

@@ -8,8 +8,7 @@ import resource
 import shutil
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -295,24 +294,32 @@ def test_a_solver_that_returns_other_shapes_or_parts_is_told(dataset: Dataset) -
     assert_holds(Dataset.open(dataset.path), records())
 
 
-@contextmanager
-def files_limited_to(size: int) -> Iterator[None]:
-    """The operating system refuses to let any file grow beyond ``size`` bytes, as a full disk would."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+def with_files_limited_to(size: int, work: Callable[[], None]) -> None:
+    """``work`` in a child for which no file grows beyond ``size`` bytes, as on a full disk.
+
+    In this process the limit would also hit the test runner's own files.
+    """
+    child = os.fork()
+    if child == 0:
+        try:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+            work()
+        except BaseException:  # noqa: BLE001 - the parent sees the exit status
+            os._exit(1)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 @pytest.mark.parametrize("size", [0, 1000, 9000])
 def test_a_full_disk_costs_no_finished_state(dataset: Dataset, size: int) -> None:
-    with files_limited_to(size), pytest.raises(RunFolderError, match=r"cannot write .*make room"):
-        dataset.append(record(9))
-    with files_limited_to(size), pytest.raises(RunFolderError, match=r"cannot write .*data\.h5: .*make room"):
-        dataset.consolidate()
-    assert_holds(dataset, records())
+    def fill() -> None:
+        with pytest.raises(RunFolderError, match=r"cannot write .*make room"):
+            dataset.append(record(9))
+        with pytest.raises(RunFolderError, match=r"cannot write .*data\.h5: .*make room"):
+            dataset.consolidate()
+        assert_holds(dataset, records())
+
+    with_files_limited_to(size, fill)
     assert_holds(Dataset.open(dataset.path), records())
     assert not [path for path in dataset.path.parent.rglob("*") if path.suffix == ".part"]
     dataset.append(record(9))

@@ -16,7 +16,6 @@ from porocore.cell.mesh import CellMesh
 from porocore_fem_skfem.linalg import SymmetricFactor, SymmetricPattern, choose_factor
 from porocore_fem_skfem.operators import Operators, Scatter
 
-
 #: Numbers in a batch of element blocks that stays in the processor's cache.
 CACHED = 60_000
 
@@ -199,9 +198,7 @@ class SolidProblem:
                 g_T = np.ascontiguousarray(g_T)
                 plus, minus = np.matmul(g_T, d[part] * g[part]), np.matmul(g_T, c[part] * g[part])
             shape = (-1, 3, a, 3, a)
-            np.subtract(
-                plus.reshape(shape), minus.reshape(shape).transpose(0, 3, 2, 1, 4), out=blocks[part]
-            )
+            np.subtract(plus.reshape(shape), minus.reshape(shape).transpose(0, 3, 2, 1, 4), out=blocks[part])
         return self.scatter(blocks) + self._laplacian
 
     def _constant_blocks(self) -> Any:

@@ -137,5 +137,5 @@ def _crease(axes: Axes, crease: tuple[float, float], inputs: InputSpace) -> None
     p = inputs.names.index("p")
     ends = np.array([max(0.0, inputs.lower[p]), inputs.upper[p]])  # it was found for p >= 0
     axes.plot(
-        crease[0] + crease[1] * ends, ends, color=BLACK, ls=DASHED, lw=1.2, label="ridges fold to the left"
+        crease[0] + crease[1] * ends, ends, color=BLACK, ls=DASHED, lw=1.2, label="crease on a very fine mesh"
     )

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from porocore.report.context import OutputCheck, TrainingCurve
 from porocore.report.figures.style import BLUE, GREY, VERMILLION, legend_above, new_figure, styled
@@ -34,6 +35,7 @@ def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
         error.axhline(0, color=GREY, lw=1.0)
         parity.set(xlim=ends, ylim=ends, ylabel=f"predicted {check.name} [–]")
         error.set(xlabel=f"solved {check.name} [–]", ylabel="error [% of range]")
+        error.xaxis.set_major_locator(MaxNLocator(5))
         parity.text(0.04, 0.96, _error_text(check), transform=parity.transAxes, va="top", fontsize=9)
     figure.align_ylabels()
     return figure
