@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.backends import make_backend
 from porocore.cell.cell import Cell
 from porocore.closures import CLOSURES, ClosedLaw
 from porocore.config import RunConfig
@@ -24,6 +25,7 @@ from porocore.errors import DataError
 from porocore.execution import CellPool
 from porocore.files import atomic_path
 from porocore.interfaces.cell import CellSolver
+from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 from porocore.laws import MacroLaw
@@ -49,7 +51,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
     """Solve the undeformed cell, the sampler's states, and the held-out random states."""
     solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
     inputs = config.sampling.input_space()
-    sampler = _sampler(config)
+    sampler: Sampler = make_backend("sampler", config)
     if not folder.reference.exists():
         with _timed(folder, "cell"):
             reference = CellReference.compute(solver, prepared, config.cell, config.stages.cell)
@@ -77,7 +79,7 @@ def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
         console.note(f"training: {folder.surrogate.name} is there already")
         return
     data = training_set(folder, config)
-    surrogate: Surrogate = registry().get("surrogate", config.surrogate.backend)(**config.surrogate.options)
+    surrogate: Surrogate = make_backend("surrogate", config)
     with _timed(folder, "training"), console.task("training", "epochs") as task:
         curve = _TrainingCurve(folder.training_curve)
 
@@ -99,7 +101,7 @@ def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
 def solve(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
     """Solve the macro problem under every load, with the closed surrogate and linearly."""
     laws = macro_laws(folder, config)
-    solver = registry().get("macro solver", config.fem.backend)()
+    solver: MacroSolver = make_backend("macro solver", config)
     for load in config.macro.loads:
         prepared = None
         for name, law in laws.items():
@@ -184,7 +186,7 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
     """
     inputs = config.sampling.input_space()
     dataset = Dataset.open(folder.dataset, inputs=inputs, identity=config.stages.sampling)
-    if not is_complete(_sampler(config), dataset):
+    if not is_complete(make_backend("sampler", config), dataset):
         raise DataError(
             f"{folder.dataset}: sampling was interrupted and is not finished; run porocore sample {folder.path}"
         )
@@ -219,13 +221,6 @@ def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCo
     return LinearCoefficients.from_reference(
         reference.response, reference.solid_fraction, config.cell.material, reference.conductivity
     )
-
-
-def _sampler(config: RunConfig) -> Sampler:
-    sampler: Sampler = registry().get("sampler", config.sampling.sampler)(
-        config.sampling.input_space(), **config.sampling.sampler_options()
-    )
-    return sampler
 
 
 def _reference(folder: RunFolder, config: RunConfig) -> CellReference:

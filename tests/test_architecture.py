@@ -27,7 +27,7 @@ LAYERS = (
     ("interfaces", ("interfaces",)),
     ("hooks", ("hookspecs",)),
     ("work", ()),
-    ("choice", ("registry", "config")),
+    ("choice", ("registry", "config", "backends")),
     ("run", ("runfolder",)),
     ("pipeline", ("pipeline", "summary")),
     ("command line", ("cli",)),

@@ -18,7 +18,7 @@ from porocore.cli.common import (
     read_config,
 )
 from porocore.console import Console
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, PluginError
 
 if TYPE_CHECKING:
     from porocore.config import RunConfig
@@ -41,7 +41,7 @@ def run(
     the configuration gives for its own backend do not go over to the other one.
     """
     path, settings = read_config(config, fem, surrogate)
-    _find_plugins(settings, "cell solver", "macro solver", "sampler", "surrogate")
+    _check_backends(settings, "cell solver", "macro solver", "sampler", "surrogate")
     folder = _claim(path, settings, out, resume)
     again = ["--fem", fem] if fem else []
     again += ["--surrogate", surrogate] if surrogate else []
@@ -74,7 +74,7 @@ def sample(
         folder = RunFolder.open(target)
     else:
         path, settings = read_config(target, fem)
-        _find_plugins(settings, "cell solver", "sampler")
+        _check_backends(settings, "cell solver", "sampler")
         folder = _claim(path, settings, out, resume)
     console = Console()
     with interruptible(command("sample", folder.path)), folder:
@@ -148,15 +148,19 @@ def _claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> R
     return RunFolder.claim(Path("runs") / path.stem if out is None else out, settings, resume=resume)
 
 
-def _find_plugins(settings: RunConfig, *kinds: Kind) -> None:
-    """Refuse a missing or unknown backend before a folder is made for it."""
-    from porocore.registry import registry
+def _check_backends(settings: RunConfig, *needed: Kind) -> None:
+    """Refuse missing backends and options that cannot be used before a folder is bound to them.
 
-    names: dict[Kind, str] = {
-        "cell solver": settings.fem.backend,
-        "macro solver": settings.fem.backend,
-        "sampler": settings.sampling.sampler,
-        "surrogate": settings.surrogate.backend,
-    }
-    for kind in kinds:
-        registry().find(kind, names[kind])
+    A backend that only a later stage needs may be installed elsewhere; if it is here, its options are tried now.
+    """
+    from porocore import backends
+    from porocore.registry import HOOKS, registry
+
+    for kind in needed:
+        registry().find(kind, backends.backend_name(kind, settings))
+    for kind in HOOKS:
+        try:
+            backends.check(kind, settings)
+        except PluginError:
+            if kind in needed:
+                raise

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import porocore
-from porocore import registry
+from porocore import backends, registry
 from porocore.benchmark import benchmark_path
 from porocore.cli import main
 from porocore.cli.cell import as_text, parse_grad_u
@@ -59,6 +59,7 @@ def pipeline(monkeypatch):
     stage("run", lambda folder: [folder.report])
     monkeypatch.setitem(sys.modules, "porocore.pipeline", fake)
     monkeypatch.setattr(porocore, "pipeline", fake, raising=False)
+    monkeypatch.setattr(backends, "check", lambda kind, config: None)
     return fake
 
 

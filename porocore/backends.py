@@ -1,0 +1,61 @@
+"""The configured backends, made with their options; and refusing at once what would stop a run half-way."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from porocore.config import RunConfig
+from porocore.errors import ConfigurationError
+from porocore.registry import Kind, registry
+
+
+def make_backend(kind: Kind, config: RunConfig) -> Any:
+    """The backend of one kind that a configuration names, with the options that it gives.
+
+    Raises
+    ------
+    PluginError
+        It is unknown, missing or broken.
+    ConfigurationError
+        It does not take these options.
+    """
+    name = backend_name(kind, config)
+    options: dict[str, Any] = {
+        "cell solver": config.fem.options,
+        "macro solver": {},
+        "sampler": config.sampling.sampler_options(),
+        "surrogate": config.surrogate.options,
+    }[kind]
+    positional = (config.sampling.input_space(),) if kind == "sampler" else ()
+    implementation = registry().get(kind, name)
+    try:
+        return implementation(*positional, **options)
+    except TypeError as error:
+        if not options:
+            raise
+        raise ConfigurationError(f"{kind} '{name}' does not take its options {options}: {error}") from error
+
+
+def backend_name(kind: Kind, config: RunConfig) -> str:
+    """What the configuration chooses for ``kind``."""
+    names: dict[Kind, str] = {
+        "cell solver": config.fem.backend,
+        "macro solver": config.fem.backend,
+        "sampler": config.sampling.sampler,
+        "surrogate": config.surrogate.backend,
+    }
+    return names[kind]
+
+
+def check(kind: Kind, config: RunConfig) -> None:
+    """Try the options of a backend, and the macroscale set-up, before anything is solved or written.
+
+    Raises
+    ------
+    PluginError, ConfigurationError
+        As :func:`make_backend`; or the macro solver finds that the boundary conditions contradict one another
+        or leave the body loose.
+    """
+    backend = make_backend(kind, config)
+    if kind == "macro solver":
+        backend.prepare(config.macro.problem(config.macro.loads[0]))
