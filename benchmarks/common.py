@@ -1,14 +1,13 @@
-"""Timing that stands a shared machine: the best of several runs, and ratios within one process."""
+"""Timing that stands a shared machine: the best of several runs, and ratios within one process.
+
+One thread is set by ``run.py``, before numpy is imported.
+"""
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from typing import Any
-
-for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
 
 
 def best(work: Callable[[], Any], runs: int = 3) -> tuple[float, Any]:
