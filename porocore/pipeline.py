@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from porocore.closures import CLOSURES, ClosedLaw
 from porocore.config import RunConfig
 from porocore.console import Console
 from porocore.dataset import Dataset
-from porocore.errors import DataError
+from porocore.errors import DataError, RunFolderError
 from porocore.execution import CellPool
 from porocore.files import atomic_path
 from porocore.interfaces.cell import CellSolver
@@ -266,18 +266,30 @@ class _TrainingCurve:
 @contextmanager
 def _timed(folder: RunFolder, stage: str) -> Iterator[None]:
     """Add the block's wall time to what the stage has taken so far, also when it is interrupted."""
+    timings = _timings(folder)
     began = time.perf_counter()
-    try:
-        yield
-    finally:
-        timings = _timings(folder)
+
+    def note() -> None:
         timings[stage] = timings.get(stage, 0.0) + time.perf_counter() - began
         with atomic_path(folder.timings) as part:
             part.write_text(json.dumps(timings, indent=2) + "\n", encoding="utf-8")
+
+    try:
+        yield
+    except BaseException:
+        with suppress(RunFolderError):  # the error on its way is the one to tell
+            note()
+        raise
+    note()
 
 
 def _timings(folder: RunFolder) -> dict[str, float]:
     if not folder.timings.exists():
         return {}
-    timings: dict[str, float] = json.loads(folder.timings.read_text(encoding="utf-8"))
-    return timings
+    try:
+        timings = json.loads(folder.timings.read_text(encoding="utf-8"))
+        return {str(stage): float(seconds) for stage, seconds in timings.items()}
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise DataError(
+            f"{folder.timings}: not a record of the stages' times ({error}); delete it, it is not needed"
+        ) from error
