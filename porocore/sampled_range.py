@@ -58,7 +58,8 @@ class SampledRange:
     def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
         """Which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
         scaled = self._scaled(self.inputs, np.atleast_2d(np.asarray(x, dtype=float)))
-        return np.all(scaled @ self.normals.T <= self.offsets + tolerance, axis=1)
+        inside: npt.NDArray[np.bool_] = np.all(scaled @ self.normals.T <= self.offsets + tolerance, axis=1)
+        return inside
 
     def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
         """Which states (n,) lie outside, or move a component that was not sampled."""

@@ -1,0 +1,1 @@
+"""A sigmoid network, trained with PyTorch, that stands in for the solid cell problem."""

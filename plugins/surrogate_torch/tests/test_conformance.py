@@ -1,0 +1,34 @@
+from porocore.testing.surrogate import SurrogateConformance
+from porocore_surrogate_torch import training
+from porocore_surrogate_torch.mlp import MlpSurrogate
+
+
+class TestMlpSurrogate(SurrogateConformance):
+    invalid_options = (
+        {"hiden": [40]},
+        {"hidden": []},
+        {"hidden": [40, 0]},
+        {"hidden": 40},
+        {"activation": "relu"},
+        {"epochs": 0},
+        {"epochs": True},
+        {"learning_rate": 0},
+        {"validation_fraction": 0.9},
+        {"patience": 1.5},
+    )
+
+    @classmethod
+    def make_surrogate(cls):
+        return MlpSurrogate(epochs=2000, hidden=[20, 20], learning_rate=0.1)
+
+    def checkpoint_often(self, monkeypatch):
+        monkeypatch.setattr(training, "CHECKPOINT_INTERVAL", 0.0)
+
+
+class TestMlpSurrogateWithTanh(SurrogateConformance):
+    @classmethod
+    def make_surrogate(cls):
+        return MlpSurrogate(epochs=2000, hidden=[16, 16], learning_rate=0.05, activation="tanh")
+
+    def checkpoint_often(self, monkeypatch):
+        monkeypatch.setattr(training, "CHECKPOINT_INTERVAL", 0.0)

@@ -1,0 +1,274 @@
+"""What is particular to this network; what every surrogate obeys is in test_conformance.py."""
+
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+import torch
+
+from porocore import ConfigurationError, DataError, MacroState, RunFolderError
+from porocore.testing.surrogate import synthetic_training_set
+from porocore.testing.synthetic_cell import INPUTS
+from porocore_surrogate_torch import hooks, training
+from porocore_surrogate_torch.archive import read_archive, write_archive
+from porocore_surrogate_torch.checkpoint import FORMAT as TRAINING_FORMAT
+from porocore_surrogate_torch.mlp import FORMAT, MlpSurrogate
+from porocore_surrogate_torch.model import AnchoredModel
+from porocore_surrogate_torch.options import MlpOptions
+from porocore_surrogate_torch.training_data import ScaledData
+
+
+@pytest.fixture(scope="module")
+def data():
+    return synthetic_training_set(100, seed=1)
+
+
+@pytest.fixture(scope="module")
+def fitted(data):
+    return MlpSurrogate(epochs=100, hidden=[8, 8]).fit(data, seed=0)
+
+
+def linear_part(data, states):
+    tangent = data.reference.tangent
+    return (
+        np.einsum("ijkl,nkl->nij", tangent.mean_grad_grad_u[0], states.grad_u)
+        + tangent.mean_grad_p[0] * states.p[:, None, None]
+    )
+
+
+def test_it_is_offered_as_torch():
+    (offer,) = hooks.porocore_surrogates()
+    assert (offer.name, offer.requires) == ("torch", ("torch",))
+    assert offer.load() is MlpSurrogate
+
+
+def test_the_network_starts_at_second_order(data, fitted):
+    """A tenth of the load leaves a hundredth of the deviation from the linear limit."""
+    direction = np.array([[-0.05, 0.05]])
+    deviations = []
+    for load in (1e-2, 1e-3):
+        states = INPUTS.scatter(load * direction)
+        deviation = fitted.predict(states).mean_grad - linear_part(data, states)
+        deviations.append(np.abs(deviation).max())
+    assert deviations[0] / deviations[1] == pytest.approx(100, rel=0.05)
+
+
+def test_the_papers_network_learns_the_map():
+    """Three layers of 40, a sixth of the usual epochs: 0.03 % of the range of each output is measured."""
+    data, unseen = synthetic_training_set(240, seed=0), synthetic_training_set(500, seed=9)
+    surrogate = MlpSurrogate(epochs=2500).fit(data, seed=0)
+    assert surrogate.options.hidden == (40, 40, 40)
+    truth = unseen.responses.mean_grad.reshape(-1, 9)[:, [0, 4, 8]]
+    error = surrogate.predict(unseen.states).mean_grad.reshape(-1, 9)[:, [0, 4, 8]] - truth
+    assert (np.sqrt((error**2).mean(axis=0)) < 1e-3 * np.ptp(truth, axis=0)).all()
+
+
+def test_only_what_deviates_from_the_linear_limit_is_learned(data, fitted):
+    assert ScaledData.of(data).components == (0, 4, 8)
+    sheared = MacroState(np.array([[[0, 0.1, 0], [0, -0.1, 0], [0, 0, 0]]]), np.array([0.1]))
+    assert fitted.predict(sheared).mean_grad[0, 0, 1] == pytest.approx(-0.11 * 0.1)
+
+
+def test_a_linear_cell_needs_no_network(data, tmp_path):
+    responses = replace(data.responses, mean_grad=linear_part(data, data.states))
+    MlpSurrogate().fit(replace(data, responses=responses), seed=0).save(tmp_path / "linear.h5")
+    loaded = MlpSurrogate.load(tmp_path / "linear.h5")
+    predicted = loaded.predict(data.states)
+    np.testing.assert_allclose(predicted.mean_grad, responses.mean_grad, atol=1e-15)
+    np.testing.assert_array_equal(
+        predicted.tangent.mean_grad_grad_u[7], data.reference.tangent.mean_grad_grad_u[0]
+    )
+
+
+@pytest.mark.parametrize("activation", ["sigmoid", "tanh"])
+def test_what_is_trained_is_what_is_evaluated(data, fitted, activation):
+    """The loss in torch against the model in numpy, and its gradient against differences."""
+    scaled = ScaledData.of(data)
+    shapes = training._shapes(2, (7, 5), 3)
+    theta = training._first_weights(shapes, activation, torch.Generator().manual_seed(4))
+    network = training._as_network(theta, shapes, activation)
+    model = AnchoredModel(
+        scaled.linear, scaled.components, scaled.output_scale, network, fitted._model.sampled
+    )
+    error = (model.predict(data.states, tangent=False).mean_grad - data.responses.mean_grad).reshape(-1, 9)
+    expected = ((error[:, scaled.components] / scaled.output_scale) ** 2).mean()
+    x, y = torch.tensor(np.concatenate([scaled.x, scaled.rest])), torch.tensor(scaled.target)
+
+    def loss(weights):
+        return training._loss(weights, shapes, activation, x, y)
+
+    assert loss(theta).item() == pytest.approx(expected, rel=1e-12)
+    theta.requires_grad_()
+    (gradient,) = torch.autograd.grad(loss(theta), theta)
+    with torch.no_grad():
+        for k in range(0, len(theta), 7):
+            step = torch.zeros_like(theta)
+            step[k] = 1e-5
+            difference = (loss(theta + step) - loss(theta - step)).item() / 2e-5
+            assert difference == pytest.approx(gradient[k].item(), rel=1e-6, abs=1e-8)
+
+
+def test_training_leaves_torch_as_it_was(data):
+    threads, dtype, state = torch.get_num_threads(), torch.get_default_dtype(), torch.get_rng_state()
+    torch.set_num_threads(2)
+    try:
+        with torch.no_grad():
+            MlpSurrogate(epochs=20).fit(data, seed=0)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(threads)
+    assert torch.get_default_dtype() == dtype
+    assert torch.equal(torch.get_rng_state(), state)
+
+
+def test_the_best_weights_are_kept_and_patience_ends_the_training(data, tmp_path):
+    """With a learning rate this large the validation loss goes up and down."""
+    checkpoint, reports = tmp_path / "training.h5", []
+    options = {"epochs": 3000, "hidden": [10], "learning_rate": 0.5, "patience": 50}
+    surrogate = MlpSurrogate(**options).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
+    header, arrays = read_archive(checkpoint, TRAINING_FORMAT, 1, "")
+    assert header["epoch"] == reports[-1].epoch == header["best_epoch"] + 50 < 3000
+    assert header["best_loss"] < reports[-1].validation_loss
+    assert header["best_loss"] <= min(report.validation_loss for report in reports)
+    network = surrogate._model.network
+    kept = [array.ravel() for pair in zip(network.weights, network.biases, strict=True) for array in pair]
+    np.testing.assert_array_equal(np.concatenate(kept), arrays["best_theta"])
+    assert (arrays["best_theta"] != arrays["theta"]).any()
+
+
+def test_a_finished_training_is_not_repeated(data, tmp_path):
+    checkpoint, reports = tmp_path / "training.h5", []
+    first = MlpSurrogate(epochs=100).fit(data, seed=1, checkpoint=checkpoint)
+    again = MlpSurrogate(epochs=100).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
+    assert reports == []
+    np.testing.assert_array_equal(first.predict(data.states).mean_grad, again.predict(data.states).mean_grad)
+
+
+def test_a_checkpoint_of_other_options_is_refused(data, tmp_path):
+    MlpSurrogate(epochs=100).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
+    with pytest.raises(DataError, match="other data, options or seed; remove it"):
+        MlpSurrogate(epochs=200).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
+
+
+def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
+    """Killed without notice, somewhere, in another process."""
+    checkpoint = tmp_path / "training.h5"
+    code = f"""
+        from pathlib import Path
+        from porocore.testing.surrogate import synthetic_training_set
+        from porocore_surrogate_torch import training
+        from porocore_surrogate_torch.mlp import MlpSurrogate
+        training.CHECKPOINT_INTERVAL = 0.0
+        data = synthetic_training_set(100, seed=1)
+        MlpSurrogate(epochs=700).fit(data, seed=2, checkpoint=Path({str(checkpoint)!r}))
+    """
+    process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)])
+    deadline = time.monotonic() + 60
+    while not checkpoint.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.05)
+    process.send_signal(signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    assert 0 < read_archive(checkpoint, TRAINING_FORMAT, 1, "")[0]["epoch"] < 700
+    resumed = MlpSurrogate(epochs=700).fit(data, seed=2, checkpoint=checkpoint)
+    whole = MlpSurrogate(epochs=700).fit(data, seed=2)
+    np.testing.assert_array_equal(
+        resumed.predict(data.states).mean_grad, whole.predict(data.states).mean_grad
+    )
+
+
+def test_using_a_surrogate_needs_no_torch(data, fitted, tmp_path):
+    fitted.save(tmp_path / "surrogate.h5")
+    code = f"""
+        import sys
+        sys.modules["torch"] = None
+        from pathlib import Path
+        from porocore import MacroState
+        from porocore_surrogate_torch.mlp import MlpSurrogate
+        surrogate = MlpSurrogate.load(Path({str(tmp_path / "surrogate.h5")!r}))
+        print(surrogate.predict(MacroState.zeros(1)).tangent.mean_grad_p[0, 1, 1])
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=True
+    )
+    assert float(done.stdout) == pytest.approx(data.reference.tangent.mean_grad_p[0, 1, 1])
+
+
+def test_an_edited_file_is_refused(fitted, tmp_path):
+    path = tmp_path / "surrogate.h5"
+    fitted.save(path)
+    with h5py.File(path, "r+") as file:
+        file["reference/M"][0, 0, 0, 0] += 1e-6
+    with pytest.raises(DataError, match=r"surrogate\.h5: .* checksum, .*train the surrogate again"):
+        MlpSurrogate.load(path)
+
+
+def test_another_version_or_kind_is_refused(fitted, tmp_path):
+    path = tmp_path / "surrogate.h5"
+    fitted.save(path)
+    header, arrays = read_archive(path, FORMAT, 1, "")
+    write_archive(path, FORMAT, 2, header, arrays)
+    with pytest.raises(DataError, match="expected version 1 of porocore-surrogate, got 2"):
+        MlpSurrogate.load(path)
+    write_archive(path, FORMAT, 1, header | {"kind": "tree"}, arrays)
+    with pytest.raises(DataError, match="expected a surrogate of kind anchored-mlp, got tree"):
+        MlpSurrogate.load(path)
+    arrays.pop("network/1/biases")
+    write_archive(path, FORMAT, 1, header, arrays)
+    with pytest.raises(DataError, match=r"not a complete surrogate.*network/1/biases"):
+        MlpSurrogate.load(path)
+    with pytest.raises(DataError, match="expected a file of format porocore-surrogate-training"):
+        MlpSurrogate(epochs=100, hidden=[8, 8]).fit(synthetic_training_set(100, 1), seed=0, checkpoint=path)
+
+
+def test_a_place_that_cannot_be_written_to(fitted, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RunFolderError, match="cannot write"):
+        fitted.save(tmp_path / "file" / "surrogate.h5")
+
+
+def test_an_untrained_surrogate_does_not_answer(tmp_path):
+    with pytest.raises(RuntimeError, match="call fit or load first"):
+        MlpSurrogate().predict(MacroState.zeros(1))
+    with pytest.raises(RuntimeError, match="call fit or load first"):
+        MlpSurrogate().save(tmp_path / "surrogate.h5")
+
+
+def test_training_data_that_cannot_be_used_are_refused(data):
+    surrogate = MlpSurrogate(epochs=10)
+    lost = data.responses.mean_grad.copy()
+    lost[3] = np.nan
+    with pytest.raises(DataError, match="1 of 100 training states hold no values"):
+        surrogate.fit(replace(data, responses=replace(data.responses, mean_grad=lost)), seed=0)
+    moved = data.states.grad_u.copy()
+    moved[:2, 0, 0] = 0.1
+    with pytest.raises(
+        DataError, match="2 of 100 training states move a component besides the inputs H22, p"
+    ):
+        surrogate.fit(replace(data, states=MacroState(moved, data.states.p)), seed=0)
+    with pytest.raises(DataError, match="tangent=True"):
+        surrogate.fit(replace(data, reference=replace(data.reference, tangent=None)), seed=0)
+    with pytest.raises(DataError, match="at least two training states, got 1"):
+        surrogate.fit(replace(data, states=data.states[:1], responses=data.responses[:1]), seed=0)
+
+
+def test_options_are_refused_with_their_keys():
+    with pytest.raises(ConfigurationError) as error:
+        MlpSurrogate(epoch=10, activation="relu", hidden=[40, -1])
+    assert str(error.value).splitlines() == [
+        "surrogate.options.hidden: expected a list of layer widths, whole numbers ≥ 1, such as [40, 40, 40],"
+        " got [40, -1]",
+        "surrogate.options.activation: expected 'sigmoid' or 'tanh', got 'relu'",
+        "surrogate.options.epoch: the torch surrogate has no such option; did you mean 'epochs'?",
+    ]
+
+
+def test_options_as_yaml_gives_them():
+    """YAML 1.1 reads 1e-3 as a text."""
+    assert MlpOptions.parse({"learning_rate": "1e-3", "hidden": [8, 8]}).learning_rate == 1e-3

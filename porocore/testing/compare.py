@@ -1,0 +1,46 @@
+"""Comparing responses, and moving states, in the conformance suites."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from porocore.states import Array, CellResponse, MacroState
+
+RESPONSES = ("mean_grad", "potential", "stress", "fluid_volume")
+#: Responses with the names of their derivatives in :class:`~porocore.states.CellTangent`.
+DERIVATIVES = {name: (f"{name}_grad_u", f"{name}_p") for name in ("mean_grad", "stress", "fluid_volume")}
+
+
+def provided(response: CellResponse) -> Iterator[tuple[str, tuple[Array, Array]]]:
+    """Responses that come with both derivatives, and those: with respect to H and to p."""
+    for name, (by_H, by_p) in DERIVATIVES.items():
+        slopes = getattr(response.tangent, by_H), getattr(response.tangent, by_p)
+        if getattr(response, name) is not None and slopes[0] is not None and slopes[1] is not None:
+            yield name, slopes
+
+
+def moved(states: MacroState, column: int, step: float) -> MacroState:
+    """The states with one of the ten components (H row by row, then p) moved."""
+    flat, p = states.grad_u.reshape(-1, 9).copy(), states.p.copy()
+    if column == 9:
+        p += step
+    else:
+        flat[:, column] += step
+    return MacroState(flat.reshape(-1, 3, 3), p)
+
+
+def assert_identical(one: CellResponse, other: CellResponse) -> None:
+    """To the last bit, derivatives included."""
+    assert one.outside is not None
+    assert other.outside is not None
+    assert (one.outside == other.outside).all()
+    for name in RESPONSES:
+        if getattr(one, name) is not None:
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    slopes, others = dict(provided(one)), dict(provided(other))
+    assert slopes.keys() == others.keys()
+    for name in slopes:
+        for a, b in zip(slopes[name], others[name], strict=True):
+            np.testing.assert_array_equal(a, b)
