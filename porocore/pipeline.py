@@ -107,6 +107,7 @@ def solve(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
         for name, law in laws.items():
             path = folder.solution(name, load)
             if path.exists():
+                load_solution(folder, name, load)
                 console.note(f"solving: {path.name} is there already")
                 continue
             if prepared is None:
@@ -132,8 +133,10 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     from porocore.vtk import write_vtu_series
 
     with _timed(folder, "report"):
-        for path in folder.solutions():
-            write_vtu_series(folder.fields, path.stem, MacroSolution.load_file(path))
+        for load in config.macro.loads:
+            for law in (config.closure, "linear"):
+                stem = folder.solution(law, load).stem
+                write_vtu_series(folder.fields, stem, load_solution(folder, law, load))
         reference = _reference(folder, config)
         coefficients = linear_coefficients(reference, config)
         surrogate = _load_surrogate(folder, config)
@@ -143,6 +146,24 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     with atomic_path(folder.metrics) as part:
         part.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return folder.report
+
+
+def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
+    """What :func:`solve` kept.
+
+    Raises
+    ------
+    DataError
+        The file is damaged, or holds another law or load than its name says.
+    """
+    path = folder.solution(law, load)
+    solution = MacroSolution.load_file(path)
+    if (solution.law, solution.load) != (law, load):
+        raise DataError(
+            f"{path}: holds the solution of law '{solution.law}' under load {solution.load:g}, expected "
+            f"'{law}' under {load:g}; delete it and run porocore solve {folder.path}"
+        )
+    return solution
 
 
 def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:

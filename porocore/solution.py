@@ -111,7 +111,9 @@ class MacroSolution:
         try:
             with h5py.File(path) as file:
                 if file.attrs.get("format") != "porocore-solution" or file.attrs.get("version") != 1:
-                    raise DataError(f"{path}: expected a porocore solution of version 1; solve again")
+                    raise DataError(
+                        f"{path}: expected a porocore solution of version 1; delete it and solve again"
+                    )
                 groups = sorted(file.get("profiles", {}).items(), key=lambda item: int(item[0]))
                 profiles = [_read_profile(group) for _, group in groups]
                 return cls(
@@ -122,8 +124,10 @@ class MacroSolution:
                     History(**{f.name: np.asarray(file[f"history/{f.name}"]) for f in fields(History)}),
                     tuple(profiles),
                 )
-        except (OSError, KeyError) as error:
-            raise DataError(f"{path}: not a complete porocore solution ({error}); solve again") from error
+        except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+            raise DataError(
+                f"{path}: not a complete porocore solution ({error}); delete it and solve again"
+            ) from error
 
 
 def _read_profile(group: Any) -> Profile:
