@@ -1,4 +1,4 @@
-"""(d) 2,250 surrogate predictions with derivatives, the paper's number for an increment: one call against one by one."""
+"""(d) 2,250 surrogate predictions with derivatives, as in an increment of the paper: one call against one by one."""
 
 from __future__ import annotations
 

@@ -57,12 +57,14 @@ class NeoHookean(BaseModel):
         J = determinant(F)
         G = cofactor(F) / J[..., None, None]  # F⁻ᵀ
         _, first, second = self.volumetric(np.log(J))
-        eye = np.eye(3)
-        tangent: Array = (
-            second[..., None, None, None, None] * (G[..., :, :, None, None] * G[..., None, None, :, :])
-            - first[..., None, None, None, None] * np.einsum("...il,...kj->...ijkl", G, G)
-            + self.mu * np.einsum("ik,jl->ijkl", eye, eye)
+        G_T = G.swapaxes(-1, -2)
+        tangent: Array = second[..., None, None, None, None] * (
+            G[..., :, :, None, None] * G[..., None, None, :, :]
         )
+        tangent -= first[..., None, None, None, None] * (
+            G[..., :, None, None, :] * G_T[..., None, :, :, None]  # G_il G_kj
+        )
+        tangent += self.mu * np.eye(9).reshape(3, 3, 3, 3)
         return tangent
 
 
@@ -91,8 +93,12 @@ def cofactor(F: Array) -> Array:
 
 def cofactor_tangent(F: Array) -> Array:
     """∂cof F_ij / ∂F_kl = ε_ikm ε_jln F_mn, (..., 3, 3, 3, 3)."""
-    permutation = np.zeros((3, 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        permutation[i, j, k], permutation[i, k, j] = 1.0, -1.0
-    tangent: Array = np.einsum("ikm,jln,...mn->...ijkl", permutation, permutation, F)
+    tangent = np.zeros((*F.shape[:-2], 3, 3, 3, 3))
+    for i, k, m, row in _PERMUTATIONS:
+        for j, l, n, column in _PERMUTATIONS:
+            tangent[..., i, j, k, l] = row * column * F[..., m, n]
     return tangent
+
+
+#: (i, j, k, ε_ijk) wherever ε is not zero.
+_PERMUTATIONS = [(0, 1, 2, 1), (1, 2, 0, 1), (2, 0, 1, 1), (0, 2, 1, -1), (2, 1, 0, -1), (1, 0, 2, -1)]
