@@ -37,6 +37,7 @@ from porocore.sampling.campaign import CampaignSummary, Progress, is_complete, r
 from porocore.sampling.random_states import RandomStates
 from porocore.solution import MacroSolution, StepReport
 from porocore.states import MacroState, Status
+from porocore.training_curve import TrainingCurveFile
 
 
 def run(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
@@ -81,7 +82,7 @@ def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
     data = training_set(folder, config)
     surrogate: Surrogate = make_backend("surrogate", config)
     with _timed(folder, "training"), console.task("training", "epochs") as task:
-        curve = _TrainingCurve(folder.training_curve)
+        curve = TrainingCurveFile(folder.training_curve)
 
         def show(progress: TrainingProgress) -> None:
             curve.add(progress)
@@ -269,19 +270,6 @@ def _campaign(
             task.update(progress.done, progress.expected, failed=progress.failed, detail=detail)
 
         return run_campaign(sampler, pool, dataset, on_progress=show)
-
-
-class _TrainingCurve:
-    """Losses in a CSV file; a resumed training goes on below the rows that were written before."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        if not path.exists():
-            path.write_text("epoch,loss,validation_loss\n", encoding="utf-8")
-
-    def add(self, progress: TrainingProgress) -> None:
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(f"{progress.epoch},{progress.loss:.6e},{progress.validation_loss:.6e}\n")
 
 
 @contextmanager

@@ -27,6 +27,7 @@ from porocore.runfolder import RunFolder, versions
 from porocore.sampled_range import SampledRange
 from porocore.solution import MacroSolution
 from porocore.states import Status
+from porocore.training_curve import read_training_curve
 
 #: An output whose values span less than this is zero up to the cell solver's tolerance and is not judged.
 FLAT = 1e-9
@@ -159,14 +160,8 @@ def _is_the_benchmark(config: RunConfig) -> bool:
 
 
 def _training_curve(folder: RunFolder) -> TrainingCurve | None:
-    if not folder.training_curve.exists():
-        return None
-    table = np.loadtxt(folder.training_curve, delimiter=",", skiprows=1, ndmin=2)
-    if not len(table):
-        return None
-    # A resumed training repeats the epochs behind its checkpoint.
-    epochs, first = np.unique(table[:, 0], return_index=True)
-    return TrainingCurve(epochs, table[first, 1], table[first, 2])
+    table = read_training_curve(folder.training_curve)
+    return None if table is None else TrainingCurve(table[:, 0], table[:, 1], table[:, 2])
 
 
 def _counts(status: Any) -> dict[str, int]:
