@@ -23,7 +23,7 @@ Domain = Literal["eighth", "whole"]
 #: A narrow channel needs at least some ten elements around it, however coarse the rest may be.
 LARGEST_SIZE_TO_RADIUS = 0.8
 SYSTEM_LIBRARIES = (
-    "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1"
+    "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
 )
 
 
