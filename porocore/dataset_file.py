@@ -229,4 +229,5 @@ def _reading(path: Path, advice: str) -> Iterator[Any]:
         AttributeError,
         ConfigurationError,
     ) as error:
-        raise DataError(f"{path}: not a complete dataset of porocore ({error}); {advice}") from error
+        reason = " ".join(str(error).split())  # HDF5 may speak in several lines
+        raise DataError(f"{path}: not a complete dataset of porocore ({reason}); {advice}") from error
