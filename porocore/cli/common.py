@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from porocore.errors import ConfigurationError
+
 if TYPE_CHECKING:
     from porocore.config import RunConfig
 
@@ -51,8 +53,14 @@ def read_config(path: Path | None, fem: str | None, surrogate: str | None = None
     """The configuration, the packaged one for None, with the chosen backends."""
     from porocore.benchmark import benchmark_path
     from porocore.config import load_config
+    from porocore.runfolder import CONFIG, RECORD
 
     path = benchmark_path() if path is None else path
+    if (path / RECORD).is_file():
+        raise ConfigurationError(
+            f"{path}: expected a configuration file, got a run folder; its configuration is {path / CONFIG}, and "
+            f"to go on with it: {command('run', path / CONFIG, '--out', path, '--resume')}"
+        )
     return path, load_config(path).with_backends(fem, surrogate)
 
 
