@@ -150,8 +150,8 @@ class RunConfig(_Section):
     def _known_closure(cls, closure: str) -> str:
         if closure not in CLOSURES:
             close = difflib.get_close_matches(closure, CLOSURES, n=1)
-            question = f"; did you mean '{close[0]}'?" if close else ""
-            raise ValueError(f"unknown closure '{closure}'{question} the closures are {', '.join(CLOSURES)}")
+            question = f"did you mean '{close[0]}'? " if close else ""
+            raise ValueError(f"unknown closure '{closure}'; {question}the closures are {', '.join(CLOSURES)}")
         return closure
 
     def with_backends(self, fem: str | None = None, surrogate: str | None = None) -> RunConfig:
