@@ -20,7 +20,7 @@ from porocore.cell.cell import Cell
 from porocore.closures import CLOSURES, ClosedLaw
 from porocore.config import RunConfig
 from porocore.console import Console
-from porocore.dataset import Dataset
+from porocore.dataset import Dataset, describe
 from porocore.errors import DataError, RunFolderError
 from porocore.execution import CellPool
 from porocore.files import atomic_path
@@ -59,7 +59,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
             reference.save(folder.reference)
     reference = _reference(folder, config)
     console.note(f"cell: porosity {reference.porosity:.4f}, K_11 {reference.conductivity[0, 0]:.4f}")
-    held_out = RandomStates(inputs, count=config.sampling.test.count, seed=config.sampling.test.seed)
+    held_out = _held_out(config)
     provenance = {"config": config.resolved_yaml(), **versions(), **reference.mesh}
     stages = [
         ("sampling", sampler, folder.dataset, config.stages.sampling),
@@ -133,6 +133,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     from porocore.summary import gather
     from porocore.vtk import write_vtu_series
 
+    _finished(folder, folder.test_dataset, config.stages.test, _held_out(config))
     with _timed(folder, "report"):
         for load in config.macro.loads:
             for law in (config.closure, "linear"):
@@ -204,14 +205,10 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
     Raises
     ------
     DataError
-        There are too few of them.
+        Sampling is not finished, or there are too few of them.
     """
-    inputs = config.sampling.input_space()
-    dataset = Dataset.open(folder.dataset, inputs=inputs, identity=config.stages.sampling)
-    if not is_complete(make_backend("sampler", config), dataset):
-        raise DataError(
-            f"{folder.dataset}: sampling was interrupted and is not finished; run porocore sample {folder.path}"
-        )
+    sampler: Sampler = make_backend("sampler", config)
+    dataset = _finished(folder, folder.dataset, config.stages.sampling, sampler)
     responses = dataset.responses()
     good = np.flatnonzero(responses.status == Status.converged)
     if len(good) <= 2 * len(dataset.inputs) + 1:
@@ -249,12 +246,33 @@ def _reference(folder: RunFolder, config: RunConfig) -> CellReference:
     return CellReference.load(folder.require(folder.reference, "sample"), config.stages.cell)
 
 
+def _held_out(config: RunConfig) -> RandomStates:
+    test = config.sampling.test
+    return RandomStates(config.sampling.input_space(), count=test.count, seed=test.seed)
+
+
+def _finished(folder: RunFolder, path: Path, identity: str, sampler: Sampler) -> Dataset:
+    """The dataset at ``path`` if it holds every state that its sampler asks for."""
+    dataset = Dataset.open(path, inputs=folder.config.sampling.input_space(), identity=identity)
+    if not is_complete(sampler, dataset):
+        raise DataError(
+            f"{path}: sampling was interrupted and is not finished; run porocore sample {folder.path}"
+        )
+    return dataset
+
+
 def _load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
     path = folder.require(folder.surrogate, "train")
     surrogate: Surrogate = registry().get("surrogate", config.surrogate.backend).load(path)
     if surrogate.identity != config.stages.cell:
         raise DataError(
             f"{path}: trained for another cell (identity {surrogate.identity}, expected {config.stages.cell}); "
+            f"delete it and run porocore train {folder.path}"
+        )
+    expected = config.sampling.input_space()
+    if surrogate.inputs != expected:
+        raise DataError(
+            f"{path}: trained on other inputs ({describe(surrogate.inputs)}, expected {describe(expected)}); "
             f"delete it and run porocore train {folder.path}"
         )
     return surrogate
