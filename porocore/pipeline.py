@@ -42,6 +42,8 @@ from porocore.training_curve import TrainingCurveFile
 
 def run(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     """All stages; returns the path of the report."""
+    if not folder.surrogate.exists():
+        registry().get("surrogate", config.surrogate.backend).load_libraries()
     sample(folder, config, console=console)
     train(folder, config, console=console)
     solve(folder, config, console=console)

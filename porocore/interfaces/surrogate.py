@@ -65,6 +65,14 @@ class Surrogate(ABC):
     @abstractmethod
     def __init__(self, **options: Any) -> None: ...
 
+    @classmethod
+    def load_libraries(cls) -> None:  # noqa: B027 - most surrogates have nothing to load
+        """Import the libraries that training needs.
+
+        A run calls this before it solves the first cell: numerical libraries that share symbols (two copies of
+        MKL) round differently in the other order of loading, and a training would not repeat to the last bit.
+        """
+
     @abstractmethod
     def fit(
         self,

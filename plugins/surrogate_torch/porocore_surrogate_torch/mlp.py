@@ -61,6 +61,11 @@ class MlpSurrogate(Surrogate):
         self.options = MlpOptions.parse(options)
         self._model: AnchoredModel | None = None
 
+    @classmethod
+    def load_libraries(cls) -> None:
+        """Import torch."""
+        import torch  # noqa: F401
+
     def fit(
         self,
         data: TrainingSet,
