@@ -6,7 +6,6 @@ for it and notices negative curvature. Patterns are upper triangles in CSR with 
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -17,30 +16,13 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from porocore.errors import ConfigurationError
+from porocore_fem_skfem import pardiso
+from porocore_fem_skfem.factor import FactorError, SymmetricFactor
 
 #: Beyond this number of unknowns a factor grows faster than multigrid does.
 DIRECT_LIMIT = 100_000
 #: SuperLU in three dimensions is only bearable for small systems.
 SUPERLU_LIMIT = 6_000
-
-
-class FactorError(Exception):
-    """The linear solver broke down; the caller shortens its step."""
-
-
-class SymmetricFactor(ABC):
-    """An approximate inverse of a symmetric matrix whose pattern is fixed."""
-
-    #: Number of negative pivots of the last factorisation; -1: this solver cannot tell.
-    negative: int
-
-    @abstractmethod
-    def factor(self, data: Any) -> None:
-        """Set up for the entries (nnz of the upper triangle)."""
-
-    @abstractmethod
-    def solve(self, rhs: Any) -> Any:
-        """Apply to (n,) or (n, k)."""
 
 
 class SuperLUFactor(SymmetricFactor):
@@ -112,8 +94,6 @@ def choose_factor(
     indptr: Any, indices: Any, *, solver: str = "auto", near_kernel: Any = None
 ) -> SymmetricFactor:
     """The best solver that is installed, by size; ``solver`` forces one of pardiso, superlu, amg."""
-    from porocore_fem_skfem import pardiso
-
     n = len(indptr) - 1
     have_pardiso = pardiso.library() is not None
     have_amg = find_spec("pyamg") is not None and near_kernel is not None

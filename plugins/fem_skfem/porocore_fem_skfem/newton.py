@@ -14,7 +14,8 @@ import numpy as np
 
 from porocore.cell.overlap import mirror_gap, walls_overlap
 from porocore.states import Status
-from porocore_fem_skfem.linalg import FactorError, conjugate_gradients
+from porocore_fem_skfem.factor import FactorError
+from porocore_fem_skfem.linalg import conjugate_gradients
 from porocore_fem_skfem.solid import Constraints, Point, SolidProblem
 
 #: More iterations than this cost more than a new factor.

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore_fem_skfem.linalg import FactorError, SymmetricFactor
+from porocore_fem_skfem.factor import FactorError, SymmetricFactor
 
 _ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1
 _SYMMETRIC_INDEFINITE = -2

@@ -13,7 +13,8 @@ import numpy as np
 
 from porocore.cell.material import NeoHookean, cofactor, determinant
 from porocore.cell.mesh import CellMesh
-from porocore_fem_skfem.linalg import SymmetricFactor, SymmetricPattern, choose_factor
+from porocore_fem_skfem.factor import SymmetricFactor
+from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor
 from porocore_fem_skfem.operators import Operators, Scatter
 
 #: Numbers in a batch of element blocks that stays in the processor's cache.
