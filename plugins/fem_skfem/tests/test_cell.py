@@ -11,7 +11,9 @@ from porocore.cell.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.linalg import SuperLUFactor, SymmetricPattern, conjugate_gradients
+from porocore_fem_skfem.newton import Equilibrium, undeformed
 from porocore_fem_skfem.pardiso import PardisoFactor, library
+from porocore_fem_skfem.responses import respond
 from porocore_fem_skfem.solid import SolidProblem
 
 COARSE = MeshSettings(size=0.2, fluid_size=0.14)
@@ -200,3 +202,16 @@ def test_options_are_checked():
     prepared = backend.prepare(Cell(mesh=COARSE))
     with pytest.raises(ConfigurationError, match="auto, pardiso, superlu or amg"):
         backend.solve_one(prepared, np.zeros((3, 3)))
+
+
+def test_an_indefinite_tangent_is_reported():
+    """Under p = −3 the undeformed solid's tangent has λ + pJ < 0, whatever the state is that holds it there."""
+    problem = SolidProblem(Cell(mesh=COARSE).make_mesh("solid", "eighth"), NeoHookean(), degree=2, solver="auto")
+    still = undeformed(problem)
+    problem.begin()
+    assert respond(problem, still, tangent=False).status[0] == Status.converged
+    held = Equilibrium(still.H, -3.0, still.u, problem.point(still.H, -3.0, problem.gradient(still.u)))
+    response = respond(problem, held, tangent=False)
+    assert response.status[0] == Status.unstable
+    assert response.peaks.negative_pivots[0] > 0
+    assert np.isfinite(response.stress).all()
