@@ -9,7 +9,9 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -26,6 +28,8 @@ if sys.platform != "win32":
 FORMAT = "porocore-run"
 VERSION = 1
 CONFIG, RECORD, LOCK = "config.yaml", "run.json", ".lock"
+#: The temporary names of :func:`porocore.files.atomic_path`.
+_HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
 _PACKAGES = ("numpy", "scipy", "h5py", "gmsh", "scikit-fem", "torch")
 
 
@@ -142,6 +146,7 @@ class RunFolder:
             ) from error
         os.truncate(self._lock, 0)
         os.write(self._lock, f"{os.getpid()}\n".encode())
+        self._remove_half_written()
         return self
 
     def __exit__(
@@ -150,6 +155,13 @@ class RunFolder:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+
+    def _remove_half_written(self) -> None:
+        """What processes that were killed left; nobody else writes here while the lock is held."""
+        for path in self.path.rglob(".*.part"):
+            if _HALF_WRITTEN.fullmatch(path.name):
+                with suppress(OSError):
+                    path.unlink()
 
     def require(self, file: Path, command: str) -> Path:
         """``file`` if it is there.
