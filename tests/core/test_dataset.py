@@ -8,6 +8,7 @@ import resource
 import shutil
 import sys
 import time
+import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -299,15 +300,19 @@ def with_files_limited_to(size: int, work: Callable[[], None]) -> None:
 
     In this process the limit would also hit the test runner's own files.
     """
+    read, write = os.pipe()
     child = os.fork()
     if child == 0:
         try:
             resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
             work()
-        except BaseException:  # noqa: BLE001 - the parent sees the exit status
-            os._exit(1)
+        except BaseException:  # noqa: BLE001 - the parent raises what it reads
+            os.write(write, traceback.format_exc().encode())
         os._exit(0)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    os.close(write)
+    with open(read) as pipe:
+        assert pipe.read() == ""
+    os.waitpid(child, 0)
 
 
 @pytest.mark.parametrize("size", [0, 1000, 9000])
