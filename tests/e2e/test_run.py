@@ -1,0 +1,119 @@
+"""A whole run ends well and leaves everything that it should; so do its steps, with the same numbers."""
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import yaml
+from study import (
+    LOADS,
+    ONE_LOAD,
+    assert_same_results,
+    assert_tidy,
+    fingerprint,
+    porocore,
+    succeeded,
+    write_study,
+)
+
+from porocore.dataset import Dataset
+from porocore.reference import CellReference
+from porocore.solution import MacroSolution
+
+NAMES = {f"{law}_load{load!r}" for law in ("mean-gradient", "linear") for load in LOADS}
+
+
+def test_a_run_leaves_every_file(finished):
+    present = {path.name for path in finished.iterdir()}
+    assert present == {
+        ".lock",
+        "cell.json",
+        "checkpoints",
+        "config.yaml",
+        "fields",
+        "metrics.json",
+        "report.html",
+        "run.json",
+        "samples.h5",
+        "solutions",
+        "surrogate.h5",
+        "test.h5",
+        "timings.json",
+        "training.csv",
+    }
+    assert_tidy(finished)
+    config = yaml.safe_load((finished / "config.yaml").read_text(encoding="utf-8"))
+    assert config["macro"]["newton"] == {"tolerance": 1e-9, "iterations": 25}  # defaults are spelt out
+    record = json.loads((finished / "run.json").read_text(encoding="utf-8"))
+    assert {"porocore", "porocore-fem-skfem", "porocore-surrogate-torch", "numpy", "torch"} <= set(
+        record["versions"]
+    )
+    reference = CellReference.load(finished / "cell.json", record["stages"]["cell"])
+    assert reference.conductivity.shape == (3, 3)
+    assert len(Dataset.open(finished / "samples.h5")) >= 25
+    assert len(Dataset.open(finished / "test.h5")) == 10
+
+
+def test_the_solutions_can_be_looked_at(finished):
+    assert {path.stem for path in (finished / "solutions").iterdir()} == NAMES
+    series = {path.stem: path for path in (finished / "fields").glob("*.pvd")}
+    assert set(series) == NAMES
+    shown = set()
+    for name, path in series.items():
+        solution = MacroSolution.load_file(finished / "solutions" / f"{name}.h5")
+        entries = list(ElementTree.parse(path).iter("DataSet"))
+        assert [float(entry.attrib["timestep"]) for entry in entries] == [1, 10, 40, 240]
+        assert [profile.time for profile in solution.profiles] == [1, 10, 40, 240]
+        for entry in entries:
+            shown.add(entry.attrib["file"])
+            piece = next(ElementTree.parse(finished / "fields" / entry.attrib["file"]).iter("Piece"))
+            assert int(piece.attrib["NumberOfPoints"]) == len(solution.points)
+            assert int(piece.attrib["NumberOfCells"]) == 8
+    assert shown == {path.name for path in (finished / "fields").glob("*.vtu")}
+
+
+def test_the_metrics_hold_figures_of_merit_and_times(finished):
+    metrics = json.loads((finished / "metrics.json").read_text(encoding="utf-8"))
+    assert set(metrics) == {"cell", "sampling", "surrogate", "macro", "stages"}
+    stages = {"cell", "sampling", "held-out states", "training", "report"}
+    stages |= {f"macro, {law}, load {load:g}" for law in ("mean-gradient", "linear") for load in LOADS}
+    assert set(metrics["stages"]) == stages
+    assert all(seconds > 0 for seconds in metrics["stages"].values())
+    assert metrics["sampling"]["states"] == sum(metrics["sampling"]["statuses"].values())
+    assert metrics["sampling"]["held_out_states"] == metrics["surrogate"]["test_states"] == 10
+
+
+def test_the_report_is_one_self_contained_page(finished):
+    page = (finished / "report.html").read_text(encoding="utf-8")
+    assert page.lstrip().lower().startswith("<!doctype html>")
+    assert "A small study" in page
+    assert page.count("<svg") + page.count("data:image") >= 10
+    linked = re.findall(
+        r"""<(?:script|link|img|iframe|object|source)\b[^>]*?(?:src|href|data)=["']([^"']*)""", page
+    )
+    assert [target for target in linked if not target.startswith(("data:", "#"))] == []
+    assert not re.findall(r"""@import|url\(["']?(?!data:|#|["'])""", page)
+
+
+def test_the_steps_give_the_numbers_of_the_run(finished, tmp_path):
+    """With two workers, whose number must not matter."""
+    config = write_study(tmp_path / "study.yaml", {"sampling.workers": 2, **ONE_LOAD})
+    out = tmp_path / "steps"
+    assert succeeded(porocore("sample", config, "--out", out)) == str(out / "samples.h5")
+    assert succeeded(porocore("train", out)) == str(out / "surrogate.h5")
+    solutions = succeeded(porocore("solve", out)).splitlines()
+    assert [Path(path).name for path in solutions] == ["mean-gradient_load-0.04.h5", "linear_load-0.04.h5"]
+    assert succeeded(porocore("report", out)) == str(out / "report.html")
+    assert_same_results(out, finished)
+    assert_tidy(out)
+
+
+def test_a_finished_step_is_not_done_again(a_copy):
+    run = a_copy()
+    before = fingerprint(run)
+    done = porocore("solve", run)
+    assert len(succeeded(done).splitlines()) == 4
+    assert done.stderr.count("is there already") == 4
+    assert "surrogate.h5 is there already" in porocore("train", run).stderr
+    assert fingerprint(run) == before
