@@ -52,7 +52,7 @@ STUDY: dict[str, Any] = {
         "workers": 1,
         "test": {"count": 10, "seed": 7},
     },
-    "surrogate": {"backend": "torch", "seed": 7, "options": {"epochs": 600}},
+    "surrogate": {"backend": "torch", "seed": 7, "options": {"epochs": 400}},
     "closure": "mean-gradient",
     "macro": {
         "size": [0.1, HEIGHT, 0.1],
@@ -67,11 +67,11 @@ STUDY: dict[str, Any] = {
     },
 }
 PLAIN = (str(POROCORE),)
-#: Command lines whose training, or whose macro solves, write a checkpoint as often as they can.
+#: Command lines whose training, or whose macro solves, write a checkpoint very often.
 EAGER_TRAINING = (
     sys.executable,
     "-c",
-    "import porocore_surrogate_torch.training as training; training.CHECKPOINT_INTERVAL = 0.0\n"
+    "import porocore_surrogate_torch.training as training; training.CHECKPOINT_INTERVAL = 0.05\n"
     "from porocore.cli import main; main()",
 )
 EAGER_SOLVING = (

@@ -71,10 +71,9 @@ def test_a_run_killed_in_every_stage_ends_with_the_same_numbers(finished, two_wo
         (PLAIN, lambda: parts(run, "samples.h5") >= 14),
         (PLAIN, lambda: parts(run, "test.h5") >= 3),
         (EAGER_TRAINING, lambda: max(epochs(run)) >= 100),
-        (EAGER_TRAINING, lambda: max(epochs(run)) >= 300),
+        (EAGER_TRAINING, lambda: max(epochs(run)) >= 200),
         (EAGER_SOLVING, lambda: checkpoint_time(run, "mean-gradient_load-0.04") > 30),
         (EAGER_SOLVING, lambda: checkpoint_time(run, "mean-gradient_load-0.04") > 150),
-        (PLAIN, lambda: any((run / "fields").glob("*.vtu"))),
     ]
     solved, written = {}, {}
     for i, (program, moment) in enumerate(moments):
@@ -91,7 +90,7 @@ def test_a_run_killed_in_every_stage_ends_with_the_same_numbers(finished, two_wo
         for path in (run / "surrogate.h5", *(run / "solutions").glob("*.h5")):
             if path.exists():
                 assert written.setdefault(path, path.stat().st_mtime_ns) == path.stat().st_mtime_ns
-    assert len(written) == 3
+    assert [path.name for path in written] == ["surrogate.h5"]
     assert succeeded(porocore("run", two_workers, "--out", run, "--resume")) == str(run / "report.html")
     assert solved.items() <= seconds(run).items()
     assert all(path.stat().st_mtime_ns == time for path, time in written.items())

@@ -103,7 +103,7 @@ def _means(assembler: Assembler, values: Any) -> Any:
 
 
 def _outside(assembler: Assembler, response: MacroResponse) -> float:
-    return float(assembler.weights @ response.outside / assembler.weights.sum())
+    return float(assembler.weights[response.outside].sum() / assembler.weights.sum())
 
 
 def _spread(assembler: Assembler, response: MacroResponse) -> float:
