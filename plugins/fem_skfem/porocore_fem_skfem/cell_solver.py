@@ -12,6 +12,7 @@ from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.states import CellResponse, MacroState, Status
+from porocore_fem_skfem.factor import FactorError
 from porocore_fem_skfem.newton import Equilibrium, follow, undeformed
 from porocore_fem_skfem.responses import failed, respond
 from porocore_fem_skfem.solid import SolidProblem
@@ -103,11 +104,14 @@ class SkfemCellSolver(CellSolver):
         if not (np.isfinite(H).all() and np.isfinite(p)) or np.linalg.det(np.eye(3) + H) <= 0:
             return failed(Status.inverted, tangent=tangent), None
         problem = prepared.domain_for(H)
-        problem.begin()
-        outcome = follow(problem, _start(problem, start), H, p, TOLERANCE)
-        if outcome.equilibrium is None:
-            return failed(outcome.status, tangent=tangent), None
-        response = respond(problem, outcome.equilibrium, tangent=tangent)
+        try:
+            problem.begin()
+            outcome = follow(problem, _start(problem, start), H, p, TOLERANCE)
+            if outcome.equilibrium is None:
+                return failed(outcome.status, tangent=tangent), None
+            response = respond(problem, outcome.equilibrium, tangent=tangent)
+        except FactorError:
+            return failed(Status.not_converged, tangent=tangent), None
         if response.fluid_volume is not None and response.fluid_volume[0] <= 0:
             return failed(Status.overlap, tangent=tangent), None
         field = None

@@ -126,6 +126,26 @@ class Iteration:
     indefinite: bool
 
 
+def refine(
+    matrix: Any, rhs: Any, solve: Callable[[Any], Any], *, tolerance: float, limit: int = 30
+) -> Iteration:
+    """Iterative refinement with a factor of ``matrix`` itself, definite or not, for the columns of (n, k)."""
+    goal = tolerance * np.linalg.norm(rhs, axis=0)
+    x = np.zeros_like(rhs)
+    r = rhs.copy()
+    worst = np.inf
+    for iterations in range(limit + 1):
+        norms = np.linalg.norm(r, axis=0)
+        if (norms <= goal).all():
+            return Iteration(x, iterations, True, False)
+        if not (norms / np.where(goal > 0, goal, 1.0)).max() < worst:
+            break
+        worst = (norms / np.where(goal > 0, goal, 1.0)).max()
+        x += solve(r)
+        r = rhs - matrix @ x
+    return Iteration(x, limit, False, False)
+
+
 def conjugate_gradients(
     matrix: Any,
     rhs: Any,

@@ -24,6 +24,8 @@ ITERATIONS = 12
 #: In any component of H and in p; a step beyond it seldom converges.
 LARGEST_STEP = 0.16
 SMALLEST_STEP = 1 / 300
+#: Steps of one path that may fail; behind a bifurcation every further one would.
+FAILURES = 6
 ARMIJO = 1e-4
 
 
@@ -71,15 +73,15 @@ def follow(problem: SolidProblem, start: Equilibrium, H: Any, p: float, toleranc
     here, share = start, 0.0
     largest = LARGEST_STEP / max(float(np.abs(H - start.H).max()), abs(p - start.p), 1e-12)
     step = min(1.0, largest)
-    steps = iterations = 0
+    steps = iterations = failures = 0
     while share < 1:
         goal = min(1.0, share + step)
         H_goal, p_goal = start.H + goal * (H - start.H), start.p + goal * (p - start.p)
         try:
             reached = _newton(problem, _predict(problem, here, H_goal, p_goal), tolerance)
         except StepFailed as failed:
-            step = (goal - share) / 4
-            if step < SMALLEST_STEP:
+            step, failures = (goal - share) / 4, failures + 1
+            if step < SMALLEST_STEP or failures > FAILURES:
                 return Outcome(failed.status, None, steps, iterations)
             continue
         here, step, share = reached, min(2 * (goal - share), largest), goal
@@ -157,6 +159,8 @@ def _newton(problem: SolidProblem, guess: Equilibrium, tolerance: float) -> Equi
             raise StepFailed(Status.inverted if inverted else Status.not_converged)
         u, at = u + length * step, trial
         residual, norm, energy = trial_residual, trial_norm, trial_energy
+    if norm <= goal:
+        return Equilibrium(guess.H, guess.p, u, at, ITERATIONS)
     raise StepFailed(Status.not_converged)
 
 

@@ -29,8 +29,8 @@ class Operators:
         Linear or quadratic tetrahedra.
     degree
         Polynomial degree that the quadrature integrates exactly; 2 (four points) is enough for the averages.
-    nodes_per_cell
-        4 or 10; the first four nodes of a quadratic mesh carry the linear element.
+    cells
+        Numbers of the unknowns of each element, (M, 4) or (M, 10); by default those of the mesh's nodes.
     """
 
     def __init__(self, mesh: CellMesh, degree: int, cells: Any = None) -> None:

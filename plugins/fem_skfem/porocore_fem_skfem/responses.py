@@ -14,7 +14,7 @@ import numpy as np
 
 from porocore.cell.material import cofactor, cofactor_tangent, determinant
 from porocore.states import CellPeaks, CellResponse, CellTangent, Status
-from porocore_fem_skfem.linalg import conjugate_gradients
+from porocore_fem_skfem.linalg import conjugate_gradients, refine
 from porocore_fem_skfem.newton import Equilibrium, gap
 from porocore_fem_skfem.solid import SolidProblem
 
@@ -32,18 +32,35 @@ class _Averages:
 
 
 def respond(problem: SolidProblem, here: Equilibrium, *, tangent: bool) -> CellResponse:
-    """One row of responses; ``unstable`` where the tangent has negative pivots."""
+    """One row of responses; ``unstable`` where the tangent of any parity class is indefinite.
+
+    Raises
+    ------
+    FactorError
+        A tangent cannot be factorised.
+    """
     averages = _average(problem, here)
     data = problem.tangent(here.at)
-    entries = problem.constraints().restrict(data)
-    negative = problem.constraints().renew(entries)
+    mean_grad, second = np.zeros((3, 3, 10)), np.zeros((10, 10))
+    counts = []
+    classes = PARITY if problem.mesh.domain == "eighth" else {"": tuple(range(10))}
+    for odd, columns in classes.items():
+        constraints = problem.constraints(odd)
+        entries = constraints.restrict(data)
+        count = constraints.renew(entries)
+        if tangent:
+            indefinite = _differentiate(problem, here, entries, odd, columns, mean_grad, second)
+            count = 1 if count < 0 and indefinite else count
+        counts.append(count)
+    # A solver that cannot count leaves the number unknown unless it met a negative direction.
+    negative = sum(max(count, 0) for count in counts) or min(counts)
     return CellResponse(
         mean_grad=averages.mean_grad[None],
         status=np.array([Status.unstable if negative > 0 else Status.converged], dtype=np.int64),
         potential=np.array([averages.potential]),
         stress=averages.stress[None],
         fluid_volume=np.array([averages.fluid_volume]),
-        tangent=_derivatives(problem, here, data, entries) if tangent else None,
+        tangent=_tangent(here, mean_grad, second) if tangent else None,
         peaks=_peaks(problem, here, negative),
     )
 
@@ -98,14 +115,8 @@ def _peaks(problem: SolidProblem, here: Equilibrium, negative: int) -> CellPeaks
     )
 
 
-def _derivatives(problem: SolidProblem, here: Equilibrium, data: Any, entries: Any) -> CellTangent:
-    classes = PARITY if problem.mesh.domain == "eighth" else {"": tuple(range(10))}
-    mean_grad = np.zeros((3, 3, 10))
-    second = np.zeros((10, 10))
-    for odd, columns in classes.items():
-        of_class = problem.constraints(odd).restrict(data) if odd else entries
-        _one_class(problem, here, of_class, odd, columns, mean_grad, second)
-    # The fluid's share −p J₀ of W.
+def _tangent(here: Equilibrium, mean_grad: Any, second: Any) -> CellTangent:
+    """Named derivatives from the columns of θ; adds the fluid's share −p J₀ of W."""
     F0 = np.eye(3) + here.H
     second[:9, :9] -= here.p * cofactor_tangent(F0).reshape(9, 9)
     second[:9, 9] -= cofactor(F0).ravel()
@@ -120,7 +131,7 @@ def _derivatives(problem: SolidProblem, here: Equilibrium, data: Any, entries: A
     )
 
 
-def _one_class(
+def _differentiate(
     problem: SolidProblem,
     here: Equilibrium,
     entries: Any,
@@ -128,18 +139,24 @@ def _one_class(
     columns: Any,
     mean_grad: Any,
     second: Any,
-) -> None:
-    """Fill the columns of one parity class, whose perturbations meet no other class."""
+) -> bool:
+    """Fill the columns of one parity class, whose perturbations meet no other class.
+
+    They become NaN where the linear solver does not reach its tolerance. Returns whether a direction of
+    negative curvature was met.
+    """
     at, w = here.at, problem.w
     constraints = problem.constraints(odd)
     matrix = constraints.pattern.full(entries)
-    constraints.renew(entries)
     loads = [_load_change(problem, at, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
     R = np.stack([problem.assemble(load).ravel()[constraints.free] for load in loads], axis=1)
-    solved = conjugate_gradients(
-        matrix, -R, constraints.precondition, tolerance=SENSITIVITY_TOLERANCE, limit=60
-    )
-    U = solved.x
+    if constraints.counts:
+        solved = refine(matrix, -R, constraints.precondition, tolerance=SENSITIVITY_TOLERANCE)
+    else:
+        solved = conjugate_gradients(
+            matrix, -R, constraints.precondition, tolerance=SENSITIVITY_TOLERANCE, limit=200
+        )
+    U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
     mixed = R.T @ U
     curvature = mixed + mixed.T + U.T @ (matrix @ U)
     mask = _visible(problem, odd)
@@ -156,6 +173,7 @@ def _one_class(
                 else (float((w * at.cof[column // 3, column % 3]).sum()) if column < 9 else 0.0)
             )
             second[column, other] = problem.copies * (direct + curvature[a, b])
+    return solved.indefinite
 
 
 def _load_change(problem: SolidProblem, at: Any, column: int) -> Any:

@@ -74,11 +74,17 @@ class Constraints:
         if self._factored is not entries:
             if self._own is None:
                 self._own = self._make()
-            self._factored = None
+            # Should the factorisation break down, what is left of it must not be used.
+            self.active, self._factored = self._base, None
             self._own.factor(entries)
             self.active, self._factored = self._own, entries
         assert self._own is not None
         return self._own.negative
+
+    @property
+    def counts(self) -> bool:
+        """Whether the active factor is a direct one, which counts negative pivots and serves indefinite matrices."""
+        return self.active is not None and self.active.negative >= 0
 
     def precondition(self, rhs: Any) -> Any:
         """Apply the active factor."""
