@@ -31,6 +31,7 @@ ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
 }
 HEIGHT, LOADS = 7.5, (-0.04, -1e-4)
+HELD_OUT = 7
 #: For tests that need not repeat all of the study.
 ONE_LOAD = {"macro.loads": [LOADS[0]]}
 _SIDE = {"displacement": [0, None, 0]}
@@ -45,12 +46,12 @@ STUDY: dict[str, Any] = {
     "fem": {"backend": "skfem"},
     "sampling": {
         "inputs": {
-            "p": {"range": [-0.02, 0.1], "step": 0.04},
-            "H22": {"range": [-0.12, 0.02], "step": 0.03},
+            "p": {"range": [-0.02, 0.06], "step": 0.04},
+            "H22": {"range": [-0.1, 0.02], "step": 0.04},
         },
         "tolerance": 0.05,
         "workers": 1,
-        "test": {"count": 10, "seed": 7},
+        "test": {"count": HELD_OUT, "seed": 7},
     },
     "surrogate": {"backend": "torch", "seed": 7, "options": {"epochs": 400}},
     "closure": "mean-gradient",
@@ -167,18 +168,14 @@ def figures(folder: Path) -> dict[str, Any]:
 
 
 def assert_same_results(folder: Path, finished: Path) -> None:
-    """The numbers of the finished run, bit by bit, in datasets, surrogate, losses, solutions and metrics."""
+    """The numbers of the finished run, bit by bit, in datasets, surrogate, losses and solutions."""
     for name in ("samples.h5", "test.h5"):
         assert Dataset.open(folder / name).digest() == Dataset.open(finished / name).digest()
     assert contents(folder / "surrogate.h5") == contents(finished / "surrogate.h5")
     rows, expected = ({*(run / "training.csv").read_text().splitlines()} for run in (folder, finished))
     assert rows == expected
-    found, wanted = figures(folder), figures(finished)
-    loads = [case["load"] for case in found["macro"]]
-    wanted["macro"] = [case for case in wanted["macro"] if case["load"] in loads]
-    assert found == wanted
     solutions = sorted(path.name for path in (folder / "solutions").iterdir())
-    assert len(solutions) == 2 * len(loads)
+    assert solutions == ["linear_load-0.04.h5", "mean-gradient_load-0.04.h5"]
     for name in solutions:
         assert contents(folder / "solutions" / name) == contents(finished / "solutions" / name)
 
@@ -229,7 +226,7 @@ class Running:
                 pytest.fail(f"ended too early with status {self.process.returncode}: {self.err.read_text()}")
             if time.monotonic() > deadline:
                 pytest.fail(f"the moment never came: {self.err.read_text()}")
-            time.sleep(0.002)
+            time.sleep(0.01)
 
     @staticmethod
     def _met(condition: Callable[[], bool]) -> bool:
@@ -265,7 +262,7 @@ class Running:
         while left := self.processes():
             if time.monotonic() > deadline:
                 pytest.fail(f"{len(left)} processes are left")
-            time.sleep(0.02)
+            time.sleep(0.05)
 
     def kill_all(self) -> None:
         """End whatever is left."""

@@ -80,7 +80,7 @@ def test_a_disk_that_fills_while_sampling(finished, tmp_path):
     refused = message(done)
     assert "No space left on device; make room" in refused
     solved = seconds(kept)
-    assert 3 <= len(solved) < 30
+    assert 3 <= len(solved) < len(Dataset.open(finished / "samples.h5"))
     assert solved.items() <= seconds(ended).items()
     assert not list(kept.rglob("*.part"))
     assert Dataset.open(ended / "samples.h5").digest() == Dataset.open(finished / "samples.h5").digest()
@@ -89,7 +89,7 @@ def test_a_disk_that_fills_while_sampling(finished, tmp_path):
 @pytest.mark.parametrize(
     ("step", "without", "room"),
     [
-        ("train", ("surrogate.h5", "training.csv"), 8),
+        pytest.param("train", ("surrogate.h5", "training.csv"), 8, marks=pytest.mark.slow),
         ("solve", ("solutions",), 72),
         ("report", ("report.html", "fields"), 40),
     ],

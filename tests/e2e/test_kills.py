@@ -16,6 +16,7 @@ from study import (
     assert_same_results,
     assert_tidy,
     contents,
+    figures,
     fingerprint,
     message,
     parts,
@@ -64,11 +65,13 @@ def checkpoint_time(run, name):
         return float(file.attrs["time"])
 
 
-def test_a_run_killed_in_every_stage_ends_with_the_same_numbers(finished, two_workers, tmp_path, launch):
+def test_a_run_killed_in_every_stage_ends_with_the_same_numbers(
+    finished, two_workers, one_worker, tmp_path, launch
+):
     run = tmp_path / "run"
     moments = [
         (PLAIN, lambda: parts(run, "samples.h5") >= 1),
-        (PLAIN, lambda: parts(run, "samples.h5") >= 14),
+        (PLAIN, lambda: parts(run, "samples.h5") >= 10),
         (PLAIN, lambda: parts(run, "test.h5") >= 3),
         (EAGER_TRAINING, lambda: max(epochs(run)) >= 100),
         (EAGER_TRAINING, lambda: max(epochs(run)) >= 200),
@@ -77,7 +80,7 @@ def test_a_run_killed_in_every_stage_ends_with_the_same_numbers(finished, two_wo
     ]
     solved, written = {}, {}
     for i, (program, moment) in enumerate(moments):
-        command = ["run", two_workers, "--out", run, *(["--resume"] if i else [])]
+        command = ["run", one_worker, "--out", run, "--resume"] if i else ["run", two_workers, "--out", run]
         running = launch(*command, program=program)
         running.until(moment)
         assert running.stop(signal.SIGKILL) == -signal.SIGKILL
@@ -91,11 +94,13 @@ def test_a_run_killed_in_every_stage_ends_with_the_same_numbers(finished, two_wo
             if path.exists():
                 assert written.setdefault(path, path.stat().st_mtime_ns) == path.stat().st_mtime_ns
     assert [path.name for path in written] == ["surrogate.h5"]
-    assert succeeded(porocore("run", two_workers, "--out", run, "--resume")) == str(run / "report.html")
+    assert succeeded(porocore("run", one_worker, "--out", run, "--resume")) == str(run / "report.html")
     assert solved.items() <= seconds(run).items()
     assert all(path.stat().st_mtime_ns == time for path, time in written.items())
     assert epochs(run) == sorted(epochs(run)), "the training began anew instead of from its checkpoint"
     assert_same_results(run, finished)
+    found, expected = figures(run), figures(finished)
+    assert found == expected | {"macro": expected["macro"][:1]}
     assert_tidy(run)
 
 
@@ -119,7 +124,7 @@ def test_workers_end_when_only_the_main_process_is_killed(
     running.assert_gone()
     solved = seconds(run)
     assert first.items() <= solved.items()
-    assert 5 <= len(solved) < 30
+    assert 5 <= len(solved) < len(Dataset.open(finished / "samples.h5"))
     before = fingerprint(run)
     refused = message(porocore("train", run))
     assert refused.endswith(f"sampling was interrupted and is not finished; run porocore sample {run}")
@@ -144,14 +149,14 @@ def test_ctrl_c_while_sampling_keeps_what_ran_and_says_how_to_go_on(finished, tw
     advice = error.splitlines()[-1].removeprefix("interrupted; continue with: ")
     assert shlex.split(advice) == ["porocore", "sample", str(run)]
     solved = seconds(run)
-    assert 3 <= len(solved) < 30
+    assert 3 <= len(solved) < len(Dataset.open(finished / "samples.h5"))
     succeeded(porocore(*shlex.split(advice)[1:]))
     assert solved.items() <= seconds(run).items()
     assert Dataset.open(run / "samples.h5").digest() == Dataset.open(finished / "samples.h5").digest()
     assert_no_parts(run)
 
 
-@pytest.mark.parametrize("stage", ["train", "solve"])
+@pytest.mark.parametrize("stage", [pytest.param("train", marks=pytest.mark.slow), "solve"])
 def test_ctrl_c_later_on(finished, a_copy, launch, stage):
     made = {"train": ["surrogate.h5", "training.csv"], "solve": ["solutions"]}[stage]
     run = a_copy(*made)
