@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +19,7 @@ from porocore.closures import CLOSURES, ClosedLaw
 from porocore.config import RunConfig
 from porocore.console import Console
 from porocore.dataset import Dataset, describe
-from porocore.errors import DataError, RunFolderError
+from porocore.errors import DataError
 from porocore.execution import CellPool
 from porocore.files import atomic_path
 from porocore.interfaces.cell import CellSolver
@@ -36,6 +34,7 @@ from porocore.runfolder import RunFolder, versions
 from porocore.sampling.campaign import CampaignSummary, Progress, is_complete, run_campaign
 from porocore.sampling.random_states import RandomStates
 from porocore.solution import MacroSolution, StepReport
+from porocore.stage_times import stage_times, timed
 from porocore.states import MacroState, Status
 from porocore.training_curve import TrainingCurveFile
 
@@ -56,7 +55,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
     inputs = config.sampling.input_space()
     sampler: Sampler = make_backend("sampler", config)
     if not folder.reference.exists():
-        with _timed(folder, "cell"):
+        with timed(folder.timings, "cell"):
             reference = CellReference.compute(solver, prepared, config.cell, config.stages.cell)
             reference.save(folder.reference)
     reference = _reference(folder, config)
@@ -71,7 +70,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
     with CellPool(prepare_cell, arguments, workers=config.sampling.worker_count()) as pool:
         for title, states, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
-            with _timed(folder, title):
+            with timed(folder.timings, title):
                 _campaign(title, states, pool, dataset, console)
 
 
@@ -83,7 +82,7 @@ def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
         return
     data = training_set(folder, config)
     surrogate: Surrogate = make_backend("surrogate", config)
-    with _timed(folder, "training"), console.task("training", "epochs") as task:
+    with timed(folder.timings, "training"), console.task("training", "epochs") as task:
         curve = TrainingCurveFile(folder.training_curve)
 
         def show(progress: TrainingProgress) -> None:
@@ -117,7 +116,7 @@ def solve(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
                 prepared = solver.prepare(config.macro.problem(load))
             checkpoint = folder.macro_checkpoint(name, load)
             with (
-                _timed(folder, f"macro, {name}, load {load:g}"),
+                timed(folder.timings, f"macro, {name}, load {load:g}"),
                 console.task(f"column, {name}, load {load:g}", "time") as task,
             ):
 
@@ -136,7 +135,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     from porocore.vtk import write_vtu_series
 
     _finished(folder, folder.test_dataset, config.stages.test, _held_out(config))
-    with _timed(folder, "report"):
+    with timed(folder.timings, "report"):
         for load in config.macro.loads:
             for law in (config.closure, "linear"):
                 stem = folder.solution(law, load).stem
@@ -144,9 +143,11 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
         reference = _reference(folder, config)
         coefficients = linear_coefficients(reference, config)
         surrogate = _load_surrogate(folder, config)
-        context, metrics = gather(folder, config, reference, coefficients, surrogate, _timings(folder))
+        context, metrics = gather(
+            folder, config, reference, coefficients, surrogate, stage_times(folder.timings)
+        )
         write_report(folder.report, context)
-    metrics["stages"] = _timings(folder)
+    metrics["stages"] = stage_times(folder.timings)
     with atomic_path(folder.metrics) as part:
         part.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return folder.report
@@ -290,35 +291,3 @@ def _campaign(
             task.update(progress.done, progress.expected, failed=progress.failed, detail=detail)
 
         return run_campaign(sampler, pool, dataset, on_progress=show)
-
-
-@contextmanager
-def _timed(folder: RunFolder, stage: str) -> Iterator[None]:
-    """Add the block's wall time to what the stage has taken so far, also when it is interrupted."""
-    timings = _timings(folder)
-    began = time.perf_counter()
-
-    def note() -> None:
-        timings[stage] = timings.get(stage, 0.0) + time.perf_counter() - began
-        with atomic_path(folder.timings) as part:
-            part.write_text(json.dumps(timings, indent=2) + "\n", encoding="utf-8")
-
-    try:
-        yield
-    except BaseException:
-        with suppress(RunFolderError):  # the error on its way is the one to tell
-            note()
-        raise
-    note()
-
-
-def _timings(folder: RunFolder) -> dict[str, float]:
-    if not folder.timings.exists():
-        return {}
-    try:
-        timings = json.loads(folder.timings.read_text(encoding="utf-8"))
-        return {str(stage): float(seconds) for stage, seconds in timings.items()}
-    except (OSError, ValueError, TypeError, AttributeError) as error:
-        raise DataError(
-            f"{folder.timings}: not a record of the stages' times ({error}); delete it, it is not needed"
-        ) from error
