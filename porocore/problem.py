@@ -57,7 +57,8 @@ class TimePlan(_Strict):
     def _in_order(self) -> TimePlan:
         if self.end <= self.ramp_increments * self.ramp_step:
             raise ValueError(
-                f"end = {self.end:g} does not lie behind the ramp, which takes {self.ramp_increments * self.ramp_step:g}"
+                f"end = {self.end:g} does not lie behind the ramp, "
+                f"which takes {self.ramp_increments * self.ramp_step:g}"
             )
         if any(t > self.end for t in self.profiles):
             raise ValueError(f"a profile time lies behind end = {self.end:g}")

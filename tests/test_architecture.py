@@ -22,7 +22,18 @@ PLUGINS = sorted(path.parent for path in (ROOT / "plugins").glob("*/porocore_*/_
 LAYERS = (
     (
         "foundation",
-        ("errors", "files", "states", "inputs", "sampled_range", "cell", "laws", "problem", "solution", "hdf5"),
+        (
+            "errors",
+            "files",
+            "states",
+            "inputs",
+            "sampled_range",
+            "cell",
+            "laws",
+            "problem",
+            "solution",
+            "hdf5",
+        ),
     ),
     ("interfaces", ("interfaces",)),
     ("hooks", ("hookspecs",)),

@@ -66,7 +66,7 @@ class Surrogate(ABC):
     def __init__(self, **options: Any) -> None: ...
 
     @classmethod
-    def load_libraries(cls) -> None:  # noqa: B027 - most surrogates have nothing to load
+    def load_libraries(cls) -> None:
         """Import the libraries that training needs.
 
         A run calls this before it solves the first cell: numerical libraries that share symbols (two copies of
@@ -106,4 +106,3 @@ class Surrogate(ABC):
         DataError
             The file is truncated, foreign or of another version.
         """
-
