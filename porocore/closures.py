@@ -104,12 +104,12 @@ class MeanGradientClosure(Closure):
     def respond(
         self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, *, tangent: bool
     ) -> MacroResponse:
-        """Response at n points; NaN where det F̄ ≤ 0, which is no state of the solid."""
+        """Response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0, which is no state of the solid or body."""
         phi_s, K = self.solid_fraction, self.conductivity
         phi_f, p = 1 - phi_s, states.p[:, None, None]
         F = np.eye(3) + states.grad_u + cell.mean_grad / phi_s
         J = determinant(F)
-        J = np.where(J > 0, J, np.nan)
+        J = np.where((J > 0) & (determinant(np.eye(3) + states.grad_u) > 0), J, np.nan)
         cof = np.ascontiguousarray(cofactor(F))
         step = phi_f * (states.grad_u - memory.states.grad_u) - (cell.mean_grad - memory.mean_grad)
         solid_stress = np.where(np.isnan(J)[:, None, None], np.nan, self._solid(F, J))

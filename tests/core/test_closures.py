@@ -209,3 +209,22 @@ def test_impossible_constants_are_refused():
         MeanGradientClosure(1.0, MATERIAL, K)
     with pytest.raises(ValueError, match=r"conductivity \(3, 3\), got \(3,\)"):
         MeanGradientClosure(PHI_S, MATERIAL, np.ones(3))
+
+
+def test_an_inverted_body_has_no_response_even_where_the_cell_law_extrapolates_to_one():
+    """A surrogate far outside its range may give det F̄ > 0 at det(I + H) < 0."""
+
+    class Extrapolating:
+        identity = "extrapolating"
+
+        def predict(self, states, *, tangent=True):
+            n = len(states)
+            zeros = np.zeros((n, 3, 3))
+            slope = CellTangent(np.zeros((n, 3, 3, 3, 3)), zeros)
+            return CellResponse(-0.9 * states.grad_u * PHI_S, np.zeros(n, dtype=np.int64), tangent=slope)
+
+    law = ClosedLaw(Extrapolating(), MeanGradientClosure(PHI_S, MATERIAL, K))
+    states = MacroState(np.array([np.diag([0, -0.5, 0]), np.diag([0, -1.2, 0])]), np.zeros(2))
+    response = law.respond(states, np.zeros((2, 3)), law.initial(2))
+    assert np.isfinite(response.stress[0]).all()
+    assert np.isnan(response.stress[1]).all()
