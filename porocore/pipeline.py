@@ -59,7 +59,10 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
             reference = CellReference.compute(solver, prepared, config.cell, config.stages.cell)
             reference.save(folder.reference)
     reference = _reference(folder, config)
-    console.note(f"cell: porosity {reference.porosity:.4f}, K_11 {reference.conductivity[0, 0]:.4f}")
+    diagonal = ", ".join(f"{k:.4g}" for k in np.diag(reference.conductivity))
+    console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
+    for warning in undrained(config, reference):
+        console.warn(warning)
     held_out = _held_out(config)
     provenance = {"config": config.resolved_yaml(), **versions(), **reference.mesh}
     stages = [
@@ -71,7 +74,9 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
         for title, states, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
             with timed(folder.timings, title):
-                _campaign(title, states, pool, dataset, console)
+                summary = _campaign(title, states, pool, dataset, console)
+            counts = ", ".join(f"{n} {status.name.replace('_', ' ')}" for status, n in summary.counts.items())
+            console.note(f"{title}: {counts}")
 
 
 def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
@@ -131,6 +136,7 @@ def solve(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
 def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     """Write metrics.json, the files for ParaView and the page; returns the page's path."""
     from porocore.report.html import write_report
+    from porocore.report.words import all_warnings
     from porocore.summary import gather
     from porocore.vtk import write_vtu_series
 
@@ -147,6 +153,8 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
             folder, config, reference, coefficients, surrogate, stage_times(folder.timings)
         )
         write_report(folder.report, context)
+    for warning in all_warnings(context):
+        console.warn(warning)
     metrics["stages"] = stage_times(folder.timings)
     with atomic_path(folder.metrics) as part:
         part.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
@@ -200,6 +208,22 @@ def prepare_cell(backend: str, options: dict[str, Any], cell: Cell) -> tuple[Cel
     """A cell solver and what it has prepared; worker processes call this once."""
     solver: CellSolver = registry().get("cell solver", backend)(**options)
     return solver, solver.prepare(cell)
+
+
+def undrained(config: RunConfig, reference: CellReference) -> list[str]:
+    """Why the body cannot drain, if so: no drained face, or no conductivity towards the drained ones."""
+    drained = [face for face, boundary in config.macro.boundary.items() if boundary.pressure is not None]
+    if not drained:
+        return [
+            "no face has a prescribed pressure (macro.boundary): no fluid can leave, nothing consolidates"
+        ]
+    K = np.diag(reference.conductivity)
+    closed = [face for face in drained if K["xyz".index(face[0])] < 1e-6 * K.max()]
+    if len(closed) == len(drained):
+        return [
+            f"the cell conducts no fluid towards the drained faces ({', '.join(closed)}); see cell.geometry.axes"
+        ]
+    return []
 
 
 def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:

@@ -12,6 +12,9 @@ import typer
 from porocore.cli.common import ConfigArgument, FemOption, interruptible, read_config
 from porocore.errors import ConfigurationError
 
+#: Printed as 0 for reading; the cell solver's tolerance is of this size.
+ZERO = 1e-12
+
 
 def cell(
     config: ConfigArgument = None,
@@ -38,6 +41,8 @@ def cell(
         from porocore import pipeline
 
         result = json_ready(pipeline.solve_cell(settings, state, p))
+    if not as_json and result["potential"] is None:
+        result = {name: result[name] for name in ("porosity", "conductivity", "status", "seconds")}
     typer.echo(json.dumps(result, allow_nan=False) if as_json else as_text(result))
 
 
@@ -91,6 +96,8 @@ def as_text(result: Mapping[str, Any]) -> str:
 
 
 def _number(value: Any) -> str:
+    if isinstance(value, float) and abs(value) < ZERO:
+        value = 0.0
     return f"{value:13.6g}" if isinstance(value, int | float) else f"{'-' if value is None else value!s:>13}"
 
 

@@ -181,6 +181,8 @@ class SurrogateSummary:
     training_states: int
     outputs: tuple[OutputCheck, ...]
     curve: TrainingCurve | None = None
+    #: Largest error of the closure's P_E on the solved states, in per cent of their range; None: not known.
+    closure_error: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

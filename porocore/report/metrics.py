@@ -79,11 +79,19 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
         "flagged_end": float(history.outside[-1]),
         "flagged_largest": float(history.outside.max()),
         "flagged_time_mean": time_mean(history.time, history.outside),
+        "flagged_first_time": _first_time(history, 0.0),
+        "flagged_all_time": _first_time(history, 1 - 1e-9),
         "stress_spread": float(history.stress_spread.max()) / load if load > 0 else None,
         "steps": len(history.time) - 1,
         "newton_iterations": int(history.iterations.sum()),
         "end_time": float(history.time[-1]),
     }
+
+
+def _first_time(history: History, share: float) -> float | None:
+    """First time at which more than ``share`` of the body lies beyond the sampled range; None: never."""
+    beyond = np.flatnonzero(history.outside > share)
+    return float(history.time[beyond[0]]) if len(beyond) else None
 
 
 def case_metrics(case: Case) -> dict[str, Any]:
@@ -106,8 +114,16 @@ def case_metrics(case: Case) -> dict[str, Any]:
 
 
 def report_metrics(cases: tuple[Case, ...]) -> dict[str, Any]:
-    """What goes into ``metrics.json``: ``{"cases": [...]}``, one entry for each load."""
+    """``{"cases": [...]}``, one entry for each load; the list is ``macro`` in ``metrics.json``."""
     return {"cases": [case_metrics(case) for case in cases]}
+
+
+def leaving(metrics: dict[str, Any]) -> str:
+    """When the body leaves the sampled range, in words; of a solution that does."""
+    words = f"the first points from t = {metrics['flagged_first_time']:.3g}"
+    if metrics["flagged_all_time"] is not None:
+        words += f", all of it from t = {metrics['flagged_all_time']:.3g}"
+    return words
 
 
 def case_warnings(metrics: dict[str, Any]) -> list[str]:
@@ -118,8 +134,8 @@ def case_warnings(metrics: dict[str, Any]) -> list[str]:
         found.append(
             f"Load {load}: at the end {100 * flagged['flagged_end']:.0f} % of the body, at most "
             f"{100 * flagged['flagged_largest']:.0f} % and {100 * flagged['flagged_time_mean']:.0f} % on "
-            "average over time, asked the surrogate beyond the states that it was trained on. There it "
-            "extrapolates: its answers are not backed by cell solutions."
+            "average over time, asked the surrogate beyond the states that it was trained on "
+            f"({leaving(flagged)}). There it extrapolates: its answers are not backed by cell solutions."
         )
     for kind in ("nonlinear", "linear"):
         drift = metrics[kind]["steady_drift"]

@@ -7,7 +7,7 @@ from typing import Any
 
 from porocore.report.context import CellSummary, Published, ReportContext
 from porocore.report.format import NONE, difference, number, percent, plain
-from porocore.report.metrics import case_metrics, case_warnings
+from porocore.report.metrics import case_metrics, case_warnings, leaving
 from porocore.states import Status
 
 #: What each status means, in plain words.
@@ -51,7 +51,7 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
     if nonlinear["flagged_largest"] > 0:
         sentences.append(
             f"At the end {percent(nonlinear['flagged_end'], 0)} of the body lies beyond the states that the "
-            f"surrogate was trained on ({percent(nonlinear['flagged_time_mean'], 0)} on average over time)."
+            f"surrogate was trained on ({leaving(nonlinear)})."
         )
     else:
         sentences.append("Every state of the body lies within the range that the surrogate was trained on.")

@@ -14,6 +14,7 @@ from porocore.report.format import difference, duration, number, percent, plain
 from porocore.report.metrics import (
     case_metrics,
     case_warnings,
+    leaving,
     report_metrics,
     rms_percent,
     solution_metrics,
@@ -130,3 +131,16 @@ def test_errors_count_the_states_inside_only():
 )
 def test_numbers_as_text(text, expected):
     assert text == expected
+
+
+def test_says_when_the_body_leaves_the_sampled_range(column):
+    solution = column()
+    time = solution.history.time
+    outside = np.where(time > 75, 1.0, np.where(time > 50, 0.6, 0.0))
+    metrics = solution_metrics(replace(solution, history=replace(solution.history, outside=outside)))
+    assert metrics["flagged_first_time"] == time[time > 50][0]
+    assert metrics["flagged_all_time"] == time[time > 75][0]
+    first, all_of_it = (f"{time[time > t][0]:.3g}" for t in (50, 75))
+    assert leaving(metrics) == f"the first points from t = {first}, all of it from t = {all_of_it}"
+    within = replace(solution, history=replace(solution.history, outside=np.zeros_like(time)))
+    assert solution_metrics(within)["flagged_first_time"] is None
