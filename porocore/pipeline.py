@@ -19,6 +19,7 @@ from porocore.closures import CLOSURES, ClosedLaw
 from porocore.config import RunConfig
 from porocore.console import Console
 from porocore.dataset import Dataset, describe
+from porocore.drainage import undrained
 from porocore.errors import DataError
 from porocore.execution import CellPool
 from porocore.files import atomic_path
@@ -61,7 +62,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
     reference = _reference(folder, config)
     diagonal = ", ".join(f"{k:.4g}" for k in np.diag(reference.conductivity))
     console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
-    for warning in undrained(config, reference):
+    for warning in undrained(config.macro, reference.conductivity):
         console.warn(warning)
     held_out = _held_out(config)
     provenance = {"config": config.resolved_yaml(), **versions(), **reference.mesh}
@@ -76,7 +77,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
             with timed(folder.timings, title):
                 summary = _campaign(title, states, pool, dataset, console)
             counts = ", ".join(f"{n} {status.name.replace('_', ' ')}" for status, n in summary.counts.items())
-            console.note(f"{title}: {counts}")
+            console.note(f"{title}: {sum(summary.counts.values())} states: {counts}")
 
 
 def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
@@ -208,22 +209,6 @@ def prepare_cell(backend: str, options: dict[str, Any], cell: Cell) -> tuple[Cel
     """A cell solver and what it has prepared; worker processes call this once."""
     solver: CellSolver = registry().get("cell solver", backend)(**options)
     return solver, solver.prepare(cell)
-
-
-def undrained(config: RunConfig, reference: CellReference) -> list[str]:
-    """Why the body cannot drain, if so: no drained face, or no conductivity towards the drained ones."""
-    drained = [face for face, boundary in config.macro.boundary.items() if boundary.pressure is not None]
-    if not drained:
-        return [
-            "no face has a prescribed pressure (macro.boundary): no fluid can leave, nothing consolidates"
-        ]
-    K = np.diag(reference.conductivity)
-    closed = [face for face in drained if K["xyz".index(face[0])] < 1e-6 * K.max()]
-    if len(closed) == len(drained):
-        return [
-            f"the cell conducts no fluid towards the drained faces ({', '.join(closed)}); see cell.geometry.axes"
-        ]
-    return []
 
 
 def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from porocore.closure_error import ClosureError
 from porocore.inputs import InputSpace
 from porocore.linear import LinearCoefficients
 from porocore.solution import MacroSolution
@@ -181,8 +182,8 @@ class SurrogateSummary:
     training_states: int
     outputs: tuple[OutputCheck, ...]
     curve: TrainingCurve | None = None
-    #: Largest error of the closure's P_E on the solved states, in per cent of their range; None: not known.
-    closure_error: float | None = None
+    #: Of the closure itself on the converged states; None: not known.
+    closure_error: ClosureError | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from porocore.report.words import (
     benchmark_rows,
     case_sentences,
     cell_rows,
+    conductivity_change,
     linear_rows,
 )
 from porocore.states import Array, MacroState, Status
@@ -76,6 +77,7 @@ def render(context: ReportContext) -> str:
         metrics=metrics,
         sentences=[case_sentences(m) for m in metrics],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
+        conductivity=[conductivity_change(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
         linear_rows=linear_rows(context.cell),
         cell_picture=_cell_picture(context),

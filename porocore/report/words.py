@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from porocore.report.context import CellSummary, Published, ReportContext
+from porocore.report.context import Case, CellSummary, Published, ReportContext
 from porocore.report.format import NONE, difference, number, percent, plain
 from porocore.report.metrics import case_metrics, case_warnings, leaving
 from porocore.states import Status
@@ -113,6 +113,15 @@ def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
         ("inverse Biot modulus E / M_B", number(linear.storage)),
         ("consolidation coefficient c_v", number(linear.consolidation_coefficient())),
     ]
+
+
+def conductivity_change(case: Case, cell: CellSummary) -> str:
+    """``; here from ... at rest to ... at t = ...``, of K_t,22; empty without profiles."""
+    if not case.nonlinear.profiles:
+        return ""
+    last = case.nonlinear.profiles[-1]
+    rest, largest = float(cell.linear.conductivity[1, 1]), float(last.conductivity[:, 1, 1].max())
+    return f"; here from {number(rest, 3)} at rest to {number(largest, 3)} at t = {number(last.time, 3)}"
 
 
 def all_warnings(context: ReportContext) -> list[str]:

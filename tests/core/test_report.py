@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.material import NeoHookean
+from porocore.closure_error import ClosureError
 from porocore.errors import RunFolderError
 from porocore.inputs import InputSpace
 from porocore.linear import LinearCoefficients
@@ -110,6 +112,7 @@ def context(column) -> ReportContext:
             42,
             (check,),
             TrainingCurve(epoch, 1 / epoch, 2 / epoch),
+            ClosureError(0.913, 7.48, 1.26, 3.57),
         ),
         cases=(Case(column(), column(law="linear", final=2.6, rate=0.08, beyond=None)),),
         stages=(Stage("sampling", 312.4, "60 states <i>"), Stage("training", 28.0)),
@@ -197,6 +200,15 @@ def replace_outside(context, share):
     return replace(solution, history=replace(solution.history, outside=outside))
 
 
+def test_says_how_far_the_conductivity_rises(context, page):
+    found = re.search(r"F̄₂₂⁻²; here from 1\.94 at rest to (\S+) at t = (\S+)\)", page.words)
+    assert found
+    last = context.cases[0].nonlinear.profiles[-1]
+    # 1.943 (1 − 0.7 H_22) is the K_t,22 of the made-up column.
+    assert float(found[1]) == pytest.approx(1.943 * (1 - 0.7 * last.grad_u[:, 1, 1].min()), abs=0.006)
+    assert float(found[2]) == pytest.approx(last.time)
+
+
 def test_counts_of_statuses(context, page):
     for status, name in ((Status.converged, "converged"), (Status.overlap, "overlap")):
         count = int((context.sampling.status == status).sum())
@@ -209,6 +221,14 @@ def undrawn(monkeypatch):
     """Leave out the drawing, which takes seconds, where only words are looked at."""
     monkeypatch.setattr("porocore.report.figures.svg_bytes", lambda figure: b"<svg/>")
     monkeypatch.setattr("porocore.report.figures.png_bytes", lambda figure: b"")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_says_what_the_closure_itself_is_off_by(context, page):
+    assert "total stress P_E0.91 %7.5 %" in page.words
+    assert "fluid taken up or squeezed out1.3 %3.6 %" in page.words
+    unknown = replace(context, surrogate=replace(context.surrogate, closure_error=None))
+    assert "total stress P_E" not in Page(render(unknown)).words
 
 
 @pytest.mark.usefixtures("undrawn")

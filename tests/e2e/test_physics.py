@@ -101,4 +101,6 @@ def test_ratios_and_times_follow_from_the_histories(metrics, history):
 def test_the_closures_own_error_is_stated(metrics):
     """At H_22 = −0.05 the mean-gradient closure is off by 2 % in P_E,22; of the whole range it is less than a tenth."""
     error = metrics["closure"]
-    assert 0 < error["stress_rms_percent_of_range"] < error["stress_largest_percent_of_range"] < 10
+    for what in ("stress", "fluid"):
+        rms, largest = (error[f"{what}_{kind}_percent_of_range"] for kind in ("rms", "largest"))
+        assert 0 < rms < largest < 10

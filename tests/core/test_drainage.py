@@ -1,0 +1,51 @@
+"""Warnings of bodies that cannot drain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from porocore.drainage import undrained
+from porocore.problem import Boundary
+from porocore.testing.synthetic import confined_column
+
+
+@pytest.fixture
+def column():
+    return confined_column(4)
+
+
+def with_faces(column, **faces):
+    names = {"top": "y+", "side": "x+"}
+    boundary = {**column.boundary, **{names[name]: value for name, value in faces.items()}}
+    return column.model_copy(update={"boundary": boundary})
+
+
+def test_a_body_that_drains_is_not_warned_of(column):
+    assert undrained(column, np.diag([1.0, 1.1e-6, 1.0])) == []
+
+
+@pytest.mark.parametrize("across", [1e-9, 0.0, -1e-18])
+def test_no_conductivity_towards_the_drained_face(column, across):
+    (warning,) = undrained(column, np.diag([1.0, across, 1.0]))
+    assert "no fluid along y (K_22 =" in warning
+    assert "the face y+" in warning
+
+
+def test_a_cell_that_conducts_nothing(column):
+    assert len(undrained(column, np.zeros((3, 3)))) == 1
+
+
+def test_of_two_drained_faces_the_closed_one_is_named(column):
+    both = with_faces(column, side=Boundary(displacement=(0, None, 0), pressure=0))
+    (warning,) = undrained(both, np.diag([0.0, 1.0, 1.0]))
+    assert "the face x+" in warning
+
+
+def test_no_drained_face(column):
+    (warning,) = undrained(with_faces(column, top=Boundary(traction=(0.0, 1.0, 0.0))), np.eye(3))
+    assert "no face has a prescribed pressure" in warning
+
+
+def test_a_prescribed_flux_lets_fluid_out(column):
+    assert undrained(with_faces(column, top=Boundary(flux=1.0)), np.eye(3)) == []
