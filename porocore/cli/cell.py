@@ -12,7 +12,7 @@ import typer
 from porocore.cli.common import ConfigArgument, FemOption, interruptible, read_config
 from porocore.errors import ConfigurationError
 
-#: Printed as 0 for reading; the cell solver's tolerance is of this size.
+#: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
 ZERO = 1e-12
 
 
@@ -30,8 +30,9 @@ def cell(
 ) -> None:
     """Solve the cell for one macroscopic state.
 
-    Prints porosity, conductivity and the responses of the cell with their derivatives. A state that has no
-    solution is an answer too: its responses are null and its status tells why.
+    Prints porosity, conductivity and the responses of the cell with their derivatives, those of fourth order
+    with --json only. A state that has no solution is an answer too: its status tells why, and in the JSON object
+    its responses are null.
     """
     _, settings = read_config(config, fem)
     state = parse_grad_u(grad_u)
@@ -41,8 +42,6 @@ def cell(
         from porocore import pipeline
 
         result = json_ready(pipeline.solve_cell(settings, state, p))
-    if not as_json and result["potential"] is None:
-        result = {name: result[name] for name in ("porosity", "conductivity", "status", "seconds")}
     typer.echo(json.dumps(result, allow_nan=False) if as_json else as_text(result))
 
 
@@ -82,10 +81,18 @@ def json_ready(value: Any) -> Any:
 
 
 def as_text(result: Mapping[str, Any]) -> str:
-    """The same for reading; the fourth-order derivatives are in the JSON only."""
+    """The same for reading.
+
+    The fourth-order derivatives are in the JSON only. A state without values shows what does not depend on
+    it, and its status in words; numbers below :data:`ZERO` are shown as 0.
+    """
     lines = []
     for name, value in result.items():
-        if isinstance(value, Mapping):
+        if name == "status":
+            lines.append(f"status: {_described(value)}")
+        elif _is_empty(value):
+            continue
+        elif isinstance(value, Mapping):
             nested = {key: item for key, item in value.items() if not _depth(item) > 2}
             lines += [f"{name}:", *(f"  {line}" for line in as_text(nested).splitlines())]
         elif _depth(value) == 2:
@@ -93,6 +100,22 @@ def as_text(result: Mapping[str, Any]) -> str:
         else:
             lines.append(f"{name}: {_number(value).strip() if not isinstance(value, str) else value}")
     return "\n".join(lines)
+
+
+def _described(status: str) -> str:
+    """Its name, and what it means unless all is well."""
+    from porocore.report.words import MEANINGS
+    from porocore.states import Status
+
+    known = Status[status]
+    return status if known is Status.converged else f"{status} – {MEANINGS[known]}"
+
+
+def _is_empty(value: Any) -> bool:
+    """Whether it holds nothing but null, as the responses of a state without values do."""
+    if isinstance(value, Mapping):
+        return all(map(_is_empty, value.values()))
+    return all(map(_is_empty, value)) if isinstance(value, list) else value is None
 
 
 def _number(value: Any) -> str:

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import re
 import subprocess
 import sys
 import time
@@ -266,6 +267,32 @@ def test_a_state_without_solution_is_an_answer_with_nulls_and_its_status(porocor
     assert result["status"] == "inverted"
     assert result["fluid_volume"] is None
     assert result["mean_grad"] == [[None] * 3] * 3
+
+
+def test_a_state_without_solution_reads_as_its_status_and_no_dashes(porocore_command, pipeline):
+    pipeline.solve_cell = lambda config, grad_u, p: solved("inverted")
+    status, out, err = porocore_command("cell")
+    assert (status, err) == (0, "")
+    assert "status: inverted – no load step, however small, keeps J > 0; no data\n" in out
+    assert [line.split(":")[0] for line in out.splitlines() if not line.startswith(" ")] == [
+        "porosity",
+        "conductivity",
+        "status",
+        "seconds",
+    ]
+    assert "nan" not in out.lower()
+    assert not re.search(r"(^|\s)-(\s|$)", out)
+
+
+def test_cell_for_reading_shows_round_off_as_zero():
+    rows = [[-0.0, -3e-17, 0.5], [9e-13, 1.1e-12, -0.1], [0.0, 1.0, -2.0]]
+    text = as_text({"stress": rows, "potential": -1e-18})
+    assert [line.split() for line in text.splitlines()[1:4]] == [
+        ["0", "0", "0.5"],
+        ["0", "1.1e-12", "-0.1"],
+        ["0", "1", "-2"],
+    ]
+    assert text.endswith("potential: 0")
 
 
 def test_cell_for_reading_leaves_out_what_is_too_long():
