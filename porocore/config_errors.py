@@ -32,6 +32,16 @@ def faults(
     return [(at, _text(document, at, group, root)) for at, group in grouped.items()]
 
 
+def with_lines(document: YamlDocument, text: str) -> str:
+    """Complaints, one a line, with file and line before each that begins with a dotted key of the document."""
+    found = []
+    for complaint in text.splitlines():
+        at = tuple(complaint.partition(":")[0].split("."))
+        known = at[:1] in document
+        found.append(f"{document.path}:{document.line(at)}: {complaint}" if known else complaint)
+    return "\n".join(found)
+
+
 def unexpected(location: Location, expected: str, got: Any) -> str:
     """``dotted.key: expected ..., got ...`` with the reason for the bound where there is one."""
     key = ".".join(location)

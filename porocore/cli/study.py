@@ -41,7 +41,7 @@ def run(
     the configuration gives for its own backend do not go over to the other one.
     """
     path, settings = read_config(config, fem, surrogate)
-    _check_backends(settings, "cell solver", "macro solver", "sampler", "surrogate")
+    _check_backends(path, settings, "cell solver", "macro solver", "sampler", "surrogate")
     folder = _claim(path, settings, out, resume)
     again = ["--fem", fem] if fem else []
     again += ["--surrogate", surrogate] if surrogate else []
@@ -74,7 +74,7 @@ def sample(
         folder = RunFolder.open(target)
     else:
         path, settings = read_config(target, fem)
-        _check_backends(settings, "cell solver", "sampler")
+        _check_backends(path, settings, "cell solver", "sampler")
         folder = _claim(path, settings, out, resume)
     console = Console()
     with interruptible(command("sample", folder.path)), folder:
@@ -148,13 +148,15 @@ def _claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> R
     return RunFolder.claim(Path("runs") / path.stem if out is None else out, settings, resume=resume)
 
 
-def _check_backends(settings: RunConfig, *needed: Kind) -> None:
-    """Refuse missing backends and options that cannot be used before a folder is bound to them.
+def _check_backends(path: Path, settings: RunConfig, *needed: Kind) -> None:
+    """Refuse missing backends and options that cannot be used before a folder is bound to the configuration at ``path``.
 
     A backend that only a later stage needs may be installed elsewhere; if it is here, its options are tried now.
     """
     from porocore import backends
+    from porocore.config_errors import with_lines
     from porocore.registry import HOOKS, registry
+    from porocore.yaml_document import YamlDocument
 
     for kind in needed:
         registry().find(kind, backends.backend_name(kind, settings))
@@ -164,3 +166,5 @@ def _check_backends(settings: RunConfig, *needed: Kind) -> None:
         except PluginError:
             if kind in needed:
                 raise
+        except ConfigurationError as error:
+            raise ConfigurationError(with_lines(YamlDocument.read(path), str(error))) from error

@@ -43,7 +43,7 @@ class DensitySweep(Sampler):
     Raises
     ------
     ConfigurationError
-        An option is unknown, missing or of no use.
+        An option is unknown, missing or of no use; the message begins with its key in a configuration.
     """
 
     def __init__(
@@ -56,22 +56,22 @@ class DensitySweep(Sampler):
     ) -> None:
         if unknown:
             raise ConfigurationError(
-                f"density-sweep: unknown option {', '.join(map(repr, sorted(unknown)))}; "
+                f"sampling.options: unknown option {', '.join(map(repr, sorted(unknown)))} of density-sweep; "
                 "the options are step, tolerance and smallest"
             )
         self.inputs = inputs
-        self.tolerance = _positive("tolerance", tolerance)
-        self.smallest = _positive("smallest", smallest)
+        self.tolerance = _positive("sampling.tolerance", tolerance)
+        self.smallest = _positive("sampling.options.smallest", smallest)
         if self.smallest > 1:
             raise ConfigurationError(
-                f"density-sweep: smallest is a fraction of the step in (0, 1], got {smallest!r}"
+                f"sampling.options.smallest: must be a fraction of the step in (0, 1], got {smallest!r}"
             )
         self.steps = _checked_steps(inputs, step or {}, self.smallest)
         for name, low, high in zip(inputs.names, inputs.lower, inputs.upper, strict=True):
             if not low <= 0 <= high:
                 raise ConfigurationError(
-                    f"density-sweep: the range of input '{name}' must include 0, where every sweep starts; "
-                    f"got [{low:g}, {high:g}]: widen it"
+                    f"sampling.inputs.{name}.range: must include 0, where every sweep of density-sweep starts, "
+                    f"got [{low:g}, {high:g}]; widen it"
                 )
         sizes = [
             1 + sum(len(grid_values(end, step)) for end in (low, high) if end != 0)
@@ -163,7 +163,7 @@ def state_key(inputs: InputSpace, x: tuple[float, ...]) -> str:
 
 def _positive(option: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-        raise ConfigurationError(f"density-sweep: {option} must be a positive number, got {value!r}")
+        raise ConfigurationError(f"{option}: must be a positive number, got {value!r}")
     return float(value)
 
 
@@ -171,18 +171,18 @@ def _checked_steps(inputs: InputSpace, step: Mapping[str, float], smallest: floa
     for name in step:
         if name not in inputs.names:
             raise ConfigurationError(
-                f"density-sweep: step.{name} names no sampled input; these are {', '.join(inputs.names)}"
+                f"sampling.options.step.{name}: names no sampled input; these are {', '.join(inputs.names)}"
             )
     steps = []
     for name in inputs.names:
         if name not in step:
             raise ConfigurationError(
-                f"density-sweep: step.{name} is missing; give the default step of '{name}'"
+                f"sampling.inputs.{name}.step: missing, and density-sweep needs it; give the default step of '{name}'"
             )
-        size = _positive(f"step.{name}", step[name])
+        size = _positive(f"sampling.inputs.{name}.step", step[name])
         if size * smallest < SMALLEST_INTERVAL:
             raise ConfigurationError(
-                f"density-sweep: step.{name} = {size:g} with smallest = {smallest:g} allows intervals below "
+                f"sampling.inputs.{name}.step: {size:g} with smallest = {smallest:g} allows intervals below "
                 f"{SMALLEST_INTERVAL:g}; enlarge one of them"
             )
         steps.append(size)

@@ -167,6 +167,28 @@ def test_faults_of_a_configuration_come_line_by_line(porocore_command, tmp_path)
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize("command", ["run", "sample"])
+def test_what_only_a_backend_can_tell_has_its_line_too(porocore_command, tmp_path, monkeypatch, command):
+    def refuse(kind, config):
+        if kind == "sampler":
+            raise ConfigurationError("sampling.inputs.H22.range: must include 0\nelsewhere: a fault\nno key")
+
+    monkeypatch.setattr("porocore.backends.check", refuse)
+    path = tmp_path / "study.yaml"
+    path.write_text(benchmark_path().read_text(encoding="utf-8"), encoding="utf-8")
+    (line,) = [
+        i for i, text in enumerate(path.read_text().splitlines(), 1) if text.strip() == "range: [-0.40, 0.04]"
+    ]
+    status, out, err = porocore_command(command, path, "--out", tmp_path / "run")
+    assert (status, out) == (2, "")
+    assert [text.strip() for text in one_message(err).splitlines()] == [
+        "3 faults",
+        f"{path}:{line}: sampling.inputs.H22.range: must include 0",
+        "elsewhere: a fault",
+        "no key",
+    ]
+
+
 def test_an_error_of_a_stage_is_one_message(porocore_command, pipeline, tmp_path):
     def fail(folder, config, *, console):
         raise SolveError("Newton's iteration fails at t = 1; take a smaller macro.time.step")

@@ -214,16 +214,20 @@ def test_independent_sweeps_are_asked_for_together() -> None:
 @pytest.mark.parametrize(
     ("ranges", "options", "named"),
     [
-        ((-0.1, 0.1), {}, "step.H22 is missing"),
-        ((-0.1, 0.1), {"step": {"H22": 0.1, "H23": 0.1}}, "step.H23 names no sampled input"),
-        ((-0.1, 0.1), {"step": {"H22": -0.1}}, "step.H22 must be a positive number, got -0.1"),
-        ((-0.1, 0.1), {"step": {"H22": "wide"}}, "step.H22 must be a positive number, got 'wide'"),
-        ((-0.1, 0.1), {"step": {"H22": float("nan")}}, "step.H22 must be a positive number"),
+        ((-0.1, 0.1), {}, "sampling.inputs.H22.step: missing"),
+        ((-0.1, 0.1), {"step": {"H22": 0.1, "H23": 0.1}}, "step.H23: names no sampled input"),
+        ((-0.1, 0.1), {"step": {"H22": -0.1}}, "inputs.H22.step: must be a positive number, got -0.1"),
+        ((-0.1, 0.1), {"step": {"H22": "wide"}}, "inputs.H22.step: must be a positive number, got 'wide'"),
+        ((-0.1, 0.1), {"step": {"H22": float("nan")}}, "inputs.H22.step: must be a positive number"),
         ((-0.1, 0.1), {"step": {"H22": 1e-9}}, "allows intervals below"),
-        ((-0.1, 0.1), {"step": {"H22": 0.1}, "tolerance": 0}, "tolerance must be a positive number"),
-        ((-0.1, 0.1), {"step": {"H22": 0.1}, "smallest": 2}, "smallest is a fraction"),
+        (
+            (-0.1, 0.1),
+            {"step": {"H22": 0.1}, "tolerance": 0},
+            "sampling.tolerance: must be a positive number",
+        ),
+        ((-0.1, 0.1), {"step": {"H22": 0.1}, "smallest": 2}, "sampling.options.smallest: must be a fraction"),
         ((-0.1, 0.1), {"step": {"H22": 0.1}, "tolerence": 0.1}, "unknown option 'tolerence'"),
-        ((0.1, 0.2), {"step": {"H22": 0.1}}, "range of input 'H22' must include 0"),
+        ((0.1, 0.2), {"step": {"H22": 0.1}}, "sampling.inputs.H22.range: must include 0"),
     ],
 )
 def test_options_that_cannot_be_used_are_named(
