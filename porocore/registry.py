@@ -34,6 +34,7 @@ HOOKS: dict[Kind, str] = {
 #: What the project itself publishes: name → (distribution, kinds).
 FIRST_PARTY: dict[str, tuple[str, tuple[Kind, ...]]] = {
     "skfem": ("porocore-fem-skfem", ("cell solver", "macro solver")),
+    "dolfinx": ("porocore-fem-dolfinx", ("cell solver", "macro solver")),
     "torch": ("porocore-surrogate-torch", ("surrogate",)),
 }
 

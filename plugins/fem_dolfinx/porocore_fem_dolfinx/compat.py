@@ -1,0 +1,181 @@
+"""Where the versions of dolfinx differ, from 0.5 (Debian 12) to 0.9 (Debian 13): one function for each difference.
+
+Everything else in this plugin imports dolfinx through this module, so that h5py always comes first.
+"""
+
+from __future__ import annotations
+
+import inspect
+import logging
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import Any
+
+import h5py  # noqa: F401 - dolfinx 0.5 loads its own HDF5 for every library that comes later; h5py must have found its own
+import numpy as np
+
+from porocore.errors import PluginError
+
+try:
+    import dolfinx
+    import ufl
+    from dolfinx import fem, mesh
+except ImportError as error:
+    raise PluginError(
+        f"dolfinx is installed but cannot be imported ({error}); the dolfinx of Debian 12 needs numpy below 2: "
+        "pip install 'numpy<2'"
+    ) from error
+
+import dolfinx.fem.petsc as fem_petsc  # an attribute in 0.5, a module of its own later
+from petsc4py import PETSc
+
+OLDEST, NEWEST = (0, 5), (0, 9)
+VERSION = tuple(int(number) for number in re.findall(r"\d+", dolfinx.__version__)[:2])
+
+
+def _check_version() -> None:
+    if VERSION < OLDEST or not hasattr(fem, "Expression"):
+        raise PluginError(
+            f"dolfinx {dolfinx.__version__} is too old: porocore-fem-dolfinx works with "
+            f"{_text(OLDEST)} (Debian 12) to {_text(NEWEST)} (Debian 13); install one of these"
+        )
+    if VERSION > NEWEST:
+        raise PluginError(
+            f"dolfinx {dolfinx.__version__} is newer than what porocore-fem-dolfinx was written for, "
+            f"{_text(OLDEST)} (Debian 12) to {_text(NEWEST)} (Debian 13); install one of these"
+        )
+    if np.issubdtype(PETSc.ScalarType, np.complexfloating):
+        raise PluginError(
+            "this dolfinx uses complex numbers and porocore needs real ones; on Debian install "
+            "python3-dolfinx-real and set PETSC_DIR to the real build, or remove python3-dolfinx-complex"
+        )
+
+
+def _text(version: tuple[int, ...]) -> str:
+    return ".".join(map(str, version))
+
+
+_check_version()
+#: Elements of basix.ufl instead of those of the old UFL.
+MODERN = find_spec("basix.ufl") is not None and VERSION >= (0, 7)
+# "Applying str() to a metadata value" for every quadrature rule of our own.
+logging.getLogger("UFL").setLevel(logging.ERROR)
+logging.getLogger("FFCx").setLevel(logging.ERROR)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """No lines of the C compiler's driver, which logs to the root logger."""
+    root = logging.getLogger()
+    before = root.level
+    root.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        root.setLevel(before)
+
+
+def lagrange_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
+    """Of a scalar, vector or tensor field."""
+    if MODERN:
+        import basix.ufl
+
+        return basix.ufl.element("Lagrange", cell, degree, shape=shape)
+    if not shape:
+        return ufl.FiniteElement("Lagrange", cell, degree)
+    if len(shape) == 1:
+        return ufl.VectorElement("Lagrange", cell, degree, dim=shape[0])
+    return ufl.TensorElement("Lagrange", cell, degree, shape=shape)
+
+
+def quadrature_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
+    """Values at the points of the default rule of this degree."""
+    if MODERN:
+        import basix.ufl
+
+        return basix.ufl.quadrature_element(cell, value_shape=shape, degree=degree)
+    if not shape:
+        return ufl.FiniteElement("Quadrature", cell, degree, quad_scheme="default")
+    if len(shape) == 1:
+        return ufl.VectorElement("Quadrature", cell, degree, dim=shape[0], quad_scheme="default")
+    return ufl.TensorElement("Quadrature", cell, degree, shape=shape, quad_scheme="default")
+
+
+def mixed_element(*elements: Any) -> Any:
+    """Of several fields."""
+    if MODERN:
+        import basix.ufl
+
+        return basix.ufl.mixed_element(list(elements))
+    return ufl.MixedElement(*elements)
+
+
+def function_space(domain: Any, element: Any) -> Any:
+    """Of an element from this module."""
+    with quiet():
+        make = fem.functionspace if hasattr(fem, "functionspace") else fem.FunctionSpace
+        return make(domain, element)
+
+
+def make_mesh(comm: Any, cell: str, degree: int, points: Any, cells: Any, **options: Any) -> Any:
+    """Lagrange cells of this degree in dolfinx's (not VTK's) order of nodes; see :func:`from_vtk`."""
+    domain = ufl.Mesh(lagrange_element(cell, degree, (3,)))
+    parameters = inspect.signature(mesh.create_mesh).parameters
+    name = "domain" if "domain" in parameters else "e"
+    with quiet():
+        return mesh.create_mesh(
+            comm, np.asarray(cells, dtype=np.int64), x=np.asarray(points), **{name: domain}, **options
+        )
+
+
+def from_vtk(cell: str, nodes: int) -> Any:
+    """Permutation p so that ``cells[:, p]`` of VTK's order is dolfinx's."""
+    from dolfinx.cpp.io import perm_vtk
+    from dolfinx.cpp.mesh import to_type
+
+    return np.argsort(np.asarray(perm_vtk(to_type(cell), nodes)))
+
+
+def cell_dofs(dofmap: Any) -> Any:
+    """(cells, n) of a function space's dofmap or a mesh's geometry dofmap, local numbers, ghosts included."""
+    table = dofmap.list if hasattr(dofmap, "list") else dofmap
+    if isinstance(table, np.ndarray):
+        return table
+    return table.array.reshape(table.num_nodes, -1)
+
+
+def geometry_dofs(domain: Any) -> Any:
+    """(cells, n) local nodes of the mesh."""
+    return cell_dofs(domain.geometry.dofmap)
+
+
+def constant(domain: Any, value: Any) -> Any:
+    """Of a form; change ``.value`` later."""
+    return fem.Constant(domain, np.asarray(value, dtype=np.float64))
+
+
+def form(integrals: Any) -> Any:
+    """Compile, or take from the cache."""
+    with quiet():
+        return fem.form(integrals)
+
+
+def expression(value: Any, points: Any) -> Any:
+    """Compile a UFL expression for evaluation at points (q, 3) of the reference cell."""
+    with quiet():
+        return fem.Expression(value, np.asarray(points))
+
+
+def evaluate(compiled: Any, domain: Any, cells: Any) -> Any:
+    """Values (cells, points · components) of an :func:`expression`."""
+    cells = np.asarray(cells, dtype=np.int32)
+    if "mesh" in inspect.signature(compiled.eval).parameters:
+        return compiled.eval(domain, cells).reshape(len(cells), -1)
+    return compiled.eval(cells).reshape(len(cells), -1)
+
+
+def vector_of(function: Any) -> Any:
+    """A function's values as a PETSc vector that shares its memory."""
+    return function.vector if hasattr(function, "vector") else function.x.petsc_vec

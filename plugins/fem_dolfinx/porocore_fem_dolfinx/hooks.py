@@ -1,0 +1,36 @@
+"""What this plugin offers; importing it loads nothing heavy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from porocore.hookspecs import Offer, hookimpl
+
+
+def _cell_solver() -> type[Any]:
+    from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
+
+    return DolfinxCellSolver
+
+
+def _macro_solver() -> type[Any]:
+    from porocore_fem_dolfinx.macro import DolfinxMacroSolver
+
+    return DolfinxMacroSolver
+
+
+_NEEDS = {
+    "requires": ("dolfinx", "petsc4py"),
+    "install": "apt-get install python3-dolfinx-real (Debian, in a virtual environment made with "
+    "--system-site-packages), or conda install -c conda-forge fenics-dolfinx",
+}
+
+
+@hookimpl
+def porocore_cell_solvers() -> list[Offer]:
+    return [Offer("dolfinx", _cell_solver, "UFL forms, PETSc's sparse direct solvers", **_NEEDS)]
+
+
+@hookimpl
+def porocore_macro_solvers() -> list[Offer]:
+    return [Offer("dolfinx", _macro_solver, "UFL forms on hexahedra, PETSc, MPI", **_NEEDS)]
