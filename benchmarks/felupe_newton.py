@@ -8,7 +8,7 @@ from common import best, table
 from pypardiso import spsolve
 
 from porocore.cell.cell import Cell
-from porocore_fem_skfem import newton
+from porocore.equilibrium.path import follow
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 H_22, TOLERANCE = -0.15, 1e-9
@@ -45,7 +45,7 @@ def main() -> str:
 
     def ours() -> None:
         prepared.eighth.begin()
-        newton.follow(prepared.eighth, newton.undeformed(prepared.eighth), H, 0.0, TOLERANCE)
+        follow(prepared.eighth, prepared.eighth.iterate(np.zeros((3, 3)), 0.0), H, 0.0, TOLERANCE)
 
     baseline, stress = best(lambda: felupe_solve(cell))
     alone, _ = best(ours)

@@ -61,9 +61,9 @@ class InputSpace:
 
     def scatter(self, x: npt.ArrayLike) -> MacroState:
         """States (n) from inputs (n, d), all other components zero."""
-        x = np.atleast_2d(np.asarray(x, dtype=float))
-        flat = np.zeros((len(x), 10))
-        flat[:, list(self.columns)] = x
+        rows: Array = np.atleast_2d(np.asarray(x, dtype=float))
+        flat = np.zeros((len(rows), 10))
+        flat[:, list(self.columns)] = rows
         return MacroState(flat[:, :9].reshape(-1, 3, 3), flat[:, 9].copy())
 
     def moves_other(self, states: MacroState, tolerance: float = 1e-6) -> npt.NDArray[np.bool_]:

@@ -45,7 +45,7 @@ LAYERS = (
 )
 WORK = [name for name, _ in LAYERS].index("work")
 #: What a plugin may import besides ``porocore`` itself, ``porocore.testing`` and the layers below "work".
-FOR_PLUGINS = ("closures", "linear", "stepping", "testing")
+FOR_PLUGINS = ("closures", "equilibrium", "linear", "stepping", "testing")
 #: Third-party packages that belong to plugins.
 OF_PLUGINS = {"skfem", "pyamg", "mkl", "dolfinx", "basix", "ufl", "torch", "jax", "flax"}
 

@@ -63,6 +63,22 @@ class CellMesh:
         """1 or 2."""
         return 1 if self.cells.shape[1] == 4 else 2
 
+    @property
+    def quadrature_degree(self) -> int:
+        """Of the solid problem: one point serves constant gradients, four serve the averages of quadratic elements."""
+        return 1 if self.order == 1 else 2
+
+    @cached_property
+    def quadratic(self) -> CellMesh:
+        """The same tetrahedra with a node in the middle of each edge, where they have none yet."""
+        if self.order == 2:
+            return self
+        pairs = self.cells[:, [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]]].reshape(-1, 2)
+        unique, inverse = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+        middles = self.points[unique].mean(axis=1)
+        cells = np.concatenate([self.cells, inverse.reshape(-1, 6) + len(self.points)], axis=1)
+        return CellMesh(self.phase, self.domain, np.concatenate([self.points, middles]), cells)
+
     @cached_property
     def boundary(self) -> npt.NDArray[np.int64]:
         """Facets of one tetrahedron only, (K, 3) or (K, 6) in VTK order, outward."""

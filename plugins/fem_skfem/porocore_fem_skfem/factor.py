@@ -6,10 +6,6 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 
-class FactorError(Exception):
-    """The linear solver broke down; the caller shortens its step."""
-
-
 class SymmetricFactor(ABC):
     """An approximate inverse of a symmetric matrix whose pattern is fixed."""
 

@@ -15,9 +15,10 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from porocore.equilibrium.discrete import FactorError
 from porocore.errors import ConfigurationError
 from porocore_fem_skfem import pardiso
-from porocore_fem_skfem.factor import FactorError, SymmetricFactor
+from porocore_fem_skfem.factor import SymmetricFactor
 
 #: Beyond this number of unknowns a factor grows faster than multigrid does.
 DIRECT_LIMIT = 100_000

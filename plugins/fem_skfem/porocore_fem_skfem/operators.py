@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 from skfem import ElementTetP1, ElementTetP2
-from skfem.quadrature import get_quadrature
-from skfem.refdom import RefTet
 
 from porocore.cell.mesh import CellMesh
+from porocore.cell.quadrature import tetrahedron_rule
 
 ELEMENTS = {4: ElementTetP1(), 10: ElementTetP2()}
 
@@ -35,7 +34,8 @@ class Operators:
 
     def __init__(self, mesh: CellMesh, degree: int, cells: Any = None) -> None:
         cells = mesh.cells if cells is None else cells
-        xi, weights = get_quadrature(RefTet, degree)
+        points, weights = tetrahedron_rule(degree)
+        xi = points.T
         geometry = _shape(ELEMENTS[mesh.cells.shape[1]], xi)[1]  # (a, 3, q)
         jacobian = np.einsum("eai,ajq->eqij", mesh.points[mesh.cells], geometry, optimize=True)
         values, local = _shape(ELEMENTS[cells.shape[1]], xi)

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from porocore_fem_skfem.factor import FactorError, SymmetricFactor
+from porocore.equilibrium.discrete import FactorError
+from porocore_fem_skfem.factor import SymmetricFactor
 
 _ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1
 _SYMMETRIC_INDEFINITE = -2

@@ -1,103 +1,80 @@
 """The solid cell problem on one domain: energy, residual, tangent and averages of Π = ∫ (Ψ(F) + pJ) dV.
 
-Nothing here solves; see :mod:`porocore_fem_skfem.newton` and :mod:`porocore_fem_skfem.responses`.
+Arrays at quadrature points are component-first, (3, 3, points).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from porocore.cell.material import NeoHookean, cofactor, determinant
 from porocore.cell.mesh import CellMesh
-from porocore_fem_skfem.factor import SymmetricFactor
-from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor
+from porocore.cell.parity import held_displacements
+from porocore.equilibrium.discrete import DiscreteSolid, Iterate, Sensitivities, Sums
+from porocore_fem_skfem import solves
+from porocore_fem_skfem.constraints import Constraints
 from porocore_fem_skfem.operators import Operators, Scatter
 
 #: Numbers in a batch of element blocks that stays in the processor's cache.
 CACHED = 60_000
 
 
-@dataclass
-class Point:
-    """Kinematics at one iterate, shared by energy, residual and tangent; component-first (3, 3, points)."""
+class Point(Iterate):
+    """Kinematics at one iterate, shared by energy, residual and tangent.
 
-    F: Any
-    J: Any
-    cof: Any
-    p: float
+    Attributes
+    ----------
+    u : (3, nodes)
+        u¹, periodic nodes merged.
+    F, cof : (3, 3, points)
+        Deformation gradient and its cofactor.
+    J : (points,)
+        det F.
+    """
+
+    def __init__(self, problem: SolidProblem, H: Any, p: float, u: Any) -> None:
+        self.problem, self.H, self.p, self.u = problem, H, p, u
+        self.F = problem.gradient(u) + (np.eye(3) + H)[:, :, None]
+        view = np.moveaxis(self.F, -1, 0)
+        self.J, self.cof = determinant(view), np.moveaxis(cofactor(view), 0, -1)
 
     @property
     def F_inverse_T(self) -> Any:
         return self.cof / self.J
 
+    @cached_property
+    def stress(self) -> Any:
+        """P + p cof F."""
+        return self.problem.stress(self)
 
-class Constraints:
-    """A set of free unknowns with its matrix pattern and the factors that serve it.
+    @cached_property
+    def tangent(self) -> Any:
+        """Upper triangle of ∂²Π/∂u², entries in the order of the scatter's pattern."""
+        return self.problem.tangent(self)
 
-    ``base`` is the undeformed cell's and never changes, so that a solve does not depend on the one before it;
-    ``own`` is renewed within a solve. ``active`` is the one in use.
-    """
+    @cached_property
+    def energy(self) -> float:
+        return float(self.problem.w @ (self.problem.energy_density(self) + self.p * self.J))
 
-    def __init__(self, scatter: Scatter, free: Any, solver: str) -> None:
-        self.free = free
-        indptr, indices, self._kept = scatter.restricted(free)
-        self.pattern = SymmetricPattern(indptr, indices)
-        translations = np.zeros((len(free), 3))
-        translations[np.arange(len(free)), free // (scatter.n // 3)] = 1.0
-
-        def make() -> SymmetricFactor:
-            return choose_factor(indptr, indices, solver=solver, near_kernel=translations)
-
-        self._make = make
-        self._base: SymmetricFactor | None = None
-        self._own: SymmetricFactor | None = None
-        self._factored: Any = None
-        self.active: SymmetricFactor | None = None
-
-    def restrict(self, data: Any) -> Any:
-        """Entries of the constrained matrix from those of the whole one."""
-        return data[self._kept]
-
-    def begin(self, undeformed: Callable[[], Any]) -> None:
-        """Use the undeformed cell's factor, made of ``undeformed()`` when it is first needed."""
-        if self._base is None:
-            self._base = self._make()
-            self._base.factor(self.restrict(undeformed()))
-        self.active, self._factored = self._base, None
-
-    def renew(self, entries: Any) -> int:
-        """Make ``entries`` the active factor; returns the number of negative pivots, -1 where unknown."""
-        if self._factored is not entries:
-            if self._own is None:
-                self._own = self._make()
-            # Should the factorisation break down, what is left of it must not be used.
-            self.active, self._factored = self._base, None
-            self._own.factor(entries)
-            self.active, self._factored = self._own, entries
-        assert self._own is not None
-        return self._own.negative
+    @cached_property
+    def residual(self) -> Any:
+        return self.problem.assemble(self.stress).ravel()[self.problem.constraints().free]
 
     @property
-    def counts(self) -> bool:
-        """Whether the active factor is a direct one, which counts negative pivots and serves indefinite matrices."""
-        return self.active is not None and self.active.negative >= 0
+    def min_jacobian(self) -> float:
+        return float(self.J.min())
 
-    def precondition(self, rhs: Any) -> Any:
-        """Apply the active factor."""
-        assert self.active is not None
-        return self.active.solve(rhs)
+    @property
+    def displacement(self) -> Any:
+        return self.u[:, self.problem.nodes].T
 
 
-class SolidProblem:
-    """The discrete solid problem on the eighth or on the whole cell.
-
-    On the eighth, u¹·n = 0 on its six planes for diagonal H and p; ``constraints("xy")`` are those of a
-    perturbation H_12 or H_21: odd under the mirrors of x and y.
-    """
+class SolidProblem(DiscreteSolid):
+    """Batched numpy assembly on scikit-fem's elements; a factor that is kept from load to load."""
 
     def __init__(self, mesh: CellMesh, material: NeoHookean, *, degree: int, solver: str) -> None:
         self.mesh, self.material, self.solver = mesh, material, solver
@@ -108,8 +85,6 @@ class SolidProblem:
         self.B_T = self.B.T.tocsr()
         self.w = self.operators.weights
         self.grad_N = self.operators.grad_N
-        #: The domain's images fill the cell this many times.
-        self.copies = 8.0 if mesh.domain == "eighth" else 1.0
         cells = self.operators.cells
         self.scatter = Scatter(
             np.concatenate([cells + i * self.n_nodes for i in range(3)], axis=1), 3 * self.n_nodes
@@ -123,14 +98,7 @@ class SolidProblem:
         """Free unknowns for fields that are odd under the mirrors of the named axes (eighth only)."""
         if odd not in self._constraints:
             fixed = np.zeros((3, self.n_nodes), dtype=bool)
-            if self.mesh.domain == "whole":
-                fixed[:, 0] = True  # a translation changes nothing
-            else:
-                on_plane = (self.mesh.points == 0.0) | (self.mesh.points == 0.5)
-                for axis in range(3):
-                    held = [i for i in range(3) if (i != axis) == ("xyz"[axis] in odd)]
-                    for i in held:
-                        fixed[i, on_plane[:, axis]] = True
+            fixed[:, self.nodes] = held_displacements(self.mesh, odd).T
             self._constraints[odd] = Constraints(self.scatter, np.flatnonzero(~fixed.ravel()), self.solver)
         return self._constraints[odd]
 
@@ -139,8 +107,79 @@ class SolidProblem:
         self.constraints().begin(self._undeformed_tangent)
 
     def _undeformed_tangent(self) -> Any:
-        still = self.point(np.zeros((3, 3)), 0.0, np.zeros((3, 3, self.operators.n_points)))
-        return self.tangent(still)
+        return self.iterate(np.zeros((3, 3)), 0.0).tangent
+
+    # ---- the discrete solid ---------------------------------------------------------------------
+
+    def iterate(self, H: Any, p: float, displacement: Any = None) -> Point:
+        u = np.zeros((3, self.n_nodes))
+        if displacement is not None:
+            u[:, self.nodes] = displacement.T
+        return Point(self, H, p, u)
+
+    def moved(self, here: Any, change: Any, H: Any, p: float) -> Point:
+        return Point(self, H, p, here.u + self.field(change))
+
+    def force_scale(self, here: Any) -> float:
+        size = np.sqrt((here.stress * here.stress).sum(axis=(0, 1)))
+        size = np.maximum(size, 1e-3 * self.material.mu) * self.w
+        nodal = abs(self.B_T) @ np.tile(size, 3)
+        return float(np.linalg.norm((np.tile(nodal, 3) / 3)[self.constraints().free]))
+
+    def load_change(self, here: Any, dH: Any, dp: float) -> Any:
+        change = self.tangent_apply(here, dH[:, :, None]) + dp * here.cof
+        return self.assemble(change).ravel()[self.constraints().free]
+
+    def solve(self, here: Any, rhs: Any, accuracy: float) -> Any:
+        return solves.direction(self.constraints(), here.tangent, rhs, accuracy)
+
+    def negative_pivots(self, here: Any, odd: str) -> int:
+        constraints = self.constraints(odd)
+        return constraints.renew(constraints.restrict(here.tangent))
+
+    def sums(self, here: Any) -> Sums:
+        grad = here.F - (np.eye(3) + here.H)[:, :, None]
+        energy = self.energy_density(here)
+        return Sums(
+            grad=grad @ self.w,
+            stress=here.stress @ self.w,
+            volume=float(self.w @ here.J),
+            energy=float(self.w @ energy),
+            largest_grad=np.abs(grad).max(axis=2),
+            largest_energy=float(energy.max()),
+        )
+
+    def sensitivities(self, here: Any, odd: str, columns: Sequence[int]) -> Sensitivities:
+        constraints = self.constraints(odd)
+        loads = [self._unit_load(here, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
+        R = np.stack([self.assemble(load).ravel()[constraints.free] for load in loads], axis=1)
+        U, curvature, indefinite = solves.sensitivities(constraints, here.tangent, R)
+        explicit = np.stack([(load @ self.w).ravel() for load in loads])
+        # ∂²Π/∂θ∂θ' at fixed u¹; Π is linear in p.
+        direct = np.array(
+            [
+                [
+                    0.0 if i == j == 9 else explicit[a, j] if j < 9 else explicit[b, i]
+                    for b, j in enumerate(columns)
+                ]
+                for a, i in enumerate(columns)
+            ]
+        )
+        grad = np.stack([self.gradient(self.field(u, odd)) @ self.w for u in U.T])
+        return Sensitivities(grad, direct + curvature, indefinite)
+
+    def _unit_load(self, here: Point, column: int) -> Any:
+        if column == 9:
+            return here.cof
+        dF = np.zeros((3, 3, 1))
+        dF[column // 3, column % 3] = 1.0
+        return self.tangent_apply(here, dF)
+
+    def field(self, values: Any, odd: str = "") -> Any:
+        """(3, nodes) of the free unknowns of a class."""
+        field = np.zeros(3 * self.n_nodes)
+        field[self.constraints(odd).free] = values
+        return field.reshape(3, -1)
 
     # ---- physics --------------------------------------------------------------------------------
 
@@ -149,20 +188,10 @@ class SolidProblem:
         n = self.operators.n_points
         return np.stack([(self.B @ u_i).reshape(3, n) for u_i in u])
 
-    def point(self, H: Any, p: float, grad: Any) -> Point:
-        """Kinematics at F = I + H + ∇u¹."""
-        F = grad + (np.eye(3) + H)[:, :, None]
-        view = np.moveaxis(F, -1, 0)
-        return Point(F, determinant(view), np.moveaxis(cofactor(view), 0, -1), p)
-
     def energy_density(self, at: Point) -> Any:
         """Ψ (points)."""
         mu = self.material.mu
         return mu / 2 * ((at.F * at.F).sum(axis=(0, 1)) - 3) + self.material.volumetric(np.log(at.J))[0]
-
-    def energy(self, at: Point) -> float:
-        """Π over the domain."""
-        return float(self.w @ (self.energy_density(at) + at.p * at.J))
 
     def stress(self, at: Point) -> Any:
         """P + p cof F (3, 3, points)."""

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from porocore.cell.mesh import CellMesh
+from porocore.cell.parity import held_pressures, held_velocities
 from porocore.errors import PorocoreError
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate_gradients
 from porocore_fem_skfem.operators import Operators, Scatter
@@ -24,7 +25,7 @@ class StokesProblem:
     """Discrete Stokes problem with unit viscosity on the eighth or the whole of the fluid."""
 
     def __init__(self, mesh: CellMesh, solver: str) -> None:
-        mesh = mesh if mesh.order == 2 else _with_midpoints(mesh)
+        mesh = mesh.quadratic
         self.mesh, self.solver = mesh, solver
         nodes = mesh.periodic_class
         self.n = int(nodes.max()) + 1
@@ -52,16 +53,9 @@ class StokesProblem:
         blocks = np.matmul(grad * np.repeat(self.w.reshape(e, 1, q), 3, axis=2), grad.transpose(0, 2, 1))
         self.scatter = Scatter(velocity.cells, self.n)
         self.laplacian = self.scatter(blocks)
-        self._inverses: dict[str, Any] = {}
-        wall = np.zeros(self.n, dtype=bool)
-        wall[nodes[mesh.wall]] = True
-        self._wall = wall
-        at = mesh.points[mesh.cells[:, :4].ravel()[first]]
-        #: Pressure nodes on the planes of each axis, where a pressure odd under that mirror vanishes.
-        self._pressure_on_plane = ((at == 0.0) | (at == 0.5)) & (mesh.domain == "eighth")
-        self._on_plane = np.zeros((self.n, 3), dtype=bool)
-        if mesh.domain == "eighth":
-            self._on_plane[:] = (mesh.points == 0.0) | (mesh.points == 0.5)
+        self._inverses: dict[bytes, Any] = {}
+        #: A mesh node of each pressure unknown.
+        self._pressure_nodes = mesh.cells[:, :4].ravel()[first]
 
     def _integrals(self, velocity: Operators) -> Any:
         """∫ N_a for each velocity node."""
@@ -69,11 +63,10 @@ class StokesProblem:
         contributions = self.w.reshape(e, q) @ velocity.values.T
         return np.bincount(velocity.cells.ravel(), contributions.ravel(), minlength=self.n)
 
-    def inverse(self, planes: str) -> Any:
-        """x ↦ A⁻¹ x for a velocity component that vanishes on the wall and on the planes of the named axes."""
-        if planes not in self._inverses:
-            fixed = self._wall | self._on_plane[:, ["xyz".index(a) for a in planes]].any(axis=1)
-            free = np.flatnonzero(~fixed)
+    def inverse(self, held: Any) -> Any:
+        """x ↦ A⁻¹ x for a velocity component that vanishes at the nodes in ``held`` (mesh nodes,)."""
+        if held.tobytes() not in self._inverses:
+            free = np.setdiff1d(np.arange(self.n), self.mesh.periodic_class[held])
             indptr, indices, kept = self.scatter.restricted(free)
             data = self.laplacian[kept]
             matrix = SymmetricPattern(indptr, indices).full(data)
@@ -86,8 +79,8 @@ class StokesProblem:
                 x[free] = solved.x
                 return x
 
-            self._inverses[planes] = apply
-        return self._inverses[planes]
+            self._inverses[held.tobytes()] = apply
+        return self._inverses[held.tobytes()]
 
     def flow(self, j: int) -> Any:
         """w^j (3, nodes) under the unit force e_j.
@@ -97,15 +90,9 @@ class StokesProblem:
         PorocoreError
             The iteration does not converge.
         """
-        axis = "xyz"[j]
-        # Odd under the mirror of its own axis, even under the others.
-        planes = ["".join(sorted({axis, "xyz"[i]})) if i != j else "" for i in range(3)]
-        if self.mesh.domain == "whole":
-            planes = ["", "", ""]
-        inverses = [self.inverse(p) for p in planes]
+        inverses = [self.inverse(held) for held in held_velocities(self.mesh, j).T]
         force = inverses[j](self.load)
-
-        even = ~self._pressure_on_plane[:, j]
+        even = ~held_pressures(self.mesh, j)[self._pressure_nodes]
 
         def schur(pressures: Any) -> Any:
             out = np.zeros_like(pressures)
@@ -139,19 +126,7 @@ class _Columnwise:
         return np.stack([self._function(column) for column in columns.T], axis=1)
 
 
-def conductivity(mesh: CellMesh, solver: str = "auto") -> Any:
-    """K_ij = <w^j_i>_f (3, 3) for unit viscosity."""
+def flow(mesh: CellMesh, solver: str = "auto") -> Any:
+    """∫ w^j_i dV (3, 3) over the mesh, for unit viscosity."""
     problem = StokesProblem(mesh, solver)
-    K = np.stack([problem.flow(j) @ problem.load for j in range(3)], axis=1)
-    if mesh.domain == "eighth":
-        K = 8 * np.diag(np.diag(K))
-    return K
-
-
-def _with_midpoints(mesh: CellMesh) -> CellMesh:
-    """The same straight tetrahedra with a node in the middle of each edge."""
-    pairs = mesh.cells[:, [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]]].reshape(-1, 2)
-    unique, inverse = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
-    middles = mesh.points[unique].mean(axis=1)
-    cells = np.concatenate([mesh.cells, inverse.reshape(-1, 6) + len(mesh.points)], axis=1)
-    return CellMesh(mesh.phase, mesh.domain, np.concatenate([mesh.points, middles]), cells)
+    return np.stack([problem.flow(j) @ problem.load for j in range(3)], axis=1)

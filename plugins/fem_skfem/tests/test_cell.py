@@ -8,12 +8,11 @@ from porocore.cell.cell import Cell
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.cell.material import NeoHookean
 from porocore.cell.mesh import MeshSettings
+from porocore.equilibrium.responses import respond
 from porocore.errors import ConfigurationError
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.linalg import SuperLUFactor, SymmetricPattern, conjugate_gradients
-from porocore_fem_skfem.newton import Equilibrium, undeformed
 from porocore_fem_skfem.pardiso import PardisoFactor, library
-from porocore_fem_skfem.responses import respond
 from porocore_fem_skfem.solid import SolidProblem
 
 COARSE = MeshSettings(size=0.2, fluid_size=0.14)
@@ -34,7 +33,7 @@ def test_pressure_on_the_wall_and_in_the_volume_give_the_same_residual(domain):
     u = np.zeros(3 * problem.n_nodes)
     u[free] = rng.normal(size=len(free)) * 2e-3
     u = u.reshape(3, -1)
-    at = problem.point(H, 1.0, problem.gradient(u))
+    at = problem.iterate(H, 1.0, u[:, problem.nodes].T)
     volume = problem.assemble(at.cof).ravel()[free]
 
     x = (mesh.points @ (np.eye(3) + H).T) + u[:, problem.nodes].T
@@ -209,10 +208,10 @@ def test_an_indefinite_tangent_is_reported():
     problem = SolidProblem(
         Cell(mesh=COARSE).make_mesh("solid", "eighth"), NeoHookean(), degree=2, solver="auto"
     )
-    still = undeformed(problem)
+    still = problem.iterate(np.zeros((3, 3)), 0.0)
     problem.begin()
     assert respond(problem, still, tangent=False).status[0] == Status.converged
-    held = Equilibrium(still.H, -3.0, still.u, problem.point(still.H, -3.0, problem.gradient(still.u)))
+    held = problem.iterate(still.H, -3.0)
     response = respond(problem, held, tangent=False)
     assert response.status[0] == Status.unstable
     assert response.peaks.negative_pivots[0] > 0

@@ -1,0 +1,69 @@
+"""Free unknowns of a class of perturbations, with the matrix pattern and the factors that serve them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from porocore_fem_skfem.factor import SymmetricFactor
+from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor
+from porocore_fem_skfem.operators import Scatter
+
+
+class Constraints:
+    """A set of free unknowns with its matrix pattern and the factors that serve it.
+
+    ``base`` is the undeformed cell's and never changes, so that a solve does not depend on the one before it;
+    ``own`` is renewed within a solve. ``active`` is the one in use.
+    """
+
+    def __init__(self, scatter: Scatter, free: Any, solver: str) -> None:
+        self.free = free
+        indptr, indices, self._kept = scatter.restricted(free)
+        self.pattern = SymmetricPattern(indptr, indices)
+        translations = np.zeros((len(free), 3))
+        translations[np.arange(len(free)), free // (scatter.n // 3)] = 1.0
+
+        def make() -> SymmetricFactor:
+            return choose_factor(indptr, indices, solver=solver, near_kernel=translations)
+
+        self._make = make
+        self._base: SymmetricFactor | None = None
+        self._own: SymmetricFactor | None = None
+        self._factored: Any = None
+        self.active: SymmetricFactor | None = None
+
+    def restrict(self, data: Any) -> Any:
+        """Entries of the constrained matrix from those of the whole one."""
+        return data[self._kept]
+
+    def begin(self, undeformed: Callable[[], Any]) -> None:
+        """Use the undeformed cell's factor, made of ``undeformed()`` when it is first needed."""
+        if self._base is None:
+            self._base = self._make()
+            self._base.factor(self.restrict(undeformed()))
+        self.active, self._factored = self._base, None
+
+    def renew(self, entries: Any) -> int:
+        """Make ``entries`` the active factor; returns the number of negative pivots, -1 where unknown."""
+        if self._factored is not entries:
+            if self._own is None:
+                self._own = self._make()
+            # Should the factorisation break down, what is left of it must not be used.
+            self.active, self._factored = self._base, None
+            self._own.factor(entries)
+            self.active, self._factored = self._own, entries
+        assert self._own is not None
+        return self._own.negative
+
+    @property
+    def counts(self) -> bool:
+        """Whether the active factor is a direct one, which counts negative pivots and serves indefinite matrices."""
+        return self.active is not None and self.active.negative >= 0
+
+    def precondition(self, rhs: Any) -> Any:
+        """Apply the active factor."""
+        assert self.active is not None
+        return self.active.solve(rhs)

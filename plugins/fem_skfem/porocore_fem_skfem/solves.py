@@ -1,0 +1,75 @@
+"""Linear solves with the tangent: conjugate gradients around a factor that is kept as long as it serves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from porocore.equilibrium.discrete import FactorError, StepFailed
+from porocore.states import Status
+from porocore_fem_skfem.constraints import Constraints
+from porocore_fem_skfem.linalg import conjugate_gradients, refine
+
+#: More iterations than this cost more than a new factor.
+PATIENCE = 18
+SENSITIVITY_TOLERANCE = 1e-11
+
+
+def direction(constraints: Constraints, tangent: Any, rhs: Any, accuracy: float) -> Any:
+    """K⁻¹ rhs; with an indefinite K, of the least shifted K that is definite.
+
+    Raises
+    ------
+    StepFailed
+        No shift makes K definite, or the factorisation broke down.
+    """
+    entries = constraints.restrict(tangent)
+    matrix = constraints.pattern.full(entries)
+    try:
+        solved = conjugate_gradients(
+            matrix, rhs, constraints.precondition, tolerance=accuracy, limit=PATIENCE
+        )
+        if not solved.converged and constraints.renew(entries) <= 0:
+            solved = conjugate_gradients(matrix, rhs, constraints.precondition, tolerance=accuracy)
+        return solved.x if solved.converged else _shifted(constraints, entries, rhs)
+    except FactorError as error:
+        raise StepFailed(Status.not_converged) from error
+
+
+def _shifted(constraints: Constraints, entries: Any, rhs: Any) -> Any:
+    diagonal = constraints.pattern.diagonal
+    size = float(np.abs(entries[diagonal]).mean())
+    shift = 1e-3
+    while shift < 10:
+        moved = entries.copy()
+        moved[diagonal] += shift * size
+        if constraints.renew(moved) <= 0:
+            x = constraints.precondition(rhs)
+            if x @ rhs > 0:
+                return x
+        shift *= 4
+    raise StepFailed(Status.not_converged)
+
+
+def sensitivities(constraints: Constraints, tangent: Any, R: Any) -> tuple[Any, Any, bool]:
+    """U = −K⁻¹ R (n, k), its share RᵀU + UᵀR + UᵀKU of the second derivatives, and whether K was met as indefinite.
+
+    The share equals RᵀU, has an error of second order in that of U, and is symmetric whatever that error. U is NaN
+    where the linear solver does not reach its tolerance.
+
+    Raises
+    ------
+    FactorError
+        The factor cannot be applied.
+    """
+    matrix = constraints.pattern.full(constraints.restrict(tangent))
+    if constraints.counts:
+        solved = refine(matrix, -R, constraints.precondition, tolerance=SENSITIVITY_TOLERANCE)
+    else:
+        solved = conjugate_gradients(
+            matrix, -R, constraints.precondition, tolerance=SENSITIVITY_TOLERANCE, limit=200
+        )
+    U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
+    mixed = R.T @ U
+    return U, mixed + mixed.T + U.T @ (matrix @ U), solved.indefinite

@@ -1,0 +1,168 @@
+"""What a finite element library contributes to the solid cell problem: one discrete energy and its derivatives."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from porocore.cell.material import NeoHookean
+from porocore.cell.mesh import CellMesh
+from porocore.states import Array, Status
+
+
+class FactorError(Exception):
+    """The linear solver broke down; the load path shortens its step."""
+
+
+class StepFailed(Exception):
+    """Newton's iteration did not reach the load; ``status`` says what stood in the way."""
+
+    def __init__(self, status: Status) -> None:
+        super().__init__(status.name)
+        self.status = status
+
+
+class Iterate(ABC):
+    """u¹ under (H, p), in equilibrium or not. What is asked for is computed once.
+
+    Attributes
+    ----------
+    H : (3, 3)
+        Macroscopic displacement gradient.
+    p : float
+        Pore pressure.
+    """
+
+    H: Array
+    p: float
+
+    @property
+    @abstractmethod
+    def energy(self) -> float:
+        """Π = ∫ (Ψ(F) + pJ) dV over the domain; only asked for where :attr:`min_jacobian` is positive."""
+
+    @property
+    @abstractmethod
+    def residual(self) -> Array:
+        """∂Π/∂u for the free unknowns, (n,)."""
+
+    @property
+    @abstractmethod
+    def min_jacobian(self) -> float:
+        """Smallest J at the quadrature points."""
+
+    @property
+    @abstractmethod
+    def displacement(self) -> Array:
+        """u¹ at the nodes of the mesh, (nodes, 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Integrals over the domain, and extremes over its quadrature points."""
+
+    grad: Array  #: (3, 3)  ∫ ∇u¹ dV
+    stress: Array  #: (3, 3)  ∫ (P + p cof F) dV
+    volume: float  #: ∫ J dV
+    energy: float  #: ∫ Ψ dV
+    largest_grad: Array  #: (3, 3)  of |∂u¹_i/∂Y_j|
+    largest_energy: float  #: of Ψ
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """How the equilibrium answers to k of the ten loads θ = (H_11, H_12, …, H_33, p).
+
+    Attributes
+    ----------
+    grad : (k, 3, 3)
+        ∫ ∇u_θ dV; NaN where the linear solver did not reach its tolerance.
+    second : (k, k)
+        ∂²Π/∂θ∂θ' at equilibrium: Π_θθ' + R_θᵀ u_θ' with R = ∂Π/∂u.
+    indefinite : bool
+        A direction of negative curvature was met on the way.
+    """
+
+    grad: Array
+    second: Array
+    indefinite: bool = False
+
+
+class DiscreteSolid(ABC):
+    """The discrete energy Π(u¹; H, p) on one mesh, with its first and second derivatives and linear solves.
+
+    On the eighth u¹·n = 0 on its six planes, which serves diagonal H and any p; a perturbation by H_12 or
+    H_21 is odd under the mirrors of x and y, ``odd="xy"``, and so on. On the whole cell u¹ is periodic and
+    one node is held.
+
+    Attributes
+    ----------
+    mesh
+        Of the solid.
+    material
+        Its strain energy.
+    """
+
+    mesh: CellMesh
+    material: NeoHookean
+
+    @property
+    def copies(self) -> float:
+        """The images of the domain fill the cell this many times."""
+        return 8.0 if self.mesh.domain == "eighth" else 1.0
+
+    def begin(self) -> None:
+        """A new path starts: forget what would make a solve depend on the one before it."""
+
+    @abstractmethod
+    def iterate(self, H: Array, p: float, displacement: Array | None = None) -> Iterate:
+        """Of u¹ (nodes, 3), or of u¹ = 0."""
+
+    @abstractmethod
+    def moved(self, here: Iterate, change: Array, H: Array, p: float) -> Iterate:
+        """``here`` with ``change`` (n,) added to the free unknowns, under another load."""
+
+    @abstractmethod
+    def force_scale(self, here: Iterate) -> float:
+        """Norm of the nodal forces if nothing cancelled in them, with a floor of those of a strain of 1e-3."""
+
+    @abstractmethod
+    def load_change(self, here: Iterate, dH: Array, dp: float) -> Array:
+        """Change of the residual, (n,), by the load alone."""
+
+    @abstractmethod
+    def solve(self, here: Iterate, rhs: Array, accuracy: float) -> Array:
+        """x (n,) with K x = rhs to a relative accuracy; with an indefinite K, of the least shifted K that is definite.
+
+        Raises
+        ------
+        StepFailed
+            No shift makes K definite, or the linear solver broke down.
+        """
+
+    @abstractmethod
+    def negative_pivots(self, here: Iterate, odd: str) -> int:
+        """Number of negative pivots of the tangent of one class of perturbations; -1 where the solver cannot tell.
+
+        Raises
+        ------
+        FactorError
+            The tangent cannot be factorised.
+        """
+
+    @abstractmethod
+    def sums(self, here: Iterate) -> Sums:
+        """Over the domain."""
+
+    @abstractmethod
+    def sensitivities(self, here: Iterate, odd: str, columns: Sequence[int]) -> Sensitivities:
+        """To the loads in ``columns``, which all belong to the class ``odd``.
+
+        Called after :meth:`negative_pivots` for the same iterate and class.
+
+        Raises
+        ------
+        FactorError
+            The tangent cannot be factorised.
+        """

@@ -1,0 +1,118 @@
+"""Following a load from a known equilibrium to the wanted one.
+
+Each step: a predictor along the exact tangent, then Newton on Π with a line search that keeps J > 0 and
+lowers the energy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.cell.overlap import mirror_gap, walls_overlap
+from porocore.equilibrium.discrete import DiscreteSolid, Iterate, StepFailed
+from porocore.states import Array, Status
+
+ITERATIONS = 12
+#: In any component of H and in p; a step beyond it seldom converges.
+LARGEST_STEP = 0.16
+SMALLEST_STEP = 1 / 300
+#: Steps of one path that may fail; behind a bifurcation every further one would.
+FAILURES = 6
+ARMIJO = 1e-4
+#: Of the linear system that predicts the next state.
+PREDICTOR_ACCURACY = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Where a load path ended: the equilibrium, None unless the wanted load was reached, and the status."""
+
+    status: Status
+    equilibrium: Iterate | None
+    steps: int
+    iterations: int
+
+
+def follow(problem: DiscreteSolid, start: Iterate, H: Array, p: float, tolerance: float) -> Outcome:
+    """From ``start`` to (H, p) in adaptive steps, to a residual of ``tolerance`` times the force scale.
+
+    A state on the way whose walls overlap ends the path: what lies behind it is not reached without contact.
+    """
+    here, share = start, 0.0
+    largest = LARGEST_STEP / max(float(np.abs(H - start.H).max()), abs(p - start.p), 1e-12)
+    step = min(1.0, largest)
+    steps = iterations = failures = 0
+    while share < 1:
+        goal = min(1.0, share + step)
+        H_goal, p_goal = start.H + goal * (H - start.H), start.p + goal * (p - start.p)
+        try:
+            reached, taken = _newton(problem, _predict(problem, here, H_goal, p_goal), tolerance)
+        except StepFailed as failed:
+            step, failures = (goal - share) / 4, failures + 1
+            if step < SMALLEST_STEP or failures > FAILURES:
+                return Outcome(failed.status, None, steps, iterations)
+            continue
+        here, step, share = reached, min(2 * (goal - share), largest), goal
+        steps, iterations = steps + 1, iterations + taken
+        if _overlaps(problem, here):
+            return Outcome(Status.overlap, None, steps, iterations)
+    return Outcome(Status.converged, here, steps, iterations)
+
+
+def gap(problem: DiscreteSolid, here: Iterate) -> float:
+    """Of the wall to the mirror planes; NaN where the domain has none."""
+    if problem.mesh.domain == "whole":
+        return float("nan")
+    return mirror_gap(problem.mesh, here.H, here.displacement)
+
+
+def _overlaps(problem: DiscreteSolid, here: Iterate) -> bool:
+    if problem.mesh.domain == "eighth":
+        return gap(problem, here) < 0
+    return walls_overlap(problem.mesh, here.H, here.displacement)
+
+
+def _predict(problem: DiscreteSolid, here: Iterate, H: Array, p: float) -> Iterate:
+    """The equilibrium's first-order continuation to (H, p)."""
+    change = -problem.load_change(here, H - here.H, p - here.p)
+    if change.any():
+        change = problem.solve(here, change, PREDICTOR_ACCURACY)
+    there = problem.moved(here, change, H, p)
+    if there.min_jacobian <= 0:
+        raise StepFailed(Status.inverted)
+    return there
+
+
+def _newton(problem: DiscreteSolid, here: Iterate, tolerance: float) -> tuple[Iterate, int]:
+    """The equilibrium near a first guess, and the number of linear systems solved."""
+    scale = problem.force_scale(here)
+    goal = tolerance * scale
+    for iteration in range(ITERATIONS):
+        norm = float(np.linalg.norm(here.residual))
+        if norm <= goal:
+            return here, iteration
+        accuracy = min(1e-2, max(1e-7, 0.1 * goal / norm, norm / scale))
+        change = problem.solve(here, -here.residual, accuracy)
+        slope = float(here.residual @ change)
+        length, inverted = 1.0, True
+        while length > 1e-3:
+            trial = problem.moved(here, length * change, here.H, here.p)
+            if trial.min_jacobian > 0:
+                inverted = False
+                if trial.energy <= here.energy + ARMIJO * length * slope:
+                    break
+                # Near the solution Π stalls at round-off, and the residual is what still falls.
+                stalled = abs(slope) < 1e-9 * abs(here.energy) + 1e-14
+                if stalled and float(np.linalg.norm(trial.residual)) < norm:
+                    break
+            length /= 2
+        else:
+            if norm <= 100 * goal:  # round-off, not a failure of the step
+                return here, iteration
+            raise StepFailed(Status.inverted if inverted else Status.not_converged)
+        here = trial
+    if float(np.linalg.norm(here.residual)) <= goal:
+        return here, ITERATIONS
+    raise StepFailed(Status.not_converged)

@@ -1,0 +1,95 @@
+"""Averages over the cell at an equilibrium, and their exact derivatives from its sensitivities."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.material import cofactor, cofactor_tangent, determinant
+from porocore.cell.parity import classes, visible
+from porocore.equilibrium.discrete import DiscreteSolid, Iterate
+from porocore.equilibrium.path import gap
+from porocore.states import Array, CellPeaks, CellResponse, CellTangent, Status
+
+
+def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResponse:
+    """One row of responses; ``unstable`` where the tangent of any parity class is indefinite.
+
+    Raises
+    ------
+    FactorError
+        A tangent cannot be factorised.
+    """
+    mean_grad, second = np.zeros((3, 3, 10)), np.zeros((10, 10))
+    counts = []
+    for odd, columns in classes(problem.mesh).items():
+        count = problem.negative_pivots(here, odd)
+        if tangent:
+            answer = problem.sensitivities(here, odd, columns)
+            grad = problem.copies * visible(problem.mesh, odd) * answer.grad
+            mean_grad[:, :, columns] = np.moveaxis(grad, 0, -1)
+            second[np.ix_(columns, columns)] = problem.copies * answer.second
+            count = 1 if count < 0 and answer.indefinite else count
+        counts.append(count)
+    # A solver that cannot count leaves the number unknown unless it met a negative direction.
+    negative = sum(max(count, 0) for count in counts) or min(counts)
+    return _row(problem, here, negative, _tangent(here, mean_grad, second) if tangent else None)
+
+
+def failed(status: Status, *, tangent: bool) -> CellResponse:
+    """The row of a state without values."""
+
+    def nan(*shape: int) -> Array:
+        return np.full((1, *shape), np.nan)
+
+    return CellResponse(
+        mean_grad=nan(3, 3),
+        status=np.array([status], dtype=np.int64),
+        potential=nan(),
+        stress=nan(3, 3),
+        fluid_volume=nan(),
+        tangent=CellTangent(nan(3, 3, 3, 3), nan(3, 3), nan(3, 3, 3, 3), nan(3, 3), nan(3, 3), nan())
+        if tangent
+        else None,
+        peaks=CellPeaks(nan(3, 3), nan(), nan(), nan(), nan(), nan()),
+    )
+
+
+def _row(problem: DiscreteSolid, here: Iterate, negative: int, tangent: CellTangent | None) -> CellResponse:
+    sums, copies = problem.sums(here), problem.copies
+    seen = visible(problem.mesh)
+    F0 = np.eye(3) + here.H
+    J0 = float(determinant(F0))
+    return CellResponse(
+        mean_grad=(copies * seen * sums.grad)[None],
+        status=np.array([Status.unstable if negative > 0 else Status.converged], dtype=np.int64),
+        potential=np.array([copies * (sums.energy + here.p * sums.volume) - here.p * J0]),
+        stress=(copies * seen * sums.stress - here.p * cofactor(F0))[None],
+        fluid_volume=np.array([J0 - copies * sums.volume]),
+        tangent=tangent,
+        peaks=CellPeaks(
+            grad=sums.largest_grad[None],
+            energy=np.array([sums.largest_energy]),
+            energy_mean=np.array([copies * sums.energy]),
+            min_jacobian=np.array([here.min_jacobian]),
+            min_gap=np.array([gap(problem, here)]),
+            negative_pivots=np.array([float(negative)]),
+        ),
+    )
+
+
+def _tangent(here: Iterate, mean_grad: Any, second: Any) -> CellTangent:
+    """Named derivatives from the columns of θ; adds the fluid's share −p J₀ of W."""
+    F0 = np.eye(3) + here.H
+    second[:9, :9] -= here.p * cofactor_tangent(F0).reshape(9, 9)
+    second[:9, 9] -= cofactor(F0).ravel()
+    second[9, :9] -= cofactor(F0).ravel()
+    return CellTangent(
+        mean_grad_grad_u=mean_grad[:, :, :9].reshape(1, 3, 3, 3, 3),
+        mean_grad_p=mean_grad[None, :, :, 9],
+        stress_grad_u=second[:9, :9].reshape(1, 3, 3, 3, 3),
+        stress_p=second[:9, 9].reshape(1, 3, 3),
+        fluid_volume_grad_u=-second[9, :9].reshape(1, 3, 3),
+        fluid_volume_p=-second[9:, 9],
+    )
