@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
-import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -15,8 +11,9 @@ from porocore.files import atomic_path
 from porocore.report import figures
 from porocore.report.context import Case, ReportContext, SamplingSummary
 from porocore.report.figures.profiles import chosen_times
-from porocore.report.format import difference, duration, number, percent, plain
+from porocore.report.format import plain
 from porocore.report.metrics import case_metrics, rms_percent, worst_percent
+from porocore.report.page import Picture, environment, png_picture, svg_picture
 from porocore.report.words import (
     MEANINGS,
     all_warnings,
@@ -30,14 +27,6 @@ from porocore.states import Array, MacroState, Status
 
 #: Profiles shown for each load, in order.
 PROFILES = ("p", "settlement", "H22", "mean_grad_22", "mean_grad_11", "K22", "K11")
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure as a data address, with a text for those who cannot see it."""
-
-    source: str
-    text: str
 
 
 def write_report(path: Path, context: ReportContext) -> None:
@@ -55,19 +44,7 @@ def write_report(path: Path, context: ReportContext) -> None:
 
 def render(context: ReportContext) -> str:
     """The page as text."""
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters |= {
-        "number": number,
-        "plain": plain,
-        "percent": percent,
-        "duration": duration,
-        "difference": difference,
-    }
-    template = environment.from_string(
-        files("porocore.report").joinpath("template.html.j2").read_text(encoding="utf-8")
-    )
+    template = environment().get_template("template.html.j2")
     metrics = [case_metrics(case) for case in context.cases]
     published = context.published
     benchmark = next((m for m in metrics if published is not None and m["load"] == published.load), None)
@@ -83,17 +60,17 @@ def render(context: ReportContext) -> str:
         cell_picture=_cell_picture(context),
         statuses=_statuses(context.sampling),
         training_states=int(context.sampling.training.sum()),
-        samples=_svg(_samples_figure(context), "Sampled states by how their solution ended"),
+        samples=svg_picture(_samples_figure(context), "Sampled states by how their solution ended"),
         outputs=[
             (check, int((~check.outside).sum()), rms_percent(check), worst_percent(check))
             for check in context.surrogate.outputs
         ],
         parity=[
-            _svg(figures.parity_figure([check]), f"Predicted against solved {check.plain}")
+            svg_picture(figures.parity_figure([check]), f"Predicted against solved {check.plain}")
             for check in context.surrogate.outputs
         ],
         training=(
-            _svg(figures.training_figure(context.surrogate.curve), "Training and validation loss")
+            svg_picture(figures.training_figure(context.surrogate.curve), "Training and validation loss")
             if context.surrogate.curve is not None
             else None
         ),
@@ -102,17 +79,11 @@ def render(context: ReportContext) -> str:
     )
 
 
-def _svg(figure: Figure, text: str) -> Picture:
-    encoded = base64.b64encode(figures.svg_bytes(figure)).decode("ascii")
-    return Picture(f"data:image/svg+xml;base64,{encoded}", text)
-
-
 def _cell_picture(context: ReportContext) -> Picture | None:
     """The many triangles of a surface are smaller as a PNG image than as SVG."""
     if context.cell.surface is None:
         return None
-    png = figures.png_bytes(figures.cell_picture(*context.cell.surface))
-    return Picture(f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}", "The solid of the cell")
+    return png_picture(figures.cell_picture(*context.cell.surface), "The solid of the cell")
 
 
 def _statuses(sampling: SamplingSummary) -> list[tuple[str, int, str]]:
@@ -150,7 +121,7 @@ def _visited(case: Case, sampling: SamplingSummary) -> list[Array]:
 def _case_pictures(case: Case) -> dict[str, list[Picture]]:
     load = plain(case.load)
     histories = [
-        _svg(
+        svg_picture(
             figures.history_figure(case.nonlinear, case.linear, log_time=log_time),
             f"Settlement, pore pressure and drained volume against {'logarithmic ' if log_time else ''}time, "
             f"load {load}",
@@ -159,7 +130,7 @@ def _case_pictures(case: Case) -> dict[str, list[Picture]]:
     ]
     times = ", ".join(f"{time:g}" for time in chosen_times(case.nonlinear))
     profiles = [
-        _svg(
+        svg_picture(
             figures.profile_figure(case.nonlinear, case.linear, quantity),
             f"{figures.QUANTITIES[quantity].plain} along the column at t = {times}, load {load}",
         )

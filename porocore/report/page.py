@@ -1,0 +1,56 @@
+"""What every HTML page of porocore is made with: its templates, its style, and figures that are part of it."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+
+import jinja2
+from matplotlib.figure import Figure
+
+from porocore.report.figures.style import png_bytes, svg_bytes
+from porocore.report.format import difference, duration, number, percent, plain
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure as a data address, with a text for those who cannot see it."""
+
+    source: str
+    text: str
+
+
+def environment(*packages: str) -> jinja2.Environment:
+    """Templates of this package, and of others before it; numbers are written by the filters of ``format``.
+
+    Parameters
+    ----------
+    packages
+        Names of packages that hold further templates.
+    """
+    loaders = [jinja2.PackageLoader(name, "") for name in (*packages, "porocore.report")]
+    made = jinja2.Environment(
+        loader=jinja2.ChoiceLoader(loaders),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters |= {
+        "number": number,
+        "plain": plain,
+        "percent": percent,
+        "duration": duration,
+        "difference": difference,
+    }
+    return made
+
+
+def svg_picture(figure: Figure, text: str) -> Picture:
+    """A figure of lines and markers."""
+    return Picture(f"data:image/svg+xml;base64,{base64.b64encode(svg_bytes(figure)).decode('ascii')}", text)
+
+
+def png_picture(figure: Figure, text: str) -> Picture:
+    """A figure of so many parts that it is smaller as an image."""
+    return Picture(f"data:image/png;base64,{base64.b64encode(png_bytes(figure)).decode('ascii')}", text)
