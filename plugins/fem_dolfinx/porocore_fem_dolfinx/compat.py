@@ -68,13 +68,12 @@ logging.getLogger("FFCx").setLevel(logging.ERROR)
 @contextmanager
 def quiet() -> Iterator[None]:
     """No lines of the C compiler's driver, which logs to the root logger."""
-    root = logging.getLogger()
-    before = root.level
-    root.setLevel(logging.ERROR)
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
     try:
         yield
     finally:
-        root.setLevel(before)
+        logging.disable(before)
 
 
 def lagrange_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
@@ -135,7 +134,7 @@ def from_vtk(cell: str, nodes: int) -> Any:
     from dolfinx.cpp.io import perm_vtk
     from dolfinx.cpp.mesh import to_type
 
-    return np.argsort(np.asarray(perm_vtk(to_type(cell), nodes)))
+    return np.asarray(perm_vtk(to_type(cell), nodes), dtype=np.int64)
 
 
 def cell_dofs(dofmap: Any) -> Any:
@@ -179,3 +178,22 @@ def evaluate(compiled: Any, domain: Any, cells: Any) -> Any:
 def vector_of(function: Any) -> Any:
     """A function's values as a PETSc vector that shares its memory."""
     return function.vector if hasattr(function, "vector") else function.x.petsc_vec
+
+
+def assemble_vector(compiled: Any) -> Any:
+    """A linear form on one process, as a new array."""
+    vector = fem_petsc.assemble_vector(compiled)
+    values = vector.array.copy()
+    vector.destroy()
+    return values
+
+
+def assemble_matrix(compiled: Any, matrix: Any = None) -> Any:
+    """A bilinear form as a PETSc matrix, into ``matrix`` if it was made by this function before."""
+    if matrix is None:
+        matrix = fem_petsc.assemble_matrix(compiled)
+    else:
+        matrix.zeroEntries()
+        fem_petsc.assemble_matrix(matrix, compiled)
+    matrix.assemble()
+    return matrix

@@ -1,0 +1,73 @@
+"""The core's cell mesh as dolfinx sees it, with the rule that the core integrates by."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from porocore.cell.mesh import CellMesh
+from porocore.cell.quadrature import tetrahedron_rule
+from porocore_fem_dolfinx import compat
+
+
+class CellDomain:
+    """One phase on the eighth or the whole cell, on this process alone.
+
+    Attributes
+    ----------
+    mesh
+        The core's mesh.
+    domain
+        The dolfinx mesh; its cells and nodes are in another order.
+    dx
+        Measure with the core's quadrature rule.
+    points, weights
+        That rule: (q, 3) on the reference cell, and (cells, q) with the volume in them.
+    """
+
+    def __init__(self, mesh: CellMesh, degree: int) -> None:
+        self.mesh = mesh
+        cells = mesh.cells[:, compat.from_vtk("tetrahedron", mesh.cells.shape[1])]
+        self.domain = compat.make_mesh(MPI.COMM_SELF, "tetrahedron", mesh.order, mesh.points, cells)
+        self.n_cells = self.domain.topology.index_map(3).size_local
+        self._all = np.arange(self.n_cells, dtype=np.int32)
+        self.points, weights = tetrahedron_rule(degree)
+        self.dx = ufl.Measure(
+            "dx",
+            domain=self.domain,
+            metadata={
+                "quadrature_rule": "custom",
+                "quadrature_degree": degree,
+                "quadrature_points": self.points,
+                "quadrature_weights": weights,
+            },
+        )
+        volume = self.expression(ufl.as_vector([abs(ufl.JacobianDeterminant(self.domain))]))
+        self.weights = self.evaluate(volume)[:, :, 0] * weights
+
+    def lagrange(self, degree: int, shape: tuple[int, ...] = ()) -> Any:
+        """A function space."""
+        return compat.function_space(self.domain, compat.lagrange_element("tetrahedron", degree, shape))
+
+    def expression(self, value: Any) -> Any:
+        """Compiled for the quadrature points."""
+        return compat.expression(value, self.points)
+
+    def evaluate(self, compiled: Any) -> Any:
+        """(cells, q, components) of an expression."""
+        values = compat.evaluate(compiled, self.domain, self._all)
+        return values.reshape(self.n_cells, len(self.points), -1)
+
+    def nodes_of(self, dofs: Any) -> Any:
+        """The core's node at each dof of a Lagrange space whose dofs are nodes of the mesh, (dofs,).
+
+        ``dofs`` is the (cells, k) table of the space. Dofs are ordered in a cell as its nodes are, vertices first, so
+        k nodes of each cell are enough.
+        """
+        nodes = np.asarray(self.domain.geometry.input_global_indices)[compat.geometry_dofs(self.domain)]
+        table = np.full(int(dofs.max()) + 1, -1, dtype=np.int64)
+        table[dofs] = nodes[:, : dofs.shape[1]]
+        return table

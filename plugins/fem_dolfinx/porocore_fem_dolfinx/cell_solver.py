@@ -1,0 +1,60 @@
+"""The cell solver that the plugin offers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from porocore.cell.cell import Cell
+from porocore.cell.mesh import CellMesh
+from porocore.cell.quadrature import LARGEST_DEGREE
+from porocore.equilibrium.solver import EquilibriumCellSolver
+from porocore.errors import ConfigurationError
+from porocore_fem_dolfinx.linalg import choose
+from porocore_fem_dolfinx.solid import SolidProblem
+from porocore_fem_dolfinx.stokes import flow
+
+
+class DolfinxCellSolver(EquilibriumCellSolver):
+    """Cell problems as UFL forms, with PETSc's linear solvers; each process solves its own states.
+
+    Options
+    -------
+    quadrature_degree : int
+        Of the solid; by default 2 (four points), and 1 for linear elements, whose gradients are constant.
+    solver : {"auto", "mumps", "cholmod", "gamg"}
+        Linear solver of the solid; auto is MUMPS up to 100,000 unknowns and multigrid beyond.
+    petsc : mapping
+        PETSc options for it, such as ``{"mat_mumps_icntl_7": 5}``; they go before the defaults.
+    """
+
+    def __init__(
+        self,
+        *,
+        quadrature_degree: int | None = None,
+        solver: str = "auto",
+        petsc: Mapping[str, Any] | None = None,
+        **unknown: Any,
+    ) -> None:
+        if unknown:
+            raise ConfigurationError(
+                f"fem.options: unknown key '{min(unknown)}'; dolfinx takes quadrature_degree, solver and petsc"
+            )
+        if quadrature_degree is not None and quadrature_degree not in range(1, LARGEST_DEGREE + 1):
+            raise ConfigurationError(
+                f"fem.options.quadrature_degree: expected an integer from 1 to {LARGEST_DEGREE}, "
+                f"got {quadrature_degree!r}"
+            )
+        if petsc is not None and not isinstance(petsc, Mapping):
+            raise ConfigurationError(
+                f"fem.options.petsc: expected PETSc options such as 'ksp_type: cg', got {petsc!r}"
+            )
+        choose(solver, 0)
+        self.quadrature_degree, self.solver, self.petsc = quadrature_degree, solver, dict(petsc or {})
+
+    def solid(self, cell: Cell, mesh: CellMesh) -> SolidProblem:
+        degree = self.quadrature_degree or mesh.quadrature_degree
+        return SolidProblem(cell, mesh, degree=degree, solver=self.solver, petsc=self.petsc)
+
+    def flow(self, mesh: CellMesh) -> Any:
+        return flow(mesh)

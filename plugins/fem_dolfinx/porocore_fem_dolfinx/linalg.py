@@ -1,0 +1,141 @@
+"""PETSc's linear solvers for the cell: a factor that tells its negative pivots, or multigrid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from porocore.equilibrium.discrete import FactorError
+from porocore.errors import ConfigurationError
+from porocore_fem_dolfinx.petsc_options import OF_OPTIONS, SolverOptions, explanation
+
+CHOICES = ("auto", "mumps", "cholmod", "gamg")
+#: MUMPS counts negative pivots; CHOLMOD's LLᵀ only notices that there are some.
+DEFAULTS: dict[str, dict[str, Any]] = {
+    "mumps": {
+        "ksp_type": "preonly",
+        "pc_type": "cholesky",
+        "pc_factor_mat_solver_type": "mumps",
+        # A symmetric indefinite factor may need far more room than predicted.
+        "mat_mumps_icntl_14": 80,
+    },
+    "cholmod": {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "cholmod"},
+    "gamg": {"ksp_type": "cg", "ksp_max_it": 400, "pc_type": "gamg", "mg_levels_ksp_type": "chebyshev"},
+}
+#: Beyond this number of unknowns a factor grows faster than multigrid does.
+DIRECT_LIMIT = 100_000
+_INDEFINITE = (
+    PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC,
+    PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT,
+)
+
+
+def choose(solver: str, unknowns: int) -> str:
+    """What ``auto`` means for a system of this size.
+
+    Raises
+    ------
+    ConfigurationError
+        The solver is none of the choices.
+    """
+    if solver not in CHOICES:
+        raise ConfigurationError(
+            f"fem.options.solver: expected {', '.join(CHOICES[:-1])} or {CHOICES[-1]}, got {solver!r}"
+        )
+    if solver == "auto":
+        return "mumps" if unknowns <= DIRECT_LIMIT else "gamg"
+    return solver
+
+
+class SymmetricSolver:
+    """Solves with symmetric matrices of one pattern.
+
+    Parameters
+    ----------
+    solver
+        One of :data:`CHOICES`.
+    petsc
+        Further PETSc options, which go before the defaults.
+
+    Attributes
+    ----------
+    negative
+        Number of negative pivots of the matrix in use, 1 standing for "some"; -1 where that is not known.
+    """
+
+    def __init__(self, solver: str, petsc: Mapping[str, Any], unknowns: int) -> None:
+        kind = choose(solver, unknowns)
+        self._options = SolverOptions(DEFAULTS[kind], petsc, "fem.options.petsc")
+        self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+        self._options.apply(self._ksp)
+        self._checked = False
+        self.negative = -1
+
+    def use(self, matrix: PETSc.Mat, accuracy: float = 1e-12) -> None:
+        """Set up for ``matrix``.
+
+        Raises
+        ------
+        FactorError
+            The factorisation broke down; that the matrix is indefinite is no such case.
+        ConfigurationError
+            An option cannot be used.
+        """
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._ksp.setOperators(matrix)
+        self._ksp.setTolerances(rtol=accuracy)
+        self.negative = -1
+        try:
+            self._ksp.setUp()
+        except PETSc.Error as error:
+            if error.ierr in OF_OPTIONS and not self._checked:
+                raise self._options.refused(error) from error
+            raise FactorError(explanation(error)) from error
+        pc = self._ksp.getPC()
+        if pc.getType() == "cholesky":
+            kind = pc.getFactorSolverType()
+            if kind == "mumps":
+                factor = pc.getFactorMatrix()
+                if factor.getMumpsInfog(1) < 0:
+                    raise FactorError(f"MUMPS ended with error {factor.getMumpsInfog(1)}")
+                self.negative = factor.getMumpsInfog(12)
+            elif kind == "cholmod":
+                self.negative = 0 if self._is_factorised(matrix) else 1
+
+    def _is_factorised(self, matrix: PETSc.Mat) -> bool:
+        # PETSc tells only by the next solve that a factorisation failed.
+        b = matrix.createVecRight()
+        self._ksp.solve(b, b.duplicate())
+        return self._ksp.getConvergedReason() >= 0
+
+    def solve(self, rhs: Any) -> Any:
+        """x with K x = rhs, both (n,).
+
+        Raises
+        ------
+        FactorError
+            The iteration does not converge; ``negative`` is 1 if it met a direction of negative curvature.
+        ConfigurationError
+            An option has had no effect.
+        """
+        b = PETSc.Vec().createWithArray(rhs, comm=PETSc.COMM_SELF)
+        x = b.duplicate()
+        try:
+            self._ksp.solve(b, x)
+        except PETSc.Error as error:
+            raise FactorError(explanation(error)) from error
+        if not self._checked:
+            self._options.check_used()
+            self._checked = True
+        reason = self._ksp.getConvergedReason()
+        if reason < 0:
+            if reason in _INDEFINITE:
+                self.negative = 1
+            raise FactorError(f"PETSc's solver stopped for reason {reason}")
+        solution = x.array.copy()
+        if not np.isfinite(solution).all():
+            raise FactorError("the solution is not finite")
+        return solution

@@ -1,0 +1,17 @@
+"""Strain energies in UFL."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ufl
+
+from porocore.cell.material import NeoHookean
+from porocore_fem_dolfinx import compat
+
+
+def energy_density(material: NeoHookean, F: Any, domain: Any) -> Any:
+    """Ψ(F); the material's constants can change without a new compilation."""
+    mu, lam = (compat.constant(domain, value) for value in (material.mu, material.lam))
+    log_J = ufl.ln(ufl.det(F))
+    return mu / 2 * (ufl.tr(F.T * F) - 3) - mu * log_J + lam / 2 * log_J**2

@@ -1,0 +1,99 @@
+"""PETSc options from a configuration: under a prefix of their own, with clear words for those that PETSc does not know."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from itertools import count
+from typing import Any
+
+import petsc4py.PETSc
+from petsc4py import PETSc
+
+from porocore.errors import ConfigurationError
+
+_numbers = count()
+#: PETSc's codes for what a user may have misspelt: no support, wrong state, wrong type, value out of range, unknown type,
+#: missing package.
+OF_OPTIONS = {56, 58, 62, 63, 73, 86, 92}
+
+
+class SolverOptions:
+    """Options of one linear solver.
+
+    Parameters
+    ----------
+    defaults
+        What holds where the user says nothing.
+    chosen
+        The user's options, without a prefix: ``{"ksp_type": "cg"}``. True and None stand for an option without value.
+    key
+        Where they stand in the configuration, for messages.
+
+    Raises
+    ------
+    ConfigurationError
+        A name or a value is of a kind that no option has.
+    """
+
+    def __init__(self, defaults: Mapping[str, Any], chosen: Mapping[str, Any], key: str) -> None:
+        self.key, self.chosen = key, dict(chosen)
+        self.prefix = f"porocore_{next(_numbers)}_"
+        for name, value in chosen.items():
+            if not isinstance(name, str) or not isinstance(value, str | int | float | bool | None):
+                raise ConfigurationError(
+                    f"{key}: expected PETSc options such as 'ksp_type: cg', got {name!r}: {value!r}"
+                )
+        database = PETSc.Options()
+        for name, value in {**defaults, **chosen}.items():
+            database[self.prefix + name] = None if value is True else value
+
+    def apply(self, ksp: PETSc.KSP) -> None:
+        """Configure a solver.
+
+        Raises
+        ------
+        ConfigurationError
+            PETSc refuses a value.
+        """
+        ksp.setOptionsPrefix(self.prefix)
+        try:
+            ksp.setFromOptions()
+        except PETSc.Error as error:
+            raise self.refused(error) from error
+
+    def refused(self, error: PETSc.Error) -> ConfigurationError:
+        """What PETSc says of an option that it cannot use."""
+        return ConfigurationError(f"{self.key}: PETSc refuses {self._text()}: {explanation(error)}")
+
+    def check_used(self) -> None:
+        """After the first solve: every option of the user was one.
+
+        Raises
+        ------
+        ConfigurationError
+            Some option has had no effect.
+        """
+        unused = [name for name in self.chosen if not _was_used(self.prefix + name)]
+        if unused:
+            raise ConfigurationError(
+                f"{self.key}: PETSc makes no use of {', '.join(sorted(unused))} here: misspelt, or of another solver "
+                "than the one chosen"
+            )
+
+    def _text(self) -> str:
+        return ", ".join(f"{name}: {value}" for name, value in self.chosen.items()) or "its defaults"
+
+
+def explanation(error: PETSc.Error) -> str:
+    """The last line of PETSc's report, which says what is wrong."""
+    lines = [line.split("] ", 1)[-1].strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1] if lines else f"error code {error.ierr}"
+
+
+def _was_used(name: str) -> bool:
+    # petsc4py does not wrap this function.
+    library = ctypes.CDLL(petsc4py.PETSc.__file__)
+    used = ctypes.c_int(1)
+    library.PetscOptionsUsed(None, ctypes.c_char_p(name.encode()), ctypes.byref(used))
+    return bool(used.value)
