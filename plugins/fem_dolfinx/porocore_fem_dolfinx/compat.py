@@ -129,12 +129,20 @@ def make_mesh(comm: Any, cell: str, degree: int, points: Any, cells: Any, **opti
         )
 
 
-def from_vtk(cell: str, nodes: int) -> Any:
-    """Permutation p so that ``cells[:, p]`` of VTK's order is dolfinx's."""
-    from dolfinx.cpp.io import perm_vtk
-    from dolfinx.cpp.mesh import to_type
+# Basix numbers a tetrahedron's edges from the last, and a hexahedron's corners as a tensor product.
+_FROM_VTK = {
+    ("tetrahedron", 4): (0, 1, 2, 3),
+    ("tetrahedron", 10): (0, 1, 2, 3, 9, 8, 5, 7, 6, 4),
+    ("hexahedron", 8): (0, 1, 3, 2, 4, 5, 7, 6),
+}
 
-    return np.asarray(perm_vtk(to_type(cell), nodes), dtype=np.int64)
+
+def from_vtk(cell: str, nodes: int) -> Any:
+    """Permutation p so that ``cells[:, p]`` of VTK's order is dolfinx's.
+
+    dolfinx's own ``perm_vtk`` is the inverse of it in some versions and not in others.
+    """
+    return np.array(_FROM_VTK[cell, nodes])
 
 
 def cell_dofs(dofmap: Any) -> Any:
