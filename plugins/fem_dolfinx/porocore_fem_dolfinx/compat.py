@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
@@ -17,6 +17,7 @@ import h5py  # noqa: F401 - dolfinx 0.5 loads its own HDF5 for every library tha
 import numpy as np
 
 from porocore.errors import PluginError
+from porocore_fem_dolfinx.form_cache import compiling, folder
 
 try:
     import dolfinx
@@ -58,6 +59,8 @@ def _text(version: tuple[int, ...]) -> str:
 
 
 _check_version()
+#: Where compiled forms are kept.
+FORMS = folder(dolfinx.__version__)
 #: Elements of basix.ufl instead of those of the old UFL.
 MODERN = find_spec("basix.ufl") is not None and VERSION >= (0, 7)
 # "Applying str() to a metadata value" for every quadrature rule of our own.
@@ -111,11 +114,26 @@ def mixed_element(*elements: Any) -> Any:
     return ufl.MixedElement(*elements)
 
 
+def _compile(comm: Any, make: Any, *arguments: Any) -> Any:
+    """Call what compiles, or takes from our cache."""
+    name = "jit_options" if "jit_options" in inspect.signature(make).parameters else "jit_params"
+    with quiet(), compiling(FORMS, comm):
+        return make(*arguments, **{name: {"cache_dir": str(FORMS)}})
+
+
+def _comm_of(integrand: Any) -> Any:
+    """The MPI communicator of the mesh that a UFL form (or list of forms) or expression lives on."""
+    while isinstance(integrand, Sequence):
+        integrand = next(part for part in integrand if part is not None)
+    is_form = isinstance(integrand, ufl.Form)
+    domain = integrand.ufl_domain() if is_form else ufl.domain.extract_unique_domain(integrand)
+    return domain.ufl_cargo().comm
+
+
 def function_space(domain: Any, element: Any) -> Any:
     """Of an element from this module."""
-    with quiet():
-        make = fem.functionspace if hasattr(fem, "functionspace") else fem.FunctionSpace
-        return make(domain, element)
+    make = fem.functionspace if hasattr(fem, "functionspace") else fem.FunctionSpace
+    return _compile(domain.comm, make, domain, element)
 
 
 def make_mesh(comm: Any, cell: str, degree: int, points: Any, cells: Any, **options: Any) -> Any:
@@ -165,14 +183,12 @@ def constant(domain: Any, value: Any) -> Any:
 
 def form(integrals: Any) -> Any:
     """Compile, or take from the cache."""
-    with quiet():
-        return fem.form(integrals)
+    return _compile(_comm_of(integrals), fem.form, integrals)
 
 
 def expression(value: Any, points: Any) -> Any:
     """Compile a UFL expression for evaluation at points (q, 3) of the reference cell."""
-    with quiet():
-        return fem.Expression(value, np.asarray(points))
+    return _compile(_comm_of(value), fem.Expression, value, np.asarray(points))
 
 
 def evaluate(compiled: Any, domain: Any, cells: Any) -> Any:

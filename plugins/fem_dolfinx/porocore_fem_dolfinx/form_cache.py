@@ -1,0 +1,73 @@
+"""Where compiled forms are kept, and who may compile.
+
+FFCx marks a form that is being compiled by its C file. Whoever finds the mark waits ten seconds and gives up, so two
+processes on a busy machine fail each other, and one that is killed while it compiles fails all that come after it.
+Here one process compiles at a time, under a lock that dies with it, in a folder that no other program uses: a mark
+that is found under the lock was left by the dead.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from cffi import VerificationError
+
+from porocore.errors import PluginError
+
+
+def folder(version: str) -> Path:
+    """Of the forms that this version of dolfinx and this Python compile; FFCx 0.5 does not tell Pythons apart."""
+    above = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return above / "porocore" / f"dolfinx-{version}-{sys.implementation.cache_tag}"
+
+
+@contextmanager
+def compiling(forms: Path, comm: Any) -> Iterator[None]:
+    """Around everything that may compile into the folder ``forms``, on all processes of the MPI communicator.
+
+    Raises
+    ------
+    PluginError
+        The folder cannot be written, or the C compiler or Python's headers are missing.
+    """
+    with ExitStack() as stack:
+        # dolfinx compiles on the first process while the others wait for it: none of them may be waiting elsewhere,
+        # and none may wait for one that has given up.
+        comm.Barrier()
+        refusal = ""
+        if comm.rank == 0:
+            try:
+                stack.enter_context(_alone(forms))
+            except OSError as error:
+                refusal = str(error)
+        if refusal := comm.bcast(refusal, root=0):
+            raise PluginError(
+                f"compiled forms cannot be kept in {forms} ({refusal}); "
+                "set XDG_CACHE_HOME to a folder that can be written"
+            )
+        try:
+            yield
+        except (VerificationError, RuntimeError) as error:
+            if not isinstance(error, VerificationError) and "just-in-time" not in str(error):
+                raise
+            raise PluginError(
+                f"dolfinx could not compile a form ({str(error).splitlines()[0]}); a C compiler and Python's headers "
+                "are needed: on Debian apt-get install gcc python3-dev"
+            ) from error
+
+
+@contextmanager
+def _alone(forms: Path) -> Iterator[None]:
+    forms.mkdir(parents=True, exist_ok=True)
+    with open(forms / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for mark in forms.glob("*.c"):
+            if not mark.with_suffix(".c.cached").exists():
+                mark.unlink()
+        yield
