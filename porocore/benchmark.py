@@ -1,4 +1,4 @@
-"""The benchmark configuration that comes with the package."""
+"""The configurations that come with the package."""
 
 from __future__ import annotations
 
@@ -7,8 +7,18 @@ from pathlib import Path
 NAME = "dehghani2022.yaml"
 
 
-def benchmark_path() -> Path:
+def packaged(name: str) -> Path:
     """The file in an installed package, or in the repository when porocore runs from there."""
     package = Path(__file__).parent
-    installed = package / "data" / NAME
-    return installed if installed.is_file() else package.parent / "examples" / NAME
+    installed = package / "data" / name
+    return installed if installed.is_file() else package.parent / "examples" / name
+
+
+def benchmark_path() -> Path:
+    """The benchmark of Dehghani & Zilian."""
+    return packaged(NAME)
+
+
+def crosscheck_path() -> Path:
+    """The small case on which backends are held against each other."""
+    return packaged("crosscheck.yaml")

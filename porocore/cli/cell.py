@@ -11,6 +11,7 @@ import typer
 
 from porocore.cli.common import ConfigArgument, FemOption, interruptible, read_config
 from porocore.errors import ConfigurationError
+from porocore.plain_data import json_ready
 
 #: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
 ZERO = 1e-12
@@ -65,19 +66,6 @@ def parse_grad_u(text: str) -> list[list[float]]:
             f"--grad-u: expected nine finite numbers as 'a b c; d e f; g h i', got '{text}' ({reason})"
         )
     return rows
-
-
-def json_ready(value: Any) -> Any:
-    """Lists for arrays, null for what is not finite."""
-    if isinstance(value, Mapping):
-        return {str(key): json_ready(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, list | tuple):
-        return [json_ready(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def as_text(result: Mapping[str, Any]) -> str:

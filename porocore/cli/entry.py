@@ -1,6 +1,6 @@
 """The application, and how an error becomes one message and an exit status.
 
-Exit status: 0 done, 2 an error that the message explains, 130 interrupted.
+Exit status: 0 done, 1 a crosscheck that found a difference, 2 an error that the message explains, 130 interrupted.
 A traceback with status 1 is a bug in porocore or in a plugin.
 """
 
@@ -12,7 +12,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from porocore.cli import cell, plugins, study
+from porocore.cli import cell, crosscheck, plugins, study
 from porocore.cli.common import Interrupted
 from porocore.errors import PorocoreError
 
@@ -53,6 +53,7 @@ app.command(rich_help_panel=_STEPS)(study.solve)
 app.command(rich_help_panel=_STEPS)(study.report)
 app.command(rich_help_panel=_LOOK)(cell.cell)
 app.command(rich_help_panel=_LOOK)(plugins.plugins)
+app.command(rich_help_panel=_LOOK)(crosscheck.crosscheck)
 
 #: What the system says when a disk or a folder will not take a file.
 _WRITING = {

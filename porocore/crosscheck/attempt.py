@@ -1,0 +1,31 @@
+"""Running a backend so that its failure is a result, with its time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, ParamSpec, TypeVar
+
+T = TypeVar("T")
+P = ParamSpec("P")
+
+
+@dataclass(frozen=True)
+class Attempt(Generic[T]):
+    """What came of it: a value, or the reason why there is none; and the wall time [s]."""
+
+    value: T | None
+    reason: str
+    seconds: float
+
+
+def attempt(what: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Attempt[T]:
+    """Call foreign code; whatever it raises is the reason."""
+    began = time.perf_counter()
+    try:
+        value = what(*args, **kwargs)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - foreign code, kept and shown
+        text = " ".join(str(error).split()) or "no message"
+        return Attempt(None, f"{type(error).__name__}: {text}", time.perf_counter() - began)
+    return Attempt(value, "", time.perf_counter() - began)

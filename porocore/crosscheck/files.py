@@ -1,0 +1,44 @@
+"""Writing a crosscheck: one JSON file with every number, one page to look at."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from porocore.crosscheck.check import CrossCheck
+from porocore.crosscheck.document import document
+from porocore.crosscheck.html import render
+from porocore.errors import RunFolderError
+from porocore.files import atomic_path
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder before the work begins.
+
+    Raises
+    ------
+    RunFolderError
+        It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(
+            f"{folder}: expected a folder that can be written: {error.strerror or error}; choose another --out"
+        ) from error
+
+
+def write(folder: Path, result: CrossCheck) -> tuple[Path, Path]:
+    """Paths of crosscheck.json and crosscheck.html, which take the place of older ones.
+
+    Raises
+    ------
+    RunFolderError
+        The folder cannot be written.
+    """
+    data, page = folder / "crosscheck.json", folder / "crosscheck.html"
+    with atomic_path(data) as part:
+        part.write_text(json.dumps(document(result), allow_nan=False) + "\n", encoding="utf-8")
+    with atomic_path(page) as part:
+        part.write_text(render(result), encoding="utf-8")
+    return data, page
