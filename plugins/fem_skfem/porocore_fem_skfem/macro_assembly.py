@@ -1,4 +1,4 @@
-"""Residual and tangent of the u–p problem from the law's response at all quadrature points.
+"""Residual, tangent and linear solve of the u–p problem from the law's response at all quadrature points.
 
 All elements are congruent, so an integral over an element is a product with a constant matrix and the
 assembly is a handful of large matrix products followed by one product with a sparse matrix of zeros and ones.
@@ -11,27 +11,14 @@ from typing import Any
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from porocore.laws import MacroResponse, MacroTangent
+from porocore.macro.boundary import BoundaryData
+from porocore.macro.discretisation import Discretisation, StepFailed
+from porocore.macro.mesh import BoxMesh
 from porocore.states import MacroState
-from porocore_fem_skfem.macro_space import Space
-
-
-@dataclass(frozen=True, eq=False)
-class Residual:
-    """Out of balance forces and volumes, and what they are to be compared with.
-
-    Attributes
-    ----------
-    values : (unknowns,)
-        ∫ P_E:∇N − ∫ t̄ N, and ∫ Δstorage N − Δt ∫ q·∇N + Δt ∫ q̄ N; on a prescribed unknown the reaction.
-    force_scale, volume_scale
-        Largest sum of the magnitudes of what meets in one unknown.
-    """
-
-    values: Any
-    force_scale: float
-    volume_scale: float
+from porocore_fem_skfem.macro_space import make_reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,17 +29,21 @@ class System:
     coupling: Any  #: scipy CSR, free × prescribed
 
 
-class Assembler:
-    """Everything about a :class:`Space` that does not change from one iteration to the next."""
+class Assembler(Discretisation):
+    """Constant matrices and sparsity; local node a of u_i has column 27 i + a, then come the pressures."""
 
-    def __init__(self, space: Space) -> None:
-        self.space = space
-        ref = space.reference
+    def __init__(self, mesh: BoxMesh, boundary: BoundaryData) -> None:
+        super().__init__(
+            mesh,
+            boundary,
+            unknowns=np.arange(mesh.size),
+            owned=mesh.size,
+            elements=np.arange(len(mesh.cells)),
+            dofs=np.concatenate([*(3 * mesh.cells + i for i in range(3)), mesh.n_u + mesh.p_cells], axis=1),
+        )
+        self.reference = ref = make_reference(mesh)
         w, g, N, gp = ref.weights, ref.grad_u, ref.p, ref.grad_p
         q = len(w)
-        self.n_points = len(space.cells) * q
-        #: Volume of each quadrature point, (points,).
-        self.weights = np.tile(w, len(space.cells))
         wg, wN, wgp = w[:, None, None] * g, w[:, None] * N, w[:, None, None] * gp
         # Rows run over (q, tensor indices), columns over local nodes (test before trial).
         self._force = wg.transpose(0, 2, 1).reshape(3 * q, 27)
@@ -72,23 +63,13 @@ class Assembler:
                 np.einsum("qbm,qcn->qmnbc", wgp, gp).reshape(9 * q, -1),
             ]
         )
-        self._dofs = space.dofs
-        #: Largest ∫ |∇N| over the body of a displacement node.
-        self.stretch = float(
-            np.bincount(space.cells.ravel(), np.tile(np.abs(wg).sum(axis=(0, 2)), len(space.cells))).max()
-        )
         self._build_patterns()
 
     def _build_patterns(self) -> None:
-        space = self.space
-        is_free = np.ones(space.size, bool)
-        is_free[space.prescribed] = False
-        #: Free unknowns, ascending.
-        self.free = np.flatnonzero(is_free)
-        free_slot, fixed_slot = np.full((2, space.size), -1, dtype=np.int64)
+        free_slot, fixed_slot = np.full((2, self.mesh.size), -1, dtype=np.int64)
         free_slot[self.free] = np.arange(len(self.free))
-        fixed_slot[space.prescribed] = np.arange(len(space.prescribed))
-        u, p = self._dofs[:, :81].reshape(-1, 3, 27), self._dofs[:, 81:]
+        fixed_slot[self.prescribed] = np.arange(len(self.prescribed))
+        u, p = self.dofs[:, :81].reshape(-1, 3, 27), self.dofs[:, 81:]
         e = len(u)
         # Blocks in the order in which the products leave them:
         # (e, i, k, a, b), (e, i, a, b), (e, k, b, a), (e, b, c).
@@ -99,14 +80,14 @@ class Assembler:
         self._entries = np.empty(self._ends[-1])
         row = np.concatenate([np.broadcast_to(r, s).ravel() for r, s in zip(rows, shapes, strict=True)])
         column = np.concatenate([np.broadcast_to(c, s).ravel() for c, s in zip(columns, shapes, strict=True)])
-        n, k = len(self.free), len(space.prescribed)
+        n, k = len(self.free), len(self.prescribed)
         self._free = _Pattern(free_slot[column], free_slot[row], (n, n))
         self._coupling = _Pattern(free_slot[row], fixed_slot[column], (n, k))
 
     def states(self, x: Any) -> tuple[MacroState, Any]:
-        """H, p and ∇p (points, 3) at all quadrature points, from all unknowns."""
-        ref, elements = self.space.reference, len(self.space.cells)
-        local = x[self._dofs]
+        """See :class:`~porocore.macro.discretisation.Discretisation`."""
+        ref, elements = self.reference, len(self.elements)
+        local = x[self.dofs]
         q = len(ref.weights)
         grad_u = local[:, :81].reshape(elements * 3, 27) @ ref.grad_u.transpose(1, 0, 2).reshape(27, -1)
         grad_u = grad_u.reshape(elements, 3, q, 3).swapaxes(1, 2).reshape(-1, 3, 3)
@@ -114,25 +95,16 @@ class Assembler:
         grad_p = local[:, 81:] @ ref.grad_p.transpose(1, 0, 2).reshape(8, -1)
         return MacroState(grad_u, p.ravel()), grad_p.reshape(-1, 3)
 
-    def residual(self, response: MacroResponse, dt: float, factor: float) -> Residual:
-        """With the load at ``factor`` (load × ramp)."""
-        space, e = self.space, len(self.space.cells)
+    def contributions(self, response: MacroResponse) -> tuple[Any, Any, Any]:
+        """See :class:`~porocore.macro.discretisation.Discretisation`."""
+        e = len(self.elements)
         stress = response.stress.reshape(e, -1, 3, 3).swapaxes(1, 2).reshape(3 * e, -1)
-        f_u = (stress @ self._force).reshape(e, 81)
         stored = response.storage.reshape(e, -1) @ self._volume
-        moved = -dt * (response.flux.reshape(e, -1) @ self._flow)
-        external = np.concatenate([-factor * space.force, dt * factor * space.outflow])
-        values = self._gather(f_u, stored + moved) + external
-        scales = self._gather(np.abs(f_u), np.abs(stored) + np.abs(moved)) + np.abs(external)
-        return Residual(values, float(scales[: space.n_u].max()), float(scales[space.n_u :].max()))
-
-    def _gather(self, f_u: Any, f_p: Any) -> Any:
-        blocks = np.concatenate([f_u, f_p], axis=1)
-        return np.bincount(self._dofs.ravel(), blocks.ravel(), minlength=self.space.size)
+        return (stress @ self._force).reshape(e, 81), stored, response.flux.reshape(e, -1) @ self._flow
 
     def system(self, tangent: MacroTangent, dt: float) -> System:
-        """Derivative of the residual."""
-        e = len(self.space.cells)
+        """Assembled."""
+        e = len(self.elements)
         out = [self._entries[a:b] for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
         stiffness = tangent.stress_grad_u.reshape(e, -1, 3, 3, 3, 3).transpose(0, 2, 4, 1, 3, 5)
         np.matmul(stiffness.reshape(9 * e, -1), self._uu, out=out[0].reshape(9 * e, -1))
@@ -148,6 +120,28 @@ class Assembler:
             self._free.matrix(self._entries, sparse.csc_matrix),
             self._coupling.matrix(self._entries, sparse.csr_matrix),
         )
+
+    def magnitudes(self, system: System, x: Any) -> Any:
+        """|A| |x| in the free rows."""
+        terms = np.zeros(len(x))
+        terms[self.free] = abs(system.free) @ np.abs(x[self.free])
+        terms[self.free] += abs(system.coupling) @ np.abs(x[self.prescribed])
+        return terms
+
+    def solve(self, system: System, right: Any, jump: Any) -> Any:
+        """By SuperLU."""
+        change = np.zeros(len(right))
+        change[self.prescribed] = jump
+        right = right[self.free]
+        if jump.any():
+            right = right - system.coupling @ jump
+        try:
+            change[self.free] = splu(system.free).solve(right)
+        except RuntimeError as error:
+            raise StepFailed(f"{error}: the body may not be held against rigid motions") from error
+        if not np.isfinite(change).all():
+            raise StepFailed("the tangent is singular: the body may not be held against rigid motions")
+        return change
 
 
 class _Pattern:

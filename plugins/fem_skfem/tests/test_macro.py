@@ -45,7 +45,7 @@ def test_tangent_is_the_slope_of_the_residual(elements):
     problem = confined_column(elements, size=(0.7, 1.1, 0.9))
     assembler = SOLVER.prepare(problem)
     rng = np.random.default_rng(0)
-    x, old = 0.02 * rng.standard_normal((2, assembler.space.size))
+    x, old = 0.02 * rng.standard_normal((2, assembler.mesh.size))
     states, _ = assembler.states(old)
     memory = NONLINEAR.respond(states, np.zeros((len(states), 3)), NONLINEAR.initial(len(states))).memory
 
@@ -55,23 +55,23 @@ def test_tangent_is_the_slope_of_the_residual(elements):
         return assembler.residual(response, 0.3, -0.2).values[assembler.free], response
 
     system = assembler.system(residual(x)[1].tangent, 0.3)
-    direction, h = rng.standard_normal(assembler.space.size), 1e-6
+    direction, h = rng.standard_normal(assembler.mesh.size), 1e-6
     slope = (residual(x + h * direction)[0] - residual(x - h * direction)[0]) / (2 * h)
-    exact = system.free @ direction[assembler.free] + system.coupling @ direction[assembler.space.prescribed]
+    exact = system.free @ direction[assembler.free] + system.coupling @ direction[assembler.prescribed]
     np.testing.assert_allclose(exact, slope, rtol=0, atol=1e-7 * abs(slope).max())
 
 
 def test_gradients_of_a_quadratic_displacement_and_a_linear_pressure_are_exact():
     assembler = SOLVER.prepare(confined_column((2, 3, 2), size=(1, 2, 3)))
-    space = assembler.space
+    mesh = assembler.mesh
     rng = np.random.default_rng(2)
     A, B, g = rng.standard_normal((3, 3)), rng.standard_normal((3, 3, 3)), rng.standard_normal(3)
-    u = space.points @ A.T + np.einsum("ijk,nj,nk->ni", B, space.points, space.points)
-    p = 0.3 + space.p_points @ g
+    u = mesh.points @ A.T + np.einsum("ijk,nj,nk->ni", B, mesh.points, mesh.points)
+    p = 0.3 + mesh.points[mesh.p_nodes] @ g
     states, grad_p = assembler.states(np.concatenate([u.ravel(), p]))
     np.testing.assert_allclose(grad_p, np.broadcast_to(g, grad_p.shape), rtol=1e-11)
     # H is linear in X, so its mean is its value in the middle; a linear field has the same H everywhere.
-    linear, _ = assembler.states(np.concatenate([(space.points @ A.T).ravel(), p]))
+    linear, _ = assembler.states(np.concatenate([(mesh.points @ A.T).ravel(), p]))
     np.testing.assert_allclose(linear.grad_u, np.broadcast_to(A, linear.grad_u.shape), atol=1e-12)
     mean = np.einsum("n,nij->ij", assembler.weights, states.grad_u) / assembler.weights.sum()
     expected = A + np.einsum("ijk,k->ij", B + B.transpose(0, 2, 1), np.array([0.5, 1, 1.5]))

@@ -19,7 +19,7 @@ from porocore.testing.synthetic import (
     without_large_steps,
 )
 from porocore_fem_skfem.macro import SkfemMacroSolver
-from porocore_fem_skfem.macro_newton import newton_step
+from porocore.macro.newton import newton_step
 
 SOLVER = SkfemMacroSolver()
 LINEAR, NONLINEAR = linear_law(), mean_gradient_law()
@@ -37,7 +37,7 @@ def test_newtons_iteration_converges_quadratically():
     assembler = SOLVER.prepare(confined_column(6, load=-0.1))
     settings = NewtonSettings(tolerance=1e-13, iterations=12)
     rest = NONLINEAR.initial(assembler.n_points)
-    step = newton_step(assembler, NONLINEAR, rest, np.zeros(assembler.space.size), 20.0, -0.1, settings)
+    step = newton_step(assembler, NONLINEAR, rest, np.zeros(assembler.mesh.size), 20.0, -0.1, settings)
     tail = np.array([m for m in step.misfits if 1e-13 < m < 0.1])
     assert len(tail) >= 3
     assert (np.log(tail[1:]) / np.log(tail[:-1]))[-2:].min() > 1.7

@@ -1,0 +1,1 @@
+"""What every macro backend shares: mesh, boundary data, time loop, Newton's iteration, record and checkpoints."""

@@ -1,0 +1,143 @@
+"""The state of a running macro solve in one HDF5 file, so that it can be continued to the same solution.
+
+Unknowns and quadrature points are in the mesh's order, so any backend, on any number of processes, can continue
+what another one began: the equations are the same, and so is the solution up to the solver's tolerance.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from porocore.errors import DataError
+from porocore.hdf5 import atomic_hdf5
+from porocore.laws import LawMemory, MacroLaw
+from porocore.macro.discretisation import Discretisation
+from porocore.macro.mesh import POINTS
+from porocore.macro.record import HISTORY, PROFILE, Record
+from porocore.problem import MacroProblem
+from porocore.solution import Profile
+from porocore.states import Array
+from porocore.stepping import Stepper
+
+FORMAT, VERSION = "porocore-macro-checkpoint", 1
+#: A law whose answers moved by more than this is another one; machines differ by round-off only.
+SAME_LAW = 1e-8
+
+
+def identity(problem: MacroProblem, law: MacroLaw) -> str:
+    """Hash of everything that determines the solution."""
+    text = f"{problem.model_dump_json()}|{law.name}|{law.identity}"
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def save(
+    path: Path, owner: str, stepper: Stepper, d: Discretisation, x: Array, memory: LawMemory, record: Record
+) -> None:
+    """Write the state after an accepted step, atomically; ``owner`` is :func:`identity`."""
+    whole = d.to_mesh(x)
+    memories = [(name, d.points_to_mesh(value)) for name, value in _arrays(memory, "memory")]
+
+    def write() -> None:
+        with atomic_hdf5(path) as file:
+            file.attrs.update(format=FORMAT, version=VERSION, identity=owner)
+            file.attrs.update(time=stepper.time, halvings=stepper.halvings, streak=stepper.streak)
+            file["x"] = whole
+            for name, value in memories:
+                file[name] = value
+            file["history"] = np.array(record.rows)
+            for i, profile in enumerate(record.profiles):
+                for name in PROFILE:
+                    file[f"profiles/{i}/{name}"] = getattr(profile, name)
+
+    d.world.first(write)
+
+
+def load(
+    path: Path, owner: str, stepper: Stepper, d: Discretisation, law: MacroLaw
+) -> tuple[Array, LawMemory, Record]:
+    """Read what :func:`save` wrote: unknowns, memory and record; sets ``stepper``.
+
+    Raises
+    ------
+    DataError
+        The file is truncated or foreign, or belongs to another problem or law.
+    """
+    again = "remove it to start anew"
+    points = POINTS * len(d.mesh.cells)
+
+    def read() -> tuple[Any, ...]:
+        try:
+            with h5py.File(path) as file:
+                if file.attrs.get("format") != FORMAT or file.attrs.get("version") != VERSION:
+                    raise DataError(f"{path}: expected a macro checkpoint of version {VERSION}; {again}")
+                if file.attrs["identity"] != owner:
+                    raise DataError(
+                        f"{path}: this checkpoint belongs to another macro problem or law; {again}"
+                    )
+                whole = _read(file, "x", (d.mesh.size,))
+                memories = {
+                    name: _read(file, name, (points, *value.shape[1:]))
+                    for name, value in _arrays(law.initial(1), "memory")
+                }
+                rows = _read(file, "history", (None, len(HISTORY)))
+                groups = sorted(file.get("profiles", {}).items(), key=lambda item: int(item[0]))
+                step = (
+                    float(file.attrs["time"]),
+                    int(file.attrs["halvings"]),
+                    int(file.attrs["streak"]),
+                )
+                return whole, memories, rows, [_profile(group) for _, group in groups], step
+        except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+            raise DataError(f"{path}: not a complete macro checkpoint ({error}); {again}") from error
+
+    whole, memories, rows, profiles, (stepper.time, stepper.halvings, stepper.streak) = d.world.first(read)
+    memory = _filled(law.initial(1), {name: d.points_from_mesh(v) for name, v in memories.items()}, "memory")
+    answer = law.respond(memory.states, np.zeros((d.n_points, 3)), memory, tangent=False).memory.mean_grad
+    scale = max(float(np.abs(memories["memory/mean_grad"]).max()), 1.0)
+    moved = float(np.abs(answer - memory.mean_grad).max(initial=0.0))
+    if not d.world.largest(np.inf if np.isnan(moved) else moved) <= SAME_LAW * scale:
+        raise DataError(
+            f"{path}: the law '{law.name}' answers differently from when this was written; {again}"
+        )
+    return d.from_mesh(whole), memory, Record([tuple(map(float, row)) for row in rows], profiles)
+
+
+def _profile(group: Any) -> Profile:
+    values: dict[str, Any] = {name: np.asarray(group[name]) for name in PROFILE}
+    return Profile(**(values | {"time": float(values["time"])}))
+
+
+def _read(file: Any, name: str, shape: tuple[int | None, ...]) -> Any:
+    value = np.asarray(file[name])
+    if value.ndim != len(shape) or any(
+        n is not None and n != m for n, m in zip(shape, value.shape, strict=True)
+    ):
+        raise ValueError(f"'{name}' has shape {value.shape}")
+    return value
+
+
+def _arrays(batch: Any, prefix: str) -> list[tuple[str, Any]]:
+    """Names and arrays of a dataclass of arrays, nested ones included; fields that are None are left out."""
+    found: list[tuple[str, Any]] = []
+    for f in fields(batch):
+        value, name = getattr(batch, f.name), f"{prefix}/{f.name}"
+        if is_dataclass(value):
+            found += _arrays(value, name)
+        elif value is not None:
+            found.append((name, value))
+    return found
+
+
+def _filled(template: Any, arrays: dict[str, Any], prefix: str) -> Any:
+    """A dataclass like ``template`` with other arrays."""
+    values: dict[str, Any] = {}
+    for f in fields(template):
+        value, name = getattr(template, f.name), f"{prefix}/{f.name}"
+        values[f.name] = _filled(value, arrays, name) if is_dataclass(value) else arrays.get(name)
+    return type(template)(**values)

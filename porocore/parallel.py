@@ -1,0 +1,76 @@
+"""Several processes at one macro problem: what the launcher says, and how the processes act together.
+
+The core knows no MPI. A backend that distributes its work derives its own :class:`World`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+#: Rank and size as launchers tell them: Open MPI; MPICH, Intel MPI and srun --mpi=pmi2; srun --mpi=pmix.
+_VARIABLES = (
+    ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
+    ("PMI_RANK", "PMI_SIZE"),
+    ("PMIX_RANK", "SLURM_STEP_NUM_TASKS"),
+)
+
+
+def launched() -> tuple[int, int]:
+    """Rank of this process and number of processes, as an MPI launcher has set them; (0, 1) without one.
+
+    Slurm's own variables alone are no sign of MPI: a batch script has them too.
+    """
+    for rank, size in _VARIABLES:
+        try:
+            return int(os.environ[rank]), int(os.environ[size])
+        except (KeyError, ValueError):
+            continue
+    return 0, 1
+
+
+class World:
+    """The processes that solve one problem together; this one stands for a single process.
+
+    Every method is called by all processes, in the same order.
+    """
+
+    #: Number of this process; 0 is the one that reads, writes and prints.
+    rank: int = 0
+    #: How many there are.
+    size: int = 1
+
+    def first(self, action: Callable[[], T]) -> T:
+        """Do something on process 0 only; its value, or the exception that it raised, reaches all."""
+        return action()
+
+    def total(self, value: Any) -> Any:
+        """Sum of a number, or of an array entry by entry, over the processes."""
+        return value
+
+    def largest(self, value: float) -> float:
+        """Over the processes."""
+        return value
+
+    @contextmanager
+    def united(self) -> Iterator[None]:
+        """A block from which either all processes come out, or none: an error of one alone ends them all."""
+        yield
+
+    @contextmanager
+    def holding(self, resource: Any) -> Iterator[None]:
+        """Within a context manager such as a locked folder, which process 0 alone enters and leaves."""
+        with self.united():
+            self.first(lambda: _entered(resource))
+            try:
+                yield
+            finally:
+                if self.rank == 0:
+                    resource.__exit__(None, None, None)
+
+
+def _entered(resource: Any) -> None:
+    resource.__enter__()
