@@ -74,6 +74,11 @@ class SymmetricSolver:
         self._checked = False
         self.negative = -1
 
+    @property
+    def is_factor(self) -> bool:
+        """Whether one application is the solution, so that it may precondition the iteration for another matrix."""
+        return self._ksp.getType() == "preonly"
+
     def use(self, matrix: PETSc.Mat, accuracy: float = 1e-12) -> None:
         """Set up for ``matrix``.
 
@@ -85,6 +90,8 @@ class SymmetricSolver:
             An option cannot be used.
         """
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        # Kept when the matrix changes, until the next call of this function.
+        self._ksp.getPC().setReusePreconditioner(False)
         self._ksp.setOperators(matrix)
         self._ksp.setTolerances(rtol=accuracy)
         self.negative = -1
@@ -95,6 +102,7 @@ class SymmetricSolver:
                 raise self._options.refused(error) from error
             raise FactorError(explanation(error)) from error
         pc = self._ksp.getPC()
+        pc.setReusePreconditioner(True)
         if pc.getType() == "cholesky":
             kind = pc.getFactorSolverType()
             if kind == "mumps":
@@ -123,6 +131,13 @@ class SymmetricSolver:
         """
         b = PETSc.Vec().createWithArray(rhs, comm=PETSc.COMM_SELF)
         x = b.duplicate()
+        self._apply(b, x)
+        solution = x.array.copy()
+        if not np.isfinite(solution).all():
+            raise FactorError("the solution is not finite")
+        return solution
+
+    def _apply(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         try:
             self._ksp.solve(b, x)
         except PETSc.Error as error:
@@ -135,7 +150,34 @@ class SymmetricSolver:
             if reason in _INDEFINITE:
                 self.negative = 1
             raise FactorError(f"PETSc's solver stopped for reason {reason}")
-        solution = x.array.copy()
-        if not np.isfinite(solution).all():
-            raise FactorError("the solution is not finite")
-        return solution
+
+    def iterate(self, matrix: PETSc.Mat, rhs: Any, accuracy: float, limit: int) -> Any:
+        """x with K x = rhs for another matrix, by conjugate gradients with this factor; None after ``limit`` steps.
+
+        None, too, where the iteration meets a direction of negative curvature.
+        """
+        ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+        ksp.setType("cg")
+        ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        ksp.setOperators(matrix)
+        pc = ksp.getPC()
+        pc.setType("python")
+        pc.setPythonContext(_Preconditioner(self))
+        ksp.setTolerances(rtol=accuracy, atol=0.0, max_it=limit)
+        b = PETSc.Vec().createWithArray(rhs, comm=PETSc.COMM_SELF)
+        x = b.duplicate()
+        try:
+            ksp.solve(b, x)
+        except PETSc.Error:
+            return None
+        return x.array.copy() if ksp.getConvergedReason() > 0 else None
+
+
+class _Preconditioner:
+    """PETSc's interface to a solver as a preconditioner."""
+
+    def __init__(self, solver: SymmetricSolver) -> None:
+        self._solver = solver
+
+    def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        self._solver._apply(b, x)

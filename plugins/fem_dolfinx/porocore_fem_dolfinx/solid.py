@@ -27,6 +27,9 @@ from porocore_fem_dolfinx.condensation import Condensation
 from porocore_fem_dolfinx.linalg import SymmetricSolver
 from porocore_fem_dolfinx.material import energy_density
 
+#: More iterations than this cost more than a new factor.
+PATIENCE = 18
+
 
 class State(Iterate):
     """u¹ as the values ``u`` of the function space's dofs, flat; everything else is computed when it is asked for."""
@@ -79,6 +82,8 @@ class SolidProblem(DiscreteSolid):
         self._free: dict[str, Condensation] = {}
         self._solvers: dict[str, SymmetricSolver] = {}
         self._loaded: State | None = None
+        self._base: SymmetricSolver | None = None
+        self._kept: SymmetricSolver | None = None
         self._full: Any = None
         self._full_of: State | None = None
 
@@ -162,8 +167,25 @@ class SolidProblem(DiscreteSolid):
         self._dp.value = dp
         return compat.assemble_vector(self._change_form)
 
+    def begin(self) -> None:
+        self._kept = None
+
+    def _kept_factor(self) -> SymmetricSolver:
+        """The factor made last on this path, at first the undeformed cell's, which is made only once."""
+        if self._kept is None:
+            if self._base is None:
+                self._base = SymmetricSolver(self._solver, self._petsc, self.free("").size)
+                self._base.use(self._matrix(self.iterate(np.zeros((3, 3)), 0.0), ""))
+            self._kept = self._base
+        return self._kept
+
     def solve(self, here: Any, rhs: Any, accuracy: float) -> Any:
         try:
+            kept = self._kept_factor()
+            if kept.is_factor:
+                x = kept.iterate(self._matrix(here, ""), rhs, accuracy, PATIENCE)
+                if x is not None:
+                    return x
             if self._factor(here, "", accuracy) <= 0:
                 try:
                     return self._solvers[""].solve(rhs)
@@ -174,20 +196,27 @@ class SolidProblem(DiscreteSolid):
         except FactorError as error:
             raise StepFailed(Status.not_converged) from error
 
-    def _factor(self, here: State, odd: str, accuracy: float = 1e-12, shift: float = 0.0) -> int:
-        """Make the tangent of a class, with ``shift`` added to its diagonal, the solver's; its negative pivots."""
+    def _matrix(self, here: State, odd: str) -> Any:
+        """The tangent for the free unknowns of a class; the next call for this class changes it."""
         if self._full_of is not here:
             self.load(here)
             self._full = compat.assemble_matrix(self._tangent_form, self._full)
             self._full_of = here
-        condensation = self.free(odd)
-        matrix = condensation.matrix(self._full)
+        return self.free(odd).matrix(self._full)
+
+    def _factor(self, here: State, odd: str, accuracy: float = 1e-12, shift: float = 0.0) -> int:
+        """Make the tangent of a class, with ``shift`` added to its diagonal, the solver's; its negative pivots."""
+        matrix = self._matrix(here, odd)
         if shift:
             matrix.shift(shift * float(np.abs(matrix.getDiagonal().array).mean()))
         if odd not in self._solvers:
-            self._solvers[odd] = SymmetricSolver(self._solver, self._petsc, condensation.size)
+            self._solvers[odd] = SymmetricSolver(self._solver, self._petsc, self.free(odd).size)
         solver = self._solvers[odd]
+        if not odd:
+            self._kept = None  # should the factorisation break down, what is left of it must not be used
         solver.use(matrix, accuracy)
+        if not odd:
+            self._kept = solver
         return solver.negative
 
     def _shifted(self, here: State, rhs: Any) -> Any:
