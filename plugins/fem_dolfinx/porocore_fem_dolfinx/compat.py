@@ -92,6 +92,26 @@ def lagrange_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Any
     return ufl.TensorElement("Lagrange", cell, degree, shape=shape)
 
 
+def broken_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
+    """The same functions as :func:`lagrange_element`, not joined between cells."""
+    if MODERN:
+        import basix.ufl
+
+        return basix.ufl.element("Lagrange", cell, degree, shape=shape, discontinuous=True)
+    return (
+        ufl.VectorElement("DG", cell, degree, dim=shape[0])
+        if shape
+        else ufl.FiniteElement("DG", cell, degree)
+    )
+
+
+def quadrature_points(cell: str, degree: int) -> Any:
+    """(q, 3) points of the default rule of this degree, in the order of :func:`quadrature_element`."""
+    import basix
+
+    return basix.make_quadrature(getattr(basix.CellType, cell), degree)[0]
+
+
 def quadrature_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
     """Values at the points of the default rule of this degree."""
     if MODERN:
@@ -221,3 +241,15 @@ def assemble_matrix(compiled: Any, matrix: Any = None) -> Any:
         fem_petsc.assemble_matrix(matrix, compiled)
     matrix.assemble()
     return matrix
+
+
+def block_matrix(blocks: Any) -> Any:
+    """An empty PETSc matrix for a list of lists of bilinear forms; on each process the first rows come first."""
+    return fem_petsc.create_matrix_block(blocks)
+
+
+def assemble_blocks(blocks: Any, matrix: Any) -> None:
+    """Anew into what :func:`block_matrix` made."""
+    matrix.zeroEntries()
+    fem_petsc.assemble_matrix_block(matrix, blocks, bcs=[])
+    matrix.assemble()

@@ -31,12 +31,16 @@ class Condensation:
             (np.ones(len(rows)), (rows, column[images[rows]])), shape=(len(images), self.size)
         )
         self._petsc = to_petsc(self.T)
+        # Multigrid wants to know that three unknowns belong to one node, where all three are free.
+        whole = len(classes) % 3 == 0 and (classes.reshape(-1, 3) % 3 == np.arange(3)).all()
+        self._block = 3 if whole and len(images) % 3 == 0 else 1
         self._matrix: PETSc.Mat | None = None
 
     def matrix(self, full: PETSc.Mat) -> PETSc.Mat:
         """Tᵀ A T, in a matrix that is used again by the next call."""
         if self._matrix is None:
             self._matrix = full.ptap(self._petsc)
+            self._matrix.setBlockSize(self._block)
         else:
             full.ptap(self._petsc, result=self._matrix)
         return self._matrix

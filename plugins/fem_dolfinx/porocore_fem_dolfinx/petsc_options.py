@@ -1,4 +1,4 @@
-"""PETSc options from a configuration: under a prefix of their own, with clear words for those that PETSc does not know."""
+"""PETSc options from a configuration, under a prefix of their own; clear words for those that PETSc does not know."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from petsc4py import PETSc
 from porocore.errors import ConfigurationError
 
 _numbers = count()
-#: PETSc's codes for what a user may have misspelt: no support, wrong state, wrong type, value out of range, unknown type,
-#: missing package.
+#: PETSc's codes for what a user may have misspelt: no support, wrong state, wrong type, value out of range,
+#: unknown type, missing package.
 OF_OPTIONS = {56, 58, 62, 63, 73, 86, 92}
 
 

@@ -104,9 +104,7 @@ class SolidProblem(DiscreteSolid):
         )
         self._change_form = compat.form(ufl.inner(change, ufl.grad(v)) * dx)
         self._mean_form = compat.form(ufl.inner(self._dH, ufl.grad(v)) * dx)
-        self.state_expression = domain.expression(
-            ufl.as_vector([*_flat(grad_u), *_flat(stress), energy, J])
-        )
+        self.state_expression = domain.expression(ufl.as_vector([*_flat(grad_u), *_flat(stress), energy, J]))
         self._change_expression = domain.expression(ufl.as_vector(_flat(change)))
 
     # ---- what a state is ------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+
 from porocore_fem_dolfinx import compat
 
 EDGES = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]]  # VTK's order

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+
 from porocore_fem_dolfinx.compat import FORMS
 
 VOLUME = "volume 1.000000000000"
