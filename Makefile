@@ -23,7 +23,7 @@ lint: .venv/.ready-test
 benchmarks: .venv/.ready-test
 	.venv/bin/python benchmarks/run.py
 
-.venv/.ready-%: tools/setup.sh constraints.txt pyproject.toml $(wildcard plugins/*/pyproject.toml)
+.venv/.ready-%: tools/setup.sh $(wildcard constraints/*.txt) pyproject.toml $(wildcard plugins/*/pyproject.toml)
 	sh tools/setup.sh $*
 
 clean:

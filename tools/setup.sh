@@ -1,37 +1,64 @@
 #!/bin/sh
 # Make .venv with everything that `make run` (argument: run) or `make test` (argument: test) needs.
+# Exit status 2: something is missing that only the user can provide; the last line says what.
 set -eu
 what=$1
 cd "$(dirname "$0")/.."
 
 # The shared libraries that gmsh's wheel loads, and the Debian packages that hold them.
 libraries="libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXfixes.so.3 libXft.so.2 libfontconfig.so.1 libXinerama.so.1 libgomp.so.1"
-packages="libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
+library_packages="libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
+# dolfinx with PETSc; what compiles its forms; a BLAS with which MUMPS is eight times faster; mpirun.
+dolfinx_packages="python3-dolfinx-real python3-dev gcc libopenblas0-pthread mpi-default-bin"
+
+say() { echo "setup: $*"; }
+
+give_up() {
+    echo "setup: $*" >&2
+    exit 2
+}
 
 as_root() {
     if [ "$(id -u)" = 0 ]; then "$@"; else sudo -n "$@"; fi
 }
 
-can_install() {
-    command -v apt-get >/dev/null && { [ "$(id -u)" = 0 ] || sudo -n true 2>/dev/null; }
-}
-
+# install WHY PACKAGE...: those that are not there yet, by apt-get.
 install() {
-    echo "setup: installing system packages with apt-get: $*"
+    why=$1
+    shift
+    wanted=""
+    for package in "$@"; do
+        dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q "ok installed" || wanted="$wanted $package"
+    done
+    [ -n "$wanted" ] || return 0
+    if [ "$(id -u)" = 0 ]; then how="as root"; elif sudo -n true 2>/dev/null; then how="through sudo"; else
+        give_up "$why; neither root nor allowed to use sudo without a password; run as root: apt-get install --no-install-recommends$wanted"
+    fi
+    say "$why; installing with apt-get $how:$wanted"
     as_root apt-get update -qq
-    as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+    # shellcheck disable=SC2086
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $wanted >/dev/null
 }
 
-python=${PYTHON:-python3}
-if ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
-    echo "setup: porocore needs Python 3.11 or later; set PYTHON to one, as in: make run PYTHON=python3.12" >&2
-    exit 2
-fi
-if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
-    if can_install; then install python3-venv; else
-        echo "setup: Python's venv module is missing; as root run: apt-get install python3-venv" >&2
-        exit 2
+at_least_3_11() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
+has_dolfinx() { "$1" -c 'import sys; from importlib.util import find_spec; sys.exit(find_spec("dolfinx") is None)'; }
+base_of() { "$1" -c 'import os, sys; print(os.path.realpath(sys._base_executable))' 2>/dev/null; }
+
+# Debian's own Python, where it is new enough: it sees Debian's dolfinx, and pip has none.
+system=/usr/bin/python3
+if [ -n "${PYTHON:-}" ]; then python=$PYTHON; elif at_least_3_11 $system; then python=$system; else python=python3; fi
+at_least_3_11 "$python" || give_up "porocore needs Python 3.11 or later; set PYTHON to one, as in: make run PYTHON=python3.12"
+
+if [ "$(base_of "$python")" = "$(base_of $system)" ] && command -v apt-get >/dev/null; then
+    "$python" -c 'import ensurepip, venv' 2>/dev/null || install "Python's venv module is missing" python3-venv
+    if [ "$what" = test ]; then
+        # shellcheck disable=SC2086
+        install "the tests run on dolfinx too" $dolfinx_packages
     fi
+elif [ "$what" = test ] && ! has_dolfinx "$python"; then
+    give_up "the tests need dolfinx, and $python cannot have it: pip has no dolfinx. On Debian 12 or 13 leave PYTHON unset, and" \
+        "apt-get provides it. Elsewhere: conda create -n fenicsx -c conda-forge 'fenics-dolfinx=0.9', then" \
+        "make test PYTHON=the Python of that environment"
 fi
 
 missing=""
@@ -39,17 +66,39 @@ for library in $libraries; do
     { ldconfig -p 2>/dev/null || /sbin/ldconfig -p; } | grep -q "$library" || missing="$missing $library"
 done
 if [ -n "$missing" ]; then
+    command -v apt-get >/dev/null || give_up "gmsh needs$missing"
     # shellcheck disable=SC2086
-    if can_install; then install $packages; else
-        echo "setup: gmsh needs$missing; as root run: apt-get install $packages" >&2
-        exit 2
-    fi
+    install "gmsh needs$missing" $library_packages
 fi
 
-[ -x .venv/bin/python ] || "$python" -m venv .venv
-extras=""
-[ "$what" = test ] && extras="[dev,benchmarks]"
-echo "setup: installing porocore and its plugins into .venv"
-.venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt \
-    -e ".$extras" -e plugins/fem_skfem -e plugins/surrogate_torch
-touch ".venv/.ready-$what"
+# Packages of the system are let in where dolfinx is among them or will be; so `run` and `test` share one environment.
+sees=""
+if [ "$(base_of "$python")" = "$(base_of $system)" ] || has_dolfinx "$python"; then sees=--system-site-packages; fi
+if [ -e .venv ] && ! at_least_3_11 .venv/bin/python; then
+    say ".venv is broken or of a Python before 3.11; making it anew"
+    rm -rf .venv
+elif [ -e .venv ] && [ "$what" = test ] && ! has_dolfinx .venv/bin/python; then
+    say ".venv does not see dolfinx (another Python made it, or it shuts the system's packages out); making it anew"
+    rm -rf .venv
+fi
+# shellcheck disable=SC2086
+[ -e .venv ] || "$python" -m venv $sees .venv
+
+constraints=constraints/other.txt
+if [ "$(base_of .venv/bin/python)" = "$(base_of $system)" ] && [ -r /etc/os-release ]; then
+    release=$(. /etc/os-release && echo "${ID:-}${VERSION_ID:-}")
+    [ ! -f "constraints/$release.txt" ] || constraints="constraints/$release.txt"
+fi
+if [ "$what" = test ]; then
+    set -- -e ".[dev,benchmarks]"
+    for plugin in plugins/*/; do set -- "$@" -e "$plugin"; done
+else
+    set -- -e . -e plugins/fem_skfem -e plugins/surrogate_torch
+fi
+say "installing porocore and its plugins into .venv, with the pins of $constraints"
+.venv/bin/python -m pip install -q --disable-pip-version-check -c "$constraints" "$@"
+if [ "$what" = test ]; then
+    .venv/bin/python -c 'import porocore_fem_dolfinx.compat' || give_up "dolfinx is installed but does not work here, see above"
+    touch .venv/.ready-test
+fi
+touch .venv/.ready-run
