@@ -11,6 +11,9 @@ library_packages="libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2
 # dolfinx with PETSc; what compiles its forms; a BLAS with which MUMPS is eight times faster; mpirun.
 dolfinx_packages="python3-dolfinx-real python3-dev gcc libopenblas0-pthread mpi-default-bin"
 
+# As in debian12.
+release=$(. /etc/os-release 2>/dev/null && echo "${ID:-}${VERSION_ID:-}") || release=unknown
+
 say() { echo "setup: $*"; }
 
 give_up() {
@@ -54,6 +57,8 @@ if [ "$(base_of "$python")" = "$(base_of $system)" ] && command -v apt-get >/dev
     if [ "$what" = test ]; then
         # shellcheck disable=SC2086
         install "the tests run on dolfinx too" $dolfinx_packages
+        # Its torch comes without CUDA.
+        [ "$release" != debian13 ] || install "the tests run on torch too" python3-torch
     fi
 elif [ "$what" = test ] && ! has_dolfinx "$python"; then
     give_up "the tests need dolfinx, and $python cannot have it: pip has no dolfinx. On Debian 12 or 13 leave PYTHON unset, and" \
@@ -85,8 +90,7 @@ fi
 [ -e .venv ] || "$python" -m venv $sees .venv
 
 constraints=constraints/other.txt
-if [ "$(base_of .venv/bin/python)" = "$(base_of $system)" ] && [ -r /etc/os-release ]; then
-    release=$(. /etc/os-release && echo "${ID:-}${VERSION_ID:-}")
+if [ "$(base_of .venv/bin/python)" = "$(base_of $system)" ]; then
     [ ! -f "constraints/$release.txt" ] || constraints="constraints/$release.txt"
 fi
 if [ "$what" = test ]; then
