@@ -47,11 +47,11 @@ def crosscheck(
 
     _, settings = read_config(crosscheck_path() if config is None else config, None)
     with interruptible():
-        from porocore.crosscheck import contestants
         from porocore.crosscheck import crosscheck as check
+        from porocore.crosscheck import find_contestants
         from porocore.crosscheck.files import make_folder, write
 
-        who = contestants(fem or (), surrogate or ())
+        who = find_contestants(fem or (), surrogate or ())
         make_folder(out)
         console = Console()
         for text in who.absent:

@@ -2,6 +2,6 @@
 
 from porocore.crosscheck.check import CrossCheck, crosscheck
 from porocore.crosscheck.comparison import Comparison
-from porocore.crosscheck.contestants import Contestants, contestants
+from porocore.crosscheck.contestants import Contestants, find_contestants
 
-__all__ = ["Comparison", "Contestants", "CrossCheck", "contestants", "crosscheck"]
+__all__ = ["Comparison", "Contestants", "CrossCheck", "crosscheck", "find_contestants"]

@@ -34,7 +34,7 @@ class Contestants:
     absent: tuple[str, ...] = ()
 
 
-def contestants(fem: Sequence[str] = (), surrogates: Sequence[str] = ()) -> Contestants:
+def find_contestants(fem: Sequence[str] = (), surrogates: Sequence[str] = ()) -> Contestants:
     """The installed backends, or those that are named.
 
     A backend whose requirements are not installed stays out; a plugin that is broken is a failure, unless
