@@ -30,7 +30,7 @@ VERSION = 1
 CONFIG, RECORD, LOCK = "config.yaml", "run.json", ".lock"
 #: The temporary names of :func:`porocore.files.atomic_path`.
 _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
-_PACKAGES = ("numpy", "scipy", "h5py", "gmsh", "scikit-fem", "torch")
+_PACKAGES = ("numpy", "scipy", "h5py", "gmsh", "scikit-fem", "mkl", "fenics-dolfinx", "petsc4py", "torch")
 
 
 class RunFolder:

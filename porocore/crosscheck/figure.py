@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from porocore.crosscheck.bodies import BodyRun, history_difference
 from porocore.crosscheck.comparison import BODY
-from porocore.report.figures.style import DASHED, GREY, TIME_COLOURS, legend_above, new_figure, styled
+from porocore.report.figures.style import DASHED, DOTTED, GREY, TIME_COLOURS, legend_above, new_figure, styled
 
 PANELS = {
     "settlement": r"settlement max$(-u_2)$ [–]",
@@ -63,15 +63,18 @@ def difference_figure(runs: Sequence[BodyRun]) -> Figure:
                 np.maximum(difference, LEAST),
                 color=TIME_COLOURS[(k + 2) % 6],
                 marker="o",
-                ms=2.5,
-                lw=1.0,
+                ms=(4.4, 3.0, 1.8)[k % 3],
+                lw=(2.6, 1.6, 1.0)[k % 3],
+                ls=("-", DASHED, DOTTED)[k % 3],
                 label=f"{one} – {other}",
             )
         axes.axhline(BODY, color=GREY, ls=DASHED, lw=1.2, label="tolerance")
         axes.set_yscale("log")
-        axes.set_ylim(top=max(10 * BODY, axes.get_ylim()[1]))
     panels[-1, 1].set_xlabel("time $t$ [–]")
     if pairs:
+        limits = [axes.get_ylim() for axes in panels[1]]
+        for axes in panels[1]:
+            axes.set_ylim(min(low for low, _ in limits), max(10 * BODY, *(high for _, high in limits)))
         panels[1, 0].set_ylabel("relative difference [–]")
         panels[1, 2].legend(loc="best")
     figure.align_ylabels()
