@@ -5,9 +5,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from porocore.laws import MacroLaw
+from porocore.parallel import World
 from porocore.problem import MacroProblem
 from porocore.solution import MacroSolution, StepReport
 
@@ -17,7 +18,13 @@ class MacroSolver(ABC):
 
     The law is asked once an iteration for all quadrature points and returns the exact tangent; a step whose
     Newton iteration fails is halved. Inf–sup stable: quadratic u, linear p.
+    ``porocore.macro`` has what all implementations share, and ``porocore.testing.macro`` tests them.
     """
+
+    #: Whether several MPI processes can share one problem; those that can set :attr:`world` too.
+    distributed: ClassVar[bool] = False
+    #: The processes that solve together, all of which call :meth:`prepare` and :meth:`solve`.
+    world: World = World()
 
     def __init__(self, **options: Any) -> None:
         if options:

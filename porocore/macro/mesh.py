@@ -86,7 +86,13 @@ class BoxMesh:
     @property
     def edges(self) -> Array:
         """(3,) edge lengths of an element; all are congruent."""
-        return np.array(self.problem.size) / np.array(self.problem.elements)
+        return np.asarray(np.array(self.problem.size) / np.array(self.problem.elements))
+
+    def node_at(self, places: Array) -> IntArray:
+        """(n,) numbers of the nodes at ``places`` (n, 3)."""
+        halves = np.rint(2 * places / self.edges).astype(np.int64)
+        ends = 2 * np.array(self.problem.elements) + 1
+        return np.asarray(halves @ np.array([1, ends[0], ends[0] * ends[1]]))
 
     @property
     def weights(self) -> Array:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import logging
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -70,13 +71,17 @@ logging.getLogger("FFCx").setLevel(logging.ERROR)
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """No lines of the C compiler's driver, which logs to the root logger."""
-    before = logging.root.manager.disable
-    logging.disable(logging.WARNING)
+    """No lines of the C compiler's driver, which logs to the root logger, and no warnings about FFCx's and UFL's code."""
+    root = logging.getLogger()
+    before = root.level
+    root.setLevel(logging.ERROR)
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            warnings.filterwarnings("ignore", r"Applying str\(\) to a metadata value")
+            yield
     finally:
-        logging.disable(before)
+        root.setLevel(before)
 
 
 def lagrange_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Any:

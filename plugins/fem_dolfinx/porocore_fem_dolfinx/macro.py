@@ -1,0 +1,80 @@
+"""The macro solver on dolfinx: the core's time loop on UFL forms and PETSc, on any number of MPI processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from porocore.errors import ConfigurationError
+from porocore.interfaces.macro import MacroSolver
+from porocore.laws import MacroLaw
+from porocore.macro.boundary import boundary_data
+from porocore.macro.march import march
+from porocore.macro.mesh import BoxMesh
+from porocore.parallel import World
+from porocore.problem import MacroProblem
+from porocore.solution import MacroSolution, StepReport
+from porocore_fem_dolfinx import compat  # noqa: F401 - h5py before everything that brings MPI and PETSc
+from porocore_fem_dolfinx.macro_assembly import Assembler
+from porocore_fem_dolfinx.macro_world import MPI, MpiWorld
+
+
+class DolfinxMacroSolver(MacroSolver):
+    """Boxes of hexahedra (27-node displacement, 8-node pressure, 3 × 3 × 3 Gauss points) as UFL forms.
+
+    The processes of MPI's world share the elements among them.
+
+    Options
+    -------
+    petsc : mapping
+        PETSc options for the linear solver; by default MUMPS' factors.
+    checkpoint_seconds : float
+        Wall time between two checkpoints; 0 writes one after every step.
+    """
+
+    distributed = True
+
+    def __init__(
+        self, *, petsc: Mapping[str, Any] | None = None, checkpoint_seconds: float = 5.0, **unknown: Any
+    ) -> None:
+        if unknown:
+            raise ConfigurationError(
+                f"macro.options: unknown key '{min(unknown)}'; dolfinx takes petsc and checkpoint_seconds"
+            )
+        if petsc is not None and not isinstance(petsc, Mapping):
+            raise ConfigurationError(
+                f"macro.options.petsc: expected PETSc options such as 'ksp_type: fgmres', got {petsc!r}"
+            )
+        self.petsc, self.checkpoint_seconds = dict(petsc or {}), checkpoint_seconds
+        self._comm = MPI.COMM_WORLD
+        self.world = MpiWorld(self._comm) if self._comm.size > 1 else World()
+
+    def prepare(self, problem: MacroProblem) -> Assembler:
+        """Mesh, forms and linear solver; the solver is tried, so that wrong options are told at once.
+
+        Raises
+        ------
+        ConfigurationError
+            Two faces contradict each other, a translation is not held, there are fewer elements than
+            processes, or PETSc cannot use the options.
+        """
+        mesh = BoxMesh.make(problem)
+        return Assembler(mesh, boundary_data(mesh), self._comm, self.world, self.petsc)
+
+    def solve(
+        self,
+        prepared: Any,
+        law: MacroLaw,
+        *,
+        checkpoint: Path | None = None,
+        on_step: Callable[[StepReport], None] | None = None,
+    ) -> MacroSolution:
+        """See :class:`porocore.MacroSolver`; ``prepared`` is what :meth:`prepare` returned."""
+        return march(
+            prepared,
+            law,
+            checkpoint=checkpoint,
+            on_step=on_step,
+            checkpoint_seconds=self.checkpoint_seconds,
+        )

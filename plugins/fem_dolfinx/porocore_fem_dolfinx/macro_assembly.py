@@ -1,0 +1,117 @@
+"""Residual, tangent and linear solve of the u–p problem on the processes of a communicator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from petsc4py import PETSc
+
+from porocore.laws import MacroResponse, MacroTangent
+from porocore.macro.boundary import BoundaryData
+from porocore.macro.discretisation import Discretisation
+from porocore.macro.mesh import BoxMesh
+from porocore.parallel import World
+from porocore.states import MacroState
+from porocore_fem_dolfinx import compat
+from porocore_fem_dolfinx.macro_forms import Forms
+from porocore_fem_dolfinx.macro_linear import LinearSolver
+from porocore_fem_dolfinx.macro_space import make_space
+
+
+class Assembler(Discretisation):
+    """Forms, matrix and linear solver of one problem."""
+
+    def __init__(
+        self, mesh: BoxMesh, boundary: BoundaryData, comm: Any, world: World, petsc: Mapping[str, Any]
+    ) -> None:
+        self.space = space = make_space(mesh, comm)
+        super().__init__(
+            mesh,
+            boundary,
+            unknowns=space.unknowns,
+            owned=space.owned_u + space.owned_p,
+            elements=space.elements,
+            dofs=space.dofs,
+            world=world,
+        )
+        self._u, self._p = fem.Function(space.V), fem.Function(space.Q)
+        self._forms = Forms(space)
+        self._matrix = self._forms.new_matrix()
+        self._solver = LinearSolver(comm, petsc, self.free, self.is_force[self.free])
+        self._try_solver()
+
+    def _try_solver(self) -> None:
+        """On a body that nobody can turn, so that a fault is one of the options."""
+        n, one = self.n_points, np.eye(3)
+        tangent = MacroTangent(
+            stress_grad_u=np.broadcast_to(np.einsum("ik,jl->ijkl", one, one), (n, 3, 3, 3, 3)),
+            stress_p=np.broadcast_to(-one, (n, 3, 3)),
+            storage_grad_u=np.broadcast_to(one, (n, 3, 3)),
+            storage_p=np.ones(n),
+            flux_grad_u=np.zeros((n, 3, 3, 3)),
+            flux_p=np.zeros((n, 3)),
+            flux_grad_p=np.broadcast_to(-one, (n, 3, 3)),
+        )
+        with self._solver.trial():
+            self.solve(self.system(tangent, 1.0), np.ones(len(self.unknowns)), np.zeros(len(self.prescribed)))
+
+    def states(self, x: Any) -> tuple[MacroState, Any]:
+        """See :class:`~porocore.macro.discretisation.Discretisation`."""
+        return self._forms.states(x)
+
+    def contributions(self, response: MacroResponse) -> tuple[Any, Any, Any]:
+        """See :class:`~porocore.macro.discretisation.Discretisation`."""
+        return self._forms.contributions(response)
+
+    def add_copies(self, values: Any) -> Any:
+        """By PETSc's scatters."""
+        total = np.zeros_like(values)
+        for function, of, owned in (
+            (self._u, self.space.of_u, self.space.owned_u),
+            (self._p, self.space.of_p, self.space.owned_p),
+        ):
+            function.x.array[:] = values[of]
+            compat.vector_of(function).ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+            total[of[:owned]] = function.x.array[:owned]
+        return total
+
+    def _with_copies(self, values: Any) -> Any:
+        """All local unknowns from the owned ones."""
+        whole = np.empty(len(self.unknowns))
+        for function, of, owned in (
+            (self._u, self.space.of_u, self.space.owned_u),
+            (self._p, self.space.of_p, self.space.owned_p),
+        ):
+            function.x.array[:owned] = values[of[:owned]]
+            function.x.scatter_forward()
+            whole[of] = function.x.array
+        return whole
+
+    def system(self, tangent: MacroTangent, dt: float) -> Any:
+        """A PETSc matrix; the next call overwrites it."""
+        self._forms.assemble(tangent, dt, self._matrix)
+        return self._matrix
+
+    def magnitudes(self, system: Any, x: Any) -> Any:
+        """|A| |x| where owned."""
+        starts, columns, values = system.getValuesCSR()
+        # Columns are numbered process by process.
+        sizes = np.abs(np.concatenate(system.getComm().tompi4py().allgather(x[: self.owned])))
+        terms = np.zeros(len(x))
+        terms[: self.owned] = np.add.reduceat(np.abs(values) * sizes[columns], starts[:-1])
+        return terms
+
+    def solve(self, system: Any, right: Any, jump: Any) -> Any:
+        """By the configured solver, on the free unknowns."""
+        change = np.zeros(len(self.unknowns))
+        change[self.prescribed] = jump
+        if self.world.largest(float(jump.any())):
+            moved, forces = system.createVecs()
+            moved.array = change[: self.owned]
+            system.mult(moved, forces)
+            right = right[: self.owned] - forces.array
+        change[self.free] = self._solver.solve(system, right[self.free])
+        return self._with_copies(change)

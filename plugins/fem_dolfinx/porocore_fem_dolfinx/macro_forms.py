@@ -1,0 +1,124 @@
+"""The u–p problem as UFL forms into which the law's answers enter as functions at the quadrature points."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from porocore.laws import MacroResponse, MacroTangent
+from porocore.macro.mesh import DEGREE
+from porocore.states import MacroState
+from porocore_fem_dolfinx import compat
+from porocore_fem_dolfinx.macro_space import CELL, Space
+
+_RESPONSE = {"stress": (3, 3), "storage": (), "flux": (3,)}
+_TANGENT: dict[str, tuple[int, ...]] = {
+    "stress_grad_u": (3, 3, 3, 3),
+    "stress_p": (3, 3),
+    "storage_grad_u": (3, 3),
+    "storage_p": (),
+    "flux_grad_u": (3, 3, 3),
+    "flux_p": (3,),
+    "flux_grad_p": (3, 3),
+}
+assert tuple(_TANGENT) == tuple(f.name for f in fields(MacroTangent))
+
+
+class Forms:
+    """Built and compiled once; what changes are the functions' values and the constant Δt."""
+
+    def __init__(self, space: Space) -> None:
+        self._space, domain = space, space.domain
+        self._slots = None
+        self._functions = {name: self._at_points(shape) for name, shape in {**_RESPONSE, **_TANGENT}.items()}
+        dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": DEGREE, "quadrature_rule": "default"})
+        self._u, self._p = fem.Function(space.V), fem.Function(space.Q)
+        self._build_states()
+        self._build_residual(dx)
+        self._build_tangent(dx)
+
+    def _at_points(self, shape: tuple[int, ...]) -> Any:
+        """A function with values at the quadrature points; UFL takes tensors of rank 3 and 4 as matrices."""
+        flat = shape if len(shape) < 3 else (int(np.prod(shape[:-2])), 9)
+        space = self._space
+        points = compat.function_space(space.domain, compat.quadrature_element(CELL, DEGREE, flat))
+        if self._slots is None:
+            # The same for all shapes: dofmaps of these spaces count points.
+            self._slots = compat.cell_dofs(points.dofmap)[: len(space.cells)][:, space.order].ravel()
+        return fem.Function(points)
+
+    def _build_states(self) -> None:
+        u, p = self._u, self._p
+        grad_u, grad_p = ufl.grad(u), ufl.grad(p)
+        components = [*(grad_u[i, j] for i in range(3) for j in range(3)), p, *(grad_p[i] for i in range(3))]
+        points = compat.quadrature_points(CELL, DEGREE)[self._space.order]
+        self._states = compat.expression(ufl.as_vector(components), points)
+
+    def _build_residual(self, dx: Any) -> None:
+        """Tested with functions that are not joined between elements, so that each element's share is seen."""
+        domain, f = self._space.domain, self._functions
+        v = ufl.TestFunction(compat.function_space(domain, compat.broken_element(CELL, 2, (3,))))
+        s = ufl.TestFunction(compat.function_space(domain, compat.broken_element(CELL, 1)))
+        self._residual = [
+            compat.form(ufl.inner(f["stress"], ufl.grad(v)) * dx),
+            compat.form(f["storage"] * s * dx),
+            compat.form(ufl.dot(f["flux"], ufl.grad(s)) * dx),
+        ]
+
+    def _build_tangent(self, dx: Any) -> None:
+        f, V, Q = self._functions, self._space.V, self._space.Q
+        v, s, du, dp = ufl.TestFunction(V), ufl.TestFunction(Q), ufl.TrialFunction(V), ufl.TrialFunction(Q)
+        self._dt = compat.constant(self._space.domain, 1.0)
+        H = ufl.grad(du)
+        H_row = ufl.as_vector([H[i, j] for i in range(3) for j in range(3)])
+        stress = ufl.dot(f["stress_grad_u"], H_row)
+        stress = ufl.as_matrix([[stress[3 * i + j] for j in range(3)] for i in range(3)])
+        flux_u = ufl.dot(f["flux_grad_u"], H_row)
+        flux_p = f["flux_p"] * dp + ufl.dot(f["flux_grad_p"], ufl.grad(dp))
+        dt, grad_s = self._dt, ufl.grad(s)
+        self._tangent = compat.form(
+            [
+                [ufl.inner(stress, ufl.grad(v)) * dx, ufl.inner(f["stress_p"], ufl.grad(v)) * dp * dx],
+                [
+                    (ufl.inner(f["storage_grad_u"], H) * s - dt * ufl.dot(flux_u, grad_s)) * dx,
+                    (f["storage_p"] * dp * s - dt * ufl.dot(flux_p, grad_s)) * dx,
+                ],
+            ]
+        )
+
+    def _fill(self, name: str, values: Any) -> None:
+        function = self._functions[name]
+        points = len(self._slots)
+        function.x.array.reshape(-1, values[0].size)[self._slots] = values.reshape(points, -1)
+
+    def states(self, x: Any) -> tuple[MacroState, Any]:
+        """H, p and ∇p at the points of this process from its local unknowns."""
+        space = self._space
+        self._u.x.array[:], self._p.x.array[:] = x[space.of_u], x[space.of_p]
+        values = compat.evaluate(self._states, space.domain, space.cells).reshape(-1, 13)
+        grad_u = np.ascontiguousarray(values[:, :9]).reshape(-1, 3, 3)
+        return MacroState(grad_u, values[:, 9].copy()), values[:, 10:].copy()
+
+    def contributions(self, response: MacroResponse) -> tuple[Any, Any, Any]:
+        """∫ P_E:∇N (elements, 81), ∫ Δstorage N and ∫ q·∇N (elements, 8)."""
+        for name in _RESPONSE:
+            self._fill(name, getattr(response, name))
+        forces, stored, moved = (
+            compat.assemble_vector(form).reshape(len(self._space.cells), -1) for form in self._residual
+        )
+        return forces, stored, moved
+
+    def new_matrix(self) -> Any:
+        """For :meth:`assemble`."""
+        return compat.block_matrix(self._tangent)
+
+    def assemble(self, tangent: MacroTangent, dt: float, matrix: Any) -> None:
+        """The derivative of the residual."""
+        for name in _TANGENT:
+            self._fill(name, getattr(tangent, name))
+        self._dt.value = dt
+        compat.assemble_blocks(self._tangent, matrix)

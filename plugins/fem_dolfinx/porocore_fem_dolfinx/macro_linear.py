@@ -1,0 +1,121 @@
+"""PETSc's solver of the coupled linear system; by default MUMPS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from porocore.errors import ConfigurationError
+from porocore.macro.discretisation import StepFailed
+from porocore_fem_dolfinx.petsc_options import SolverOptions, explanation
+
+KEY = "macro.options.petsc"
+DEFAULTS: dict[str, Any] = {
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+}
+#: Of the preconditioned residual, where an iteration is chosen; Newton's method shall not feel it.
+ACCURACY, ITERATIONS = 1e-10, 1000
+#: Of the right-hand side; more is no solution.
+LARGEST_RESIDUAL = 1e-5
+
+
+class LinearSolver:
+    """Solves with the free rows and columns of matrices of one pattern.
+
+    Parameters
+    ----------
+    comm
+        MPI communicator.
+    petsc
+        The user's PETSc options, which go before :data:`DEFAULTS`. A field split finds its fields as ``u`` and ``p``.
+    free : (f,)
+        Which of the rows of this process count, displacements first.
+    is_force : (f,)
+        Whether they are displacements.
+
+    Raises
+    ------
+    ConfigurationError
+        An option is of a kind that PETSc refuses at once.
+    """
+
+    def __init__(self, comm: Any, petsc: Mapping[str, Any], free: Any, is_force: Any) -> None:
+        self._comm, self._free = comm, free
+        self._rows: Any = None
+        self._matrix: Any = None
+        self._options = SolverOptions(DEFAULTS, petsc, KEY)
+        self._ksp = PETSc.KSP().create(comm)
+        self._ksp.setTolerances(rtol=ACCURACY, max_it=ITERATIONS)
+        self._options.apply(self._ksp)
+        if self._ksp.getPC().getType() == "fieldsplit":
+            self._split(is_force)
+
+    def _split(self, is_force: Any) -> None:
+        """Tell the preconditioner which unknowns are displacements."""
+        size, n_u = len(is_force), int(is_force.sum())
+        start = self._comm.scan(size) - size
+        u = PETSc.IS().createStride(n_u, start, 1, comm=self._comm)
+        p = PETSc.IS().createStride(size - n_u, start + n_u, 1, comm=self._comm)
+        self._ksp.getPC().setFieldSplitIS(("u", u), ("p", p))
+
+    @contextmanager
+    def trial(self) -> Iterator[None]:
+        """Around a solve that must succeed unless the options are at fault.
+
+        Raises
+        ------
+        ConfigurationError
+            PETSc refuses an option, makes no use of it, or the chosen solver does not converge.
+        """
+        try:
+            yield
+        except StepFailed as failure:
+            cause = failure.__cause__
+            if isinstance(cause, PETSc.Error):
+                raise self._options.refused(cause) from failure
+            raise ConfigurationError(
+                f"{KEY}: the chosen solver fails on an elastic body: {failure}"
+            ) from failure
+        self._options.check_used()
+
+    def solve(self, matrix: Any, right: Any) -> Any:
+        """x with A x = ``right`` (f,), where A are the free rows and columns of ``matrix``.
+
+        Raises
+        ------
+        StepFailed
+            The matrix is singular, or the iteration does not converge.
+        """
+        if self._rows is None:
+            start = matrix.getOwnershipRange()[0]
+            self._rows = PETSc.IS().createGeneral((start + self._free).astype(np.int32), comm=self._comm)
+        self._matrix = matrix.createSubMatrix(self._rows, self._rows, self._matrix)
+        self._ksp.setOperators(self._matrix)
+        x, b = self._matrix.createVecs()
+        b.array = right
+        norm = b.norm()
+        try:
+            self._ksp.solve(b, x)
+        except PETSc.Error as error:
+            raise StepFailed(f"PETSc: {explanation(error)}") from error
+        reason = self._ksp.getConvergedReason()
+        # The norm is one number for all processes.
+        if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED or not np.isfinite(x.norm()):
+            raise StepFailed("the tangent is singular: the body may not be held against rigid motions")
+        if reason < 0:
+            iterations = self._ksp.getIterationNumber()
+            raise StepFailed(f"PETSc's solver stopped for reason {reason} after {iterations} iterations")
+        self._matrix.multAdd(-x, b, b)
+        left = b.norm()
+        if left > LARGEST_RESIDUAL * norm:
+            raise StepFailed(
+                f"PETSc's solution is off by {left / norm:.1g} of the right-hand side: the body may not be held "
+                "against rigid motions, or the solver is not for this matrix, which is not symmetric"
+            )
+        return x.array.copy()

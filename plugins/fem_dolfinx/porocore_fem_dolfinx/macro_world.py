@@ -1,0 +1,82 @@
+"""The MPI processes that solve one macro problem together."""
+
+from __future__ import annotations
+
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from porocore.errors import PorocoreError, SolveError
+from porocore.parallel import T, World
+
+#: Seconds that a process which has failed waits for the others to fail alike.
+PATIENCE = 10.0
+
+
+class MpiWorld(World):
+    """All processes of a communicator."""
+
+    def __init__(self, comm: Any) -> None:
+        self.comm, self.rank, self.size = comm, comm.rank, comm.size
+
+    def first(self, action: Callable[[], T]) -> T:
+        """On process 0; the value or the exception is sent to all."""
+        outcome: Any = None
+        if self.rank == 0:
+            try:
+                outcome = action(), None
+            except Exception as error:  # noqa: BLE001 - raised below, on every process
+                outcome = None, error
+        value, error = self.comm.bcast(outcome, root=0)
+        if error is not None:
+            raise error
+        return value
+
+    def total(self, value: Any) -> Any:
+        """Sum over the processes."""
+        if not isinstance(value, np.ndarray):
+            return self.comm.allreduce(value, op=MPI.SUM)
+        mine = np.ascontiguousarray(value)
+        whole = np.empty_like(mine)
+        self.comm.Allreduce(mine, whole, op=MPI.SUM)
+        return whole
+
+    def largest(self, value: float) -> float:
+        """Over the processes."""
+        return float(self.comm.allreduce(value, op=MPI.MAX))
+
+    @contextmanager
+    def united(self) -> Iterator[None]:
+        """An error of all is raised on all; one that leaves others waiting is told here and ends all processes."""
+        failure: BaseException | None = None
+        try:
+            yield
+        except BaseException as error:  # noqa: BLE001 - raised below, once the others have been heard
+            failure = error
+        meeting = self.comm.Ibarrier()
+        since = time.monotonic()
+        while not meeting.Test():
+            if failure is not None and time.monotonic() - since > PATIENCE:
+                self._end_all(failure)
+            time.sleep(0.001)
+        said = self.comm.allgather(None if failure is None else f"{type(failure).__name__}: {failure}")
+        if failure is not None:
+            raise failure
+        for rank, text in enumerate(said):
+            if text is not None:
+                raise SolveError(f"process {rank} of {self.size} failed alone ({text})")
+
+    def _end_all(self, failure: BaseException) -> None:
+        if isinstance(failure, PorocoreError):
+            text = f"error: process {self.rank} of {self.size}: {failure}\n"
+        else:
+            text = "".join(traceback.format_exception(failure))
+        sys.stderr.write(text)
+        sys.stderr.flush()
+        self.comm.Abort(2)
