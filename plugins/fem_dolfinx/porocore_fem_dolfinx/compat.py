@@ -71,7 +71,7 @@ logging.getLogger("FFCx").setLevel(logging.ERROR)
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """No lines of the C compiler's driver, which logs to the root logger, and no warnings about FFCx's and UFL's code."""
+    """No lines of the C compiler's driver, which logs to the root logger, nor warnings about FFCx's own code."""
     root = logging.getLogger()
     before = root.level
     root.setLevel(logging.ERROR)
