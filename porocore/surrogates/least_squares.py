@@ -1,0 +1,185 @@
+"""Polynomials fitted to values and slopes together, their degree chosen by cross-validation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.states import Array
+from porocore.surrogates.monomials import IntArray, Polynomial, exponents_up_to
+from porocore.surrogates.terms import Terms
+
+#: A fit with fewer equations for each coefficient than this can go astray without a sign in its residual.
+EQUATIONS_PER_TERM = 2
+RIDGE = 1e-10
+LARGEST_DEGREE = 12
+FOLDS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """What is to be fitted, o quantities at n states.
+
+    Attributes
+    ----------
+    y : (7, n)
+        Variables.
+    value : (o, n), slopes : (o, 7, n)
+        Quantities and derivatives.
+    value_scale : (o,), slope_scale : (o, 7)
+        What errors are divided by; infinite for a derivative that is not to be fitted.
+    """
+
+    y: Array
+    value: Array
+    slopes: Array
+    value_scale: Array
+    slope_scale: Array
+
+    def subset(self, rows: Array) -> Samples:
+        """Some of the states."""
+        return Samples(
+            self.y[:, rows], self.value[:, rows], self.slopes[:, :, rows], self.value_scale, self.slope_scale
+        )
+
+    @property
+    def fitted(self) -> Array:
+        """Which derivatives count, (7,) bool."""
+        finite: Array = np.isfinite(self.slope_scale).any(axis=0)
+        return finite
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted polynomial in terms.
+
+    Attributes
+    ----------
+    polynomial
+        In the terms; o outputs.
+    degree
+        Largest weight of a monomial.
+    errors
+        Cross-validated error of each degree that was tried: root mean square of the scaled slopes' errors.
+    """
+
+    polynomial: Polynomial
+    degree: int
+    errors: dict[int, float]
+
+
+def fit(samples: Samples, terms: Terms, lowest: int, *, degree: int | None = None) -> Fit:
+    """Monomials of weight ``lowest`` … degree; without ``degree`` that of the smallest cross-validated error.
+
+    No more monomials are tried than leave two equations for each. With too few equations for any, the
+    polynomial is zero (degree ``lowest`` − 1).
+    """
+    n = samples.value.shape[1]
+    equations = n * (1 + int(samples.fitted.sum()))
+    degrees = [lowest - 1]
+    for candidate in range(lowest, LARGEST_DEGREE + 1):
+        if len(exponents_up_to(terms.weights, lowest, candidate)) * EQUATIONS_PER_TERM > equations:
+            break
+        degrees.append(candidate)
+    if degree is not None:
+        degrees = [degree] if degree in degrees else [degrees[-1]]
+    errors: dict[int, float] = {}
+    if len(degrees) > 1:
+        folds = np.arange(n) % min(FOLDS, n)
+        for candidate in degrees:
+            exponents = exponents_up_to(terms.weights, lowest, candidate)
+            if len(exponents) * EQUATIONS_PER_TERM > equations * (1 - 1 / FOLDS):
+                break
+            squares = 0.0
+            for fold in range(int(folds.max()) + 1):
+                test = samples.subset(np.flatnonzero(folds == fold))
+                trained = _solve(samples.subset(np.flatnonzero(folds != fold)), terms, exponents)
+                squares += _error(test, terms, trained)
+            errors[candidate] = float(np.sqrt(squares / n))
+        best = min(errors, key=lambda d: errors[d])
+    else:
+        best = degrees[0]
+    return Fit(_solve(samples, terms, exponents_up_to(terms.weights, lowest, best)), best, errors)
+
+
+def composed(terms: Terms, polynomial: Polynomial) -> Callable[[Array], tuple[Array, Array, Array]]:
+    """y (7, n) → values (o, n), gradients (o, 7, n) and Hessians (o, 7, 7, n) of a polynomial in terms."""
+
+    def evaluate(y: Array) -> tuple[Array, Array, Array]:
+        t, J, H = terms.polynomial.derivatives(y)
+        assert H is not None
+        value, by_t, by_tt = polynomial.derivatives(t)
+        assert by_tt is not None
+        if terms.name == "plain":
+            return value, *_scattered(terms, by_t, by_tt, y.shape)
+        gradient = np.einsum("otn,tan->oan", by_t, J)
+        J_rows = np.ascontiguousarray(np.moveaxis(J, -1, 0))
+        hessian = np.empty((len(value), 7, 7, y.shape[1]))
+        for o in range(len(value)):
+            pushed = J_rows.swapaxes(1, 2) @ np.moveaxis(by_tt[o], -1, 0) @ J_rows
+            hessian[o] = np.moveaxis(pushed, 0, -1)
+            for k in range(len(t)):
+                for a in range(7):
+                    for b in range(7):
+                        if H[k, a, b].any():
+                            hessian[o, a, b] += by_t[o, k] * H[k, a, b]
+        return value, gradient, hessian
+
+    return evaluate
+
+
+def _scattered(terms: Terms, by_t: Array, by_tt: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
+    active = [int(np.argmax(e)) for e in terms.polynomial.exponents]
+    o = len(by_t)
+    gradient, hessian = np.zeros((o, 7, shape[1])), np.zeros((o, 7, 7, shape[1]))
+    gradient[:, active] = by_t
+    for a, i in enumerate(active):
+        for b, j in enumerate(active):
+            hessian[:, i, j] = by_tt[:, a, b]
+    return gradient, hessian
+
+
+def _design(samples: Samples, terms: Terms, exponents: IntArray) -> tuple[Array, Array]:
+    """Values (K, n) and slopes (K, 7, n) of each monomial."""
+    t, J, _ = terms.polynomial.derivatives(samples.y, second=False)
+    value, by_t, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
+    return value, np.einsum("ktn,tan->kan", by_t, J)
+
+
+def _solve(samples: Samples, terms: Terms, exponents: IntArray) -> Polynomial:
+    outputs = len(samples.value)
+    if not len(exponents):
+        return Polynomial(exponents, np.zeros((outputs, 0)))
+    value, slopes = _design(samples, terms, exponents)
+    coefficients = np.empty((outputs, len(exponents)))
+    for o in range(outputs):
+        kept = np.isfinite(samples.slope_scale[o])
+        scale = samples.slope_scale[o, kept][:, None]
+        rows = np.concatenate(
+            [value / samples.value_scale[o], (slopes[:, kept] / scale).reshape(len(exponents), -1)], axis=1
+        ).T
+        right = np.concatenate(
+            [samples.value[o] / samples.value_scale[o], (samples.slopes[o, kept] / scale).ravel()]
+        )
+        size = np.sqrt((rows**2).sum(axis=0))
+        size[size == 0] = 1.0
+        # A ridge, as further equations: columns that the samples do not move stay small.
+        ridge = np.sqrt(RIDGE) * np.eye(len(size))
+        solution = np.linalg.lstsq(
+            np.concatenate([rows / size, ridge]), np.concatenate([right, np.zeros(len(size))]), rcond=None
+        )[0]
+        coefficients[o] = solution / size
+    return Polynomial(exponents, coefficients)
+
+
+def _error(samples: Samples, terms: Terms, polynomial: Polynomial) -> float:
+    """Sum over the states of the mean square of the scaled errors of the slopes."""
+    t, J, _ = terms.polynomial.derivatives(samples.y, second=False)
+    _, by_t, _ = polynomial.derivatives(t, second=False)
+    wrong = np.einsum("otn,tan->oan", by_t, J) - samples.slopes
+    scaled = np.where(
+        np.isfinite(samples.slope_scale)[:, :, None], wrong / samples.slope_scale[:, :, None], 0.0
+    )
+    return float((scaled**2).sum() / max(np.isfinite(samples.slope_scale).sum(), 1))

@@ -1,0 +1,127 @@
+"""Feed-forward networks with exact first and second derivatives, in numpy."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from porocore.states import Array
+
+ACTIVATIONS = ("sigmoid", "tanh", "softplus")
+
+
+class Evaluator(Protocol):
+    """Whatever evaluates a network: numpy here, torch or jax in a plugin."""
+
+    def evaluate(self, x: Array) -> Array:
+        """Values (n, o) at x (n, d)."""
+
+    def slopes(self, x: Array) -> tuple[Array, Array]:
+        """Values (n, o) and ∂N_o/∂x_k (d, n, o), the input first."""
+
+    def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
+        """Of a network with one output: value (n,), gradient (d, n) and Hessian (d, d, n)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """N(x) = W_L a_{L-1} + b_L, a_l = σ(W_l a_{l-1} + b_l), a_0 = x, for rows x of d inputs; an :class:`Evaluator`.
+
+    Attributes
+    ----------
+    activation : {"sigmoid", "tanh", "softplus"}
+        σ of the hidden layers.
+    weights
+        W_l (width of layer l, width of the layer before).
+    biases
+        b_l (width of layer l).
+    """
+
+    activation: str
+    weights: tuple[Array, ...]
+    biases: tuple[Array, ...]
+
+    def __post_init__(self) -> None:
+        if self.activation not in ACTIVATIONS:
+            raise ValueError(f"expected an activation of {', '.join(ACTIVATIONS)}, got {self.activation!r}")
+        widths = [w.shape for w in self.weights]
+        if any(a[0] != b[1] for a, b in itertools.pairwise(widths)) or any(
+            b.shape != w[:1] for b, w in zip(self.biases, widths, strict=True)
+        ):
+            raise ValueError(f"layers of shapes {widths} do not fit together")
+
+    def evaluate(self, x: Array) -> Array:
+        """See :class:`Evaluator`."""
+        a = x
+        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            a = _activate(self.activation, a @ W.T + b, 0)[0]
+        values: Array = a @ self.weights[-1].T + self.biases[-1]
+        return values
+
+    def slopes(self, x: Array) -> tuple[Array, Array]:
+        """See :class:`Evaluator`; pushed forward from layer to layer."""
+        d, n = x.shape[1], len(x)
+        a, J = x, np.repeat(np.eye(d)[:, None, :], n, axis=1)
+        for layer, (W, b) in enumerate(zip(self.weights, self.biases, strict=True)):
+            if layer:
+                a, slope, _ = _activate(self.activation, a, 1)
+                J *= slope
+            a = a @ W.T + b
+            J = (
+                np.repeat(W.T[:, None, :], n, axis=1)
+                if not layer
+                else (J.reshape(d * n, -1) @ W.T).reshape(d, n, -1)
+            )
+        return a, J
+
+    def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
+        """See :class:`Evaluator`.
+
+        With J_l = ∂z_l/∂x and δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″(z_l)) J_l.
+        """
+        d, n = x.shape[1], len(x)
+        a, J = x, np.zeros((d, 0, 0))
+        layers = []
+        for layer, (W, b) in enumerate(zip(self.weights, self.biases, strict=True)):
+            z = a @ W.T + b
+            J = (
+                np.repeat(W.T[:, None, :], n, axis=1)
+                if not layer
+                else (J.reshape(d * n, -1) @ W.T).reshape(d, n, -1)
+            )
+            if layer == len(self.weights) - 1:
+                break
+            a, slope, curvature = _activate(self.activation, z, 2)
+            layers.append((J, slope, curvature))
+            J = J * slope
+        hessian = np.zeros((d, d, n))
+        delta = np.repeat(self.weights[-1], n, axis=0)  # ∂N/∂a of the last hidden layer, (n, width)
+        for index in range(len(layers) - 1, -1, -1):
+            J_l, slope, curvature = layers[index]
+            weighted = J_l * (delta * curvature)
+            for i in range(d):
+                for j in range(i, d):
+                    hessian[i, j] += np.einsum("nw,nw->n", weighted[i], J_l[j])
+            if index:
+                delta = (delta * slope) @ self.weights[index]
+        for i in range(d):
+            for j in range(i):
+                hessian[i, j] = hessian[j, i]
+        return z[:, 0], J[:, :, 0], hessian
+
+
+def _activate(name: str, z: Array, order: int) -> tuple[Array, Array, Array]:
+    """σ(z) and, up to ``order``, σ′ and σ″."""
+    none = np.empty(0)
+    if name == "tanh":
+        a = np.tanh(z)
+        slope = 1 - a * a if order else none
+        return a, slope, -2 * a * slope if order > 1 else none
+    s = (1 + np.tanh(z / 2)) / 2  # does not overflow, however negative z is
+    slope = s * (1 - s) if order else none
+    if name == "sigmoid":
+        return s, slope, slope * (1 - 2 * s) if order > 1 else none
+    return np.logaddexp(0, z), s, slope if order > 1 else none

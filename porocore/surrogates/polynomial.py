@@ -1,0 +1,90 @@
+"""Fitting the polynomial parts of a potential model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.interfaces.surrogate import TrainingSet
+from porocore.sampled_range import SampledRange
+from porocore.states import Array
+from porocore.surrogates.least_squares import Fit, Samples, fit
+from porocore.surrogates.monomials import Polynomial
+from porocore.surrogates.potential import PotentialModel, mean_grad_terms
+from porocore.surrogates.potential_data import PotentialData
+from porocore.surrogates.terms import Terms, cubic, plain
+
+#: More variables than this are combined by the cell's symmetry, where it has one.
+MOST_PLAIN = 3
+#: A component of <∇u¹>_s whose remainder stays below this share of the largest one is not learned.
+SMALLEST_SHARE = 1e-6
+
+
+def terms_for(data: PotentialData) -> Terms:
+    """The variables of a problem with few, else combinations with the symmetry of the cube if the cell has it."""
+    if len(data.active) > MOST_PLAIN and data.rest.cubic:
+        return cubic()
+    return plain(data.active)
+
+
+def fit_potential(data: PotentialData, terms: Terms, degree: int | None = None) -> Fit:
+    """What W₂ leaves over of W, from third order on."""
+    value, gradient = data.remainder
+    scale = data.scales[1:].copy()
+    if terms.name == "plain":
+        scale[[a for a in range(7) if a not in data.active]] = np.inf
+    samples = Samples(data.y, value[None], gradient[None], data.scales[:1], scale[None])
+    return fit(samples, terms, 3, degree=degree)
+
+
+def fit_mean_grad(data: PotentialData) -> Polynomial:
+    """What the linear limit leaves over of Rᵀ<∇u¹>_s, from second order on, (9 outputs)."""
+    value = data.mean_grad - data.rest.mean_grad @ data.y
+    slopes = data.mean_grad_slopes - data.rest.mean_grad[:, :, None]
+    largest = np.abs(value).max(axis=1)
+    learned = np.flatnonzero(largest > max(SMALLEST_SHARE * largest.max(), 1e-12))
+    terms = mean_grad_terms(data.active)
+    still = [a for a in range(7) if a not in data.active]
+    scale = np.maximum(slopes.std(axis=2), 1e-3 * np.abs(slopes).max())
+    scale[:, still] = np.inf
+    if not len(learned):
+        return Polynomial(np.zeros((0, len(data.active)), dtype=np.int64), np.zeros((9, 0)))
+    samples = Samples(
+        data.y, value[learned], slopes[learned], value[learned].std(axis=1) + 1e-300, scale[learned]
+    )
+    part = fit(samples, terms, 2).polynomial
+    coefficients = np.zeros((9, len(part.exponents)))
+    coefficients[learned] = part.coefficients
+    return Polynomial(part.exponents, coefficients)
+
+
+def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[PotentialModel, Fit]:
+    """A potential without a network.
+
+    Raises
+    ------
+    DataError
+        A response is missing, or too few states are stable.
+    """
+    data = PotentialData.of(training)
+    terms = terms_for(data)
+    found = fit_potential(data, terms, degree)
+    return (
+        PotentialModel(
+            data.rest,
+            terms,
+            found.polynomial,
+            None,
+            fit_mean_grad(data),
+            data.active,
+            sampled_range(training),
+        ),
+        found,
+    )
+
+
+def sampled_range(training: TrainingSet) -> SampledRange:
+    """Hull of the states that a potential learns from."""
+    stable: Array = training.responses.status == 0
+    return SampledRange.around(
+        training.inputs, training.inputs.gather(training.states[np.flatnonzero(stable)])
+    )
