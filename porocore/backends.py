@@ -22,7 +22,7 @@ def make_backend(kind: Kind, config: RunConfig) -> Any:
     name = backend_name(kind, config)
     options: dict[str, Any] = {
         "cell solver": config.fem.options,
-        "macro solver": {},
+        "macro solver": config.macro.options,
         "sampler": config.sampling.sampler_options(),
         "surrogate": config.surrogate.options,
     }[kind]

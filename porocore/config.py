@@ -108,6 +108,8 @@ class MacroSettings(MacroSetup):
     """The macroscale set-up and the loads under which it is solved."""
 
     loads: Annotated[tuple[float, ...], Field(min_length=1)]
+    options: dict[str, Any] = Field(default={})
+    """Of the backend's macro solver; they change how the equations are solved, not the solution."""
 
     @field_validator("loads")
     @classmethod
@@ -159,6 +161,7 @@ class RunConfig(_Section):
         update: dict[str, Any] = {}
         if fem is not None and fem != self.fem.backend:
             update["fem"] = FemSettings(backend=fem)
+            update["macro"] = self.macro.model_copy(update={"options": {}})
         if surrogate is not None and surrogate != self.surrogate.backend:
             update["surrogate"] = SurrogateSettings(backend=surrogate, seed=self.surrogate.seed)
         return self.model_copy(update=update)
@@ -170,7 +173,7 @@ class RunConfig(_Section):
     # Not a cached property: model_copy would carry the cache over to a changed configuration.
     @property
     def stages(self) -> StageIdentities:
-        """Identity of each stage; the number of workers and the title belong to none."""
+        """Identity of each stage; title, number of workers and macro.options belong to none."""
         inputs = [(name, swept.model_dump()) for name, swept in self.sampling.inputs.items()]
         cell = _hash(self.cell.model_dump(), self.fem.model_dump())
         how = self.sampling.model_dump(include={"sampler", "tolerance", "options"})
@@ -178,7 +181,7 @@ class RunConfig(_Section):
         ranges = [(name, swept.range) for name, swept in self.sampling.inputs.items()]
         test = _hash(cell, ranges, self.sampling.test.model_dump())
         training = _hash(sampling, self.surrogate.model_dump())
-        macro = _hash(training, self.closure, self.macro.model_dump())
+        macro = _hash(training, self.closure, self.macro.model_dump(exclude={"options"}))
         return StageIdentities(cell, sampling, test, training, macro)
 
     @property

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -63,14 +64,11 @@ class World:
     @contextmanager
     def holding(self, resource: Any) -> Iterator[None]:
         """Within a context manager such as a locked folder, which process 0 alone enters and leaves."""
-        with self.united():
-            self.first(lambda: _entered(resource))
-            try:
-                yield
-            finally:
-                if self.rank == 0:
-                    resource.__exit__(None, None, None)
+        with self.united(), ExitStack() as stack:
+            self.first(partial(_enter, stack, resource))
+            yield
 
 
-def _entered(resource: Any) -> None:
-    resource.__enter__()
+def _enter(stack: ExitStack, resource: Any) -> None:
+    # What the resource returns stays here: the value of an action is sent to all processes.
+    stack.enter_context(resource)

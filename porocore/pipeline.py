@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -106,23 +108,34 @@ def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
     folder.training_checkpoint.unlink(missing_ok=True)
 
 
-def solve(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
-    """Solve the macro problem under every load, with the closed surrogate and linearly."""
+def solve(
+    folder: RunFolder,
+    config: RunConfig,
+    *,
+    console: Console,
+    solver: MacroSolver | None = None,
+    backend: str | None = None,
+) -> None:
+    """Solve the macro problem under every load, with the closed surrogate and linearly.
+
+    With ``solver``, which ``backend`` names, solutions of other backends are replaced; without, the configured one
+    solves what is missing. Where several processes share a solver, all of them call this.
+    """
     laws = macro_laws(folder, config)
-    solver: MacroSolver = make_backend("macro solver", config)
+    if solver is None:
+        solver = make_backend("macro solver", config)
+    world = solver.world
     for load in config.macro.loads:
         prepared = None
         for name, law in laws.items():
             path = folder.solution(name, load)
-            if path.exists():
-                load_solution(folder, name, load)
-                console.note(f"solving: {path.name} is there already")
+            if world.first(partial(_is_solved, folder, name, load, backend, console)):
                 continue
             if prepared is None:
                 prepared = solver.prepare(config.macro.problem(load))
             checkpoint = folder.macro_checkpoint(name, load)
             with (
-                timed(folder.timings, f"macro, {name}, load {load:g}"),
+                world.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
                 console.task(f"column, {name}, load {load:g}", "time") as task,
             ):
 
@@ -130,8 +143,24 @@ def solve(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
                     task.update(round(step.time, 6), step.end, detail=f"settlement {step.settlement:.4g}")
 
                 solution = solver.solve(prepared, law, checkpoint=checkpoint, on_step=show)
-                solution.save(path)
-            checkpoint.unlink(missing_ok=True)
+                solution = replace(solution, backend=backend or config.fem.backend)
+                world.first(partial(solution.save, path))
+            world.first(partial(checkpoint.unlink, missing_ok=True))
+
+
+def _is_solved(folder: RunFolder, law: str, load: float, backend: str | None, console: Console) -> bool:
+    """Whether there is a solution that may stay."""
+    path = folder.solution(law, load)
+    if not path.exists():
+        return False
+    found = load_solution(folder, law, load)
+    if backend is None or found.backend == backend:
+        console.note(f"solving: {path.name} is there already")
+        return True
+    console.note(
+        f"solving: {path.name} is of {found.backend or 'another backend'}; solved again with {backend}"
+    )
+    return False
 
 
 def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:

@@ -79,6 +79,8 @@ class MacroSolution:
         Nodes of the quadratic mesh.
     cells : (elements, 27)
         Triquadratic hexahedra in VTK order.
+    backend
+        Name of the macro solver, where it is known.
     """
 
     law: str
@@ -87,11 +89,13 @@ class MacroSolution:
     cells: npt.NDArray[np.int64]
     history: History
     profiles: tuple[Profile, ...]
+    backend: str = ""
 
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically."""
         with atomic_hdf5(path) as file:
             file.attrs.update(format="porocore-solution", version=1, law=self.law, load=self.load)
+            file.attrs["backend"] = self.backend
             file["points"], file["cells"] = self.points, self.cells
             for f in fields(History):
                 file[f"history/{f.name}"] = getattr(self.history, f.name)
@@ -123,6 +127,7 @@ class MacroSolution:
                     np.asarray(file["cells"]),
                     History(**{f.name: np.asarray(file[f"history/{f.name}"]) for f in fields(History)}),
                     tuple(profiles),
+                    str(file.attrs.get("backend", "")),
                 )
         except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
             raise DataError(

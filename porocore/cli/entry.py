@@ -15,6 +15,7 @@ import typer
 from porocore.cli import cell, crosscheck, plugins, study
 from porocore.cli.common import Interrupted
 from porocore.errors import PorocoreError
+from porocore.parallel import launched
 
 HELP = """
 Two-scale finite-strain poroelasticity.
@@ -72,13 +73,23 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
+#: Commands whose work several MPI processes can share.
+_SHARED = ("solve",)
+
+
 @app.callback()
 def _options(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and end.")
     ] = False,
 ) -> None:
-    pass
+    _, size = launched()
+    if size > 1 and context.invoked_subcommand not in _SHARED:
+        raise PorocoreError(
+            f"'porocore {context.invoked_subcommand}' was started as {size} MPI processes, which would do the same "
+            "work side by side; start it without mpirun (only 'porocore solve' shares its work)"
+        )
 
 
 def main() -> None:
@@ -99,6 +110,8 @@ def main() -> None:
 
 
 def _stop(message: str, status: int, label: str = "error: ") -> NoReturn:
+    if launched()[0] > 0:  # one message of several processes
+        sys.exit(status)
     lines = message.splitlines()
     if len(lines) > 1:
         message = "\n  ".join([f"{len(lines)} faults", *lines])

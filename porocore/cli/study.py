@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -101,22 +102,44 @@ def train(run: RunArgument) -> None:
     typer.echo(folder.surrogate)
 
 
-def solve(run: RunArgument) -> None:
+def solve(run: RunArgument, fem: FemOption = None) -> None:
     """Solve the macroscopic problem, with the surrogate and linearly.
 
-    Prints the paths of the solutions.
+    Prints the paths of the solutions. Those that are there already stay; with --fem NAME, those of another
+    backend are replaced, while cell and surrogate remain as they are. A solve that was interrupted is continued
+    by any backend. With a backend that can, several processes share the work: mpirun -n 2 porocore solve RUN
+    --fem dolfinx.
     """
+    from porocore import backends, parallel
+    from porocore.registry import registry
+
     folder = _open(run)
     folder.require(folder.dataset, "sample")
     folder.require(folder.surrogate, "train")
-    console = Console()
-    with interruptible(command("solve", run)), folder:
-        from porocore import pipeline
+    config = folder.config.with_backends(fem)
+    rank, size = parallel.launched()
+    if size > 1 and not registry().get("macro solver", config.fem.backend).distributed:
+        raise PluginError(
+            f"macro solver '{config.fem.backend}' cannot share its work among {size} MPI processes; "
+            "start it without mpirun, or choose one that can, such as --fem dolfinx"
+        )
+    solver = backends.make_backend("macro solver", config)
+    if solver.world.size != size:
+        raise PluginError(
+            f"{size} processes were started, but the MPI of macro solver '{config.fem.backend}' knows of "
+            f"{solver.world.size}; start them with the mpirun of that MPI"
+        )
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+        console = Console(nowhere if rank else None)
+        again = ["--fem", fem] if fem else []
+        with interruptible(command("solve", run, *again)), solver.world.holding(folder):
+            from porocore import pipeline
 
-        pipeline.solve(folder, folder.config, console=console)
-    console.note(f"next: {command('report', run)}")
-    for path in folder.solutions():
-        typer.echo(path)
+            pipeline.solve(folder, folder.config, console=console, solver=solver, backend=fem)
+        console.note(f"next: {command('report', run)}")
+    if rank == 0:
+        for path in folder.solutions():
+            typer.echo(path)
 
 
 def report(run: RunArgument) -> None:
@@ -149,7 +172,7 @@ def _claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> R
 
 
 def _check_backends(path: Path, settings: RunConfig, *needed: Kind) -> None:
-    """Refuse missing backends and options that cannot be used before a folder is bound to the configuration at ``path``.
+    """Refuse missing backends and unusable options before a folder is bound to the configuration at ``path``.
 
     A backend that only a later stage needs may be installed elsewhere; if it is here, its options are tried now.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import monotonic
 
@@ -62,7 +63,7 @@ def march(
         stepper.accept()
         if checkpoint is not None:
             # The clocks of two processes differ, so one of them decides.
-            late = world.first(lambda since=written: monotonic() - since >= checkpoint_seconds)  # type: ignore[misc]
+            late = world.first(partial(_is_late, written + checkpoint_seconds))
             if stepper.done or late:
                 checkpoints.save(checkpoint, owner, stepper, d, x, memory, record)
                 written = monotonic()
@@ -70,3 +71,7 @@ def march(
             settlement = float(record.column("settlement")[-1])
             on_step(StepReport(time, problem.time.end, step.iterations, settlement))
     return record.solution(d, law.name)
+
+
+def _is_late(due: float) -> bool:
+    return monotonic() >= due

@@ -43,7 +43,7 @@ def pipeline(monkeypatch):
     fake.calls = []
 
     def stage(name, files):
-        def call(folder, config, *, console):
+        def call(folder, config, *, console, **others):
             fake.calls.append((name, folder.path, config))
             for file in files(folder):
                 file.parent.mkdir(exist_ok=True)

@@ -110,7 +110,10 @@ class LinearSolver:
             raise StepFailed("the tangent is singular: the body may not be held against rigid motions")
         if reason < 0:
             iterations = self._ksp.getIterationNumber()
-            raise StepFailed(f"PETSc's solver stopped for reason {reason} after {iterations} iterations")
+            raise StepFailed(
+                f"PETSc's solver stopped for reason {reason} after {iterations} iterations: the body may not be held "
+                "against rigid motions, or the solver is not for this matrix"
+            )
         self._matrix.multAdd(-x, b, b)
         left = b.norm()
         if left > LARGEST_RESIDUAL * norm:

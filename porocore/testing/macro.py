@@ -1,0 +1,23 @@
+"""The laws that every macro solver obeys, as tests that a plugin author subclasses.
+
+.. code-block:: python
+
+    class TestMyMacroSolver(MacroSolverConformance):
+        @classmethod
+        def make_solver(cls, **options):
+            return MyMacroSolver(**options)
+"""
+
+from __future__ import annotations
+
+from porocore.testing.macro_histories import Histories
+from porocore.testing.macro_runs import Runs
+from porocore.testing.macro_states import KnownStates
+
+
+class MacroSolverConformance(KnownStates, Histories, Runs):
+    """Subclass it, name the class ``Test…`` and give it ``make_solver``.
+
+    It expects that :meth:`~porocore.MacroSolver.prepare` returns a ``porocore.macro`` discretisation, that the
+    solver runs on one process, and that it takes the option ``checkpoint_seconds``.
+    """

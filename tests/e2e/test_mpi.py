@@ -1,0 +1,159 @@
+"""Several MPI processes: the same history, one voice, and a clear word from what cannot share its work."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from dataclasses import fields
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+from study import ENVIRONMENT, LOADS, POROCORE, contents, fingerprint, message, porocore, succeeded
+
+from porocore.solution import History, MacroSolution, Profile
+
+MPIRUN = shutil.which("mpirun")
+if not os.environ.get("CI"):
+    if MPIRUN is None:
+        pytest.skip("mpirun is missing", allow_module_level=True)
+    if not find_spec("dolfinx"):
+        pytest.skip("dolfinx is not installed", allow_module_level=True)
+# One worker: on two cores two runs of two processes would wait for one another.
+pytestmark = pytest.mark.xdist_group("mpi")
+NAMES = [f"{law}_load{load!r}.h5" for law in ("mean-gradient", "linear") for load in LOADS]
+
+
+def mpirun(processes, *words):
+    """The command on so many processes, more than there are cores if need be, and that as root, too."""
+    allowed = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    return subprocess.run(
+        [MPIRUN, "--oversubscribe", "-n", str(processes), str(POROCORE), *map(str, words)],
+        env=ENVIRONMENT | allowed | {"OMPI_MCA_mpi_yield_when_idle": "1"},
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
+
+
+def said(done):
+    """What porocore wrote to standard error; mpirun adds its own lines after a failure."""
+    return done.stderr.split(
+        "\n--------------------------------------------------------------------------\n"
+    )[0]
+
+
+def solution(folder, name):
+    return MacroSolution.load_file(folder / "solutions" / name)
+
+
+def assert_same(found, expected, accuracy):
+    for field in fields(History):
+        mine, theirs = (getattr(one.history, field.name) for one in (found, expected))
+        scale = abs(theirs).max() if field.name != "stress_spread" else abs(expected.load)
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=accuracy * scale, err_msg=field.name)
+    for one, other in zip(found.profiles, expected.profiles, strict=True):
+        for field in fields(Profile):
+            mine, theirs = getattr(one, field.name), getattr(other, field.name)
+            scale = max(np.abs(theirs).max(), abs(expected.load))
+            np.testing.assert_allclose(mine, theirs, rtol=0, atol=accuracy * scale, err_msg=field.name)
+
+
+@pytest.fixture(scope="module")
+def one_and_two(finished, tmp_path_factory):
+    """Folders solved with dolfinx on one process and on two, and what the command said."""
+    folders = []
+    for processes in (1, 2):
+        folder = tmp_path_factory.mktemp("mpi") / "run"
+        shutil.copytree(finished, folder)
+        shutil.rmtree(folder / "solutions")
+        folders.append((folder, mpirun(processes, "solve", folder, "--fem", "dolfinx")))
+    return folders
+
+
+def test_two_processes_give_the_history_of_one_and_of_scikit_fem(one_and_two, finished):
+    (one, first), (two, second) = one_and_two
+    assert first.returncode == 0, first.stderr
+    assert second.returncode == 0, second.stderr
+    for name in NAMES:
+        assert_same(solution(two, name), solution(one, name), 1e-9)
+        # The trained surrogate, solved by both backends.
+        assert_same(solution(two, name), solution(finished, name), 1e-6)
+        assert solution(two, name).backend == "dolfinx"
+        assert solution(finished, name).backend == "skfem"
+
+
+def test_one_process_prints_and_the_folder_is_left_tidy(one_and_two):
+    (one, first), (two, second) = one_and_two
+    for folder, done in ((one, first), (two, second)):
+        assert [os.path.basename(line) for line in done.stdout.splitlines()] == [
+            f"{law}_load{load!r}.h5" for load in LOADS for law in ("mean-gradient", "linear")
+        ]
+        assert done.stderr.count("next: porocore report") == 1
+        for load in LOADS:
+            assert done.stderr.count(f"column, linear, load {load:g}: ") == 1
+        assert not list((folder / "checkpoints").iterdir())
+        assert not [path for path in folder.rglob("*") if path.name.endswith(".part")]
+
+
+def test_solutions_of_another_backend_are_replaced_only_on_demand(a_copy):
+    run = a_copy(*(f"solutions/{name}" for name in NAMES[1:]))
+    before = contents(run / "solutions" / NAMES[0])
+    done = porocore("solve", run)
+    assert f"{NAMES[0]} is there already" in done.stderr
+    assert contents(run / "solutions" / NAMES[0]) == before
+    done = porocore("solve", run, "--fem", "dolfinx")
+    succeeded(done)
+    assert f"{NAMES[0]} is of skfem; solved again with dolfinx" in done.stderr
+    assert solution(run, NAMES[0]).backend == "dolfinx"
+    assert porocore("solve", run).stderr.count("is there already") == 4
+    assert porocore("solve", run, "--fem", "dolfinx").stderr.count("is there already") == 4
+
+
+def test_a_backend_that_cannot_share_its_work_says_so_once(finished):
+    before = fingerprint(finished)
+    done = mpirun(2, "solve", finished)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert said(done).count("error: ") == 1
+    assert "macro solver 'skfem' cannot share its work among 2 MPI processes" in said(done)
+    assert "Traceback" not in done.stderr
+    assert fingerprint(finished) == before
+
+
+@pytest.mark.parametrize("command", ["run", "sample", "train", "report"])
+def test_commands_that_do_not_share_say_so_once(study, finished, tmp_path, command):
+    out = tmp_path / "run"
+    words = [study, "--out", out] if command in ("run", "sample") else [finished]
+    done = mpirun(2, command, *words)
+    assert done.returncode == 2
+    assert said(done).count("error: ") == 1
+    assert f"'porocore {command}' was started as 2 MPI processes" in said(done)
+    assert not out.exists()
+
+
+def test_an_error_of_the_first_process_alone_ends_all(a_copy):
+    """The lock is taken by process 0 only; the other one must hear that it cannot be had."""
+    from porocore.runfolder import RunFolder
+
+    run = a_copy("solutions")
+    with RunFolder.open(run):
+        done = mpirun(2, "solve", run, "--fem", "dolfinx")
+    assert done.returncode == 2
+    assert said(done).count("error: ") == 1
+    assert "another porocore (process" in said(done)
+
+
+def test_one_process_needs_no_mpirun(finished):
+    """Variables of a batch system are no sign of MPI."""
+    done = subprocess.run(
+        [str(POROCORE), "train", str(finished)],
+        env=ENVIRONMENT | {"SLURM_PROCID": "0", "SLURM_NTASKS": "8"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert message(porocore("solve", finished, "--fem", "dolfin")).startswith("unknown macro solver 'dolfin'")
