@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.closures import Closure
-from porocore.laws import LawMemory
 from porocore.states import Array, CellResponse, MacroState
 
 #: A component of the stress whose values span less than this share of the widest one is not judged.
@@ -57,9 +56,10 @@ def closure_error(closure: Closure, states: MacroState, exact: CellResponse) -> 
         raise ValueError("expected responses with stress and fluid volume")
     n, still = len(states), np.zeros((len(states), 3))
     at_rest, rest = MacroState.zeros(n), np.zeros((n, 3, 3))
-    there = closure.respond(states, exact, still, LawMemory(at_rest, rest), tangent=False)
-    at_start = CellResponse(mean_grad=rest, status=exact.status)
-    back = closure.respond(at_rest, at_start, still, LawMemory(states, exact.mean_grad), tangent=False)
+    porosity = np.full(n, 1 - closure.solid_fraction)
+    at_start = CellResponse(mean_grad=rest, status=exact.status, stress=rest, fluid_volume=porosity)
+    there = closure.respond(states, exact, still, closure.memory(at_rest, at_start), tangent=False)
+    back = closure.respond(at_rest, at_start, still, closure.memory(states, exact), tangent=False)
 
     components = exact.stress.reshape(n, 9)
     spans = np.ptp(components, axis=0)

@@ -23,6 +23,7 @@ class LawMemory(_Batch):
 
     states: MacroState
     mean_grad: Array  #: (n, 3, 3)  <∇_Y u¹>_s
+    fluid_volume: Array | None = None  #: (n,)  φ, for a law that counts what is stored from it
 
 
 @dataclass(frozen=True, eq=False)
