@@ -7,13 +7,13 @@ from common import best, table
 
 from porocore.states import MacroState
 from porocore.testing.synthetic_cell import synthetic_training_set
-from porocore_surrogate_torch.mlp import MlpSurrogate
+from porocore_surrogate_torch.surrogate import TorchSurrogate
 
 N = 2250
 
 
 def main() -> str:
-    surrogate = MlpSurrogate(epochs=200).fit(synthetic_training_set(100), seed=0)
+    surrogate = TorchSurrogate(epochs=200).fit(synthetic_training_set(100), seed=0)
     rng = np.random.default_rng(0)
     H = np.zeros((N, 3, 3))
     H[:, 1, 1] = rng.uniform(-0.2, 0.0, N)

@@ -28,12 +28,22 @@ def make_backend(kind: Kind, config: RunConfig) -> Any:
     }[kind]
     positional = (config.sampling.input_space(),) if kind == "sampler" else ()
     implementation = registry().get(kind, name)
+    if kind == "surrogate" and implementation.models:
+        options = {**options, "model": surrogate_model(implementation, config)}
     try:
         return implementation(*positional, **options)
     except TypeError as error:
         if not options:
             raise
         raise ConfigurationError(f"{kind} '{name}' does not take its options {options}: {error}") from error
+
+
+def surrogate_model(implementation: Any, config: RunConfig) -> str:
+    """The model that a surrogate is to learn: what the closure needs, or the only one that it has."""
+    models: tuple[str, ...] = implementation.models
+    if config.surrogate.model == "auto" and config.surrogate_model not in models:
+        return models[0]
+    return config.surrogate_model
 
 
 def backend_name(kind: Kind, config: RunConfig) -> str:

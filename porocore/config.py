@@ -100,6 +100,8 @@ class SurrogateSettings(_Section):
     """The surrogate's backend, its seed and its own options."""
 
     backend: str = "torch"
+    model: Literal["auto", "mlp", "potential"] = "auto"
+    """What is learned: <∇u¹>_s (mlp) or W and all that follows from it (potential); auto: what the closure needs."""
     seed: Annotated[int, Field(ge=0)] = 0
     options: dict[str, Any] = {}
 
@@ -156,6 +158,13 @@ class RunConfig(_Section):
             raise ValueError(f"unknown closure '{closure}'; {question}the closures are {', '.join(CLOSURES)}")
         return closure
 
+    @property
+    def surrogate_model(self) -> str:
+        """The model that is learned, ``auto`` resolved."""
+        if self.surrogate.model != "auto":
+            return self.surrogate.model
+        return "potential" if "stress" in CLOSURES[self.closure].responses else "mlp"
+
     def with_backends(self, fem: str | None = None, surrogate: str | None = None) -> RunConfig:
         """With another backend; options that were written for the old one do not go over to the new one."""
         update: dict[str, Any] = {}
@@ -180,7 +189,7 @@ class RunConfig(_Section):
         sampling = _hash(cell, inputs, how)
         ranges = [(name, swept.range) for name, swept in self.sampling.inputs.items()]
         test = _hash(cell, ranges, self.sampling.test.model_dump())
-        training = _hash(sampling, self.surrogate.model_dump())
+        training = _hash(sampling, self.surrogate.model_dump(), self.surrogate_model)
         macro = _hash(training, self.closure, self.macro.model_dump(exclude={"options"}))
         return StageIdentities(cell, sampling, test, training, macro)
 

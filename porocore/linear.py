@@ -119,7 +119,7 @@ class LinearPoroelasticity(MacroLaw):
         c, n = self.coefficients, len(states)
         H, p = states.grad_u.reshape(n, 9), states.p[:, None]
         step = (states.grad_u - memory.states.grad_u).reshape(n, 9)
-        mean_grad: Array = H @ c.mean_grad_grad_u.reshape(9, 9).T + p * c.mean_grad_p.reshape(9)
+        mean_grad = np.add(H @ c.mean_grad_grad_u.reshape(9, 9).T, p * c.mean_grad_p.reshape(9), dtype=float)
         return MacroResponse(
             stress=(H @ c.stiffness.reshape(9, 9).T - p * c.biot.reshape(9)).reshape(n, 3, 3),
             storage=step @ c.biot.reshape(9) + c.storage * (states.p - memory.states.p),

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from porocore.inputs import InputSpace
 from porocore.states import CellResponse, MacroState
@@ -55,6 +55,8 @@ class Surrogate(ABC):
     keep everything that using it needs, in a format that executes nothing when it is read.
     """
 
+    #: Models to choose from, if there are several kinds; then the constructor takes ``model=``.
+    models: ClassVar[tuple[str, ...]] = ()
     #: Hash of the cell that it was trained for; set by ``fit`` and ``load``.
     identity: str
     #: Sampled inputs and their range; set by ``fit`` and ``load``.

@@ -38,7 +38,7 @@ class Samples:
     value_scale: Array
     slope_scale: Array
 
-    def subset(self, rows: Array) -> Samples:
+    def subset(self, rows: IntArray) -> Samples:
         """Some of the states."""
         return Samples(
             self.y[:, rows], self.value[:, rows], self.slopes[:, :, rows], self.value_scale, self.slope_scale

@@ -140,8 +140,10 @@ class LogStretch:
     @cached_property
     def gradient(self) -> Array:
         """∂L/∂F (n, 9, 6), the places of F row by row."""
-        scaled = self._lift * (self.first[_ROWS, _COLUMNS] * _SHARE[:, None]).T[:, None, :]
-        return scaled if self.axes is None else scaled @ self._turn.swapaxes(1, 2)
+        gradient: Array = self._lift * (self.first[_ROWS, _COLUMNS] * _SHARE[:, None]).T[:, None, :]
+        if self.axes is not None:
+            gradient = gradient @ self._turn.swapaxes(1, 2)
+        return gradient
 
     def stress(self, T: Array) -> Array:
         """∂W/∂F (n, 3, 3) from T = ∂W/∂L (6, n)."""
@@ -172,7 +174,8 @@ class LogStretch:
         out = out.reshape(-1, 3, 3, 3, 3)
         for i in range(3):
             out[:, i, :, i, :] += np.moveaxis(S_nine, -1, 0)
-        return out
+        result: Array = out
+        return result
 
     def _orthotropic(self, S: Array, X: Array, K: Array) -> Array:
         """The tangent for diagonal F where nothing couples shears with anything else; S and X are in the axes of F."""
@@ -248,7 +251,8 @@ class LogStretch:
         weights = 1 / (s[:, None] + s[None, :])
         out = np.einsum("iaN,abN,bjN,kaN,lbN->ijklN", RQ, weights, QA, RQ, Q, optimize=True)
         out -= np.einsum("iaN,abN,bjN,kbN,laN->ijklN", RQ, weights, QA, RQ, Q, optimize=True)
-        return out
+        result: Array = out
+        return result
 
     # ---- bases -----------------------------------------------------------------------------------
 
@@ -304,7 +308,8 @@ def _log_difference(x: Array, y: Array) -> Array:
     small = np.abs(z) < CLOSE
     safe = np.where(small, 0.5, z)
     ratio = np.where(small, 1 + z * z / 3 + z**4 / 5, np.arctanh(safe) / safe)
-    return 2 / (x + y) * ratio
+    result: Array = 2 / (x + y) * ratio
+    return result
 
 
 def _second_difference(x: Array, y: Array, z: Array, xy: Array, yz: Array) -> Array:
@@ -313,7 +318,8 @@ def _second_difference(x: Array, y: Array, z: Array, xy: Array, yz: Array) -> Ar
     spread = np.where(close, 1.0, x - z)
     plain = (xy - yz) / spread
     if not close.any():
-        return plain
+        result: Array = plain
+        return result
     # ln[x, y, z] = Σ_k f⁽ᵏ⁺²⁾(m)/(k+2)! h_k(x − m, y − m, z − m) with the complete symmetric polynomials h_k.
     m = (x + y + z) / 3
     a, b, c = (x - m) / m, (y - m) / m, (z - m) / m

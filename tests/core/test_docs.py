@@ -118,7 +118,7 @@ def test_the_options_of_the_cell_solver():
 
 
 def test_the_options_of_the_surrogate():
-    options = pytest.importorskip("porocore_surrogate_torch.options").MlpOptions
+    options = pytest.importorskip("porocore.surrogates.options").MlpOptions
     expected = {name: shown(field.default) for name, field in options.model_fields.items()}
     assert options_below("Options of `torch`") == expected
 

@@ -8,9 +8,9 @@ from porocore import Offer, hookimpl
 
 
 def _mlp() -> type[Any]:
-    from porocore_surrogate_torch.mlp import MlpSurrogate
+    from porocore_surrogate_torch.surrogate import TorchSurrogate
 
-    return MlpSurrogate
+    return TorchSurrogate
 
 
 @hookimpl

@@ -17,10 +17,10 @@ from typing import TypeAlias
 import torch
 
 from porocore import TrainingProgress
+from porocore.surrogates.mean_gradient_data import ScaledData
+from porocore.surrogates.network import Network
+from porocore.surrogates.options import MlpOptions
 from porocore_surrogate_torch.checkpoint import TrainingState
-from porocore_surrogate_torch.network import Network
-from porocore_surrogate_torch.options import MlpOptions
-from porocore_surrogate_torch.training_data import ScaledData
 
 Shapes: TypeAlias = list[tuple[int, ...]]
 

@@ -1,9 +1,9 @@
 from porocore.testing.surrogate import SurrogateConformance
 from porocore_surrogate_torch import training
-from porocore_surrogate_torch.mlp import MlpSurrogate
+from porocore_surrogate_torch.surrogate import TorchSurrogate
 
 
-class TestMlpSurrogate(SurrogateConformance):
+class TestTorchSurrogate(SurrogateConformance):
     invalid_options = (
         {"hiden": [40]},
         {"hidden": []},
@@ -19,16 +19,16 @@ class TestMlpSurrogate(SurrogateConformance):
 
     @classmethod
     def make_surrogate(cls):
-        return MlpSurrogate(epochs=2000, hidden=[20, 20], learning_rate=0.1)
+        return TorchSurrogate(epochs=2000, hidden=[20, 20], learning_rate=0.1)
 
     def checkpoint_often(self, monkeypatch):
         monkeypatch.setattr(training, "CHECKPOINT_INTERVAL", 0.0)
 
 
-class TestMlpSurrogateWithTanh(SurrogateConformance):
+class TestTorchSurrogateWithTanh(SurrogateConformance):
     @classmethod
     def make_surrogate(cls):
-        return MlpSurrogate(epochs=2000, hidden=[16, 16], learning_rate=0.05, activation="tanh")
+        return TorchSurrogate(epochs=2000, hidden=[16, 16], learning_rate=0.05, activation="tanh")
 
     def checkpoint_often(self, monkeypatch):
         monkeypatch.setattr(training, "CHECKPOINT_INTERVAL", 0.0)

@@ -13,15 +13,16 @@ import pytest
 import torch
 
 from porocore import ConfigurationError, DataError, MacroState, RunFolderError
+from porocore.surrogates.archive import read_archive, write_archive
+from porocore.surrogates.file import FORMAT
+from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore.surrogates.mean_gradient_data import ScaledData
+from porocore.surrogates.options import MlpOptions
 from porocore.testing.surrogate import synthetic_training_set
 from porocore.testing.synthetic_cell import INPUTS
 from porocore_surrogate_torch import hooks, training
-from porocore_surrogate_torch.archive import read_archive, write_archive
 from porocore_surrogate_torch.checkpoint import FORMAT as TRAINING_FORMAT
-from porocore_surrogate_torch.mlp import FORMAT, MlpSurrogate
-from porocore_surrogate_torch.model import AnchoredModel
-from porocore_surrogate_torch.options import MlpOptions
-from porocore_surrogate_torch.training_data import ScaledData
+from porocore_surrogate_torch.surrogate import TorchSurrogate
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def data():
 
 @pytest.fixture(scope="module")
 def fitted(data):
-    return MlpSurrogate(epochs=100, hidden=[8, 8]).fit(data, seed=0)
+    return TorchSurrogate(epochs=100, hidden=[8, 8]).fit(data, seed=0)
 
 
 def linear_part(data, states):
@@ -45,7 +46,7 @@ def linear_part(data, states):
 def test_it_is_offered_as_torch():
     (offer,) = hooks.porocore_surrogates()
     assert (offer.name, offer.requires) == ("torch", ("torch",))
-    assert offer.load() is MlpSurrogate
+    assert offer.load() is TorchSurrogate
 
 
 def test_the_network_starts_at_second_order(data, fitted):
@@ -62,7 +63,7 @@ def test_the_network_starts_at_second_order(data, fitted):
 def test_the_papers_network_learns_the_map():
     """Three layers of 40, a sixth of the usual epochs: 0.03 % of the range of each output is measured."""
     data, unseen = synthetic_training_set(240, seed=0), synthetic_training_set(500, seed=9)
-    surrogate = MlpSurrogate(epochs=2500).fit(data, seed=0)
+    surrogate = TorchSurrogate(epochs=2500).fit(data, seed=0)
     assert surrogate.options.hidden == (40, 40, 40)
     truth = unseen.responses.mean_grad.reshape(-1, 9)[:, [0, 4, 8]]
     error = surrogate.predict(unseen.states).mean_grad.reshape(-1, 9)[:, [0, 4, 8]] - truth
@@ -77,8 +78,8 @@ def test_only_what_deviates_from_the_linear_limit_is_learned(data, fitted):
 
 def test_a_linear_cell_needs_no_network(data, tmp_path):
     responses = replace(data.responses, mean_grad=linear_part(data, data.states))
-    MlpSurrogate().fit(replace(data, responses=responses), seed=0).save(tmp_path / "linear.h5")
-    loaded = MlpSurrogate.load(tmp_path / "linear.h5")
+    TorchSurrogate().fit(replace(data, responses=responses), seed=0).save(tmp_path / "linear.h5")
+    loaded = TorchSurrogate.load(tmp_path / "linear.h5")
     predicted = loaded.predict(data.states)
     np.testing.assert_allclose(predicted.mean_grad, responses.mean_grad, atol=1e-15)
     np.testing.assert_array_equal(
@@ -119,7 +120,7 @@ def test_training_leaves_torch_as_it_was(data):
     torch.set_num_threads(2)
     try:
         with torch.no_grad():
-            MlpSurrogate(epochs=20).fit(data, seed=0)
+            TorchSurrogate(epochs=20).fit(data, seed=0)
         assert torch.get_num_threads() == 2
     finally:
         torch.set_num_threads(threads)
@@ -131,7 +132,7 @@ def test_the_best_weights_are_kept_and_patience_ends_the_training(data, tmp_path
     """With a learning rate this large the validation loss goes up and down."""
     checkpoint, reports = tmp_path / "training.h5", []
     options = {"epochs": 3000, "hidden": [10], "learning_rate": 0.5, "patience": 50}
-    surrogate = MlpSurrogate(**options).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
+    surrogate = TorchSurrogate(**options).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
     header, arrays = read_archive(checkpoint, TRAINING_FORMAT, 1, "")
     assert header["epoch"] == reports[-1].epoch == header["best_epoch"] + 50 < 3000
     assert header["best_loss"] < reports[-1].validation_loss
@@ -144,16 +145,16 @@ def test_the_best_weights_are_kept_and_patience_ends_the_training(data, tmp_path
 
 def test_a_finished_training_is_not_repeated(data, tmp_path):
     checkpoint, reports = tmp_path / "training.h5", []
-    first = MlpSurrogate(epochs=100).fit(data, seed=1, checkpoint=checkpoint)
-    again = MlpSurrogate(epochs=100).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
+    first = TorchSurrogate(epochs=100).fit(data, seed=1, checkpoint=checkpoint)
+    again = TorchSurrogate(epochs=100).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
     assert reports == []
     np.testing.assert_array_equal(first.predict(data.states).mean_grad, again.predict(data.states).mean_grad)
 
 
 def test_a_checkpoint_of_other_options_is_refused(data, tmp_path):
-    MlpSurrogate(epochs=100).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
+    TorchSurrogate(epochs=100).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
     with pytest.raises(DataError, match="other data, options or seed; remove it"):
-        MlpSurrogate(epochs=200).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
+        TorchSurrogate(epochs=200).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
 
 
 def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
@@ -163,10 +164,10 @@ def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
         from pathlib import Path
         from porocore.testing.surrogate import synthetic_training_set
         from porocore_surrogate_torch import training
-        from porocore_surrogate_torch.mlp import MlpSurrogate
+        from porocore_surrogate_torch.surrogate import TorchSurrogate
         training.CHECKPOINT_INTERVAL = 0.0
         data = synthetic_training_set(100, seed=1)
-        MlpSurrogate(epochs=700).fit(data, seed=2, checkpoint=Path({str(checkpoint)!r}))
+        TorchSurrogate(epochs=700).fit(data, seed=2, checkpoint=Path({str(checkpoint)!r}))
     """
     process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)])
     deadline = time.monotonic() + 60
@@ -176,8 +177,8 @@ def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     process.send_signal(signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL
     assert 0 < read_archive(checkpoint, TRAINING_FORMAT, 1, "")[0]["epoch"] < 700
-    resumed = MlpSurrogate(epochs=700).fit(data, seed=2, checkpoint=checkpoint)
-    whole = MlpSurrogate(epochs=700).fit(data, seed=2)
+    resumed = TorchSurrogate(epochs=700).fit(data, seed=2, checkpoint=checkpoint)
+    whole = TorchSurrogate(epochs=700).fit(data, seed=2)
     np.testing.assert_array_equal(
         resumed.predict(data.states).mean_grad, whole.predict(data.states).mean_grad
     )
@@ -190,8 +191,8 @@ def test_using_a_surrogate_needs_no_torch(data, fitted, tmp_path):
         sys.modules["torch"] = None
         from pathlib import Path
         from porocore import MacroState
-        from porocore_surrogate_torch.mlp import MlpSurrogate
-        surrogate = MlpSurrogate.load(Path({str(tmp_path / "surrogate.h5")!r}))
+        from porocore_surrogate_torch.surrogate import TorchSurrogate
+        surrogate = TorchSurrogate.load(Path({str(tmp_path / "surrogate.h5")!r}))
         print(surrogate.predict(MacroState.zeros(1)).tangent.mean_grad_p[0, 1, 1])
     """
     done = subprocess.run(
@@ -206,7 +207,7 @@ def test_an_edited_file_is_refused(fitted, tmp_path):
     with h5py.File(path, "r+") as file:
         file["reference/M"][0, 0, 0, 0] += 1e-6
     with pytest.raises(DataError, match=r"surrogate\.h5: .* checksum, .*train the surrogate again"):
-        MlpSurrogate.load(path)
+        TorchSurrogate.load(path)
 
 
 def test_another_version_or_kind_is_refused(fitted, tmp_path):
@@ -215,16 +216,16 @@ def test_another_version_or_kind_is_refused(fitted, tmp_path):
     header, arrays = read_archive(path, FORMAT, 1, "")
     write_archive(path, FORMAT, 2, header, arrays)
     with pytest.raises(DataError, match="expected version 1 of porocore-surrogate, got 2"):
-        MlpSurrogate.load(path)
+        TorchSurrogate.load(path)
     write_archive(path, FORMAT, 1, header | {"kind": "tree"}, arrays)
     with pytest.raises(DataError, match="expected a surrogate of kind anchored-mlp, got tree"):
-        MlpSurrogate.load(path)
+        TorchSurrogate.load(path)
     arrays.pop("network/1/biases")
     write_archive(path, FORMAT, 1, header, arrays)
     with pytest.raises(DataError, match=r"not a complete surrogate.*network/1/biases"):
-        MlpSurrogate.load(path)
+        TorchSurrogate.load(path)
     with pytest.raises(DataError, match="expected a file of format porocore-surrogate-training"):
-        MlpSurrogate(epochs=100, hidden=[8, 8]).fit(synthetic_training_set(100, 1), seed=0, checkpoint=path)
+        TorchSurrogate(epochs=100, hidden=[8, 8]).fit(synthetic_training_set(100, 1), seed=0, checkpoint=path)
 
 
 def test_a_place_that_cannot_be_written_to(fitted, tmp_path):
@@ -235,13 +236,13 @@ def test_a_place_that_cannot_be_written_to(fitted, tmp_path):
 
 def test_an_untrained_surrogate_does_not_answer(tmp_path):
     with pytest.raises(RuntimeError, match="call fit or load first"):
-        MlpSurrogate().predict(MacroState.zeros(1))
+        TorchSurrogate().predict(MacroState.zeros(1))
     with pytest.raises(RuntimeError, match="call fit or load first"):
-        MlpSurrogate().save(tmp_path / "surrogate.h5")
+        TorchSurrogate().save(tmp_path / "surrogate.h5")
 
 
 def test_training_data_that_cannot_be_used_are_refused(data):
-    surrogate = MlpSurrogate(epochs=10)
+    surrogate = TorchSurrogate(epochs=10)
     lost = data.responses.mean_grad.copy()
     lost[3] = np.nan
     with pytest.raises(DataError, match="1 of 100 training states hold no values"):
@@ -260,7 +261,7 @@ def test_training_data_that_cannot_be_used_are_refused(data):
 
 def test_options_are_refused_with_their_keys():
     with pytest.raises(ConfigurationError) as error:
-        MlpSurrogate(epoch=10, activation="relu", hidden=[40, -1])
+        TorchSurrogate(epoch=10, activation="relu", hidden=[40, -1])
     assert str(error.value).splitlines() == [
         "surrogate.options.hidden: expected a list of layer widths, whole numbers ≥ 1, such as [40, 40, 40],"
         " got [40, -1]",

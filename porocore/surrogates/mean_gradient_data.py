@@ -6,13 +6,12 @@ import hashlib
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from porocore import DataError, TrainingSet
+from porocore.errors import DataError
 from porocore.inputs import flatten
-from porocore_surrogate_torch.model import InputScaling
-
-Array = npt.NDArray[np.float64]
+from porocore.interfaces.surrogate import TrainingSet
+from porocore.states import Array
+from porocore.surrogates.mean_gradient import InputScaling
 
 #: A component of <∇u¹>_s whose remainder stays below this, or below this share of the largest one, is not learned.
 SMALLEST_REMAINDER = 1e-9

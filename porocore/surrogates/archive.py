@@ -14,12 +14,10 @@ from typing import Any
 
 import h5py
 import numpy as np
-import numpy.typing as npt
 
-from porocore import DataError
+from porocore.errors import DataError
 from porocore.hdf5 import atomic_hdf5
-
-Array = npt.NDArray[np.float64]
+from porocore.states import Array
 
 
 def write_archive(

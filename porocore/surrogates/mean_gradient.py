@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from porocore import CellResponse, CellTangent, InputSpace, MacroState, SampledRange, Status
-from porocore.inputs import flatten
-from porocore_surrogate_torch.network import Network
-
-Array = npt.NDArray[np.float64]
+from porocore.inputs import InputSpace, flatten
+from porocore.sampled_range import SampledRange
+from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
+from porocore.surrogates.network import Evaluator
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ class AnchoredModel:
     linear: Array
     components: tuple[int, ...]
     output_scale: Array
-    network: Network
+    network: Evaluator
     sampled: SampledRange
 
     @cached_property
@@ -80,7 +78,7 @@ class AnchoredModel:
     @cached_property
     def anchor(self) -> tuple[Array, Array]:
         """N(x₀) (outputs,) and N'(x₀) (d, outputs)."""
-        value, slopes = self.network.evaluate_with_slopes(self.scaling.rest)
+        value, slopes = self.network.slopes(self.scaling.rest)
         return value[0], slopes[:, 0]
 
     def predict(self, states: MacroState, *, tangent: bool) -> CellResponse:
@@ -96,7 +94,7 @@ class AnchoredModel:
             x = self.scaling.scale(flat[:, columns])
             value, slope = self.anchor
             if tangent:
-                N, J = self.network.evaluate_with_slopes(x)
+                N, J = self.network.slopes(x)
                 J = (J - slope[:, None]) * (self.output_scale / self.scaling.half[:, None])[:, None]
                 for k, column in enumerate(columns):
                     into = by_p if column == 9 else by_H[:, :, column]

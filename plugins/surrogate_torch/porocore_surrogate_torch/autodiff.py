@@ -1,0 +1,58 @@
+"""Derivatives of a loss by torch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+
+from porocore.errors import ConfigurationError
+from porocore.states import Array
+from porocore.surrogates.sobolev import Loss
+
+
+class TorchAutodiff:
+    """Reverse mode in double precision, on one thread or a GPU; see :class:`porocore.surrogates.sobolev.Autodiff`."""
+
+    xp = torch
+
+    def __init__(self, device: str) -> None:
+        self.device = choose_device(device)
+
+    def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
+        """See :class:`porocore.surrogates.sobolev.Autodiff`."""
+        tensors = {
+            name: torch.tensor(array, dtype=torch.float64, device=self.device)
+            for name, array in constants.items()
+        }
+
+        def evaluate(theta: Array) -> tuple[float, Array]:
+            threads = torch.get_num_threads()
+            torch.set_num_threads(1)
+            try:
+                with torch.enable_grad():
+                    t = torch.tensor(theta, dtype=torch.float64, device=self.device, requires_grad=True)
+                    value = loss(t, tensors)
+                    value.backward()
+                    assert t.grad is not None
+                    return float(value.detach()), np.array(t.grad.cpu().numpy())
+            finally:
+                torch.set_num_threads(threads)
+
+        return evaluate
+
+
+def choose_device(device: str) -> torch.device:
+    """``auto`` is a GPU where there is one.
+
+    Raises
+    ------
+    ConfigurationError
+        A GPU is asked for and torch sees none.
+    """
+    if device == "cuda" and not torch.cuda.is_available():
+        raise ConfigurationError("surrogate.options.device: torch sees no GPU here; choose auto or cpu")
+    if device == "auto":
+        device = "cuda" if torch.cuda.is_available() else "cpu"
+    return torch.device(device)

@@ -1,0 +1,224 @@
+"""One file for every surrogate: written by any backend, read by any, and by numpy alone.
+
+An archive (:mod:`porocore.surrogates.archive`) whose header names the model, the inputs, the cell, who wrote it
+and how good it was; the arrays are weights, scalings, polynomials and the sampled range. Reading executes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.errors import DataError
+from porocore.inputs import InputSpace
+from porocore.sampled_range import SampledRange
+from porocore.states import Array
+from porocore.surrogates.archive import read_archive, write_archive
+from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore.surrogates.monomials import Polynomial
+from porocore.surrogates.network import Evaluator, Network
+from porocore.surrogates.potential import NetworkPart, PotentialModel
+from porocore.surrogates.potential_data import Rest
+from porocore.surrogates.terms import Terms, cubic, plain
+
+FORMAT, VERSION = "porocore-surrogate", 2
+ADVICE = "delete it and train the surrogate again"
+
+Model = AnchoredModel | PotentialModel
+#: A network that evaluates as the caller likes, from the numbers of the file.
+MakeEvaluator = Callable[[Network], Evaluator]
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a file says besides the model.
+
+    Attributes
+    ----------
+    backend
+        Who wrote it.
+    options
+        With which options it was trained.
+    identity
+        Hash of cell and material.
+    provenance
+        Versions and configuration.
+    accuracy
+        Named errors, each a share of the range of what was learned.
+    """
+
+    backend: str
+    options: dict[str, Any]
+    identity: str
+    provenance: dict[str, str] = field(default_factory=dict)
+    accuracy: dict[str, float] = field(default_factory=dict)
+
+
+def write(path: Path, model: Model, record: Record) -> None:
+    """One HDF5 file, whole or not at all.
+
+    Raises
+    ------
+    RunFolderError
+        The disk is full or read-only.
+    """
+    header: dict[str, Any] = {
+        "model": "mlp" if isinstance(model, AnchoredModel) else "potential",
+        "backend": record.backend,
+        "options": record.options,
+        "identity": record.identity,
+        "provenance": record.provenance,
+        "accuracy": record.accuracy,
+        "inputs": model.sampled.inputs.names,
+    }
+    arrays = {
+        "inputs/lower": np.array(model.sampled.inputs.lower),
+        "inputs/upper": np.array(model.sampled.inputs.upper),
+        "range/normals": model.sampled.normals,
+        "range/offsets": model.sampled.offsets,
+    }
+    pack = _pack_anchored if isinstance(model, AnchoredModel) else _pack_potential
+    pack(model, header, arrays)  # type: ignore[arg-type]
+    write_archive(path, FORMAT, VERSION, header, arrays)
+
+
+def read(path: Path, make_evaluator: MakeEvaluator = lambda network: network) -> tuple[Model, Record]:
+    """What :func:`write` wrote.
+
+    Raises
+    ------
+    DataError
+        The file is truncated, edited, foreign or of another version.
+    """
+    header, arrays = read_archive(path, FORMAT, VERSION, ADVICE)
+    try:
+        for name, array in arrays.items():
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name} holds numbers that are not finite")
+        inputs = InputSpace(
+            tuple(header["inputs"]), *(tuple(arrays[f"inputs/{end}"].tolist()) for end in ("lower", "upper"))
+        )
+        sampled = SampledRange(inputs, arrays["range/normals"], arrays["range/offsets"])
+        unpack: dict[str, Callable[..., Model]] = {"mlp": _unpack_anchored, "potential": _unpack_potential}
+        model = unpack[header["model"]](header, arrays, sampled, make_evaluator)
+        record = Record(
+            header["backend"], header["options"], header["identity"], header["provenance"], header["accuracy"]
+        )
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise DataError(f"{path}: not a complete surrogate ({error!r}); {ADVICE}") from error
+    return model, record
+
+
+def _pack_network(network: Any, header: dict[str, Any], arrays: dict[str, Array]) -> None:
+    network = getattr(
+        network, "network", network
+    )  # an evaluator of a backend keeps the numbers it was made of
+    header["activation"], header["layers"] = network.activation, len(network.weights)
+    for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
+        arrays |= {f"network/{i}/weights": W, f"network/{i}/biases": b}
+
+
+def _unpack_network(header: dict[str, Any], arrays: dict[str, Array]) -> Network:
+    layers = range(int(header["layers"]))
+    return Network(
+        header["activation"],
+        tuple(arrays[f"network/{i}/weights"] for i in layers),
+        tuple(arrays[f"network/{i}/biases"] for i in layers),
+    )
+
+
+def _pack_anchored(model: AnchoredModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
+    header["components"] = model.components
+    arrays |= {
+        "reference/M": model.linear[:, :9].reshape(3, 3, 3, 3),
+        "reference/Q": model.linear[:, 9].reshape(3, 3),
+        "network/output_scale": model.output_scale,
+    }
+    _pack_network(model.network, header, arrays)
+
+
+def _unpack_anchored(
+    header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange, make: MakeEvaluator
+) -> AnchoredModel:
+    M, Q = arrays["reference/M"].reshape(9, 9), arrays["reference/Q"].reshape(9, 1)
+    return AnchoredModel(
+        np.concatenate([M, Q], axis=1),
+        tuple(int(c) for c in header["components"]),
+        arrays["network/output_scale"],
+        make(_unpack_network(header, arrays)),
+        sampled,
+    )
+
+
+def _pack_polynomial(polynomial: Polynomial, name: str, arrays: dict[str, Array]) -> None:
+    arrays[f"{name}/exponents"] = polynomial.exponents.astype(float)
+    arrays[f"{name}/coefficients"] = polynomial.coefficients
+
+
+def _unpack_polynomial(arrays: dict[str, Array], name: str, variables: int, outputs: int) -> Polynomial:
+    exponents = arrays[f"{name}/exponents"]
+    coefficients = arrays[f"{name}/coefficients"]
+    if (
+        exponents.ndim != 2
+        or exponents.shape[1] != variables
+        or coefficients.shape != (outputs, len(exponents))
+    ):
+        raise ValueError(f"{name} has shapes {exponents.shape} and {coefficients.shape}")
+    if (exponents < 0).any() or (exponents > 64).any() or (exponents % 1).any():
+        raise ValueError(f"{name} has exponents that are none")
+    return Polynomial(exponents.astype(np.int64), coefficients)
+
+
+def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
+    header |= {
+        "active": model.active,
+        "cubic": model.rest.cubic,
+        "porosity": model.rest.porosity,
+        "terms": model.terms.name if model.terms and model.polynomial else None,
+        "network": model.network is not None,
+    }
+    arrays |= {"rest/matrix": model.rest.matrix, "rest/mean_grad": model.rest.mean_grad}
+    _pack_polynomial(model.mean_grad, "mean_grad", arrays)
+    if model.polynomial is not None:
+        _pack_polynomial(model.polynomial, "polynomial", arrays)
+    if model.network is not None:
+        part = model.network
+        header |= {"known": part.active, "symmetric": part.symmetry is not None, "scale": part.scale}
+        arrays |= {"network/middle": part.middle, "network/half": part.half}
+        if part.symmetry is not None:
+            arrays["network/symmetry"] = part.symmetry
+        _pack_network(part.network, header, arrays)
+
+
+def _unpack_potential(
+    header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange, make: MakeEvaluator
+) -> PotentialModel:
+    rest = Rest(
+        float(header["porosity"]),
+        arrays["rest/matrix"].reshape(7, 7),
+        arrays["rest/mean_grad"].reshape(9, 7),
+        bool(header["cubic"]),
+    )
+    active = tuple(int(a) for a in header["active"])
+    terms: Terms | None = None
+    polynomial = None
+    if header["terms"] is not None:
+        terms = {"plain": lambda: plain(active), "cubic": cubic}[header["terms"]]()
+        polynomial = _unpack_polynomial(arrays, "polynomial", len(terms.weights), 1)
+    part = None
+    if header["network"]:
+        known = tuple(int(a) for a in header["known"])
+        part = NetworkPart(
+            make(_unpack_network(header, arrays)),
+            known,
+            arrays["network/middle"].reshape(len(known)),
+            arrays["network/half"].reshape(len(known)),
+            float(header["scale"]),
+            arrays["network/symmetry"].reshape(-1, len(known), len(known)) if header["symmetric"] else None,
+        )
+    mean_grad = _unpack_polynomial(arrays, "mean_grad", len(active), 9)
+    return PotentialModel(rest, terms, polynomial, part, mean_grad, active, sampled)

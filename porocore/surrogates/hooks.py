@@ -1,0 +1,19 @@
+"""The built-in surrogate, offered through the same door as those of plugins."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from porocore.hookspecs import Offer, hookimpl
+
+
+def _polynomial() -> type[Any]:
+    from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+
+    return PolynomialSurrogate
+
+
+@hookimpl
+def porocore_surrogates() -> list[Offer]:
+    """A polynomial for the potential."""
+    return [Offer("polynomial", _polynomial, "least-squares polynomial for W(ln U, p); numpy only")]

@@ -1,0 +1,82 @@
+"""The settings of the networks and of their training, the same in every library, and how a wrong one is refused."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+
+from porocore.errors import ConfigurationError
+
+Count = Annotated[int, Strict(), Field(ge=1)]
+Rate = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
+Share = Annotated[float, Field(gt=0, le=0.5, allow_inf_nan=False)]
+Device = Literal["auto", "cpu", "cuda"]
+
+
+class NetworkOptions(BaseModel):
+    """What both models have; the descriptions are used in messages."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    device: Device = Field("cpu", description="'auto', 'cpu' or 'cuda'")
+
+    @classmethod
+    def parse(cls, options: dict[str, Any], backend: str) -> Self:
+        """Validate options as they stand in the configuration.
+
+        Raises
+        ------
+        ConfigurationError
+            An unknown option or a value that cannot be used; all of them, one line each.
+        """
+        try:
+            return cls.model_validate(options)
+        except ValidationError as error:
+            keys = dict.fromkeys(str(detail["loc"][0]) for detail in error.errors())
+            complaints = [cls._complaint(key, options[key], backend) for key in keys]
+            raise ConfigurationError("\n".join(complaints)) from None
+
+    @classmethod
+    def _complaint(cls, key: str, value: Any, backend: str) -> str:
+        fields = cls.model_fields
+        if key in fields:
+            return f"surrogate.options.{key}: expected {fields[key].description}, got {value!r}"
+        near = difflib.get_close_matches(key, fields, n=1)
+        advice = f"did you mean '{near[0]}'?" if near else f"the options are {', '.join(fields)}"
+        return f"surrogate.options.{key}: the {backend} surrogate has no such option for this model; {advice}"
+
+
+class MlpOptions(NetworkOptions):
+    """Options of the model ``mlp``: the paper's network, trained by Adam on <∇u¹>_s."""
+
+    hidden: tuple[Count, ...] = Field(
+        (40, 40, 40),
+        min_length=1,
+        description="a list of layer widths, whole numbers ≥ 1, such as [40, 40, 40]",
+    )
+    activation: Literal["sigmoid", "tanh"] = Field("sigmoid", description="'sigmoid' or 'tanh'")
+    epochs: Count = Field(15000, description="a whole number ≥ 1")
+    learning_rate: Rate = Field(1e-2, description="a number above 0 and at most 1")
+    validation_fraction: Share = Field(0.15, description="a number above 0 and at most 0.5")
+    patience: Count = Field(4000, description="a whole number of epochs ≥ 1")
+
+
+class PotentialOptions(NetworkOptions):
+    """Options of the model ``potential``: W(ln U, p), trained by L-BFGS on W and its first derivatives."""
+
+    hidden: tuple[Count, ...] = Field(
+        (24, 24),
+        min_length=1,
+        description="a list of layer widths, whole numbers ≥ 1, such as [24, 24]",
+    )
+    activation: Literal["softplus", "tanh", "sigmoid"] = Field(
+        "softplus", description="'softplus', 'tanh' or 'sigmoid'"
+    )
+    iterations: Count = Field(1500, description="a whole number ≥ 1")
+    symmetry: Literal["auto", "none", "cubic"] = Field(
+        "auto", description="'auto' (cubic where the cell is), 'none' or 'cubic'"
+    )
+    anchor: Literal["none", "polynomial"] = Field("none", description="'none' or 'polynomial'")
+    derivatives: Annotated[bool, Strict()] = Field(True, description="true or false")

@@ -1,0 +1,132 @@
+"""A surrogate whose predictions come from one of the models of this package: what all backends have in common."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from porocore.errors import ConfigurationError
+from porocore.inputs import InputSpace
+from porocore.interfaces.surrogate import Surrogate, TrainingSet
+from porocore.states import Array, CellResponse, MacroState
+from porocore.surrogates import file
+from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore.surrogates.network import Evaluator, Network
+from porocore.surrogates.potential import PotentialModel
+
+#: Responses that each model predicts.
+PROVIDES = {"mlp": ("mean_grad",), "potential": ("mean_grad", "potential", "stress", "fluid_volume")}
+
+
+class ModelSurrogate(Surrogate):
+    """Prediction, saving and loading; a subclass adds ``fit``, and may evaluate networks in its own way.
+
+    A file that one backend wrote is read by every other: it holds numbers only.
+
+    Attributes
+    ----------
+    backend
+        What the user calls it.
+    model
+        ``mlp`` or ``potential``.
+    accuracy
+        Errors on the states that training held back, as shares of the range.
+    """
+
+    backend: ClassVar[str]
+    models: ClassVar[tuple[str, ...]] = ("mlp", "potential")
+
+    def __init__(self, *, model: str | None = None, **options: Any) -> None:
+        model = self.models[0] if model is None else model
+        if model not in self.models:
+            raise ConfigurationError(
+                f"surrogate.model: expected {' or '.join(self.models)} of the {self.backend} surrogate, got {model!r}"
+            )
+        self.model, self.settings = model, options
+        self.accuracy: dict[str, float] = {}
+        self._fitted_model: file.Model | None = None
+
+    @property
+    def provides(self) -> tuple[str, ...]:
+        """Responses that :meth:`predict` fills in."""
+        return PROVIDES[self.model]
+
+    def evaluator(self, network: Network) -> Evaluator:
+        """How the backend evaluates a network; numpy unless it knows better."""
+        return network
+
+    def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
+        """See :class:`~porocore.Surrogate`.
+
+        Every status is ``converged``; rows outside the hull of the training states hold what the model
+        extrapolates and are flagged.
+        """
+        return self._fitted().predict(states, tangent=tangent)
+
+    def save(self, path: Path) -> None:
+        """Write one HDF5 file, atomically.
+
+        Raises
+        ------
+        RunFolderError
+            The disk is full or read-only.
+        """
+        record = file.Record(self.backend, self.settings, self.identity, self.provenance, self.accuracy)
+        file.write(path, self._fitted(), record)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read what any backend's :meth:`save` wrote.
+
+        Raises
+        ------
+        DataError
+            The file is truncated, edited, foreign or of another version.
+        """
+        surrogate = cls.__new__(cls)
+        model, record = file.read(path, surrogate.evaluator)
+        surrogate.model = "mlp" if isinstance(model, AnchoredModel) else "potential"
+        surrogate.settings, surrogate.accuracy = record.options, record.accuracy
+        surrogate._become(model, record.identity, record.provenance)
+        return surrogate
+
+    def _become(self, model: file.Model, identity: str, provenance: dict[str, str]) -> None:
+        self._fitted_model = model
+        self.inputs: InputSpace = model.sampled.inputs
+        self.identity, self.provenance = identity, dict(provenance)
+
+    def _fitted(self) -> file.Model:
+        if getattr(self, "_fitted_model", None) is None:
+            raise RuntimeError("this surrogate has not been trained; call fit or load first")
+        assert self._fitted_model is not None
+        return self._fitted_model
+
+    def _with(self, model: PotentialModel, data: TrainingSet, errors: dict[str, float]) -> Self:
+        """Become a fitted potential."""
+        self.accuracy = errors
+        self._become(model, data.identity, data.provenance)
+        return self
+
+
+class NumpySurrogate(ModelSurrogate):
+    """Reads and evaluates the file of any backend, with numpy alone."""
+
+    backend = "numpy"
+
+    def fit(self, data: TrainingSet, **settings: Any) -> Self:
+        """Not offered: this class only reads.
+
+        Raises
+        ------
+        ConfigurationError
+            Always.
+        """
+        raise ConfigurationError("choose a surrogate that can be trained, such as polynomial")
+
+
+def share_of_range(error: Array, truth: Array) -> float:
+    """Root mean square of errors (n, ...) over the largest range that a component of ``truth`` has."""
+    spread = np.ptp(truth.reshape(len(truth), -1), axis=0).max() if len(truth) else 0.0
+    return float(np.sqrt((error**2).mean()) / spread) if spread > 0 else 0.0
