@@ -1,0 +1,223 @@
+"""Direct FE² as a cell law: which states are solved, from where, and what becomes of cells without solution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from porocore.cell.material import NeoHookean
+from porocore.closures import ClosedLaw, MeanGradientClosure, PathCellLaw, PotentialClosure
+from porocore.direct import GRID, DirectCellLaw
+from porocore.errors import PorocoreError
+from porocore.execution import CellPool
+from porocore.interfaces.cell import CellField, CellSolution, CellSolver
+from porocore.states import CellResponse, MacroState, Status
+from porocore.testing.synthetic import CONDUCTIVITY
+from porocore.testing.synthetic_cell import SOLID_FRACTION, respond
+
+REST = respond(MacroState.zeros(1))
+CLOSURE = PotentialClosure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY)
+
+
+@dataclass
+class Diary:
+    """Of every solve: H22, p, and the H22 that it started from."""
+
+    solves: list[tuple[float, float, float | None]] = field(default_factory=list)
+    #: Below this H22 there is no solution, and just above it an unstable one.
+    edge: float = -0.5
+    raise_at: float | None = None
+
+
+class ClosedFormSolver(CellSolver):
+    """Solves the made-up cell; its field knows the state that it belongs to."""
+
+    def __init__(self, diary):
+        self.diary = diary
+
+    def prepare(self, cell):
+        return None
+
+    def conductivity(self, prepared):
+        return CONDUCTIVITY
+
+    def solve(self, prepared, states, *, start=None, tangent=True, fields=False):
+        before = start[0]
+        strain, p = float(states.grad_u[0, 1, 1]), float(states.p[0])
+        self.diary.solves.append((strain, p, None if before is None else float(before.grad_u[1, 1])))
+        if self.diary.raise_at is not None and strain < self.diary.raise_at:
+            raise ArithmeticError("a pivot vanished")
+        if strain < self.diary.edge:
+            response = respond(states)
+            tangent_parts = {name: value * np.nan for name, value in vars(response.tangent).items()}
+            empty = CellResponse(
+                response.mean_grad * np.nan,
+                np.array([int(Status.overlap)]),
+                response.potential * np.nan,
+                response.stress * np.nan,
+                response.fluid_volume * np.nan,
+                type(response.tangent)(**tangent_parts),
+            )
+            return CellSolution(empty, [None])
+        response = respond(states)
+        if strain < self.diary.edge + 0.05:
+            response.status[0] = int(Status.unstable)
+        return CellSolution(
+            response, [CellField(states.grad_u[0].copy(), p, "eighth", strain * np.ones((2, 3)))]
+        )
+
+
+def make(diary):
+    """In this process, so that the diary is shared."""
+    return ClosedFormSolver(diary), None
+
+
+@pytest.fixture
+def diary():
+    return Diary()
+
+
+@pytest.fixture
+def law(diary):
+    with CellPool(make, (diary,)) as pool:
+        yield DirectCellLaw(pool, REST, "cell")
+
+
+def along(*H22, p=0.01):
+    H = np.zeros((len(H22), 3, 3))
+    H[:, 1, 1] = H22
+    return MacroState(H, np.full(len(H22), p))
+
+
+def test_the_responses_are_those_of_the_cell(law):
+    rng = np.random.default_rng(0)
+    states = MacroState(0.1 * rng.standard_normal((5, 3, 3)), 0.1 * rng.standard_normal(5))
+    got, exact = law.predict(states), respond(states)
+    for name in ("mean_grad", "potential", "stress", "fluid_volume"):
+        np.testing.assert_allclose(getattr(got, name), getattr(exact, name), rtol=0, atol=10 * GRID)
+    for name, value in vars(exact.tangent).items():
+        np.testing.assert_allclose(getattr(got.tangent, name), value, rtol=0, atol=100 * GRID)
+    assert law.predict(states, tangent=False).tangent is None
+    assert isinstance(law, PathCellLaw)
+
+
+def test_equal_states_are_solved_once_and_given_to_every_point(law, diary):
+    states = along(-0.1, -0.2, -0.1 + 1e-14, -0.2, -0.1)
+    states.grad_u[:, 0, 1] = 1e-15 * np.arange(5)  # round-off across the section
+    got = law.predict(states)
+    assert sorted(H for H, *_ in diary.solves) == pytest.approx([-0.2, -0.1])
+    np.testing.assert_array_equal(got.stress[[2, 4]], got.stress[[0, 0]])
+    np.testing.assert_allclose(got.stress, respond(along(-0.1, -0.2, -0.1, -0.2, -0.1)).stress, atol=1e-11)
+    assert (law.work.points, law.work.solves, law.work.failed) == (5, 2, 0)
+
+
+def test_round_off_does_not_turn_an_eighth_of_the_cell_into_a_whole_one(law):
+    """What reaches the solver has exact zeros, by which it knows that the symmetries are kept."""
+    seen = []
+    submit = law.pool.submit
+    law.pool.submit = lambda key, state, start: (seen.append(state), submit(key, state, start))
+    states = along(-0.1)
+    states.grad_u[0] += 1e-15 * (1 - np.eye(3))
+    law.predict(states)
+    H = seen[0].grad_u[0]
+    assert (H[~np.eye(3, dtype=bool)] == 0).all()
+
+
+def test_the_undeformed_cell_is_known(law, diary):
+    got = law.predict(MacroState.zeros(3))
+    assert diary.solves == []
+    np.testing.assert_array_equal(got.tangent.stress_grad_u[2], REST.tangent.stress_grad_u[0])
+
+
+def test_every_solve_starts_from_the_last_accepted_state_of_its_point(law, diary):
+    rest, first = MacroState.zeros(2), along(-0.05, -0.1)
+    law.predict_from(rest, along(-0.06, -0.11))  # an iteration that is not the last
+    law.predict_from(rest, first)
+    diary.solves.clear()
+    law.predict_from(first, along(-0.3, -0.4))  # a step that is refused
+    law.predict_from(first, along(-0.12, -0.17))
+    starts = {round(H, 10): start for H, _, start in diary.solves}
+    assert starts == pytest.approx({-0.3: -0.05, -0.4: -0.1, -0.12: -0.05, -0.17: -0.1})
+
+
+def test_accepted_states_are_not_solved_again(law, diary):
+    """A step begins by asking for the state at which the last one ended, and the response is the same."""
+    first = along(-0.05, -0.1)
+    answer = law.predict_from(MacroState.zeros(2), first)
+    diary.solves.clear()
+    again = law.predict_from(first, first)
+    assert diary.solves == []
+    np.testing.assert_array_equal(again.tangent.stress_grad_u, answer.tangent.stress_grad_u)
+    law.predict_from(first, along(-0.07, -0.12))
+    law.predict_from(first, first)  # after a refused step
+    assert len(diary.solves) == 2
+
+
+def test_after_a_restart_the_first_solves_begin_at_the_undeformed_cell(law, diary):
+    law.predict_from(along(-0.1), along(-0.1))
+    law.predict_from(along(-0.1), along(-0.12))
+    assert [start for *_, start in diary.solves] == [None, pytest.approx(-0.1)]
+
+
+def test_only_what_can_be_a_start_is_kept(law):
+    before = MacroState.zeros(1)
+    for k in range(1, 40):
+        law.predict_from(before, along(-0.005 * k - 0.001))
+        states = along(-0.005 * k)
+        law.predict_from(before, states)
+        before = states
+    assert len(law._known) <= 2
+
+
+def test_a_cell_without_solution_is_nan_in_its_row_and_is_counted(law, diary):
+    diary.edge = -0.3
+    got = law.predict(along(-0.1, -0.35, -0.28))
+    assert got.status.tolist() == [Status.converged, Status.overlap, Status.unstable]
+    assert got.outside.tolist() == [False, False, True]
+    assert np.isnan(got.stress[1]).all()
+    assert np.isfinite(got.stress[[0, 2]]).all()
+    assert law.work.failed == 1
+    assert law.work.counts == {Status.converged: 1, Status.overlap: 1, Status.unstable: 1}
+
+
+@pytest.mark.parametrize("wild", [np.nan, np.inf, -1e9])
+def test_a_wild_iterate_is_refused_without_a_solve(law, diary, wild):
+    got = law.predict(along(-0.1, wild))
+    assert len(diary.solves) == 1
+    assert got.status[1] == Status.inverted
+    assert np.isnan(got.stress[1]).all()
+    assert np.isfinite(got.stress[0]).all()
+
+
+@pytest.mark.parametrize("closure", [PotentialClosure, MeanGradientClosure])
+def test_it_closes_like_any_cell_law(law, closure):
+    closed = ClosedLaw(law, closure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY), name="direct")
+    states, grad_p = along(-0.1, -0.2, p=0.05), np.ones((2, 3))
+
+    class Exact:
+        identity = "exact"
+
+        def predict(self, states, *, tangent=True):
+            return respond(states)
+
+    other = ClosedLaw(Exact(), closed.closure)
+    got, expected = (one.respond(states, grad_p, one.initial(2)) for one in (closed, other))
+    np.testing.assert_allclose(got.stress, expected.stress, atol=1e-11)
+    np.testing.assert_allclose(got.storage, expected.storage, atol=1e-11)
+    np.testing.assert_allclose(got.tangent.flux_grad_u, expected.tangent.flux_grad_u, atol=1e-10)
+    assert closed.identity != other.identity
+
+
+def test_the_batch_tells_how_far_it_is(law):
+    told = []
+    law.on_solved = lambda done, total: told.append((done, total))
+    law.predict(along(-0.1, -0.2, -0.3, -0.1))
+    assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_an_exception_of_the_solver_is_an_error_that_says_so(law, diary):
+    diary.raise_at = -0.2
+    with pytest.raises(PorocoreError, match=r"the cell solver raised ArithmeticError .* a pivot vanished"):
+        law.predict(along(-0.1, -0.25))
