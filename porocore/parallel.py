@@ -6,6 +6,8 @@ The core knows no MPI. A backend that distributes its work derives its own :clas
 from __future__ import annotations
 
 import os
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -18,6 +20,8 @@ _VARIABLES = (
     ("PMI_RANK", "PMI_SIZE"),
     ("PMIX_RANK", "SLURM_STEP_NUM_TASKS"),
 )
+#: Seconds, for launchers that leave the other processes alone.
+_LONGEST_WAIT = 30.0
 
 
 def launched() -> tuple[int, int]:
@@ -31,6 +35,16 @@ def launched() -> tuple[int, int]:
         except (KeyError, ValueError):
             continue
     return 0, 1
+
+
+def let_the_first_speak() -> None:
+    """Before a process other than the first ends with an error that all have.
+
+    A launcher ends all processes as soon as one has failed, so the one that is to tell the error must not be
+    overtaken; it ends this wait. Once MPI runs, leaving it waits for the others anyway.
+    """
+    if "mpi4py.MPI" not in sys.modules:
+        time.sleep(_LONGEST_WAIT)
 
 
 class World:

@@ -15,7 +15,7 @@ import typer
 from porocore.cli import cell, crosscheck, plugins, study
 from porocore.cli.common import Interrupted
 from porocore.errors import PorocoreError
-from porocore.parallel import launched
+from porocore.parallel import launched, let_the_first_speak
 
 HELP = """
 Two-scale finite-strain poroelasticity.
@@ -110,7 +110,8 @@ def main() -> None:
 
 
 def _stop(message: str, status: int, label: str = "error: ") -> NoReturn:
-    if launched()[0] > 0:  # one message of several processes
+    if launched()[0] > 0:
+        let_the_first_speak()
         sys.exit(status)
     lines = message.splitlines()
     if len(lines) > 1:

@@ -24,6 +24,8 @@ class MpiWorld(World):
 
     def __init__(self, comm: Any) -> None:
         self.comm, self.rank, self.size = comm, comm.rank, comm.size
+        # Of its own, since a process may come here while another one is still at work together.
+        self._meetings = comm.Dup()
 
     def first(self, action: Callable[[], T]) -> T:
         """On process 0; the value or the exception is sent to all."""
@@ -59,13 +61,13 @@ class MpiWorld(World):
             yield
         except BaseException as error:  # noqa: BLE001 - raised below, once the others have been heard
             failure = error
-        meeting = self.comm.Ibarrier()
+        meeting = self._meetings.Ibarrier()
         since = time.monotonic()
         while not meeting.Test():
             if failure is not None and time.monotonic() - since > PATIENCE:
                 self._end_all(failure)
             time.sleep(0.001)
-        said = self.comm.allgather(None if failure is None else f"{type(failure).__name__}: {failure}")
+        said = self._meetings.allgather(None if failure is None else f"{type(failure).__name__}: {failure}")
         if failure is not None:
             raise failure
         for rank, text in enumerate(said):

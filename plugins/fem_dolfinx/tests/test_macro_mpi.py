@@ -1,0 +1,142 @@
+"""Checkpoints over backends and numbers of processes, and a process that fails alone."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import textwrap
+from dataclasses import fields
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+if not find_spec("dolfinx"):
+    pytest.skip("dolfinx is not installed", allow_module_level=True)
+if shutil.which("mpirun") is None and not os.environ.get("CI"):
+    pytest.skip("mpirun is missing", allow_module_level=True)
+
+from porocore.registry import registry
+from porocore.solution import History, MacroSolution, Profile
+from porocore.testing.macro_runs import STORM, TIMID
+
+pytestmark = pytest.mark.xdist_group("mpi")
+BEGIN = """
+    import sys
+    from pathlib import Path
+    from porocore.registry import registry
+    from porocore.testing.macro_runs import STORM, TIMID
+
+    folder, backend = Path(sys.argv[1]), sys.argv[2]
+    solver = registry().get("macro solver", backend)(checkpoint_seconds=0)
+    prepared = solver.prepare(STORM)
+"""
+INTERRUPTED = """
+    class Killed(Exception):
+        pass
+
+    def stop(report):
+        if report.time > 0.5:
+            raise Killed
+
+    try:
+        solver.solve(prepared, TIMID, checkpoint=folder / "macro.h5", on_step=stop)
+    except Killed:
+        pass
+    else:
+        raise AssertionError("ran to its end")
+"""
+CONTINUED = """
+    solution = solver.solve(prepared, TIMID, checkpoint=folder / "macro.h5")
+    if solver.world.rank == 0:
+        solution.save(folder / "solution.h5")
+"""
+ALONE = """
+    import porocore_fem_dolfinx.macro_world as macro_world
+    macro_world.PATIENCE = 0.5
+
+    class Faulty(type(TIMID)):
+        def respond(self, *arguments, **how):
+            if solver.world.rank == 1:
+                raise RuntimeError("only me")
+            return super().respond(*arguments, **how)
+
+    TIMID.__class__ = Faulty
+    with solver.world.united():
+        solver.solve(prepared, TIMID)
+"""
+
+
+def run(processes, part, folder, backend="dolfinx"):
+    environment = os.environ | {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_mpi_yield_when_idle": "1",
+        "OMP_NUM_THREADS": "1",
+    }
+    code = textwrap.dedent(BEGIN) + textwrap.dedent(part)
+    launcher = ["mpirun", "--oversubscribe", "-n", str(processes)] if processes > 1 else []
+    return subprocess.run(
+        [*launcher, sys.executable, "-c", code, str(folder), backend],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def whole():
+    solver = registry().get("macro solver", "dolfinx")()
+    return solver.solve(solver.prepare(STORM), TIMID)
+
+
+@pytest.mark.parametrize(
+    ("begun", "continued"),
+    [((2, "dolfinx"), (1, "dolfinx")), ((1, "skfem"), (2, "dolfinx")), ((2, "dolfinx"), (1, "skfem"))],
+    ids=["two to one process", "scikit-fem to two processes", "two processes to scikit-fem"],
+)
+def test_a_checkpoint_is_continued_by_any_backend_on_any_number_of_processes(
+    tmp_path, whole, begun, continued
+):
+    if "skfem" in (begun[1], continued[1]) and not find_spec("skfem"):
+        pytest.skip("scikit-fem is not installed")
+    for (processes, backend), part in ((begun, INTERRUPTED), (continued, CONTINUED)):
+        done = run(processes, part, tmp_path, backend)
+        assert done.returncode == 0, done.stderr
+    found = MacroSolution.load_file(tmp_path / "solution.h5")
+    for field in fields(History):
+        mine, theirs = getattr(found.history, field.name), getattr(whole.history, field.name)
+        scale = abs(theirs).max() if field.name != "stress_spread" else 0.1
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9 * scale, err_msg=field.name)
+    assert len(found.profiles) == len(whole.profiles) == 4
+    for one, other in zip(found.profiles, whole.profiles, strict=True):
+        for field in fields(Profile):
+            mine, theirs = getattr(one, field.name), getattr(other, field.name)
+            np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9, err_msg=field.name)
+
+
+def test_a_process_that_fails_alone_ends_all_and_says_why(tmp_path):
+    done = run(2, ALONE, tmp_path)
+    assert done.returncode == 2
+    assert "RuntimeError: only me" in done.stderr
+
+
+def test_more_processes_than_elements_can_be_shared_among_are_refused(tmp_path):
+    part = """
+        from porocore.errors import ConfigurationError
+        from porocore.testing.synthetic import confined_column
+        try:
+            solver.prepare(confined_column(1))
+        except ConfigurationError as error:
+            if solver.world.rank == 0:
+                (folder / "message").write_text(str(error))
+    """
+    done = run(2, part, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "message").read_text() == (
+        "macro.elements: 1 elements are too few for 2 processes; start fewer"
+    )
