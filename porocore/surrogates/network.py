@@ -73,7 +73,7 @@ class Network:
             J = (
                 np.repeat(W.T[:, None, :], n, axis=1)
                 if not layer
-                else (J.reshape(d * n, -1) @ W.T).reshape(d, n, -1)
+                else (J.reshape(d * n, W.shape[1]) @ W.T).reshape(d, n, len(W))
             )
         return a, J
 
@@ -90,7 +90,7 @@ class Network:
             J = (
                 np.repeat(W.T[:, None, :], n, axis=1)
                 if not layer
-                else (J.reshape(d * n, -1) @ W.T).reshape(d, n, -1)
+                else (J.reshape(d * n, W.shape[1]) @ W.T).reshape(d, n, len(W))
             )
             if layer == len(self.weights) - 1:
                 break

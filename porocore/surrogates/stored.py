@@ -73,8 +73,9 @@ class ModelSurrogate(Surrogate):
         RunFolderError
             The disk is full or read-only.
         """
+        model = self._fitted()
         record = file.Record(self.backend, self.settings, self.identity, self.provenance, self.accuracy)
-        file.write(path, self._fitted(), record)
+        file.write(path, model, record)
 
     @classmethod
     def load(cls, path: Path) -> Self:
