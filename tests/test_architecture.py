@@ -41,12 +41,12 @@ LAYERS = (
     ("work", ()),
     ("choice", ("registry", "config", "backends")),
     ("run", ("runfolder",)),
-    ("pipeline", ("pipeline", "summary", "crosscheck")),
+    ("pipeline", ("pipeline", "solving", "stage_files", "summary", "crosscheck")),
     ("command line", ("cli",)),
 )
 WORK = [name for name, _ in LAYERS].index("work")
 #: What a plugin may import besides ``porocore`` itself, ``porocore.testing`` and the layers below "work".
-FOR_PLUGINS = ("closures", "equilibrium", "linear", "macro", "stepping", "testing")
+FOR_PLUGINS = ("closures", "equilibrium", "linear", "macro", "stepping", "surrogates", "testing")
 #: Third-party packages that belong to plugins.
 OF_PLUGINS = {"skfem", "pyamg", "mkl", "dolfinx", "basix", "ufl", "torch", "jax", "flax"}
 

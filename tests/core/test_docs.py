@@ -9,6 +9,7 @@ import sys
 import textwrap
 import tomllib
 import types
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Union, get_args, get_origin
 
@@ -115,6 +116,17 @@ def test_the_options_of_the_cell_solver():
     parameters = inspect.signature(solver).parameters.values()
     expected = {p.name: shown(p.default) for p in parameters if p.kind is not p.VAR_KEYWORD}
     assert options_below("Options of `skfem`") == expected
+
+
+def test_the_options_of_the_cell_solver_of_dolfinx():
+    pytest.importorskip("porocore_fem_dolfinx.hooks")
+    if find_spec("dolfinx") is None:
+        pytest.skip("dolfinx is not installed")
+    from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
+
+    parameters = inspect.signature(DolfinxCellSolver).parameters.values()
+    expected = {p.name: shown(p.default) for p in parameters if p.kind is not p.VAR_KEYWORD}
+    assert options_below("Options of the cell solver of `dolfinx`") == expected
 
 
 def test_the_options_of_the_surrogate():
