@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from porocore.closures import CLOSURES
 from porocore.config import RunConfig
 from porocore.errors import ConfigurationError
 from porocore.registry import Kind, registry
@@ -64,8 +65,25 @@ def check(kind: Kind, config: RunConfig) -> None:
     ------
     PluginError, ConfigurationError
         As :func:`make_backend`; or the macro solver finds that the boundary conditions contradict one another
-        or leave the body loose.
+        or leave the body loose; or the surrogate does not predict what the closure needs.
     """
     backend = make_backend(kind, config)
+    if kind == "surrogate":
+        _check_responses(backend, config)
     if kind == "macro solver":
         backend.prepare(config.macro.problem(config.macro.loads[0]))
+
+
+def _check_responses(surrogate: Any, config: RunConfig) -> None:
+    """A surrogate that does not say what it provides is found out when it is closed."""
+    provided = getattr(surrogate, "provides", None)
+    if provided is None:
+        return
+    missing = [name for name in CLOSURES[config.closure].responses if name not in provided]
+    if missing:
+        model = getattr(surrogate, "model", None)
+        what = f"'{config.surrogate.backend}'" + (f" with model '{model}'" if model else "")
+        raise ConfigurationError(
+            f"closure: '{config.closure}' needs {', '.join(missing)} of the cell, which the surrogate {what} does not "
+            "provide; leave surrogate.model at auto, or choose another closure or surrogate"
+        )

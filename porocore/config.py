@@ -153,9 +153,7 @@ class RunConfig(_Section):
     @classmethod
     def _known_closure(cls, closure: str) -> str:
         if closure not in CLOSURES:
-            close = difflib.get_close_matches(closure, CLOSURES, n=1)
-            question = f"did you mean '{close[0]}'? " if close else ""
-            raise ValueError(f"unknown closure '{closure}'; {question}the closures are {', '.join(CLOSURES)}")
+            raise ValueError(_unknown_closure(closure))
         return closure
 
     @property
@@ -174,6 +172,23 @@ class RunConfig(_Section):
         if surrogate is not None and surrogate != self.surrogate.backend:
             update["surrogate"] = SurrogateSettings(backend=surrogate, seed=self.surrogate.seed)
         return self.model_copy(update=update)
+
+    def with_closure(self, closure: str | None = None) -> RunConfig:
+        """With another closure; if it needs another model of surrogate, the options of the old one do not go over.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such closure.
+        """
+        if closure is None or closure == self.closure:
+            return self
+        if closure not in CLOSURES:
+            raise ConfigurationError(_unknown_closure(closure))
+        other = self.model_copy(update={"closure": closure})
+        if other.surrogate_model == self.surrogate_model:
+            return other
+        return other.model_copy(update={"surrogate": self.surrogate.model_copy(update={"options": {}})})
 
     def resolved_yaml(self) -> str:
         """Every setting, defaults included; loading it gives an equal configuration."""
@@ -261,6 +276,12 @@ def _leaves(data: Any, at: Location = ()) -> Iterator[tuple[Location, Any]]:
             yield from _leaves(value, (*at, str(i)))
     else:
         yield at, data
+
+
+def _unknown_closure(closure: str) -> str:
+    close = difflib.get_close_matches(closure, CLOSURES, n=1)
+    question = f"did you mean '{close[0]}'? " if close else ""
+    return f"unknown closure '{closure}'; {question}the closures are {', '.join(CLOSURES)}"
 
 
 def _hash(*parts: Any) -> str:

@@ -8,43 +8,44 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from porocore.backends import make_backend
-from porocore.cell.cell import Cell
-from porocore.closures import CLOSURES, ClosedLaw
 from porocore.config import RunConfig
 from porocore.console import Console
-from porocore.dataset import Dataset, describe
+from porocore.dataset import Dataset
 from porocore.drainage import undrained
 from porocore.errors import DataError
 from porocore.execution import CellPool
 from porocore.files import atomic_path
-from porocore.interfaces.cell import CellSolver
-from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
-from porocore.laws import MacroLaw
-from porocore.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.reference import CellReference
 from porocore.registry import registry
-from porocore.runfolder import RunFolder, versions
+from porocore.runfolder import LINEAR, RunFolder, versions
 from porocore.sampling.campaign import CampaignSummary, Progress, is_complete, run_campaign
 from porocore.sampling.random_states import RandomStates
-from porocore.solution import MacroSolution, StepReport
+from porocore.solving import solve
+from porocore.stage_files import (
+    linear_coefficients,
+    load_reference,
+    load_solution,
+    load_surrogate,
+    prepare_cell,
+)
 from porocore.stage_times import stage_times, timed
 from porocore.states import MacroState, Status
 from porocore.training_curve import TrainingCurveFile
 
+__all__ = ["prepare_cell", "report", "run", "sample", "solve", "solve_cell", "train", "training_set"]
+
 
 def run(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     """All stages; returns the path of the report."""
-    if not folder.surrogate.exists():
+    if not folder.surrogate_of(config).exists():
         registry().get("surrogate", config.surrogate.backend).load_libraries()
     sample(folder, config, console=console)
     train(folder, config, console=console)
@@ -61,7 +62,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
         with timed(folder.timings, "cell"):
             reference = CellReference.compute(solver, prepared, config.cell, config.stages.cell)
             reference.save(folder.reference)
-    reference = _reference(folder, config)
+    reference = load_reference(folder, config)
     diagonal = ", ".join(f"{k:.4g}" for k in np.diag(reference.conductivity))
     console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
     for warning in undrained(config.macro, reference.conductivity):
@@ -83,15 +84,19 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
 
 
 def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
-    """Fit the surrogate to the converged states, unless it was done before."""
-    if folder.surrogate.exists():
-        _load_surrogate(folder, config)
-        console.note(f"training: {folder.surrogate.name} is there already")
+    """Fit the surrogate that the closure needs to the converged states, unless it was done before."""
+    path = folder.surrogate_of(config)
+    if path.exists():
+        load_surrogate(folder, config)
+        console.note(f"training: {path.name} is there already")
         return
     data = training_set(folder, config)
     surrogate: Surrogate = make_backend("surrogate", config)
-    with timed(folder.timings, "training"), console.task("training", "epochs") as task:
-        curve = TrainingCurveFile(folder.training_curve)
+    own = config.surrogate_model == folder.written.surrogate_model
+    stage = "training" if own else f"training, {config.surrogate_model}"
+    checkpoint = folder.training_checkpoint_of(config)
+    with timed(folder.timings, stage), console.task("training", "epochs") as task:
+        curve = TrainingCurveFile(folder.training_curve_of(config))
 
         def show(progress: TrainingProgress) -> None:
             curve.add(progress)
@@ -101,84 +106,32 @@ def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
                 detail=f"loss {progress.loss:.2e}, validation {progress.validation_loss:.2e}",
             )
 
-        surrogate.fit(
-            data, seed=config.surrogate.seed, checkpoint=folder.training_checkpoint, on_progress=show
-        )
-        surrogate.save(folder.surrogate)
-    folder.training_checkpoint.unlink(missing_ok=True)
-
-
-def solve(
-    folder: RunFolder,
-    config: RunConfig,
-    *,
-    console: Console,
-    solver: MacroSolver | None = None,
-    backend: str | None = None,
-) -> None:
-    """Solve the macro problem under every load, with the closed surrogate and linearly.
-
-    With ``solver``, which ``backend`` names, solutions of other backends are replaced; without, the configured one
-    solves what is missing. Where several processes share a solver, all of them call this.
-    """
-    laws = macro_laws(folder, config)
-    if solver is None:
-        solver = make_backend("macro solver", config)
-    world = solver.world
-    for load in config.macro.loads:
-        prepared = None
-        for name, law in laws.items():
-            path = folder.solution(name, load)
-            if world.first(partial(_is_solved, folder, name, load, backend, console)):
-                continue
-            if prepared is None:
-                prepared = solver.prepare(config.macro.problem(load))
-            checkpoint = folder.macro_checkpoint(name, load)
-            with (
-                world.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
-                console.task(f"column, {name}, load {load:g}", "time") as task,
-            ):
-
-                def show(step: StepReport, task: Any = task) -> None:
-                    task.update(round(step.time, 6), step.end, detail=f"settlement {step.settlement:.4g}")
-
-                solution = solver.solve(prepared, law, checkpoint=checkpoint, on_step=show)
-                solution = replace(solution, backend=backend or config.fem.backend)
-                world.first(partial(solution.save, path))
-            world.first(partial(checkpoint.unlink, missing_ok=True))
-
-
-def _is_solved(folder: RunFolder, law: str, load: float, backend: str | None, console: Console) -> bool:
-    """Whether there is a solution that may stay."""
-    path = folder.solution(law, load)
-    if not path.exists():
-        return False
-    found = load_solution(folder, law, load)
-    if backend is None or found.backend == backend:
-        console.note(f"solving: {path.name} is there already")
-        return True
-    console.note(
-        f"solving: {path.name} is of {found.backend or 'another backend'}; solved again with {backend}"
-    )
-    return False
+        surrogate.fit(data, seed=config.surrogate.seed, checkpoint=checkpoint, on_progress=show)
+        surrogate.save(path)
+    checkpoint.unlink(missing_ok=True)
 
 
 def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
-    """Write metrics.json, the files for ParaView and the page; returns the page's path."""
+    """Write metrics.json, the files for ParaView and the page; returns the page's path.
+
+    They are about the closure that the run began with; solutions of other laws are set beside it.
+    """
     from porocore.report.html import write_report
     from porocore.report.words import all_warnings
     from porocore.summary import gather
     from porocore.vtk import write_vtu_series
 
     _finished(folder, folder.test_dataset, config.stages.test, _held_out(config))
+    shown = folder.written.with_closure(folder.shown_closure)
+    config = shown.model_copy(update={"title": config.title})
     with timed(folder.timings, "report"):
         for load in config.macro.loads:
-            for law in (config.closure, "linear"):
+            for law in (*folder.solved(load), LINEAR):
                 stem = folder.solution(law, load).stem
                 write_vtu_series(folder.fields, stem, load_solution(folder, law, load))
-        reference = _reference(folder, config)
+        reference = load_reference(folder, config)
         coefficients = linear_coefficients(reference, config)
-        surrogate = _load_surrogate(folder, config)
+        surrogate = load_surrogate(folder, config)
         context, metrics = gather(
             folder, config, reference, coefficients, surrogate, stage_times(folder.timings)
         )
@@ -189,24 +142,6 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     with atomic_path(folder.metrics) as part:
         part.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return folder.report
-
-
-def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
-    """What :func:`solve` kept.
-
-    Raises
-    ------
-    DataError
-        The file is damaged, or holds another law or load than its name says.
-    """
-    path = folder.solution(law, load)
-    solution = MacroSolution.load_file(path)
-    if (solution.law, solution.load) != (law, load):
-        raise DataError(
-            f"{path}: holds the solution of law '{solution.law}' under load {solution.load:g}, expected "
-            f"'{law}' under {load:g}; delete it and run porocore solve {folder.path}"
-        )
-    return solution
 
 
 def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
@@ -234,12 +169,6 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
     }
 
 
-def prepare_cell(backend: str, options: dict[str, Any], cell: Cell) -> tuple[CellSolver, Any]:
-    """A cell solver and what it has prepared; worker processes call this once."""
-    solver: CellSolver = registry().get("cell solver", backend)(**options)
-    return solver, solver.prepare(cell)
-
-
 def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
     """The converged states of the run.
 
@@ -261,30 +190,10 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
         dataset.states()[good],
         responses[good],
         dataset.inputs,
-        _reference(folder, config).response,
+        load_reference(folder, config).response,
         config.stages.cell,
         versions(),
     )
-
-
-def macro_laws(folder: RunFolder, config: RunConfig) -> dict[str, MacroLaw]:
-    """The two laws of a run by name: the closed surrogate, and linear poroelasticity of the same cell."""
-    reference = _reference(folder, config)
-    closure = CLOSURES[config.closure](reference.solid_fraction, config.cell.material, reference.conductivity)
-    surrogate = _load_surrogate(folder, config)
-    closed = ClosedLaw(surrogate, closure, identity=config.stages.training)
-    return {config.closure: closed, "linear": LinearPoroelasticity(linear_coefficients(reference, config))}
-
-
-def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
-    """Of the run's cell."""
-    return LinearCoefficients.from_reference(
-        reference.response, reference.solid_fraction, config.cell.material, reference.conductivity
-    )
-
-
-def _reference(folder: RunFolder, config: RunConfig) -> CellReference:
-    return CellReference.load(folder.require(folder.reference, "sample"), config.stages.cell)
 
 
 def _held_out(config: RunConfig) -> RandomStates:
@@ -300,23 +209,6 @@ def _finished(folder: RunFolder, path: Path, identity: str, sampler: Sampler) ->
             f"{path}: sampling was interrupted and is not finished; run porocore sample {folder.path}"
         )
     return dataset
-
-
-def _load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
-    path = folder.require(folder.surrogate, "train")
-    surrogate: Surrogate = registry().get("surrogate", config.surrogate.backend).load(path)
-    if surrogate.identity != config.stages.cell:
-        raise DataError(
-            f"{path}: trained for another cell (identity {surrogate.identity}, expected {config.stages.cell}); "
-            f"delete it and run porocore train {folder.path}"
-        )
-    expected = config.sampling.input_space()
-    if surrogate.inputs != expected:
-        raise DataError(
-            f"{path}: trained on other inputs ({describe(surrogate.inputs)}, expected {describe(expected)}); "
-            f"delete it and run porocore train {folder.path}"
-        )
-    return surrogate
 
 
 def _campaign(

@@ -18,6 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from porocore.closures import CLOSURES
 from porocore.config import RunConfig, differences, load_config
 from porocore.errors import RunFolderError
 from porocore.files import atomic_path
@@ -28,6 +29,8 @@ if sys.platform != "win32":
 FORMAT = "porocore-run"
 VERSION = 1
 CONFIG, RECORD, LOCK = "config.yaml", "run.json", ".lock"
+#: Name of the law of linear poroelasticity.
+LINEAR = "linear"
 #: The temporary names of :func:`porocore.files.atomic_path`.
 _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
 _PACKAGES = ("numpy", "scipy", "h5py", "gmsh", "scikit-fem", "mkl", "fenics-dolfinx", "petsc4py", "torch")
@@ -43,12 +46,15 @@ class RunFolder:
     path
         The folder.
     config
-        Its configuration.
+        Its configuration; after :meth:`claim` the one that was handed in.
+    written
+        The configuration that the run began with, which names the files: a run that goes on with another closure
+        keeps the solutions of each, and one surrogate for each model.
     """
 
     def __init__(self, path: Path, config: RunConfig) -> None:
         self.path = path
-        self.config = config
+        self.config = self.written = config
         self._lock: int | None = None
 
     @classmethod
@@ -183,7 +189,11 @@ class RunFolder:
     @property
     def training_curve(self) -> Path:
         """Losses against epochs."""
-        return self.path / "training.csv"
+        return self.training_curve_of(self.config)
+
+    def training_curve_of(self, config: RunConfig) -> Path:
+        """Losses of the surrogate that ``config`` needs."""
+        return self.path / f"training{self._suffix(config)}.csv"
 
     @property
     def dataset(self) -> Path:
@@ -198,12 +208,28 @@ class RunFolder:
     @property
     def surrogate(self) -> Path:
         """The trained surrogate."""
-        return self.path / "surrogate.h5"
+        return self.surrogate_of(self.config)
+
+    def surrogate_of(self, config: RunConfig) -> Path:
+        """The surrogate of the model that ``config`` needs.
+
+        ``surrogate.h5`` is that of the closure that the run began with; another closure may need another model,
+        which lies beside it as ``surrogate-MODEL.h5``.
+        """
+        return self.path / f"surrogate{self._suffix(config)}.h5"
 
     @property
     def training_checkpoint(self) -> Path:
         """From which an interrupted training continues."""
-        return self.path / "checkpoints" / "training.h5"
+        return self.training_checkpoint_of(self.config)
+
+    def training_checkpoint_of(self, config: RunConfig) -> Path:
+        """From which an interrupted training of that surrogate continues."""
+        return self.path / "checkpoints" / f"training{self._suffix(config)}.h5"
+
+    def _suffix(self, config: RunConfig) -> str:
+        model = config.surrogate_model
+        return "" if model == self.written.surrogate_model else f"-{model}"
 
     def macro_checkpoint(self, law: str, load: float) -> Path:
         """From which an interrupted macro solve continues."""
@@ -213,10 +239,29 @@ class RunFolder:
         """Macro solution under one law and load."""
         return self.path / "solutions" / f"{_file_name(law, load)}.h5"
 
-    def solutions(self) -> list[Path]:
-        """Every macro solution of the run: for each load, with the closure and linearly."""
-        laws = (self.config.closure, "linear")
+    def solutions(self, *laws: str) -> list[Path]:
+        """The macro solution for each load with each of ``laws``; by default with the closure and linearly."""
+        laws = laws or (self.config.closure, LINEAR)
         return [self.solution(law, load) for load in self.config.macro.loads for law in laws]
+
+    def solved(self, load: float) -> list[str]:
+        """Names of the nonlinear laws with a solution under ``load``: the first closure, other closures, direct FE²."""
+        closures = dict.fromkeys((self.written.closure, *CLOSURES))
+        laws = (*closures, *(direct_law(closure) for closure in closures))
+        return [law for law in laws if self.solution(law, load).exists()]
+
+    @property
+    def shown_closure(self) -> str:
+        """The closure that a report is about: the first one of which every load is solved, else the run's first."""
+        loads = self.config.macro.loads
+        complete = [c for c in CLOSURES if all(self.solution(c, load).exists() for load in loads)]
+        first = self.written.closure
+        return first if first in complete or not complete else complete[0]
+
+    @property
+    def direct_work(self) -> Path:
+        """How many cells direct FE² has solved, and in what time."""
+        return self.path / "direct.json"
 
     @property
     def fields(self) -> Path:
@@ -239,8 +284,9 @@ class RunFolder:
         return self.path / "report.html"
 
     def _check_same(self, held: RunFolder, resume: bool) -> None:
-        if held.config.identity != self.config.identity:
-            changed = [d for d in differences(self.config, held.config) if not d.startswith("title ")]
+        same = held.config.with_closure(self.config.closure)
+        if same.identity != self.config.identity:
+            changed = [d for d in differences(self.config, same) if not d.startswith("title ")]
             raise RunFolderError(
                 f"{self.path} holds another run; this one has {_some(changed)}; choose another --out"
             )
@@ -248,6 +294,7 @@ class RunFolder:
             raise RunFolderError(
                 f"{self.path} already holds this run; add --resume to continue it, or choose another --out"
             )
+        self.written = held.config
 
     def _left_by_a_start(self, name: str) -> bool:
         """Whether a file is what a start of this very run leaves that dies before the record is written."""
@@ -268,6 +315,11 @@ class RunFolder:
         }
         with atomic_path(self.path / RECORD) as part:
             part.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+
+
+def direct_law(closure: str) -> str:
+    """Name of the law of direct FE² with a closure."""
+    return f"direct-{closure}"
 
 
 def versions() -> dict[str, str]:

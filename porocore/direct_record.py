@@ -1,0 +1,81 @@
+"""What direct FE² has cost, added up over all the processes that worked on a solution."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from porocore.direct import DirectWork
+from porocore.errors import DataError, RunFolderError
+from porocore.files import atomic_path
+from porocore.states import Status
+
+#: By name of the solution: points, solves, seconds, and solves by status.
+DirectRecords = dict[str, dict[str, float]]
+
+
+@contextmanager
+def noted(path: Path, solution: str, work: DirectWork) -> Iterator[None]:
+    """Add to ``solution`` what ``work`` grows by during the block, also when the block is interrupted.
+
+    Raises
+    ------
+    DataError
+        The record at ``path`` is damaged; the block is not run.
+    RunFolderError
+        The disk is full or read-only.
+    """
+    records = direct_records(path)
+    before = _flat(work)
+
+    def note() -> None:
+        known = records.get(solution, {})
+        now = _flat(work)
+        gained = {name: value - before.get(name, 0) for name, value in now.items()}
+        records[solution] = {name: known.get(name, 0) + gained.get(name, 0) for name in {**known, **gained}}
+        with atomic_path(path) as part:
+            part.write_text(json.dumps(records, indent=2) + "\n", encoding="utf-8")
+
+    try:
+        yield
+    except BaseException:
+        with suppress(RunFolderError):  # the error on its way is the one to tell
+            note()
+        raise
+    note()
+
+
+def direct_records(path: Path) -> DirectRecords:
+    """What was noted, by solution; empty before the first.
+
+    Raises
+    ------
+    DataError
+        The record is damaged.
+    """
+    if not path.exists():
+        return {}
+    try:
+        records = json.loads(path.read_text(encoding="utf-8"))
+        return {
+            str(solution): {str(name): _number(value) for name, value in record.items()}
+            for solution, record in records.items()
+        }
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise DataError(
+            f"{path}: not a record of direct solves ({error}); delete it, it is not needed"
+        ) from error
+
+
+def _flat(work: DirectWork) -> dict[str, float]:
+    statuses = {status.name: work.counts[status] for status in Status if work.counts[status]}
+    return {"points": work.points, "solves": work.solves, "seconds": work.seconds, **statuses}
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"expected a number, got {value!r}")
+    return value

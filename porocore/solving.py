@@ -1,0 +1,160 @@
+"""The macro stage of a run: every load with every law that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack, nullcontext
+from dataclasses import replace
+from functools import partial
+from typing import Any, Literal
+
+from porocore.backends import make_backend
+from porocore.closures import CLOSURES, ClosedLaw
+from porocore.config import RunConfig
+from porocore.console import Console
+from porocore.direct import DirectCellLaw
+from porocore.direct_record import noted
+from porocore.execution import CellPool
+from porocore.interfaces.macro import MacroSolver
+from porocore.laws import MacroLaw
+from porocore.linear import LinearPoroelasticity
+from porocore.reference import CellReference
+from porocore.runfolder import LINEAR, RunFolder, direct_law
+from porocore.solution import StepReport
+from porocore.stage_files import (
+    linear_coefficients,
+    load_reference,
+    load_solution,
+    load_surrogate,
+    prepare_cell,
+)
+from porocore.stage_times import timed
+
+LawKind = Literal["surrogate", "linear", "direct"]
+#: What is solved unless something else is asked for.
+USUAL_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
+
+
+def solve(
+    folder: RunFolder,
+    config: RunConfig,
+    *,
+    console: Console,
+    solver: MacroSolver | None = None,
+    backend: str | None = None,
+    laws: Sequence[LawKind] = USUAL_LAWS,
+    direct_closure: str | None = None,
+) -> list[str]:
+    """Solve the macro problem under every load with each of ``laws``; returns the laws' names.
+
+    With ``solver``, which ``backend`` names, solutions of other backends are replaced; without, the configured one
+    solves what is missing. Where several processes share a solver, all of them call this. ``direct_closure`` closes
+    the cells of direct FE²; by default the closure of ``config`` does.
+    """
+    with ExitStack() as stack:
+        chosen = macro_laws(folder, config, stack, laws, direct_closure or config.closure)
+        if solver is None:
+            solver = make_backend("macro solver", config)
+        for load in config.macro.loads:
+            _solve_load(folder, config, load, chosen, solver, backend, console)
+        return list(chosen)
+
+
+def macro_laws(
+    folder: RunFolder,
+    config: RunConfig,
+    stack: ExitStack,
+    kinds: Sequence[LawKind] = USUAL_LAWS,
+    direct_closure: str = "potential",
+) -> dict[str, MacroLaw]:
+    """The laws of a run by name; processes that a law needs end with ``stack``."""
+    reference = load_reference(folder, config)
+    laws: dict[str, MacroLaw] = {}
+    for kind in dict.fromkeys(kinds):
+        if kind == "surrogate":
+            law = ClosedLaw(
+                load_surrogate(folder, config),
+                _closure(config, config.closure, reference),
+                identity=config.stages.training,
+            )
+            laws[config.closure] = law
+        elif kind == "linear":
+            laws[LINEAR] = LinearPoroelasticity(linear_coefficients(reference, config))
+        else:
+            pool = CellPool(
+                prepare_cell,
+                (config.fem.backend, config.fem.options, config.cell),
+                workers=config.sampling.worker_count(),
+            )
+            cells = DirectCellLaw(stack.enter_context(pool), reference.response, config.stages.cell)
+            name = direct_law(direct_closure)
+            laws[name] = ClosedLaw(cells, _closure(config, direct_closure, reference), name=name)
+    return laws
+
+
+def _closure(config: RunConfig, name: str, reference: CellReference) -> Any:
+    return CLOSURES[name](reference.solid_fraction, config.cell.material, reference.conductivity)
+
+
+def _solve_load(
+    folder: RunFolder,
+    config: RunConfig,
+    load: float,
+    laws: dict[str, MacroLaw],
+    solver: MacroSolver,
+    backend: str | None,
+    console: Console,
+) -> None:
+    world, prepared = solver.world, None
+    for name, law in laws.items():
+        path = folder.solution(name, load)
+        if world.first(partial(_is_solved, folder, name, load, backend, console)):
+            continue
+        if prepared is None:
+            prepared = solver.prepare(config.macro.problem(load))
+        checkpoint = folder.macro_checkpoint(name, load)
+        cells = law.cell_law if isinstance(law, ClosedLaw) else None
+        direct = cells if isinstance(cells, DirectCellLaw) else None
+        record = noted(folder.direct_work, path.stem, direct.work) if direct else nullcontext()
+        with (
+            world.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
+            record,
+            console.task(f"column, {name}, load {load:g}", "time") as task,
+        ):
+            reached = [0.0, config.macro.time.end]
+
+            def show(step: StepReport, task: Any = task, reached: list[float] = reached) -> None:
+                reached[:] = round(step.time, 6), step.end
+                task.update(*reached, detail=f"settlement {step.settlement:.4g}")
+
+            if direct is not None:
+
+                def tell(done: int, total: int, task: Any = task, reached: list[float] = reached) -> None:
+                    task.update(*reached, detail=f"cell {done} of {total} of this iteration")
+
+                direct.on_solved = tell
+            solution = solver.solve(prepared, law, checkpoint=checkpoint, on_step=show)
+            solution = replace(solution, backend=backend or config.fem.backend)
+            world.first(partial(solution.save, path))
+        if direct is not None:
+            work = direct.work
+            console.note(
+                f"{path.stem}: {work.solves} cells solved in this session ({work.failed} without solution), "
+                f"{work.seconds:.1f} s in all processes together, for {work.points} responses"
+            )
+        world.first(partial(checkpoint.unlink, missing_ok=True))
+
+
+def _is_solved(folder: RunFolder, law: str, load: float, backend: str | None, console: Console) -> bool:
+    """Whether there is a solution that may stay."""
+    path = folder.solution(law, load)
+    if not path.exists():
+        return False
+    found = load_solution(folder, law, load)
+    if backend is None or found.backend == backend:
+        console.note(f"solving: {path.name} is there already")
+        return True
+    console.note(
+        f"solving: {path.name} is of {found.backend or 'another backend'}; solved again with {backend}"
+    )
+    return False
