@@ -60,6 +60,12 @@ def solve(
         return list(chosen)
 
 
+def law_names(config: RunConfig, laws: Sequence[LawKind], direct_closure: str) -> list[str]:
+    """Under which names :func:`solve` keeps the solutions."""
+    names = {"surrogate": config.closure, "linear": LINEAR, "direct": direct_law(direct_closure)}
+    return [names[kind] for kind in dict.fromkeys(laws)]
+
+
 def macro_laws(
     folder: RunFolder,
     config: RunConfig,

@@ -27,6 +27,12 @@ SurrogateOption = Annotated[
     str | None,
     typer.Option("--surrogate", metavar="NAME", help="Surrogate backend instead of the configured one."),
 ]
+ClosureOption = Annotated[
+    str | None,
+    typer.Option(
+        "--closure", metavar="NAME", help="mean-gradient or potential, instead of the configured one."
+    ),
+]
 OutOption = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Run folder.", show_default="runs/<name of the configuration>"),
@@ -49,8 +55,10 @@ def interruptible(advice: str = "") -> Iterator[None]:
         raise Interrupted(f"interrupted; continue with: {advice}" if advice else "interrupted") from error
 
 
-def read_config(path: Path | None, fem: str | None, surrogate: str | None = None) -> tuple[Path, RunConfig]:
-    """The configuration, the packaged one for None, with the chosen backends."""
+def read_config(
+    path: Path | None, fem: str | None, surrogate: str | None = None, closure: str | None = None
+) -> tuple[Path, RunConfig]:
+    """The configuration, the packaged one for None, with the chosen backends and closure."""
     from porocore.benchmark import benchmark_path
     from porocore.config import load_config
     from porocore.runfolder import CONFIG, RECORD
@@ -61,7 +69,7 @@ def read_config(path: Path | None, fem: str | None, surrogate: str | None = None
             f"{path}: expected a configuration file, got a run folder; its configuration is {path / CONFIG}, and "
             f"to go on with it: {command('run', path / CONFIG, '--out', path, '--resume')}"
         )
-    return path, load_config(path).with_backends(fem, surrogate)
+    return path, load_config(path).with_backends(fem, surrogate).with_closure(closure)
 
 
 def command(*words: object) -> str:

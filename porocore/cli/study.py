@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from porocore.cli.common import (
+    ClosureOption,
     ConfigArgument,
     FemOption,
     OutOption,
@@ -26,6 +28,24 @@ if TYPE_CHECKING:
     from porocore.registry import Kind
     from porocore.runfolder import RunFolder
 
+
+class Law(StrEnum):
+    """Where the responses of the cell come from."""
+
+    surrogate = "surrogate"
+    linear = "linear"
+    direct = "direct"
+
+
+LawOption = Annotated[
+    list[Law] | None,
+    typer.Option(
+        "--law",
+        metavar="LAW",
+        help="surrogate, linear or direct (the cell itself, at every point); may be given several times.",
+        show_default="surrogate and linear",
+    ),
+]
 RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", show_default=False)]
 
 
@@ -33,19 +53,23 @@ def run(
     config: ConfigArgument = None,
     fem: FemOption = None,
     surrogate: SurrogateOption = None,
+    closure: ClosureOption = None,
     out: OutOption = None,
     resume: ResumeOption = False,
 ) -> None:
     """Sample, train, solve and report: a whole study.
 
-    Prints the path of the report, a page to open in a browser. With --fem or --surrogate, the options that
-    the configuration gives for its own backend do not go over to the other one.
+    Prints the path of the report, a page to open in a browser. With --fem, --surrogate or a --closure that needs
+    another model of surrogate, the options that the configuration gives for its own do not go over to the other
+    one. With --closure NAME --resume, a run that is there goes on with another closure: its solutions and the
+    surrogate that they need are added, and the report shows both.
     """
-    path, settings = read_config(config, fem, surrogate)
+    path, settings = read_config(config, fem, surrogate, closure)
     _check_backends(path, settings, "cell solver", "macro solver", "sampler", "surrogate")
     folder = _claim(path, settings, out, resume)
     again = ["--fem", fem] if fem else []
     again += ["--surrogate", surrogate] if surrogate else []
+    again += ["--closure", closure] if closure else []
     with interruptible(command("run", config, *again, "--out", folder.path, "--resume")), folder:
         from porocore import pipeline
 
@@ -86,43 +110,61 @@ def sample(
     typer.echo(folder.dataset)
 
 
-def train(run: RunArgument) -> None:
+def train(run: RunArgument, closure: ClosureOption = None) -> None:
     """Train the surrogate on the sampled states.
 
-    Prints the path of the trained surrogate.
+    Prints the path of the trained surrogate. With --closure NAME, it is the one that this closure needs, beside that of
+    the run's own closure.
     """
+    from porocore import backends
+
     folder = _open(run)
     folder.require(folder.dataset, "sample")
+    config = folder.config.with_closure(closure)
+    backends.check("surrogate", config)
     console = Console()
-    with interruptible(command("train", run)), folder:
+    again = ["--closure", closure] if closure else []
+    with interruptible(command("train", run, *again)), folder:
         from porocore import pipeline
 
-        pipeline.train(folder, folder.config, console=console)
-    console.note(f"next: {command('solve', run)}")
-    typer.echo(folder.surrogate)
+        pipeline.train(folder, config, console=console)
+    console.note(f"next: {command('solve', run, *again)}")
+    typer.echo(folder.surrogate_of(config))
 
 
-def solve(run: RunArgument, fem: FemOption = None) -> None:
+def solve(
+    run: RunArgument, fem: FemOption = None, closure: ClosureOption = None, law: LawOption = None
+) -> None:
     """Solve the macroscopic problem, with the surrogate and linearly.
 
     Prints the paths of the solutions. Those that are there already stay; with --fem NAME, those of another
-    backend are replaced, while cell and surrogate remain as they are. A solve that was interrupted is continued
-    by any backend. With a backend that can, several processes share the work: mpirun -n 2 porocore solve RUN
-    --fem dolfinx.
+    backend are replaced, while cell and surrogate remain as they are. Solutions of another --closure are added to
+    those that are there. --law direct solves the cell at every quadrature point instead of asking a surrogate
+    (closure potential unless another is named); it is slow and the judge of every surrogate. A solve that was
+    interrupted is continued by any backend. With a backend that can, several processes share the work: mpirun -n 2
+    porocore solve RUN --fem dolfinx.
     """
     from porocore import backends, parallel
     from porocore.registry import registry
+    from porocore.solving import USUAL_LAWS, LawKind, law_names
+    from porocore.stage_files import train_command
 
     folder = _open(run)
     folder.require(folder.dataset, "sample")
-    folder.require(folder.surrogate, "train")
-    config = folder.config.with_backends(fem)
+    laws: tuple[LawKind, ...] = tuple(kind.value for kind in law) if law else USUAL_LAWS
+    own = folder.config.with_closure(closure)
+    direct_closure = closure or "potential"
+    if "surrogate" in laws:
+        folder.require(folder.surrogate_of(own), train_command(folder, own))
+    config = own.with_backends(fem)
     rank, size = parallel.launched()
     if size > 1 and not registry().get("macro solver", config.fem.backend).distributed:
         raise PluginError(
             f"macro solver '{config.fem.backend}' cannot share its work among {size} MPI processes; "
             "start it without mpirun, or choose one that can, such as --fem dolfinx"
         )
+    if size > 1 and "direct" in laws:
+        raise PluginError("--law direct shares its cells among processes itself; start it without mpirun")
     solver = backends.make_backend("macro solver", config)
     if solver.world.size != size:
         raise PluginError(
@@ -132,25 +174,40 @@ def solve(run: RunArgument, fem: FemOption = None) -> None:
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
         console = Console(nowhere if rank else None)
         again = ["--fem", fem] if fem else []
+        again += ["--closure", closure] if closure else []
+        again += [word for kind in law or () for word in ("--law", kind)]
         with interruptible(command("solve", run, *again)), solver.world.holding(folder):
             from porocore import pipeline
 
-            pipeline.solve(folder, folder.config, console=console, solver=solver, backend=fem)
+            pipeline.solve(
+                folder,
+                own,
+                console=console,
+                solver=solver,
+                backend=fem,
+                laws=laws,
+                direct_closure=direct_closure,
+            )
         console.note(f"next: {command('report', run)}")
     if rank == 0:
-        for path in folder.solutions():
+        for path in folder.solutions(*law_names(own, laws, direct_closure)):
             typer.echo(path)
 
 
 def report(run: RunArgument) -> None:
     """Write figures of merit, the files for ParaView and the report.
 
-    Prints the path of the report, a page to open in a browser.
+    Prints the path of the report, a page to open in a browser. Solutions of several closures, and of direct FE², are
+    set beside one another.
     """
+    from porocore.runfolder import LINEAR
+    from porocore.stage_files import train_command
+
     folder = _open(run)
     folder.require(folder.dataset, "sample")
-    folder.require(folder.surrogate, "train")
-    for path in folder.solutions():
+    config = folder.config.with_closure(folder.shown_closure)
+    folder.require(folder.surrogate_of(config), train_command(folder, config))
+    for path in folder.solutions(config.closure, LINEAR):
         folder.require(path, "solve")
     with interruptible(command("report", run)), folder:
         from porocore import pipeline
