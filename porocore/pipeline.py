@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from porocore.backends import make_backend
+from porocore.closures import CLOSURES
 from porocore.config import RunConfig
 from porocore.console import Console
 from porocore.dataset import Dataset
@@ -131,9 +132,14 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
                 write_vtu_series(folder.fields, stem, load_solution(folder, law, load))
         reference = load_reference(folder, config)
         coefficients = linear_coefficients(reference, config)
-        surrogate = load_surrogate(folder, config)
+        closures = dict.fromkeys(law for load in config.macro.loads for law in folder.solved(load))
+        surrogates = {
+            closure: load_surrogate(folder, config.with_closure(closure))
+            for closure in (config.closure, *closures)
+            if closure in CLOSURES
+        }
         context, metrics = gather(
-            folder, config, reference, coefficients, surrogate, stage_times(folder.timings)
+            folder, config, reference, coefficients, surrogates, stage_times(folder.timings)
         )
         write_report(folder.report, context)
     for warning in all_warnings(context):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from porocore.closure_error import ClosureError, closure_error
 from porocore.closures import CLOSURES
 from porocore.config import RunConfig
 from porocore.dataset import Dataset
+from porocore.direct_record import direct_records
 from porocore.drainage import undrained
 from porocore.interfaces.surrogate import Surrogate
 from porocore.linear import LinearCoefficients
@@ -18,6 +21,7 @@ from porocore.report.context import (
     DEHGHANI_ZILIAN,
     Case,
     CellSummary,
+    DirectCost,
     OutputCheck,
     ReportContext,
     SamplingSummary,
@@ -25,8 +29,9 @@ from porocore.report.context import (
     SurrogateSummary,
     TrainingCurve,
 )
+from porocore.report.gaps import case_gaps
 from porocore.report.metrics import report_metrics, rms_percent, worst_percent
-from porocore.runfolder import RunFolder, versions
+from porocore.runfolder import LINEAR, RunFolder, direct_law, versions
 from porocore.sampled_range import SampledRange
 from porocore.solution import MacroSolution
 from porocore.states import Status
@@ -42,41 +47,49 @@ def gather(
     config: RunConfig,
     reference: CellReference,
     coefficients: LinearCoefficients,
-    surrogate: Surrogate,
+    surrogates: dict[str, Surrogate],
     timings: dict[str, float],
 ) -> tuple[ReportContext, dict[str, Any]]:
-    """The report's context, and the figures of merit ready for JSON."""
+    """The report's context, and the figures of merit ready for JSON.
+
+    ``surrogates`` by closure: that of ``config``, and those of the other closures that were solved with.
+    """
     dataset = Dataset.open(folder.dataset, identity=config.stages.sampling)
     held_out = Dataset.open(folder.test_dataset, identity=config.stages.test)
     cases = tuple(
         Case(
             MacroSolution.load_file(folder.solution(config.closure, load)),
-            MacroSolution.load_file(folder.solution("linear", load)),
+            MacroSolution.load_file(folder.solution(LINEAR, load)),
+            tuple(
+                MacroSolution.load_file(folder.solution(law, load))
+                for law in folder.solved(load)
+                if law != config.closure
+            ),
         )
         for load in config.macro.loads
     )
     responses = dataset.responses()
     training = responses.status == Status.converged
-    outputs = output_checks(dataset, held_out, surrogate)
-    closure = _closure_error(config, reference, dataset)
+    summaries = {
+        name: _surrogate_summary(folder, config.with_closure(name), reference, dataset, held_out, surrogate)
+        for name, surrogate in surrogates.items()
+    }
+    main = summaries.pop(config.closure)
+    outputs, closure = main.outputs, main.closure_error
+    direct = direct_costs(folder, config, timings)
     context = ReportContext(
         title=config.title or folder.path.name,
         cell=_cell_summary(config, reference, coefficients),
         sampling=SamplingSummary(dataset.inputs, dataset.x(), responses.status, training),
-        surrogate=SurrogateSummary(
-            backend=config.surrogate.backend,
-            description=f"{config.closure} closure; trained on converged states only",
-            training_states=int(training.sum()),
-            outputs=outputs,
-            curve=_training_curve(folder),
-            closure_error=closure,
-        ),
+        surrogate=main,
         cases=cases,
         stages=tuple(Stage(name, seconds) for name, seconds in timings.items()),
         provenance={**versions(), **reference.mesh, "run identity": config.identity},
         config_text=config.resolved_yaml(),
         published=DEHGHANI_ZILIAN if _is_the_benchmark(config) else None,
         warnings=tuple(undrained(config.macro, reference.conductivity)),
+        other_surrogates=tuple(summaries.values()),
+        direct=direct,
     )
     metrics = {
         "cell": {
@@ -100,13 +113,74 @@ def gather(
         "surrogate": {
             "training_states": int(training.sum()),
             "test_states": int((~outputs[0].outside).sum()) if outputs else 0,
-            "rms_error_percent_of_range": {check.plain: rms_percent(check) for check in outputs},
-            "largest_error_percent_of_range": {check.plain: worst_percent(check) for check in outputs},
+            **_errors(main),
         },
         "closure": None if closure is None else closure.for_json(),
-        "macro": report_metrics(cases)["cases"],
+        "macro": [
+            {**found, "gaps": case_gaps(case)}
+            for found, case in zip(report_metrics(cases)["cases"], cases, strict=True)
+        ],
     }
+    if summaries:
+        metrics["other_surrogates"] = {name: _errors(summary) for name, summary in summaries.items()}
+    if direct:
+        metrics["direct"] = [asdict(cost) | {"speed_up": cost.speed_up} for cost in direct]
     return context, metrics
+
+
+def _errors(summary: SurrogateSummary) -> dict[str, Any]:
+    return {
+        "rms_error_percent_of_range": {check.plain: rms_percent(check) for check in summary.outputs},
+        "largest_error_percent_of_range": {check.plain: worst_percent(check) for check in summary.outputs},
+    }
+
+
+def _surrogate_summary(
+    folder: RunFolder,
+    config: RunConfig,
+    reference: CellReference,
+    dataset: Dataset,
+    held_out: Dataset,
+    surrogate: Surrogate,
+) -> SurrogateSummary:
+    model = getattr(surrogate, "model", None)
+    return SurrogateSummary(
+        backend=config.surrogate.backend,
+        description=f"{f'model {model}, ' if model else ''}{config.closure} closure; trained on converged states only",
+        training_states=int((dataset.responses().status == Status.converged).sum()),
+        outputs=output_checks(dataset, held_out, surrogate),
+        curve=_training_curve(folder, config),
+        closure_error=_closure_error(config, reference, dataset),
+        closure=config.closure,
+        exact_closure="stress" in CLOSURES[config.closure].responses,
+    )
+
+
+def direct_costs(folder: RunFolder, config: RunConfig, timings: dict[str, float]) -> tuple[DirectCost, ...]:
+    """Of every solution by direct FE² whose cost was noted."""
+    records, found = direct_records(folder.direct_work), []
+    for load in config.macro.loads:
+        for closure in CLOSURES:
+            law = direct_law(closure)
+            path = folder.solution(law, load)
+            work = records.get(path.stem)
+            seconds = timings.get(f"macro, {law}, load {load:g}")
+            if work is None or seconds is None or not path.exists():
+                continue
+            failed = sum(work.get(status.name, 0) for status in Status if not status.has_values)
+            found.append(
+                DirectCost(
+                    law,
+                    load,
+                    int(work["points"]),
+                    int(work["solves"]),
+                    int(failed),
+                    work["seconds"],
+                    seconds,
+                    timings.get(f"macro, {closure}, load {load:g}"),
+                )
+            )
+    return tuple(found)
 
 
 def _closure_error(config: RunConfig, reference: CellReference, dataset: Dataset) -> ClosureError | None:
@@ -120,31 +194,38 @@ def _closure_error(config: RunConfig, reference: CellReference, dataset: Dataset
 
 
 def output_checks(dataset: Dataset, held_out: Dataset, surrogate: Surrogate) -> tuple[OutputCheck, ...]:
-    """The surrogate against the solved held-out states, for each component of <∇u¹>_s that varies."""
+    """The surrogate against the solved held-out states, for each component of what it predicts that varies."""
     trained, tested = dataset.responses(), held_out.responses()
     training = trained.status == Status.converged
     solved = np.flatnonzero(tested.status == Status.converged)
     states = held_out.states()[solved]
-    predicted = surrogate.predict(states, tangent=False).mean_grad
+    predicted = surrogate.predict(states, tangent=False)
     outside = SampledRange.around(dataset.inputs, dataset.x()[training]).outside(states)
     checks = []
-    for i in range(3):
-        for j in range(3):
-            values = trained.mean_grad[training, i, j]
-            span = float(np.ptp(values))
-            if span < FLAT:
-                continue
-            checks.append(
-                OutputCheck(
-                    name=rf"$\langle\nabla_Y u^1\rangle_{{{i + 1}{j + 1}}}$",
-                    plain=f"⟨∇u¹⟩{_SUBSCRIPTS[i]}{_SUBSCRIPTS[j]}",
-                    solved=tested.mean_grad[solved, i, j],
-                    predicted=predicted[:, i, j],
-                    span=span,
-                    outside=outside,
-                )
-            )
+    for field, at, name, plain in _outputs():
+        every, exact, guess = (getattr(response, field) for response in (trained, tested, predicted))
+        if every is None or exact is None or guess is None:
+            continue
+        span = float(np.ptp(every[training][at]))
+        if span >= FLAT:
+            checks.append(OutputCheck(name, plain, exact[solved][at], guess[at], span, outside))
     return tuple(checks)
+
+
+def _outputs() -> Iterator[tuple[str, Any, str, str]]:
+    """Field of the response, which component of it, and its name in mathematics and in plain text."""
+    for field, name, plain in (
+        ("mean_grad", r"\langle\nabla_Y u^1\rangle", "⟨∇u¹⟩"),
+        ("stress", "P_E", "P_E"),
+    ):
+        for i in range(3):
+            for j in range(3):
+                indices = f"{i + 1}{j + 1}"
+                mathematics = f"${name}_{{{indices}}}$" if field == "mean_grad" else f"$P_{{E,{indices}}}$"
+                comma = "," if field == "stress" else ""
+                digits = indices if field == "stress" else f"{_SUBSCRIPTS[i]}{_SUBSCRIPTS[j]}"
+                yield field, (slice(None), i, j), mathematics, f"{plain}{comma}{digits}"
+    yield "fluid_volume", slice(None), r"$\varphi$", "fluid volume φ"
 
 
 def _cell_summary(
@@ -176,8 +257,8 @@ def _is_the_benchmark(config: RunConfig) -> bool:
     )
 
 
-def _training_curve(folder: RunFolder) -> TrainingCurve | None:
-    table = read_training_curve(folder.training_curve)
+def _training_curve(folder: RunFolder, config: RunConfig) -> TrainingCurve | None:
+    table = read_training_curve(folder.training_curve_of(config))
     return None if table is None else TrainingCurve(table[:, 0], table[:, 1], table[:, 2])
 
 

@@ -184,25 +184,69 @@ class SurrogateSummary:
     curve: TrainingCurve | None = None
     #: Of the closure itself on the converged states; None: not known.
     closure_error: ClosureError | None = None
+    #: The closure that uses it.
+    closure: str = "mean-gradient"
+    #: Whether the closure takes stress and fluid volume from the surrogate itself.
+    exact_closure: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One load, solved with the cell's law and with linear poroelasticity on the same mesh and time plan."""
+    """One load, solved with the cell's law and with linear poroelasticity on the same mesh and time plan.
+
+    ``others`` are solutions with other closures, or with the cell itself (direct FE²).
+    """
 
     nonlinear: MacroSolution
     linear: MacroSolution
+    others: tuple[MacroSolution, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.nonlinear.load != self.linear.load:
-            raise ValueError(
-                f"expected two solutions of one load, got {self.nonlinear.load:g} and {self.linear.load:g}"
-            )
+        for solution in (self.linear, *self.others):
+            if self.nonlinear.load != solution.load:
+                raise ValueError(
+                    f"expected two solutions of one load, got {self.nonlinear.load:g} and {solution.load:g}"
+                )
 
     @property
     def load(self) -> float:
         """Factor of the prescribed values."""
         return self.nonlinear.load
+
+
+@dataclass(frozen=True)
+class DirectCost:
+    """What a solution by direct FE² has cost.
+
+    Attributes
+    ----------
+    law, load
+        Of the solution.
+    points
+        Responses that the quadrature points asked for.
+    solves, failed
+        Cells solved, and how many of them had no solution.
+    solve_seconds
+        Spent in these, added up over the processes.
+    seconds
+        Wall time of the macro solve.
+    surrogate_seconds
+        Wall time of the same solve with the surrogate and the same closure; None: not solved.
+    """
+
+    law: str
+    load: float
+    points: int
+    solves: int
+    failed: int
+    solve_seconds: float
+    seconds: float
+    surrogate_seconds: float | None = None
+
+    @property
+    def speed_up(self) -> float | None:
+        """How many times faster the surrogate is."""
+        return self.seconds / self.surrogate_seconds if self.surrogate_seconds else None
 
 
 @dataclass(frozen=True)
@@ -234,6 +278,10 @@ class ReportContext:
         What to set beside the results; None where the run is no repetition of a publication.
     warnings
         Shown in a box at the top, before those that the results themselves give rise to.
+    other_surrogates
+        Those of the other closures.
+    direct
+        What direct FE² has cost.
     """
 
     title: str
@@ -246,6 +294,8 @@ class ReportContext:
     config_text: str
     published: Published | None = None
     warnings: tuple[str, ...] = ()
+    other_surrogates: tuple[SurrogateSummary, ...] = ()
+    direct: tuple[DirectCost, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.cases:

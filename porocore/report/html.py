@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from porocore.files import atomic_path
 from porocore.report import figures
-from porocore.report.context import Case, ReportContext, SamplingSummary
+from porocore.report.context import Case, ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.figures.profiles import chosen_times
 from porocore.report.format import plain
+from porocore.report.gaps import COMPARED, case_gaps
 from porocore.report.metrics import case_metrics, rms_percent, worst_percent
 from porocore.report.page import Picture, environment, png_picture, svg_picture
 from porocore.report.words import (
@@ -61,19 +63,11 @@ def render(context: ReportContext) -> str:
         statuses=_statuses(context.sampling),
         training_states=int(context.sampling.training.sum()),
         samples=svg_picture(_samples_figure(context), "Sampled states by how their solution ended"),
-        outputs=[
-            (check, int((~check.outside).sum()), rms_percent(check), worst_percent(check))
-            for check in context.surrogate.outputs
+        surrogates=[
+            _surrogate_parts(surrogate) for surrogate in (context.surrogate, *context.other_surrogates)
         ],
-        parity=[
-            svg_picture(figures.parity_figure([check]), f"Predicted against solved {check.plain}")
-            for check in context.surrogate.outputs
-        ],
-        training=(
-            svg_picture(figures.training_figure(context.surrogate.curve), "Training and validation loss")
-            if context.surrogate.curve is not None
-            else None
-        ),
+        gaps=[case_gaps(case) for case in context.cases],
+        compared=COMPARED,
         cases=[_case_pictures(case) for case in context.cases],
         total_seconds=sum(stage.seconds for stage in context.stages),
     )
@@ -84,6 +78,26 @@ def _cell_picture(context: ReportContext) -> Picture | None:
     if context.cell.surface is None:
         return None
     return png_picture(figures.cell_picture(*context.cell.surface), "The solid of the cell")
+
+
+def _surrogate_parts(surrogate: SurrogateSummary) -> dict[str, Any]:
+    """A surrogate's accuracy and its pictures."""
+    return {
+        "summary": surrogate,
+        "outputs": [
+            (check, int((~check.outside).sum()), rms_percent(check), worst_percent(check))
+            for check in surrogate.outputs
+        ],
+        "parity": [
+            svg_picture(figures.parity_figure([check]), f"Predicted against solved {check.plain}")
+            for check in surrogate.outputs
+        ],
+        "training": (
+            svg_picture(figures.training_figure(surrogate.curve), "Training and validation loss")
+            if surrogate.curve is not None
+            else None
+        ),
+    }
 
 
 def _statuses(sampling: SamplingSummary) -> list[tuple[str, int, str]]:
@@ -122,7 +136,7 @@ def _case_pictures(case: Case) -> dict[str, list[Picture]]:
     load = plain(case.load)
     histories = [
         svg_picture(
-            figures.history_figure(case.nonlinear, case.linear, log_time=log_time),
+            figures.history_figure(case.nonlinear, case.linear, *case.others, log_time=log_time),
             f"Settlement, pore pressure and drained volume against {'logarithmic ' if log_time else ''}time, "
             f"load {load}",
         )

@@ -95,7 +95,7 @@ def _first_time(history: History, share: float) -> float | None:
 
 
 def case_metrics(case: Case) -> dict[str, Any]:
-    """Both solutions of one load and their ratios (nonlinear / linear), ready for JSON."""
+    """The solutions of one load and the ratios of the first two (nonlinear / linear), ready for JSON."""
     nonlinear, linear = solution_metrics(case.nonlinear), solution_metrics(case.linear)
 
     def ratio(key: str) -> float | None:
@@ -106,6 +106,7 @@ def case_metrics(case: Case) -> dict[str, Any]:
         "load": case.load,
         "nonlinear": nonlinear,
         "linear": linear,
+        "others": [solution_metrics(other) for other in case.others],
         "settlement_ratio": ratio("final_settlement"),
         "time_to_95_percent_ratio": ratio("time_to_95_percent"),
         "time_to_99_percent_ratio": ratio("time_to_99_percent"),

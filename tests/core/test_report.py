@@ -24,6 +24,7 @@ from porocore.report.context import (
     DEHGHANI_ZILIAN,
     Case,
     CellSummary,
+    DirectCost,
     OutputCheck,
     ReportContext,
     SamplingSummary,
@@ -283,3 +284,27 @@ def test_pyplot_is_not_used():
         env={**os.environ, "MPLBACKEND": "agg"},
     )
     assert json.loads(ran.stdout) == [False, True]
+
+
+def test_closures_stand_side_by_side_and_direct_solves_say_what_they_cost(context, column):
+    case = context.cases[0]
+    others = (column(law="mean-gradient", final=2.1), column(law="direct-potential", final=2.01))
+    main = replace(case, nonlinear=column(law="potential"), others=others)
+    exact = replace(context.surrogate, closure="potential", exact_closure=True)
+    both = replace(
+        context,
+        surrogate=exact,
+        cases=(main,),
+        other_surrogates=(replace(context.surrogate, description="for the other closure"),),
+        direct=(DirectCost("direct-potential", -0.2, 1234, 567, 8, 90.0, 120.0, 0.5),),
+    )
+    page = Page(render(both))
+    assert "The laws beside one another" in page.words
+    assert "potential direct-potential −0.5 %" in page.words  # 2 against 2.01
+    assert "1234 567 8" in page.words
+    assert "240.0" in page.words
+    assert "it adds no error of its own" in page.words
+    assert "for the other closure" in page.words
+    alone = Page(render(context))
+    assert "The laws beside one another" not in alone.words
+    assert "What direct FE² has cost" not in alone.words

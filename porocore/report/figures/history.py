@@ -2,26 +2,48 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from porocore.report.figures.style import DASHED, DOTTED, LINEAR, NONLINEAR, legend_above, new_figure, styled
+from porocore.report.figures.style import (
+    DASHED,
+    DOTTED,
+    GREEN,
+    LINEAR,
+    NONLINEAR,
+    ORANGE,
+    PURPLE,
+    legend_above,
+    new_figure,
+    styled,
+)
 from porocore.report.metrics import time_to_fraction
 from porocore.solution import MacroSolution
 from porocore.states import Array
 
 MARKS = ((0.95, "o"), (0.99, "D"))
+#: Of further laws, in order.
+OTHERS = ((GREEN, (0, (7, 1.5))), (PURPLE, (0, (4, 1.2, 1, 1.2))), (ORANGE, (0, (2, 1))))
 
 
 @styled
-def history_figure(nonlinear: MacroSolution, linear: MacroSolution, *, log_time: bool = False) -> Figure:
+def history_figure(
+    nonlinear: MacroSolution,
+    linear: MacroSolution,
+    *others: MacroSolution,
+    log_time: bool = False,
+) -> Figure:
     """Histories of one load, the cell's law against linear poroelasticity.
 
     Parameters
     ----------
     nonlinear, linear
         Two solutions of one problem.
+    *others
+        Further nonlinear ones, such as with another closure; each is then called by its law.
     log_time
         Logarithmic time axis; the state at rest, t = 0, is then left out.
 
@@ -34,10 +56,14 @@ def history_figure(nonlinear: MacroSolution, linear: MacroSolution, *, log_time:
     figure = new_figure(5.4, 7.6)
     settlement, pressure, drained = figure.subplots(3, 1, sharex=True)
     first = 1 if log_time else 0
-    for solution, colour, style, label in (
-        (nonlinear, NONLINEAR, "-", "nonlinear"),
+    curves: list[tuple[MacroSolution, str, Any, str]] = [
+        (nonlinear, NONLINEAR, "-", nonlinear.law if others else "nonlinear"),
         (linear, LINEAR, DASHED, "linear"),
-    ):
+    ]
+    curves += [
+        (other, colour, style, other.law) for other, (colour, style) in zip(others, OTHERS, strict=False)
+    ]
+    for solution, colour, style, label in curves:
         history = solution.history
         time = history.time[first:]
         settlement.plot(time, history.settlement[first:], color=colour, ls=style, label=label)

@@ -1,0 +1,91 @@
+"""How far two laws are apart on one problem: closures from each other, and surrogates from direct FE²."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from porocore.report.context import Case
+from porocore.solution import History, MacroSolution
+from porocore.states import Array
+
+#: Histories that are compared, with their names for a reader.
+COMPARED = {
+    "settlement": "settlement",
+    "pressure_max": "largest pore pressure",
+    "drained_flux": "drained volume",
+}
+SAME_TIME = 1e-9
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Difference of one history, in per cent of the largest magnitude that the reference has over time.
+
+    Attributes
+    ----------
+    end
+        At the end, signed.
+    largest
+        Largest magnitude over the times that both solutions have.
+    time
+        Where that is.
+    """
+
+    end: float
+    largest: float
+    time: float
+
+
+def gap(reference: History, other: History, quantity: str) -> Gap | None:
+    """Of ``quantity``, a field of :class:`History`; None where the reference does not move or no time is common."""
+    rows, columns = _common(reference.time, other.time)
+    one, two = getattr(reference, quantity)[rows], getattr(other, quantity)[columns]
+    scale = float(np.abs(one).max(initial=0.0))
+    if scale == 0:
+        return None
+    apart = 100 * (two - one) / scale
+    worst = int(np.abs(apart).argmax())
+    return Gap(float(apart[-1]), float(abs(apart[worst])), float(reference.time[rows][worst]))
+
+
+def case_gaps(case: Case) -> list[dict[str, Any]]:
+    """Every pair of nonlinear laws of one load, ready for JSON; the more exact one of two is the reference."""
+    found = []
+    for pair in combinations((case.nonlinear, *case.others), 2):
+        reference, other = sorted(pair, key=_exactness)
+        gaps = {name: gap(reference.history, other.history, name) for name in COMPARED}
+        found.append(
+            {
+                "law": other.law,
+                "reference": reference.law,
+                **{
+                    name: None
+                    if value is None
+                    else {
+                        "end_percent": value.end,
+                        "largest_percent": value.largest,
+                        "time_of_largest": value.time,
+                    }
+                    for name, value in gaps.items()
+                },
+            }
+        )
+    return found
+
+
+def _exactness(solution: MacroSolution) -> tuple[bool, bool]:
+    """Cells before surrogates, the exact closure before the other."""
+    return not solution.law.startswith("direct-"), solution.law.endswith("mean-gradient")
+
+
+def _common(one: Array, other: Array) -> tuple[Any, Any]:
+    """Rows of equal times: where one of the solutions had to halve its steps, it has more."""
+    near = np.searchsorted(other, one)
+    near = np.clip(near, 1, len(other) - 1)
+    near -= np.abs(other[near - 1] - one) < np.abs(other[near] - one)
+    rows = np.flatnonzero(np.abs(other[near] - one) <= SAME_TIME * np.maximum(1.0, one))
+    return rows, near[rows]
