@@ -36,6 +36,7 @@ FIRST_PARTY: dict[str, tuple[str, tuple[Kind, ...]]] = {
     "skfem": ("porocore-fem-skfem", ("cell solver", "macro solver")),
     "dolfinx": ("porocore-fem-dolfinx", ("cell solver", "macro solver")),
     "torch": ("porocore-surrogate-torch", ("surrogate",)),
+    "jax": ("porocore-surrogate-jax", ("surrogate",)),
 }
 
 

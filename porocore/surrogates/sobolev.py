@@ -112,7 +112,7 @@ class SobolevProblem:
         g, n, d = len(self.back), len(self.value), len(self.y)
 
         def evaluate(theta: Any, constants: Any) -> Any:
-            layers = _layers(theta, shapes)
+            layers = unpack_layers(theta, shapes)
             value, slope = _forward(xp, layers, activation, constants["images"])
             value = value.reshape(g, n).sum(0) / g
             slope = xp.einsum("gab,gnb->an", constants["back"], slope.reshape(g, n, d))
@@ -182,7 +182,7 @@ def train(
     )
     if on_progress is not None:
         on_progress(TrainingProgress(done, iterations, float(found.fun), float(found.fun)))
-    layers = _layers(found.x, shapes)
+    layers = unpack_layers(found.x, shapes)
     return Network(activation, tuple(W.copy() for W, _ in layers), tuple(b.copy() for _, b in layers))
 
 
@@ -201,7 +201,8 @@ def _first_weights(shapes: list[tuple[int, int]], activation: str, seed: int) ->
     return np.concatenate(parts)
 
 
-def _layers(theta: Any, shapes: list[tuple[int, int]]) -> list[tuple[Any, Any]]:
+def unpack_layers(theta: Any, shapes: list[tuple[int, int]]) -> list[tuple[Any, Any]]:
+    """Weights and biases of each layer, from one vector of parameters."""
     layers, at = [], 0
     for rows, columns in shapes:
         W = theta[at : at + rows * columns].reshape(rows, columns)
@@ -211,7 +212,7 @@ def _layers(theta: Any, shapes: list[tuple[int, int]]) -> list[tuple[Any, Any]]:
     return layers
 
 
-def _activate(xp: Any, name: str, z: Any) -> tuple[Any, Any, Any]:
+def activate(xp: Any, name: str, z: Any) -> tuple[Any, Any, Any]:
     """σ, σ′ and σ″."""
     if name == "tanh":
         a = xp.tanh(z)
@@ -232,7 +233,7 @@ def _forward(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: Any) ->
         J = W[None] if J is None else xp.einsum("oi,mid->mod", W, J)
         if i == len(layers) - 1:
             return z[:, 0], J[:, 0, :]
-        a, slope, _ = _activate(xp, activation, z)
+        a, slope, _ = activate(xp, activation, z)
         J = slope[:, :, None] * J
     raise AssertionError("a network has at least one layer")
 
@@ -246,7 +247,7 @@ def _second_order(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: An
         H = None if H is None else xp.einsum("oi,icd->ocd", W, H)
         if i == len(layers) - 1:
             return z[0], J[0], J[0][:, None] * 0 * J[0][None, :] if H is None else H[0]
-        a, slope, curvature = _activate(xp, activation, z)
+        a, slope, curvature = activate(xp, activation, z)
         bent = curvature[:, None, None] * J[:, :, None] * J[:, None, :]
         H = bent if H is None else slope[:, None, None] * H + bent
         J = slope[:, None] * J

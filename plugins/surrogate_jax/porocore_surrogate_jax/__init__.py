@@ -1,0 +1,1 @@
+"""Networks that stand in for the solid cell problem, trained and evaluated with JAX."""

@@ -1,0 +1,69 @@
+"""The library, set up for this plugin: double precision, one thread, and a device of the user's choice.
+
+Importing this module switches JAX to 64 bits, for the whole process; nothing else in porocore does.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import jax
+
+from porocore.errors import ConfigurationError
+
+jax.config.update("jax_enable_x64", True)
+
+#: A sum whose order depends on the number of threads would not repeat to the last bit.
+ONE_THREAD = {"xla_cpu_multi_thread_eigen": False}
+#: Where JAX reports on its search for accelerators.
+_PROBING = ("jax._src.xla_bridge",)
+
+
+def compiled(function: Callable[..., Any], device: jax.Device) -> Callable[..., Any]:
+    """``function`` compiled for ``device``, to which its arguments must belong."""
+    options = ONE_THREAD if device.platform == "cpu" else None
+    result: Callable[..., Any] = jax.jit(function, compiler_options=options)
+    return result
+
+
+@cache
+def choose_device(device: str) -> jax.Device:
+    """``auto`` is a GPU where there is one.
+
+    Raises
+    ------
+    ConfigurationError
+        A GPU is asked for and JAX sees none.
+    """
+    with _quiet():
+        if device != "cpu":
+            try:
+                found: jax.Device = jax.local_devices(backend="gpu")[0]
+            except RuntimeError:
+                if device == "cuda":
+                    raise ConfigurationError(
+                        "surrogate.options.device: jax sees no GPU here; choose auto or cpu, or install its CUDA "
+                        "build: pip install 'jax[cuda12]'"
+                    ) from None
+            else:
+                return found
+        cpu: jax.Device = jax.local_devices(backend="cpu")[0]
+        return cpu
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the messages about accelerators that are not there."""
+    loggers = [logging.getLogger(name) for name in _PROBING]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

@@ -1,0 +1,33 @@
+from porocore.surrogates import adam
+from porocore.testing.surrogate import SurrogateConformance
+from porocore_surrogate_jax.surrogate import JaxSurrogate
+
+
+class TestMlp(SurrogateConformance):
+    invalid_options = (
+        {"hiden": [40]},
+        {"hidden": []},
+        {"hidden": [40, 0]},
+        {"activation": "relu"},
+        {"epochs": 0},
+        {"learning_rate": 0},
+        {"validation_fraction": 0.9},
+        {"patience": 1.5},
+        {"device": "tpu"},
+    )
+
+    @classmethod
+    def make_surrogate(cls):
+        return JaxSurrogate(epochs=2000, hidden=[20, 20], learning_rate=0.1)
+
+    def checkpoint_often(self, monkeypatch):
+        monkeypatch.setattr(adam, "CHECKPOINT_INTERVAL", 0.0)
+
+
+class TestMlpWithTanh(SurrogateConformance):
+    @classmethod
+    def make_surrogate(cls):
+        return JaxSurrogate(epochs=2000, hidden=[16, 16], learning_rate=0.05, activation="tanh")
+
+    def checkpoint_often(self, monkeypatch):
+        monkeypatch.setattr(adam, "CHECKPOINT_INTERVAL", 0.0)

@@ -1,0 +1,159 @@
+"""What is compiled against what is not, against numpy, and against differences."""
+
+import logging
+import subprocess
+import sys
+import textwrap
+
+import jax
+import numpy as np
+import pytest
+
+from porocore import ConfigurationError
+from porocore.surrogates import sobolev
+from porocore.surrogates.network import ACTIVATIONS, Network
+from porocore.surrogates.symmetry import cube_group
+from porocore_surrogate_jax import evaluator, library
+from porocore_surrogate_jax.autodiff import JaxAutodiff
+from porocore_surrogate_jax.evaluator import LARGEST, JaxNetwork
+
+
+def network(d=3, hidden=(7, 5), outputs=1, activation="tanh", seed=0):
+    random = np.random.default_rng(seed)
+    widths = [d, *hidden, outputs]
+    pairs = list(zip(widths[1:], widths[:-1], strict=True))
+    return Network(
+        activation,
+        tuple(random.normal(size=pair) for pair in pairs),
+        tuple(random.normal(size=pair[0]) for pair in pairs),
+    )
+
+
+def points(n, d=3):
+    return np.random.default_rng(1).uniform(-1, 1, (n, d))
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+def test_jit_against_eager(activation):
+    """In jax 0.7.1 an index by a constant array within vmap within jit gave wrong values without a word."""
+    compiled, x = JaxNetwork(network(7, (40, 40, 40), activation=activation)), points(64, 7)
+    jitted = compiled.curvatures(x), compiled.slopes(x), (compiled.evaluate(x),)
+    with jax.disable_jit():
+        eager = compiled.curvatures(x), compiled.slopes(x), (compiled.evaluate(x),)
+    for one, other in zip(jitted, eager, strict=True):
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * np.abs(b).max())
+
+
+@pytest.mark.parametrize("symmetric", [False, True])
+def test_the_loss_compiled_and_not(symmetric):
+    """Loss and gradient of the Sobolev training, whose network is averaged over the cube's symmetries by matrices."""
+    random, active = np.random.default_rng(3), tuple(range(7))
+    group = cube_group(active) if symmetric else np.eye(7)[None]
+    y = random.uniform(-0.1, 0.1, (7, 9))
+    half = np.full(7, 0.1)
+    problem = sobolev.SobolevProblem(
+        part=None,
+        images=(np.einsum("gab,bn->gna", group, y) / half).reshape(-1, 7),
+        rest=np.zeros((1, 7)),
+        back=np.swapaxes(group, 1, 2) / half / len(group),
+        y=y,
+        value=random.normal(size=9),
+        slopes=random.normal(size=(7, 9)),
+        value_weight=2.0,
+        slope_weight=random.uniform(0.5, 2, 7),
+    )
+    shapes = [(6, 7), (5, 6), (1, 5)]
+    theta = sobolev._first_weights(shapes, "softplus", 0)
+    autodiff = JaxAutodiff("cpu")
+    loss = autodiff.compile(problem.loss(autodiff.xp, shapes, "softplus"), problem.constants())
+    value, gradient = loss(theta)
+    with jax.disable_jit():
+        eager_value, eager_gradient = loss(theta)
+    assert value == pytest.approx(eager_value, rel=1e-13)
+    np.testing.assert_allclose(gradient, eager_gradient, rtol=0, atol=1e-12 * np.abs(gradient).max())
+    in_numpy = problem.loss(np, shapes, "softplus")
+    assert value == pytest.approx(in_numpy(theta, problem.constants()), rel=1e-12)
+    for k in range(0, len(theta), 9):
+        step = np.zeros_like(theta)
+        step[k] = 1e-6
+        up, down = (in_numpy(theta + sign * step, problem.constants()) for sign in (1, -1))
+        assert gradient[k] == pytest.approx((up - down) / 2e-6, rel=1e-6, abs=1e-7 * np.abs(gradient).max())
+
+
+def test_derivatives_against_differences():
+    compiled, x, h = JaxNetwork(network()), points(5), 1e-4
+    value, gradient, hessian = compiled.curvatures(x)
+    np.testing.assert_allclose(compiled.evaluate(x)[:, 0], value, rtol=0, atol=1e-13)
+    for k in range(3):
+        step = h * np.eye(3)[k]
+        up, down = compiled.curvatures(x + step), compiled.curvatures(x - step)
+        np.testing.assert_allclose(gradient[k], (up[0] - down[0]) / (2 * h), rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(hessian[k], (up[1] - down[1]) / (2 * h), rtol=1e-5, atol=1e-5)
+
+
+def test_several_outputs():
+    plain, x = network(2, (6,), outputs=4, activation="sigmoid"), points(11, 2)
+    values, slopes = JaxNetwork(plain).slopes(x)
+    assert slopes.shape == (2, 11, 4)
+    for a, b in zip((values, slopes), plain.slopes(x), strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("n", [0, 1, 8, 9, LARGEST, LARGEST + 1, 2 * LARGEST + 3])
+def test_any_number_of_rows(n):
+    plain, x = network(), points(n)
+    for a, b in zip(JaxNetwork(plain).curvatures(x), plain.curvatures(x), strict=True):
+        assert a.shape == b.shape
+        assert a.dtype == np.float64
+        assert a.flags.writeable
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-12)
+
+
+def test_few_sizes_are_compiled_whatever_is_asked_for():
+    """And one compilation serves all networks of one shape."""
+    evaluator._function.cache_clear()
+    for n in range(1, 2300, 13):
+        JaxNetwork(network(seed=n)).evaluate(points(n))
+    assert evaluator._function("values", "tanh", library.choose_device("cpu"))._cache_size() == 8
+
+
+def test_a_gpu_that_is_not_there(monkeypatch):
+    def none(backend=None):
+        if backend == "gpu":
+            raise RuntimeError("Unknown backend gpu")
+        return jax.devices("cpu")
+
+    monkeypatch.setattr(library.jax, "local_devices", none)
+    library.choose_device.cache_clear()
+    assert library.choose_device("auto").platform == "cpu"
+    with pytest.raises(ConfigurationError, match=r"surrogate\.options\.device: jax sees no GPU here"):
+        library.choose_device("cuda")
+    library.choose_device.cache_clear()
+
+
+def test_64_bits_are_set_with_the_library_and_not_before():
+    """And neither the search for a GPU nor anything else is reported."""
+    code = """
+        import jax
+        import porocore
+        from porocore_surrogate_jax import hooks
+        assert not jax.config.jax_enable_x64
+        hooks.porocore_surrogates()[0].load()
+        assert jax.config.jax_enable_x64
+        from porocore_surrogate_jax.library import choose_device
+        print(choose_device("auto").platform in ("cpu", "gpu"))
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["True"]
+    assert done.stderr == ""
+
+
+def test_logging_is_left_as_it_was():
+    logger = logging.getLogger("jax._src.xla_bridge")
+    before = logger.level
+    library.choose_device.cache_clear()
+    library.choose_device("auto")
+    assert logger.level == before
