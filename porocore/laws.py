@@ -81,6 +81,8 @@ class MacroLaw(ABC):
     name: str
     #: Changes whenever the law would answer differently; a checkpoint of another law is refused.
     identity: str
+    #: Share of the magnitudes that cancel in a response below which its digits mean nothing, beyond round-off.
+    noise: float = 0.0
 
     @abstractmethod
     def initial(self, n: int) -> LawMemory:

@@ -46,6 +46,7 @@ class ClosedLaw(MacroLaw):
     ) -> None:
         self.cell_law, self.closure = cell_law, closure
         self.name = closure.name if name is None else name
+        self.noise = float(getattr(cell_law, "noise", 0.0))
         self.identity = fingerprint(closure.identity, cell_law.identity if identity is None else identity)
         self._rest = cell_law.predict(MacroState.zeros(1))
         closure.check(self._rest, type(cell_law).__name__)

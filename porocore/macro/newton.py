@@ -75,7 +75,7 @@ def newton_step(
         if misfit > allowed or moving:
             assert response.tangent is not None
             system = d.system(response.tangent, dt)
-            misfit = _misfit(d, residual, _round_off(d, system, x, response))
+            misfit = _misfit(d, residual, _round_off(d, system, x, response, max(ROUND_OFF, law.noise)))
         misfits.append(misfit)
         if system is None or (misfit <= allowed and not moving):
             return Step(x, response, residual, iteration, misfits)
@@ -116,12 +116,14 @@ def _largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
     return force, volume
 
 
-def _round_off(d: Discretisation, system: Any, x: Array, response: MacroResponse) -> tuple[float, float]:
-    """Forces and volumes that are round-off of the terms which cancel in them.
+def _round_off(
+    d: Discretisation, system: Any, x: Array, response: MacroResponse, share: float
+) -> tuple[float, float]:
+    """Forces and volumes that are round-off of the terms which cancel in them, a ``share`` of these.
 
     These are |A| |x|, and for forces also the stress of the 1 in I + H, which hides loads below some 1e-12.
     """
     assert response.tangent is not None
     force, volume = _largest_free(d, d.magnitudes(system, x))
     stiffest = d.world.largest(float(np.abs(response.tangent.stress_grad_u).max(initial=0.0)))
-    return ROUND_OFF * (force + stiffest * d.stretch), ROUND_OFF * volume
+    return share * (force + stiffest * d.stretch), share * volume
