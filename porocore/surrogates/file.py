@@ -23,7 +23,7 @@ from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.network import Evaluator, Network
 from porocore.surrogates.potential import NetworkPart, PotentialModel
 from porocore.surrogates.potential_data import Rest
-from porocore.surrogates.terms import Terms, cubic, plain
+from porocore.surrogates.terms import VARIABLES, Terms, cubic, plain
 
 FORMAT, VERSION = "porocore-surrogate", 2
 ADVICE = "delete it and train the surrogate again"
@@ -173,6 +173,13 @@ def _unpack_polynomial(arrays: dict[str, Array], name: str, variables: int, outp
     return Polynomial(exponents.astype(np.int64), coefficients)
 
 
+def _unpack_terms(name: str, arrays: dict[str, Array], weights: tuple[int, ...]) -> Terms:
+    polynomial = _unpack_polynomial(arrays, "network/terms", VARIABLES, len(weights))
+    if name == "plain":
+        return plain(tuple(int(row.argmax()) for row in polynomial.exponents))
+    return Terms(name, polynomial, weights)
+
+
 def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
     header |= {
         "active": model.active,
@@ -187,10 +194,10 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
         _pack_polynomial(model.polynomial, "polynomial", arrays)
     if model.network is not None:
         part = model.network
-        header |= {"known": part.active, "symmetric": part.symmetry is not None, "scale": part.scale}
+        header |= {"network_terms": part.terms.name, "scale": part.scale}
         arrays |= {"network/middle": part.middle, "network/half": part.half}
-        if part.symmetry is not None:
-            arrays["network/symmetry"] = part.symmetry
+        _pack_polynomial(part.terms.polynomial, "network/terms", arrays)
+        arrays["network/term_weights"] = np.array(part.terms.weights, dtype=float)
         _pack_network(part.network, header, arrays)
 
 
@@ -211,14 +218,13 @@ def _unpack_potential(
         polynomial = _unpack_polynomial(arrays, "polynomial", len(terms.weights), 1)
     part = None
     if header["network"]:
-        known = tuple(int(a) for a in header["known"])
+        weights = tuple(int(w) for w in arrays["network/term_weights"])
         part = NetworkPart(
             make(_unpack_network(header, arrays)),
-            known,
-            arrays["network/middle"].reshape(len(known)),
-            arrays["network/half"].reshape(len(known)),
+            _unpack_terms(header["network_terms"], arrays, weights),
+            arrays["network/middle"].reshape(len(weights)),
+            arrays["network/half"].reshape(len(weights)),
             float(header["scale"]),
-            arrays["network/symmetry"].reshape(-1, len(known), len(known)) if header["symmetric"] else None,
         )
     mean_grad = _unpack_polynomial(arrays, "mean_grad", len(active), 9)
     return PotentialModel(rest, terms, polynomial, part, mean_grad, active, sampled)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,43 +101,6 @@ def fit(samples: Samples, terms: Terms, lowest: int, *, degree: int | None = Non
     else:
         best = degrees[0]
     return Fit(_solve(samples, terms, exponents_up_to(terms.weights, lowest, best)), best, errors)
-
-
-def composed(terms: Terms, polynomial: Polynomial) -> Callable[[Array], tuple[Array, Array, Array]]:
-    """y (7, n) → values (o, n), gradients (o, 7, n) and Hessians (o, 7, 7, n) of a polynomial in terms."""
-
-    def evaluate(y: Array) -> tuple[Array, Array, Array]:
-        t, J, H = terms.polynomial.derivatives(y)
-        assert H is not None
-        value, by_t, by_tt = polynomial.derivatives(t)
-        assert by_tt is not None
-        if terms.name == "plain":
-            return value, *_scattered(terms, by_t, by_tt, y.shape)
-        gradient = np.einsum("otn,tan->oan", by_t, J)
-        J_rows = np.ascontiguousarray(np.moveaxis(J, -1, 0))
-        hessian = np.empty((len(value), 7, 7, y.shape[1]))
-        for o in range(len(value)):
-            pushed = J_rows.swapaxes(1, 2) @ np.moveaxis(by_tt[o], -1, 0) @ J_rows
-            hessian[o] = np.moveaxis(pushed, 0, -1)
-            for k in range(len(t)):
-                for a in range(7):
-                    for b in range(7):
-                        if H[k, a, b].any():
-                            hessian[o, a, b] += by_t[o, k] * H[k, a, b]
-        return value, gradient, hessian
-
-    return evaluate
-
-
-def _scattered(terms: Terms, by_t: Array, by_tt: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
-    active = [int(np.argmax(e)) for e in terms.polynomial.exponents]
-    o = len(by_t)
-    gradient, hessian = np.zeros((o, 7, shape[1])), np.zeros((o, 7, 7, shape[1]))
-    gradient[:, active] = by_t
-    for a, i in enumerate(active):
-        for b, j in enumerate(active):
-            hessian[:, i, j] = by_tt[:, a, b]
-    return gradient, hessian
 
 
 def _design(samples: Samples, terms: Terms, exponents: IntArray) -> tuple[Array, Array]:

@@ -12,6 +12,11 @@ import numpy.typing as npt
 from porocore.states import Array
 
 IntArray = npt.NDArray[np.int64]
+#: States are taken in blocks of so many numbers, which stay in the processor's cache; and no fewer states at once.
+LARGEST_BLOCK, SMALLEST_BLOCK = 200_000, 256
+#: Which output by which variables, and the values (n,).
+Slope = tuple[tuple[int, int], Array]
+Curvature = tuple[tuple[int, int, int], Array]
 
 
 def exponents_up_to(weights: tuple[int, ...], lowest: int, highest: int) -> IntArray:
@@ -56,27 +61,58 @@ class Polynomial:
     def derivatives(self, t: Array, *, second: bool = True) -> tuple[Array, Array, Array | None]:
         """Values (o, n), gradients (o, v, n) and Hessians (o, v, v, n) at t (v, n)."""
         o, v, n = len(self.coefficients), self.variables, t.shape[1]
-        monomials = self._monomials(t)
-        rows, (first, pairs) = self._rows, self._places
-        count = len(first) + (len(pairs) if second else 0)
-        out = rows[1][:count] @ monomials
+        values, slopes, curvatures = self.entries(t, second=second)
         gradient = np.zeros((o, v, n))
-        for row, (i, a) in zip(out, first, strict=False):
-            gradient[i, a] = row
-        values = rows[0] @ monomials
+        for at, row in slopes:
+            gradient[at] = row
         if not second:
             return values, gradient, None
         hessian = np.zeros((o, v, v, n))
-        for row, (i, a, b) in zip(out[len(first) :], pairs, strict=True):
+        for (i, a, b), row in curvatures:
             hessian[i, a, b] = row
             hessian[i, b, a] = row
         return values, gradient, hessian
 
+    def entries(self, t: Array, *, second: bool = True) -> tuple[Array, list[Slope], list[Curvature]]:
+        """Values (o, n), and the derivatives that are not zero everywhere.
+
+        As pairs ((output, a), (n,)) and ((output, a, b), (n,)), a ≤ b.
+        """
+        value, by_one, by_two = self._rows
+        first, pairs = self._places
+        n, outputs = t.shape[1], len(value)
+        count = outputs + len(first) + (len(pairs) if second else 0)
+        out = np.empty((count, n))
+        block = max(LARGEST_BLOCK // max(value.shape[1], 1), SMALLEST_BLOCK)
+        buffer = np.empty((value.shape[1], min(block, n)))
+        for start in range(0, n, block):
+            columns = slice(start, min(start + block, n))
+            monomials = self._monomials(t[:, columns], buffer)
+            np.matmul(value, monomials, out=out[:outputs, columns])
+            at = outputs
+            for rows in (by_one, by_two) if second else (by_one,):
+                np.matmul(rows, monomials[: rows.shape[1]], out=out[at : at + len(rows), columns])
+                at += len(rows)
+        after = outputs + len(first)
+        return (
+            out[:outputs],
+            list(zip(first, out[outputs:after], strict=True)),
+            list(zip(pairs, out[after:], strict=True)) if second else [],
+        )
+
+    @property
+    def moves(self) -> npt.NDArray[np.bool_]:
+        """Which derivatives (o, v) are not zero everywhere."""
+        moves = np.zeros((len(self.coefficients), self.variables), dtype=bool)
+        for at in self._places[0]:
+            moves[at] = True
+        return moves
+
     # ---- all that does not depend on t -----------------------------------------------------------
 
     @cached_property
-    def _basis(self) -> tuple[list[tuple[int, ...]], dict[tuple[int, ...], int], list[tuple[int, int]]]:
-        """The monomials and all their divisors, each with its number, a divisor of one degree less, and the factor."""
+    def _basis(self) -> tuple[list[tuple[int, ...]], dict[tuple[int, ...], int]]:
+        """The monomials and all their divisors, ascending in degree and then in exponents, and their numbers."""
         seen: set[tuple[int, ...]] = set()
         todo = [tuple(int(x) for x in e) for e in self.exponents]
         while todo:
@@ -85,45 +121,67 @@ class Polynomial:
                 seen.add(e)
                 todo += [(*e[:a], e[a] - 1, *e[a + 1 :]) for a in range(len(e)) if e[a]]
         order = sorted(seen, key=lambda e: (sum(e), e))
-        number = {e: i for i, e in enumerate(order)}
-        made = [(0, 0)]
-        for e in order[1:]:
-            a = next(a for a in range(len(e)) if e[a])
-            made.append((number[(*e[:a], e[a] - 1, *e[a + 1 :])], a))
-        return order, number, made
+        return order, {e: i for i, e in enumerate(order)}
 
-    def _monomials(self, t: Array) -> Array:
-        order, _, made = self._basis
-        out = np.empty((len(order), t.shape[1]))
-        if len(order):
-            out[0] = 1.0
-        for k in range(1, len(order)):
-            parent, factor = made[k]
-            np.multiply(out[parent], t[factor], out=out[k])
+    @cached_property
+    def _steps(self) -> list[tuple[slice, slice | IntArray, int]]:
+        """Which rows of the basis are which others times which variable; slices where no monomial is missing."""
+        order, number = self._basis
+        groups: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        for i, e in enumerate(order[1:], start=1):
+            a = next(a for a in range(len(e)) if e[a])
+            groups.setdefault((sum(e), a), []).append((i, number[(*e[:a], e[a] - 1, *e[a + 1 :])]))
+        steps: list[tuple[slice, slice | IntArray, int]] = []
+        for (_, a), members in groups.items():
+            rows, parents = np.array(members, dtype=np.int64).T
+            together = bool((np.diff(parents) == 1).all())
+            steps.append(
+                (
+                    slice(rows[0], rows[-1] + 1),
+                    slice(parents[0], parents[-1] + 1) if together else parents,
+                    a,
+                )
+            )
+        return steps
+
+    def _monomials(self, t: Array, buffer: Array | None = None) -> Array:
+        """The basis at t (v, n), (size, n)."""
+        size, n = len(self._basis[0]), t.shape[1]
+        out = np.empty((size, n)) if buffer is None else buffer[:, :n]
+        out[:1] = 1.0
+        for rows, parents, a in self._steps:
+            np.multiply(out[parents], t[a], out=out[rows])
         return out
 
     @cached_property
     def _places(self) -> tuple[list[tuple[int, int]], list[tuple[int, int, int]]]:
-        return self._derivative_rows[1:]
+        return self._derivative_rows[2:]
 
     @cached_property
-    def _rows(self) -> tuple[Array, Array]:
-        order, number, _ = self._basis
+    def _rows(self) -> tuple[Array, Array, Array]:
+        order, number = self._basis
         value = np.zeros((len(self.coefficients), len(order)))
         for k, e in enumerate(self.exponents):
             value[:, number[tuple(int(x) for x in e)]] += self.coefficients[:, k]
-        return value, self._derivative_rows[0]
+        return value, *self._derivative_rows[:2]
 
     @cached_property
-    def _derivative_rows(self) -> tuple[Array, list[tuple[int, int]], list[tuple[int, int, int]]]:
-        """Coefficients of the derivatives that are not zero, over the basis, and which derivatives these are."""
-        order, number, _ = self._basis
+    def _derivative_rows(
+        self,
+    ) -> tuple[Array, Array, list[tuple[int, int]], list[tuple[int, int, int]]]:
+        """Coefficients of the first and second derivatives that are not zero, over the basis, and which these are.
+
+        The basis ascends in degree, so the columns of a derivative end before those of the polynomial.
+        """
+        order, number = self._basis
         v = self.variables
-        rows, first, pairs = [], [], []
+        degrees = np.array([sum(e) for e in order])
+        found: dict[int, tuple[list[Array], list[tuple[int, ...]]]] = {1: ([], []), 2: ([], [])}
         wanted: list[tuple[int, ...]] = [(a,) for a in range(v)]
         wanted += list(combinations_with_replacement(range(v), 2))
         for by in wanted:
-            row = np.zeros((len(self.coefficients), len(order)))
+            columns = int((degrees <= degrees.max(initial=0) - len(by)).sum())
+            row = np.zeros((len(self.coefficients), columns))
             for k, exponent in enumerate(self.exponents):
                 e, factor = [int(x) for x in exponent], 1
                 for a in by:
@@ -131,11 +189,12 @@ class Polynomial:
                     e[a] -= 1
                 if factor:
                     row[:, number[tuple(e)]] += factor * self.coefficients[:, k]
-            for i in range(len(self.coefficients)):
-                if row[i].any():
-                    rows.append(row[i])
-                    if len(by) == 1:
-                        first.append((i, by[0]))
-                    else:
-                        pairs.append((i, *by))
-        return np.array(rows).reshape(len(rows), len(order)), first, pairs  # type: ignore[return-value]
+            rows, places = found[len(by)]
+            for i in np.flatnonzero(row.any(axis=1)):
+                rows.append(row[i])
+                places.append((int(i), *by))
+        return tuple(
+            np.array(rows).reshape(len(rows), -1 if rows else 0) for rows, _ in found.values()
+        ) + tuple(  # type: ignore[return-value]
+            places for _, places in found.values()
+        )

@@ -11,90 +11,85 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from porocore.sampled_range import SampledRange
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
-from porocore.surrogates.least_squares import composed
+from porocore.surrogates.composition import Composed, Motion
 from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.network import Evaluator
 from porocore.surrogates.potential_data import Rest, variables
 from porocore.surrogates.stretch import LogStretch
 from porocore.surrogates.terms import Terms, plain
 
+BoolArray = npt.NDArray[np.bool_]
+
 
 @dataclass(frozen=True, eq=False)
 class NetworkPart:
-    """s [N(x) − N(x₀) − N′(x₀)(x − x₀) − ½ (x − x₀)·N″(x₀)(x − x₀)], x = (y − middle)/half for the active y.
+    """s [N(x) − what N says up to second order in y], x = (t − middle)/half for some terms t(y).
+
+    With the terms of a cubic cell, N has the symmetry of the cube whatever its weights are.
 
     Attributes
     ----------
     network
         N, with one output.
-    active
-        The variables that it knows.
-    middle, half : (d,)
-        Of the range of these.
+    terms
+        t; a term of weight w is of order w in y.
+    middle, half : (k,)
+        Of the ranges of the terms.
     scale
         s.
-    symmetry : (g, d, d) or None
-        Matrices on the active y, over which N is averaged.
     """
 
     network: Evaluator
-    active: tuple[int, ...]
+    terms: Terms
     middle: Array
     half: Array
     scale: float
-    symmetry: Array | None = None
 
     def derivatives(self, y: Array) -> tuple[Array, Array, Array]:
         """Value (n,), gradient (7, n) and Hessian (7, 7, n)."""
-        d, n = len(self.active), y.shape[1]
-        z = y[list(self.active)]
-        value, slope, curvature = self._raw(z)
+        plain = self.terms.name == "plain"
+        if plain:
+            active = [int(np.argmax(e)) for e in self.terms.polynomial.exponents]
+            t = y[active]
+        else:
+            motion = Motion(self.terms, y)
+            t = motion.t
+        value, slope, curvature = self._raw(t)
         v0, g0, h0 = self._at_rest
-        bent = h0 @ z
-        value = self.scale * (value - v0 - g0 @ z - (z * bent).sum(axis=0) / 2)
+        bent = h0 @ t
+        value = self.scale * (value - v0 - g0 @ t - (t * bent).sum(axis=0) / 2)
         slope = self.scale * (slope - g0[:, None] - bent)
         curvature = self.scale * (curvature - h0[:, :, None])
-        gradient, hessian = np.zeros((7, n)), np.zeros((7, 7, n))
-        for a in range(d):
-            gradient[self.active[a]] = slope[a]
-            for b in range(d):
-                hessian[self.active[a], self.active[b]] = curvature[a, b]
+        if not plain:
+            return value, *motion.pushed(slope, curvature)
+        gradient, hessian = np.zeros_like(y), np.zeros((len(y), *y.shape))
+        gradient[active] = slope
+        hessian[np.ix_(active, active)] = curvature
         return value, gradient, hessian
 
-    def _raw(self, z: Array) -> tuple[Array, Array, Array]:
-        """N at the active y (d, n), with derivatives with respect to these."""
-        if self.symmetry is None:
-            return self._one(z)
-        g, n = len(self.symmetry), z.shape[1]
-        images = np.einsum("gab,bn->agn", self.symmetry, z).reshape(len(z), g * n)
-        value, slope, curvature = self._one(images)
-        d = len(z)
-        return (
-            value.reshape(g, n).mean(axis=0),
-            np.einsum("gab,agn->bn", self.symmetry, slope.reshape(d, g, n)) / g,
-            np.einsum(
-                "gac,abgn,gbd->cdn",
-                self.symmetry,
-                curvature.reshape(d, d, g, n),
-                self.symmetry,
-                optimize=True,
-            )
-            / g,
-        )
-
-    def _one(self, z: Array) -> tuple[Array, Array, Array]:
-        x = ((z - self.middle[:, None]) / self.half[:, None]).T
-        value, slope, curvature = self.network.curvatures(np.ascontiguousarray(x))
+    def _raw(self, t: Array) -> tuple[Array, Array, Array]:
+        x = np.ascontiguousarray(((t - self.middle[:, None]) / self.half[:, None]).T)
+        value, slope, curvature = self.network.curvatures(x)
         h = self.half[:, None]
         return value, slope / h, curvature / (h[:, None] * h[None, :])
 
     @cached_property
     def _at_rest(self) -> tuple[Array, Array, Array]:
-        value, slope, curvature = self._raw(np.zeros((len(self.active), 1)))
-        return value, slope[:, 0], curvature[:, :, 0]
+        """Value, slope and curvature in the terms at y = 0, as far as they make up N to second order in y."""
+        value, slope, curvature = self._raw(np.zeros((len(self.half), 1)))
+        first, second = low_orders(self.terms)
+        return value, slope[:, 0] * first, curvature[:, :, 0] * second
+
+
+def low_orders(terms: Terms) -> tuple[Array, Array]:
+    """Which slopes (k,) and curvatures (k, k) by the terms belong to orders up to the second in y; 1 or 0."""
+    weights = np.array(terms.weights)
+    linear = (weights == 1).astype(float)
+    return (weights <= 2).astype(float), linear[:, None] * linear
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,21 +123,20 @@ class PotentialModel:
     def potential(self, y: Array) -> tuple[Array, Array, Array]:
         """W (n,), ∂W/∂y (7, n) and ∂²W/∂y² (7, 7, n)."""
         value, gradient = self.rest.potential(y)
-        hessian = np.repeat(self.rest.matrix[:, :, None], y.shape[1], axis=2)
-        parts = []
+        hessian = np.empty((*self.rest.matrix.shape, y.shape[1]))
+        hessian[:] = self.rest.matrix[:, :, None]
         if self._polynomial is not None:
-            parts.append(tuple(part[0] for part in self._polynomial(y)))
+            self._polynomial.add_to(y, value, gradient, hessian)
         if self.network is not None:
-            parts.append(self.network.derivatives(y))
-        for v, g, h in parts:
+            v, g, h = self.network.derivatives(y)
             value, gradient, hessian = value + v, gradient + g, hessian + h
         return value, gradient, hessian
 
     @cached_property
-    def _polynomial(self):  # type: ignore[no-untyped-def]
-        if self.terms is None or self.polynomial is None or not len(self.polynomial.exponents):
+    def _polynomial(self) -> Composed | None:
+        if self.terms is None or self.polynomial is None:
             return None
-        return composed(self.terms, self.polynomial)
+        return Composed(self.terms, self.polynomial)
 
     def predict(self, states: MacroState, *, tangent: bool) -> CellResponse:
         """All responses of n states and, where asked for, their exact derivatives."""
@@ -174,25 +168,35 @@ class PotentialModel:
 
     def _mean_grad(self, stretch: LogStretch, y: Array, tangent: bool) -> tuple[Array, tuple[Array, Array]]:
         n = y.shape[1]
-        unrotated = self.rest.mean_grad @ y
         t = y[list(self.active)]
+        unrotated = self.rest.mean_grad @ y
         if tangent:
-            more, slopes, _ = self.mean_grad.derivatives(t, second=False)
+            more, slopes, _ = self.mean_grad.entries(t, second=False)
         else:
-            more, slopes = self.mean_grad.evaluate(t), np.zeros((9, len(t), n))
-        unrotated = unrotated + more
-        R = None if stretch.rotation is None else np.moveaxis(stretch.rotation, -1, 0)
-        rows = np.moveaxis(unrotated, -1, 0).reshape(n, 3, 3)
-        turned = rows if R is None else R @ rows
+            more = self.mean_grad.evaluate(t)
+        unrotated += more
+        R = None if stretch.rotation is None else np.ascontiguousarray(stretch.rotation.reshape(9, n).T)
+        turned = np.ascontiguousarray(unrotated.T).reshape(n, 3, 3)
+        if R is not None:
+            turned = R.reshape(n, 3, 3) @ turned
         if not tangent:
             return turned, (turned, turned)
-        by_y = np.repeat(self.rest.mean_grad[None], n, axis=0)
-        by_y[:, :, list(self.active)] += np.moveaxis(slopes, -1, 0)
+        by_y = np.empty((7, 9, n))
+        by_y[:] = self.rest.mean_grad.T[:, :, None]
+        for (output, variable), row in slopes:
+            by_y[self.active[variable], output] += row
+        by_H = stretch.rotated_gradient(unrotated.reshape(3, 3, n), by_y[:6].swapaxes(0, 1), self._moves)
+        by_p = np.ascontiguousarray(by_y[6].T).reshape(n, 3, 3)
         if R is not None:
-            by_y = (R @ by_y.reshape(n, 3, 21)).reshape(n, 9, 7)
-        by_H = by_y[:, :, :6] @ stretch.gradient.swapaxes(1, 2)
-        by_H += np.moveaxis(stretch.rotation_gradient(unrotated.reshape(3, 3, n)), -1, 0).reshape(n, 9, 9)
-        return turned, (by_H.reshape(n, 3, 3, 3, 3), by_y[:, :, 6].reshape(n, 3, 3))
+            by_p = R.reshape(n, 3, 3) @ by_p
+        return turned, (by_H.reshape(n, 3, 3, 3, 3), by_p)
+
+    @cached_property
+    def _moves(self) -> BoolArray:
+        """Which slopes of Rᵀ<∇u¹>_s by ln U (9, 6) are not zero everywhere."""
+        moves: BoolArray = self.rest.mean_grad != 0
+        moves[:, list(self.active)] |= self.mean_grad.moves
+        return moves[:, :6]
 
 
 def mean_grad_terms(active: tuple[int, ...]) -> Terms:

@@ -9,13 +9,14 @@ import numpy as np
 
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
-from porocore.surrogates.least_squares import composed
+from porocore.surrogates.composition import Composed
 from porocore.surrogates.network import Evaluator, Network
 from porocore.surrogates.options import PotentialOptions
 from porocore.surrogates.polynomial import fit_mean_grad, fit_potential, sampled_range, terms_for
 from porocore.surrogates.potential import PotentialModel
 from porocore.surrogates.potential_data import PotentialData
 from porocore.surrogates.sobolev import Autodiff, SobolevProblem, train
+from porocore.surrogates.terms import cubic, plain
 
 #: A polynomial anchor leaves what is beyond this weight to the network.
 ANCHOR_DEGREE = 4
@@ -43,15 +44,15 @@ def train_potential(
         raise ConfigurationError(
             "surrogate.options.symmetry: this cell is not cubic at rest; choose auto or none"
         )
-    symmetric = options.symmetry != "none" and data.rest.cubic
+    coordinates = {"auto": terms_for(data), "none": plain(data.active), "cubic": cubic()}[options.symmetry]
     value, gradient = data.remainder
     terms = polynomial = None
     if options.anchor == "polynomial":
         terms = terms_for(data)
         polynomial = fit_potential(data, terms, ANCHOR_DEGREE).polynomial
-        anchor_value, anchor_gradient, _ = composed(terms, polynomial)(data.y)
+        anchor_value, anchor_gradient, _ = Composed(terms, polynomial)(data.y)
         value, gradient = value - anchor_value[0], gradient - anchor_gradient[0]
-    problem = SobolevProblem.of(data, value, gradient, symmetric=symmetric, slopes=options.derivatives)
+    problem = SobolevProblem.of(data, value, gradient, coordinates, slopes=options.derivatives)
     network = train(
         problem,
         autodiff,
@@ -62,8 +63,6 @@ def train_potential(
         on_progress=on_progress,
     )
     part = replace(problem.part, network=make_evaluator(network))
-    if part.symmetry is not None and len(part.symmetry) == 1:
-        part = replace(part, symmetry=None)
     model = PotentialModel(
         data.rest, terms, polynomial, part, fit_mean_grad(data), data.active, sampled_range(training)
     )

@@ -18,9 +18,9 @@ from scipy.optimize import minimize
 from porocore.interfaces.surrogate import TrainingProgress
 from porocore.states import Array
 from porocore.surrogates.network import Network
-from porocore.surrogates.potential import NetworkPart
+from porocore.surrogates.potential import NetworkPart, low_orders
 from porocore.surrogates.potential_data import PotentialData
-from porocore.surrogates.symmetry import cube_group
+from porocore.surrogates.terms import Terms
 
 #: L-BFGS keeps this many steps.
 MEMORY = 50
@@ -45,18 +45,18 @@ class Autodiff(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SobolevProblem:
-    """What the network is to learn: the remainder that ``W₂`` (and a polynomial) leave over, at the active variables.
+    """What the network is to learn: the remainder that ``W₂`` (and a polynomial) leave over, in k terms.
 
     Attributes
     ----------
     part
-        Scaling and symmetry, with a network that is not used.
-    images : (g n, d)
-        Scaled inputs, with every image under the symmetry.
-    rest : (1, d)
-        Scaled inputs at rest.
-    back : (g, d, d)
-        Slopes with respect to the scaled inputs of each image → with respect to the active y.
+        Terms and scaling, with a network that is not used.
+    x : (n, k)
+        Scaled terms.
+    rest : (1, k)
+        Scaled terms at rest.
+    jacobian : (k, d, n)
+        ∂x/∂y for the d active y.
     value : (n,), slopes : (d, n)
         Targets, divided by the scale.
     value_weight, slope_weight : float, (d,)
@@ -64,10 +64,9 @@ class SobolevProblem:
     """
 
     part: NetworkPart
-    images: Array
+    x: Array
     rest: Array
-    back: Array
-    y: Array
+    jacobian: Array
     value: Array
     slopes: Array
     value_weight: float
@@ -75,53 +74,46 @@ class SobolevProblem:
 
     @classmethod
     def of(
-        cls, data: PotentialData, value: Array, gradient: Array, *, symmetric: bool, slopes: bool = True
+        cls, data: PotentialData, value: Array, gradient: Array, terms: Terms, *, slopes: bool = True
     ) -> SobolevProblem:
-        """From what is left over of W (n,) and of ∂W/∂y (7, n); without ``slopes`` only values are learned."""
+        """From what is left over of W (n,) and of ∂W/∂y (7, n); without ``slopes`` only values are learned.
+
+        Terms that no state moves are left out.
+        """
         active = list(data.active)
-        y = data.y[active]
-        low, high = y.min(axis=1), y.max(axis=1)
-        group = cube_group(data.active) if symmetric else None
-        if group is not None:  # the images fill the symmetric hull
-            reach = np.abs(np.einsum("gab,bn->gan", group, y)).max(axis=(0, 2))
-            low, high = (
-                np.where(np.array(active) < 6, -reach, low),
-                np.where(np.array(active) < 6, reach, high),
-            )
-        middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-12)
-        scale = float(np.sqrt((gradient[active] ** 2 * half[:, None] ** 2).mean())) or 1.0
-        g = np.eye(len(active))[None] if group is None else group
-        images = ((np.einsum("gab,bn->gna", g, y) - middle) / half).reshape(-1, len(active))
-        spread = data.scales
-        errors = np.where(spread[1:][active] > 0, spread[1:][active], 1.0)
-        part = NetworkPart(_nothing(len(active)), tuple(active), middle, half, scale, group)
+        y = np.zeros_like(data.y)
+        y[active] = data.y[active]
+        kept = np.flatnonzero(np.ptp(terms.polynomial.evaluate(y), axis=1))
+        terms = terms.subset(tuple(int(k) for k in kept))
+        t, jacobian, _ = terms.polynomial.derivatives(y, second=False)
+        low, high = t.min(axis=1), t.max(axis=1)
+        middle, half = (low + high) / 2, (high - low) / 2
+        reach = np.ptp(y[active], axis=1) / 2
+        scale = float(np.sqrt((gradient[active] ** 2 * reach[:, None] ** 2).mean())) or 1.0
+        errors = data.scales[1:][active]
         return cls(
-            part,
-            images,
+            NetworkPart(_nothing(len(kept)), terms, middle, half, scale),
+            ((t - middle[:, None]) / half[:, None]).T,
             -(middle / half)[None],
-            np.swapaxes(g, 1, 2) / half / len(g),
-            y,
+            jacobian[:, active] / half[:, None, None],
             value / scale,
             gradient[active] / scale,
-            float((scale / spread[0]) ** 2),
+            float((scale / data.scales[0]) ** 2),
             (scale / errors) ** 2 if slopes else np.zeros(len(active)),
         )
 
     def loss(self, xp: Any, shapes: list[tuple[int, int]], activation: str) -> Loss:
         """Weighted mean square of the errors of value and slopes."""
-        g, n, d = len(self.back), len(self.value), len(self.y)
 
         def evaluate(theta: Any, constants: Any) -> Any:
             layers = unpack_layers(theta, shapes)
-            value, slope = _forward(xp, layers, activation, constants["images"])
-            value = value.reshape(g, n).sum(0) / g
-            slope = xp.einsum("gab,gnb->an", constants["back"], slope.reshape(g, n, d))
+            value, slope = _forward(xp, layers, activation, constants["x"])
             v0, g0, h0 = _second_order(xp, layers, activation, constants["rest"])
-            g0 = xp.einsum("gab,b->a", constants["back"], g0)
-            h0 = g * xp.einsum("gab,bc,gdc->ad", constants["back"], h0, constants["back"])
-            bent = h0 @ constants["y"]
-            value = value - v0 - g0 @ constants["y"] - (constants["y"] * bent).sum(0) / 2
-            slope = slope - g0[:, None] - bent
+            g0, h0 = g0 * constants["first"], h0 * constants["second"]
+            away = constants["x"] - constants["rest"]
+            bent = away @ h0
+            value = value - v0 - away @ g0 - (away * bent).sum(1) / 2
+            slope = xp.einsum("nk,kdn->dn", slope - g0 - bent, constants["jacobian"])
             off = (value - constants["value"]) ** 2 * self.value_weight
             tilted = (slope - constants["slopes"]) ** 2 * constants["slope_weight"][:, None]
             return off.mean() + tilted.sum(0).mean()
@@ -130,11 +122,13 @@ class SobolevProblem:
 
     def constants(self) -> dict[str, Array]:
         """The arrays that the loss needs."""
+        first, second = low_orders(self.part.terms)
         return {
-            "images": self.images,
+            "x": self.x,
             "rest": self.rest,
-            "back": self.back,
-            "y": self.y,
+            "jacobian": self.jacobian,
+            "first": first,
+            "second": second,
             "value": self.value,
             "slopes": self.slopes,
             "slope_weight": self.slope_weight,
@@ -152,7 +146,7 @@ def train(
     on_progress: Callable[[TrainingProgress], None] | None = None,
 ) -> Network:
     """The network after L-BFGS; the first weights depend on ``seed`` only, and are the same in every library."""
-    d = problem.images.shape[1]
+    d = problem.x.shape[1]
     widths = [d, *hidden, 1]
     shapes = [(b, a) for a, b in itertools.pairwise(widths)]
     theta = _first_weights(shapes, activation, seed)

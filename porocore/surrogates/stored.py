@@ -13,6 +13,7 @@ from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, CellResponse, MacroState
 from porocore.surrogates import file
 from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore.surrogates.memory import keep_freed_memory
 from porocore.surrogates.network import Evaluator, Network
 from porocore.surrogates.potential import PotentialModel
 
@@ -94,6 +95,7 @@ class ModelSurrogate(Surrogate):
         return surrogate
 
     def _become(self, model: file.Model, identity: str, provenance: dict[str, str]) -> None:
+        keep_freed_memory()
         self._fitted_model = model
         self.inputs: InputSpace = model.sampled.inputs
         self.identity, self.provenance = identity, dict(provenance)

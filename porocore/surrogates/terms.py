@@ -34,6 +34,16 @@ class Terms:
     polynomial: Polynomial
     weights: tuple[int, ...]
 
+    def subset(self, rows: tuple[int, ...]) -> Terms:
+        """Some of them; those of ``plain`` are then fewer variables."""
+        coefficients = self.polynomial.coefficients[list(rows)]
+        used = coefficients.any(axis=0)
+        return Terms(
+            self.name,
+            Polynomial(self.polynomial.exponents[used], coefficients[:, used]),
+            tuple(self.weights[row] for row in rows),
+        )
+
 
 def plain(active: tuple[int, ...]) -> Terms:
     """The variables in ``active`` themselves."""

@@ -1,0 +1,12 @@
+"""Six components for a symmetric tensor: 11, 22, 33, 23, 13, 12."""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Places of the six components.
+PLACES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+#: Component at each of the nine places.
+COMPONENT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+#: A derivative with respect to a component, shared among its places.
+SHARE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])

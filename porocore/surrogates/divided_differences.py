@@ -1,0 +1,75 @@
+"""Divided differences of the logarithm, without loss of digits where the points come together.
+
+They are the derivatives of a matrix logarithm in the eigenbasis (Daleckii & Krein 1965; Higham, Functions of
+Matrices, ch. 3). With m = (x + y)/2 and z = (x − y)/(x + y) those of two points are smooth functions of z:
+
+    ln[x, y] = artanh(z)/z / m,   ln[x, x, y] = −(1/(1 − z²) − z h(z²)) / 2 m²,   h(w) = Σ_k 2k/(2k+1) w^(k−1)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.states import Array
+
+#: Below this |z| the series are summed; they are exact to round-off there, and beyond it nothing cancels.
+SMALL = 0.1
+#: Coefficients in w = z², highest power first: of artanh(z)/z, and of h.
+_ARTANH = tuple(1 / (2 * k + 1) for k in range(8, -1, -1))
+_H = tuple(2 * k / (2 * k + 1) for k in range(9, 0, -1))
+#: Three points closer than this share of their mean are developed around it; terms of that series.
+_CLOSE, _TERMS = 0.05, 12
+
+
+def of_two(x: Array, y: Array) -> tuple[Array, Array, Array]:
+    """ln[x, y], ln[x, x, y] and ln[x, y, y] of positive numbers."""
+    m: Array = (x + y) / 2
+    z: Array = (x - y) / (x + y)
+    w = z * z
+    small = w < SMALL**2
+    one_over = 1 / (1 - w)
+    ratio, h = _horner(_ARTANH, w), _horner(_H, w)
+    if not small.all():
+        safe = np.where(small, 0.5, z)
+        exact = np.arctanh(safe) / safe
+        ratio = np.where(small, ratio, exact)
+        h = np.where(small, h, (one_over - exact) / (safe * safe))
+    scale = -0.5 / (m * m)
+    zh = z * h
+    return ratio / m, scale * (one_over - zh), scale * (one_over + zh)
+
+
+def of_three(x: Array, y: Array, z: Array) -> Array:
+    """ln[x, y, z] of positive numbers (n,) in any order."""
+    low, high = np.minimum(np.minimum(x, y), z), np.maximum(np.maximum(x, y), z)
+    middle = np.maximum(np.minimum(x, y), np.minimum(np.maximum(x, y), z))
+    spread = high - low
+    close = spread < _CLOSE * (low + high)
+    found: Array = (of_two(low, middle)[0] - of_two(middle, high)[0]) / np.where(close, -1.0, -spread)
+    if close.any():
+        rows = np.flatnonzero(close)
+        found[rows] = _series(low[rows], middle[rows], high[rows])
+    return found
+
+
+def _series(x: Array, y: Array, z: Array) -> Array:
+    """Σ_k ln⁽ᵏ⁺²⁾(m)/(k+2)! h_k(x − m, y − m, z − m) with the complete homogeneous symmetric polynomials h_k."""
+    m = (x + y + z) / 3
+    one, two, three = np.ones_like(m), np.ones_like(m), np.ones_like(m)
+    a, b, c = (x - m) / m, (y - m) / m, (z - m) / m
+    total = -0.5 * three
+    for k in range(1, _TERMS):
+        one = one * a
+        two = one + b * two
+        three = two + c * three
+        total = total + (-1.0) ** (k + 1) / (k + 2) * three
+    scaled: Array = total / m**2
+    return scaled
+
+
+def _horner(coefficients: tuple[float, ...], w: Array) -> Array:
+    value = np.full_like(w, coefficients[0])
+    for coefficient in coefficients[1:]:
+        value *= w
+        value += coefficient
+    return value
