@@ -68,8 +68,8 @@ class InputSpace:
 
     def moves_other(self, states: MacroState, tolerance: float = 1e-6) -> npt.NDArray[np.bool_]:
         """Rows (n,) in which a component that is no input is not zero."""
-        rest = np.delete(flatten(states), self.columns, axis=1)
-        moves: npt.NDArray[np.bool_] = np.abs(rest).max(axis=1, initial=0.0) > tolerance
+        rest = np.delete(flatten(states).T, self.columns, axis=0)
+        moves: npt.NDArray[np.bool_] = np.abs(rest).max(axis=0, initial=0.0) > tolerance
         return moves
 
 

@@ -58,7 +58,9 @@ class SampledRange:
     def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
         """Which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
         scaled = self._scaled(self.inputs, np.atleast_2d(np.asarray(x, dtype=float)))
-        inside: npt.NDArray[np.bool_] = np.all(scaled @ self.normals.T <= self.offsets + tolerance, axis=1)
+        inside: npt.NDArray[np.bool_] = (self.normals @ scaled.T <= self.offsets[:, None] + tolerance).all(
+            axis=0
+        )
         return inside
 
     def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:

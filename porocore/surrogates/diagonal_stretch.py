@@ -6,13 +6,15 @@ with anything else. All arrays are component-first; s (3, n) are the stretches, 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
-import numpy.typing as npt
 
 from porocore.states import Array
+from porocore.surrogates.components import PAIRS
 
-#: Two different axes, and where a shear between them stands among the six components.
-_PAIRS = ((1, 2, 3), (0, 2, 4), (0, 1, 5))
+#: Derivatives by L, (n,) or constant, by (place, component).
+Slopes = Mapping[tuple[int, int], Array | float]
 
 
 def stress(s: Array, T: Array) -> Array:
@@ -39,7 +41,7 @@ def tangent(s: Array, differences: tuple[Array, Array, Array], T: Array, K: Arra
             out[:, i, i, j, j] = value
             if i != j:
                 out[:, j, j, i, i] = value
-    for pair, (i, j, shear) in enumerate(_PAIRS):
+    for pair, (i, j, shear) in enumerate(PAIRS):
         # The curvature of ln C and that of W in the shear, for dC_ij = λ_i dF_ij + λ_j dF_ji.
         inner = T[i] * left[pair] + T[j] * right[pair] + g[pair] ** 2 / 4 * K[shear, shear]
         mixed = s[i] * s[j] * inner
@@ -50,11 +52,8 @@ def tangent(s: Array, differences: tuple[Array, Array, Array], T: Array, K: Arra
     return out
 
 
-def rotated_gradient(s: Array, first: Array, A: Array, by_L: Array, moves: npt.NDArray[np.bool_]) -> Array:
-    """∂(R A(L))/∂F (n, 9, 9) of A (3, 3, n) with ∂A/∂L (9, 6, n).
-
-    ``first`` are ln[λ_i², λ_j²] (6, n); ``moves`` (9, 6) says which derivatives are not zero.
-    """
+def rotated_gradient(s: Array, first: Array, A: Array, slopes: Slopes) -> Array:
+    """∂(R A(L))/∂F (n, 9, 9) of A (3, 3, n) with these ∂A/∂L; ``first`` are ln[λ_i², λ_j²] (6, n)."""
     n = s.shape[1]
     entries: dict[tuple[int, int], Array] = {}
 
@@ -64,14 +63,16 @@ def rotated_gradient(s: Array, first: Array, A: Array, by_L: Array, moves: npt.N
 
     there = A.any(axis=2)
     inverse = 1 / s
-    for output, component in np.argwhere(moves[:, :3]):
-        add(output, 4 * component, by_L[output, component] * inverse[component])
-    for i, j, shear in _PAIRS:
-        half = first[shear] / 2
-        for output in np.flatnonzero(moves[:, shear]):
-            slope = by_L[output, shear] * half
-            add(output, 3 * i + j, slope * s[i])
-            add(output, 3 * j + i, slope * s[j])
+    half = first[3:] / 2
+    for (output, component), slope in slopes.items():
+        if component < 3:
+            add(output, 4 * component, slope * inverse[component])
+        else:
+            i, j, _ = PAIRS[component - 3]
+            by_shear = slope * half[component - 3]
+            add(output, 3 * i + j, by_shear * s[i])
+            add(output, 3 * j + i, by_shear * s[j])
+    for i, j, _ in PAIRS:
         # dR_ij = (dF_ij − dF_ji)/(λ_i + λ_j) = −dR_ji.
         weight = 1 / (s[i] + s[j])
         for k in range(3):

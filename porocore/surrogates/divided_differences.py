@@ -12,11 +12,10 @@ import numpy as np
 
 from porocore.states import Array
 
-#: Below this |z| the series are summed; they are exact to round-off there, and beyond it nothing cancels.
-SMALL = 0.1
-#: Coefficients in w = z², highest power first: of artanh(z)/z, and of h.
-_ARTANH = tuple(1 / (2 * k + 1) for k in range(8, -1, -1))
-_H = tuple(2 * k / (2 * k + 1) for k in range(9, 0, -1))
+#: Below this |z| the series of h is summed, which is exact to round-off there; beyond it nothing cancels.
+SMALL = 0.03
+#: Its coefficients, highest power first.
+_H = tuple(2 * k / (2 * k + 1) for k in range(6, 0, -1))
 #: Three points closer than this share of their mean are developed around it; terms of that series.
 _CLOSE, _TERMS = 0.05, 12
 
@@ -26,14 +25,16 @@ def of_two(x: Array, y: Array) -> tuple[Array, Array, Array]:
     m: Array = (x + y) / 2
     z: Array = (x - y) / (x + y)
     w = z * z
-    small = w < SMALL**2
+    small = np.abs(z) < SMALL
     one_over = 1 / (1 - w)
-    ratio, h = _horner(_ARTANH, w), _horner(_H, w)
-    if not small.all():
-        safe = np.where(small, 0.5, z)
-        exact = np.arctanh(safe) / safe
-        ratio = np.where(small, ratio, exact)
-        h = np.where(small, h, (one_over - exact) / (safe * safe))
+    apart = np.where(z == 0, 1e-300, z)
+    ratio = np.arctanh(apart) / apart
+    if small.all():
+        h = _horner(_H, w)
+    else:
+        h = (one_over - ratio) / (apart * z + small)
+        if small.any():
+            h[small] = _horner(_H, w[small])
     scale = -0.5 / (m * m)
     zh = z * h
     return ratio / m, scale * (one_over - zh), scale * (one_over + zh)

@@ -100,14 +100,6 @@ class Polynomial:
             list(zip(pairs, out[after:], strict=True)) if second else [],
         )
 
-    @property
-    def moves(self) -> npt.NDArray[np.bool_]:
-        """Which derivatives (o, v) are not zero everywhere."""
-        moves = np.zeros((len(self.coefficients), self.variables), dtype=bool)
-        for at in self._places[0]:
-            moves[at] = True
-        return moves
-
     # ---- all that does not depend on t -----------------------------------------------------------
 
     @cached_property

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.sampled_range import SampledRange
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
@@ -21,8 +20,6 @@ from porocore.surrogates.network import Evaluator
 from porocore.surrogates.potential_data import Rest, variables
 from porocore.surrogates.stretch import LogStretch
 from porocore.surrogates.terms import Terms, plain
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,22 +178,22 @@ class PotentialModel:
             turned = R.reshape(n, 3, 3) @ turned
         if not tangent:
             return turned, (turned, turned)
-        by_y = np.empty((7, 9, n))
-        by_y[:] = self.rest.mean_grad.T[:, :, None]
+        by_y: dict[tuple[int, int], Array | float] = dict(self._linear_slopes)
         for (output, variable), row in slopes:
-            by_y[self.active[variable], output] += row
-        by_H = stretch.rotated_gradient(unrotated.reshape(3, 3, n), by_y[:6].swapaxes(0, 1), self._moves)
-        by_p = np.ascontiguousarray(by_y[6].T).reshape(n, 3, 3)
-        if R is not None:
-            by_p = R.reshape(n, 3, 3) @ by_p
-        return turned, (by_H.reshape(n, 3, 3, 3, 3), by_p)
+            at = output, self.active[variable]
+            by_y[at] = row + by_y.get(at, 0.0)
+        by_p = np.zeros((n, 9))
+        for output in range(9):
+            by_p[:, output] = by_y.pop((output, 6), 0.0)
+        by_p = by_p.reshape(n, 3, 3)
+        by_H = stretch.rotated_gradient(unrotated.reshape(3, 3, n), by_y)
+        return turned, (by_H.reshape(n, 3, 3, 3, 3), by_p if R is None else R.reshape(n, 3, 3) @ by_p)
 
     @cached_property
-    def _moves(self) -> BoolArray:
-        """Which slopes of Rᵀ<∇u¹>_s by ln U (9, 6) are not zero everywhere."""
-        moves: BoolArray = self.rest.mean_grad != 0
-        moves[:, list(self.active)] |= self.mean_grad.moves
-        return moves[:, :6]
+    def _linear_slopes(self) -> dict[tuple[int, int], float]:
+        """∂Rᵀ<∇u¹>_s/∂y at rest, by (place, variable), where it is not zero."""
+        matrix = self.rest.mean_grad
+        return {(int(o), int(a)): float(matrix[o, a]) for o, a in np.argwhere(matrix)}
 
 
 def mean_grad_terms(active: tuple[int, ...]) -> Terms:

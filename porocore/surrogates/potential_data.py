@@ -10,7 +10,8 @@ import numpy as np
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, CellResponse, MacroState, Status
-from porocore.surrogates.stretch import PLACES, LogStretch
+from porocore.surrogates.components import PLACES
+from porocore.surrogates.stretch import LogStretch
 from porocore.surrogates.terms import is_cubic
 
 #: A variable that stays within this of zero in all states has not been sampled.

@@ -15,18 +15,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.states import Array
 from porocore.surrogates import diagonal_stretch
-from porocore.surrogates.components import COMPONENT, PLACES, SHARE
+from porocore.surrogates.components import COMPONENT, PAIRS, PLACES, SHARE
+from porocore.surrogates.diagonal_stretch import Slopes
 from porocore.surrogates.divided_differences import of_three, of_two
-
-__all__ = ["COMPONENT", "PLACES", "LogStretch", "symmetric_eigen"]
-
-_ROWS, _COLUMNS = np.array(PLACES).T
-#: Two different axes, and where a shear between them stands among the six.
-_PAIRS = ((1, 2, 3), (0, 2, 4), (0, 1, 5))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +88,7 @@ class LogStretch:
 
     @cached_property
     def _differences(self) -> tuple[Array, Array, Array]:
-        """ln[λ_i², λ_j²], ln[λ_i², λ_i², λ_j²] and ln[λ_i², λ_j², λ_j²] for the three of ``_PAIRS`` (3, n)."""
+        """ln[λ_i², λ_j²], ln[λ_i², λ_i², λ_j²] and ln[λ_i², λ_j², λ_j²] for the three of ``PAIRS`` (3, n)."""
         c = self.stretches**2
         return of_two(c[[1, 0, 0]], c[[2, 2, 1]])
 
@@ -107,7 +101,7 @@ class LogStretch:
         """Divided differences ln[λ_i², λ_j², λ_k²] for i ≤ j ≤ k."""
         c, (_, left, right) = self.stretches**2, self._differences
         found = {(i, i, i): -0.5 / c[i] ** 2 for i in range(3)}
-        for pair, (i, j, _) in enumerate(_PAIRS):
+        for pair, (i, j, _) in enumerate(PAIRS):
             found[i, i, j], found[i, j, j] = left[pair], right[pair]
         found[0, 1, 2] = of_three(*c)
         return found
@@ -213,7 +207,7 @@ class LogStretch:
         r = np.empty((6, 6, n))
         for alpha, (i, j) in enumerate(PLACES):
             r[alpha, :3] = Q[i] * Q[j]
-            for a, b, beta in _PAIRS:
+            for a, b, beta in PAIRS:
                 r[alpha, beta] = Q[i, a] * Q[j, b] + Q[i, b] * Q[j, a]
         return np.ascontiguousarray(r.reshape(36, n).T).reshape(n, 6, 6)
 
@@ -225,17 +219,19 @@ class LogStretch:
         n = len(self)
         return np.moveaxis(left @ right, 0, -1).reshape(3, 3, 3, 3, n)
 
-    def rotated_gradient(self, A: Array, by_L: Array, moves: npt.NDArray[np.bool_] | None = None) -> Array:
-        """∂(R A(L))/∂F (n, 9, 9) of A (3, 3, n) with ∂A/∂L (9, 6, n).
+    def rotated_gradient(self, A: Array, slopes: Slopes) -> Array:
+        """∂(R A(L))/∂F (n, 9, 9) of A (3, 3, n), whose derivatives by L are ``slopes``.
 
-        ``moves`` (9, 6) says which derivatives are not zero, if that is known.
+        These are (n,) or one number by (place of A, component of L); others are zero.
         """
         n = len(self)
         if self.axes is None:
-            moves = by_L.any(axis=2) if moves is None else moves
-            return diagonal_stretch.rotated_gradient(self.stretches, self.first, A, by_L, moves)
+            return diagonal_stretch.rotated_gradient(self.stretches, self.first, A, slopes)
         assert self.rotation is not None
         R = np.ascontiguousarray(self.rotation.reshape(9, n).T).reshape(n, 3, 3)
+        by_L = np.zeros((9, 6, n))
+        for at, slope in slopes.items():
+            by_L[at] = slope
         rows = np.ascontiguousarray(by_L.reshape(54, n).T).reshape(n, 3, 18)
         spin, direction = self._rotation_factors(A)
         left = np.concatenate([(R @ rows).reshape(n, 9, 6), spin], axis=2)
@@ -250,7 +246,7 @@ class LogStretch:
         n, Q, u, s = len(self), self._axes, self._turned_axes, self.stretches
         B = _product(Q.swapaxes(0, 1), A)
         spin, direction = np.empty((3, 3, 3, n)), np.empty((3, 3, 3, n))
-        for k, (a, b, _) in enumerate(_PAIRS):
+        for k, (a, b, _) in enumerate(PAIRS):
             weight = 1 / (s[a] + s[b])
             wa, wb = u[:, a] * weight, u[:, b] * weight
             direction[k] = wa[:, None] * Q[None, :, b] - wb[:, None] * Q[None, :, a]

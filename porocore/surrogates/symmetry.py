@@ -7,7 +7,7 @@ from itertools import permutations, product
 import numpy as np
 
 from porocore.states import Array
-from porocore.surrogates.stretch import COMPONENT, PLACES
+from porocore.surrogates.components import COMPONENT, PLACES
 
 
 def cube_group(active: tuple[int, ...]) -> Array:
