@@ -1,0 +1,174 @@
+"""Another closure in a run that is there: which files it uses, and what direct FE² notes beside them."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+
+from porocore import registry
+from porocore.benchmark import benchmark_path
+from porocore.cli.entry import main
+from porocore.config import RunConfig, load_config
+from porocore.direct import DirectWork
+from porocore.direct_record import direct_records, noted
+from porocore.errors import ConfigurationError, DataError, RunFolderError
+from porocore.hookspecs import Offer
+from porocore.interfaces.macro import MacroSolver
+from porocore.runfolder import RunFolder, direct_law
+from porocore.states import Status
+
+
+@pytest.fixture
+def config() -> RunConfig:
+    return load_config(benchmark_path())
+
+
+def touch(*paths):
+    for path in paths:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"")
+
+
+# --- the configuration ------------------------------------------------------------------------------
+
+
+def test_the_options_of_one_model_do_not_go_over_to_another(config):
+    settings = config.surrogate.model_copy(update={"options": {"epochs": 5}})
+    config = config.model_copy(update={"surrogate": settings})
+    other = config.with_closure("potential")
+    assert (other.closure, other.surrogate_model, other.surrogate.options) == ("potential", "potential", {})
+    assert config.with_closure(None) is config.with_closure("mean-gradient") is config
+    chosen = settings.model_copy(update={"model": "potential"})
+    config = config.model_copy(update={"surrogate": chosen})
+    assert config.with_closure("potential").surrogate.options == {
+        "epochs": 5
+    }  # the same surrogate serves both
+
+
+def test_an_unknown_closure_is_refused_with_the_nearest(config):
+    with pytest.raises(ConfigurationError, match="unknown closure 'potental'; did you mean 'potential'"):
+        config.with_closure("potental")
+
+
+def test_the_samples_do_not_depend_on_the_closure(config):
+    one, other = config.stages, config.with_closure("potential").stages
+    assert (one.cell, one.sampling, one.test) == (other.cell, other.sampling, other.test)
+    assert one.training != other.training
+    assert one.macro != other.macro
+
+
+# --- the files --------------------------------------------------------------------------------------
+
+
+def test_each_model_has_its_own_files(tmp_path, config):
+    folder, other = RunFolder.claim(tmp_path, config), config.with_closure("potential")
+    for place in (folder.surrogate_of, folder.training_curve_of, folder.training_checkpoint_of):
+        assert place(config) != place(other)
+        assert "potential" in place(other).name
+    assert folder.surrogate == folder.surrogate_of(config) == tmp_path / "surrogate.h5"
+    assert folder.training_curve.name == "training.csv"
+
+
+def test_a_run_goes_on_with_another_closure_and_keeps_its_names(tmp_path, config):
+    RunFolder.claim(tmp_path, config)
+    written = (tmp_path / "config.yaml").read_bytes()
+    other = config.with_closure("potential")
+    with pytest.raises(RunFolderError, match="add --resume"):
+        RunFolder.claim(tmp_path, other)
+    folder = RunFolder.claim(tmp_path, other, resume=True)
+    assert folder.surrogate.name == "surrogate-potential.h5"
+    assert folder.surrogate_of(config).name == "surrogate.h5"
+    assert (tmp_path / "config.yaml").read_bytes() == written
+    assert RunFolder.open(tmp_path).config.closure == "mean-gradient"
+    changed = other.model_copy(update={"cell": config.cell.model_copy(update={"viscosity": 2e-3})})
+    with pytest.raises(RunFolderError, match=r"holds another run; this one has cell.viscosity \(0.002, not"):
+        RunFolder.claim(tmp_path, changed, resume=True)
+
+
+def test_the_report_is_about_the_first_closure_that_is_complete(tmp_path, config):
+    folder = RunFolder.claim(tmp_path, config)
+    one, *rest = config.macro.loads
+    assert folder.shown_closure == "mean-gradient"
+    assert folder.solved(one) == []
+    touch(folder.solution("potential", one))
+    assert folder.shown_closure == "mean-gradient"  # nothing is complete
+    touch(*(folder.solution("potential", load) for load in rest))
+    assert folder.shown_closure == "potential"
+    touch(*folder.solutions())
+    assert folder.shown_closure == "mean-gradient"
+    touch(folder.solution(direct_law("potential"), one))
+    assert folder.solved(one) == ["mean-gradient", "potential", "direct-potential"]
+    assert folder.solved(rest[0]) == ["mean-gradient", "potential"]
+
+
+# --- what direct FE² notes --------------------------------------------------------------------------
+
+
+def test_work_adds_up_over_solutions_sessions_and_interruptions(tmp_path):
+    path, work = tmp_path / "direct.json", DirectWork()
+
+    def solve(converged, overlap, seconds):
+        work.points += 10 * (converged + overlap)
+        work.counts += {Status.converged: converged, Status.overlap: overlap}
+        work.seconds += seconds
+
+    with noted(path, "a", work):
+        solve(3, 0, 1.5)
+    with noted(path, "b", work):
+        solve(2, 1, 1.0)
+
+    def interrupted():
+        with noted(path, "a", work):
+            solve(1, 2, 0.5)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    later = DirectWork()
+    with noted(path, "a", later):
+        later.counts[Status.converged] += 5
+    records = direct_records(path)
+    assert records["a"] == {"points": 60, "solves": 11, "seconds": 2.0, "converged": 9, "overlap": 2}
+    assert records["b"] == {"points": 30, "solves": 3, "seconds": 1.0, "converged": 2, "overlap": 1}
+
+
+def test_a_damaged_record_is_refused_by_name(tmp_path):
+    path = tmp_path / "direct.json"
+    assert direct_records(path) == {}
+    for text in ("{", '{"a": 3}', json.dumps({"a": {"solves": "many"}})):
+        path.write_text(text)
+        with pytest.raises(DataError, match=r"direct.json: not a record of direct solves .* delete it"):
+            direct_records(path)
+
+
+class SharedSolver(MacroSolver):
+    """One that MPI processes can share."""
+
+    distributed = True
+
+    def prepare(self, problem):
+        raise AssertionError
+
+    def solve(self, prepared, law, *, checkpoint=None, on_step=None):
+        raise AssertionError
+
+
+def test_direct_solves_are_not_started_by_mpirun(tmp_path, config, monkeypatch, capsys):
+    """They share their cells among processes themselves."""
+    folder = RunFolder.claim(tmp_path / "run", config)
+    touch(folder.dataset)
+    source = registry.Source("acme", "1.0", "extra")
+    offer = Offer(name="skfem", load=lambda: SharedSolver, summary="")
+    shop = registry.Registry([registry.Offered("macro solver", offer, source)], [])
+    monkeypatch.setattr(registry, "registry", lambda: shop)
+    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
+    monkeypatch.setenv("OMPI_COMM_WORLD_RANK", "0")
+    monkeypatch.setattr(sys, "argv", ["porocore", "solve", str(folder.path), "--law", "direct"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "--law direct shares its cells among processes itself; start it without mpirun" in (
+        capsys.readouterr().err
+    )
