@@ -1,0 +1,137 @@
+"""The same weights in float64: torch, jax and numpy say the same, value, first and second derivatives."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from porocore.inputs import NAMES, InputSpace
+from porocore.interfaces.surrogate import TrainingSet
+from porocore.states import MacroState
+from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore.surrogates.network import ACTIVATIONS, Network
+from porocore.surrogates.stored import NumpySurrogate
+from porocore.testing.compare import RESPONSES, provided
+from porocore.testing.synthetic_cell import respond, synthetic_training_set
+
+pytestmark = pytest.mark.xdist_group("consistency-surrogates")
+LIBRARIES = ("torch", "jax")
+TOLERANCE = 1e-10
+GENERAL = InputSpace(NAMES, (-0.1,) * 9 + (0.0,), (0.1,) * 10)
+#: Short trainings: which model, on which inputs, how. What matters is that the numbers are those of a trained network.
+TRAININGS = {
+    "mlp": ("mlp", "two", {"epochs": 60}),
+    "mlp of tanh": ("mlp", "two", {"epochs": 60, "hidden": [12, 9], "activation": "tanh"}),
+    "potential": ("potential", "two", {"iterations": 30}),
+    "cubic potential": ("potential", "all", {"iterations": 30}),
+    "potential without symmetry": (
+        "potential",
+        "all",
+        {"iterations": 30, "symmetry": "none", "activation": "tanh", "hidden": [12, 9, 7]},
+    ),
+    "potential on a polynomial": (
+        "potential",
+        "all",
+        {"iterations": 30, "activation": "sigmoid", "anchor": "polynomial"},
+    ),
+}
+
+
+@pytest.fixture(scope="session")
+def library(load):
+    """``library(name)`` is the class."""
+    return lambda name: type(load("surrogate", name))
+
+
+def general_states(n, seed):
+    x = np.random.default_rng(seed).uniform(GENERAL.lower, GENERAL.upper, (n, 10))
+    return GENERAL.scatter(x)
+
+
+@cache
+def data(inputs):
+    if inputs == "two":
+        return synthetic_training_set(40, seed=1)
+    states = general_states(40, seed=2)
+    return TrainingSet(states, respond(states), GENERAL, respond(MacroState.zeros(1)), "made-up", {})
+
+
+@pytest.fixture(scope="session")
+def trained(library):
+    @cache
+    def make(name, training):
+        model, inputs, options = TRAININGS[training]
+        return library(name)(model=model, **options).fit(data(inputs), seed=3)
+
+    return make
+
+
+def network_of(surrogate):
+    model = surrogate._fitted()
+    return model.network if isinstance(model, AnchoredModel) else model.network.network
+
+
+def compare(one, other, scale):
+    for a, b in zip(one, other, strict=True):
+        assert a.shape == b.shape
+        assert np.abs(a - b).max() <= TOLERANCE * max(scale, np.abs(b).max())
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+@pytest.mark.parametrize(("d", "hidden"), [(2, (40, 40, 40)), (7, (24, 24)), (10, (9,))])
+def test_a_network_of_given_weights(library, name, activation, d, hidden):
+    """Values, slopes and curvatures, also where the activation saturates."""
+    random = np.random.default_rng(d)
+    widths = [d, *hidden, 1]
+    pairs = list(zip(widths[1:], widths[:-1], strict=True))
+    plain = Network(
+        activation,
+        tuple(random.normal(size=pair) for pair in pairs),
+        tuple(random.normal(size=pair[0]) for pair in pairs),
+    )
+    evaluator = library(name)(model="potential").evaluator(plain)
+    assert type(evaluator) is not Network
+    x = np.concatenate([random.uniform(-1, 1, (60, d)), 100 * random.normal(size=(5, d))])
+    compare([evaluator.evaluate(x)], [plain.evaluate(x)], 1.0)
+    compare(evaluator.slopes(x), plain.slopes(x), 1.0)
+    compare(evaluator.curvatures(x), plain.curvatures(x), 1.0)
+
+
+@pytest.mark.parametrize("training", TRAININGS)
+@pytest.mark.parametrize("writer", LIBRARIES)
+def test_a_file_written_by_one_is_read_by_all(library, trained, writer, training, tmp_path):
+    """Predictions with derivatives; P_E and φ of a potential are first derivatives of its network, tangents second."""
+    surrogate = trained(writer, training)
+    path = tmp_path / "surrogate.h5"
+    surrogate.save(path)
+    states = data("two").states[:20] if TRAININGS[training][1] == "two" else general_states(20, seed=5)
+    expected = surrogate.predict(states)
+    for reader in (*map(library, LIBRARIES), NumpySurrogate):
+        loaded = reader.load(path)
+        assert loaded.model == surrogate.model
+        found = loaded.predict(states)
+        for response in RESPONSES:
+            truth = getattr(expected, response)
+            if truth is None:
+                assert getattr(found, response) is None
+                continue
+            compare([getattr(found, response)], [truth], 0.0)
+        slopes = dict(provided(expected))
+        assert slopes
+        for response, pair in provided(found):
+            compare(pair, slopes[response], np.abs(slopes[response][0]).max())
+        np.testing.assert_array_equal(found.outside, expected.outside)
+
+
+@pytest.mark.parametrize("inputs", ["two", "all"])
+def test_the_same_training_of_a_potential(library, inputs):
+    """Same first weights, same loss, same L-BFGS: after a few iterations still the same weights, but for round-off."""
+    weights = []
+    for name in LIBRARIES:
+        surrogate = library(name)(model="potential", iterations=3).fit(data(inputs), seed=7)
+        network = getattr(network_of(surrogate), "network", network_of(surrogate))
+        weights.append(np.concatenate([W.ravel() for W in network.weights]))
+    np.testing.assert_allclose(weights[0], weights[1], rtol=0, atol=1e-8)
