@@ -7,9 +7,9 @@ and how good it was; the arrays are weights, scalings, polynomials and the sampl
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -86,8 +86,8 @@ def write(path: Path, model: Model, record: Record) -> None:
     write_archive(path, FORMAT, VERSION, header, arrays)
 
 
-def read(path: Path, make_evaluator: MakeEvaluator = lambda network: network) -> tuple[Model, Record]:
-    """What :func:`write` wrote.
+def read(path: Path) -> tuple[Model, Record]:
+    """What :func:`write` wrote; its network, if there is one, evaluates in numpy.
 
     Raises
     ------
@@ -104,13 +104,23 @@ def read(path: Path, make_evaluator: MakeEvaluator = lambda network: network) ->
         )
         sampled = SampledRange(inputs, arrays["range/normals"], arrays["range/offsets"])
         unpack: dict[str, Callable[..., Model]] = {"mlp": _unpack_anchored, "potential": _unpack_potential}
-        model = unpack[header["model"]](header, arrays, sampled, make_evaluator)
+        model = unpack[header["model"]](header, arrays, sampled)
         record = Record(
             header["backend"], header["options"], header["identity"], header["provenance"], header["accuracy"]
         )
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise DataError(f"{path}: not a complete surrogate ({error!r}); {ADVICE}") from error
     return model, record
+
+
+def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:
+    """The model of a file with a network that evaluates as the caller likes."""
+    if isinstance(model, AnchoredModel):
+        return replace(model, network=make_evaluator(cast(Network, model.network)))
+    if model.network is None:
+        return model
+    part = model.network
+    return replace(model, network=replace(part, network=make_evaluator(cast(Network, part.network))))
 
 
 def _pack_network(network: Any, header: dict[str, Any], arrays: dict[str, Array]) -> None:
@@ -142,14 +152,14 @@ def _pack_anchored(model: AnchoredModel, header: dict[str, Any], arrays: dict[st
 
 
 def _unpack_anchored(
-    header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange, make: MakeEvaluator
+    header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange
 ) -> AnchoredModel:
     M, Q = arrays["reference/M"].reshape(9, 9), arrays["reference/Q"].reshape(9, 1)
     return AnchoredModel(
         np.concatenate([M, Q], axis=1),
         tuple(int(c) for c in header["components"]),
         arrays["network/output_scale"],
-        make(_unpack_network(header, arrays)),
+        _unpack_network(header, arrays),
         sampled,
     )
 
@@ -202,7 +212,7 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
 
 
 def _unpack_potential(
-    header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange, make: MakeEvaluator
+    header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange
 ) -> PotentialModel:
     rest = Rest(
         float(header["porosity"]),
@@ -220,7 +230,7 @@ def _unpack_potential(
     if header["network"]:
         weights = tuple(int(w) for w in arrays["network/term_weights"])
         part = NetworkPart(
-            make(_unpack_network(header, arrays)),
+            _unpack_network(header, arrays),
             _unpack_terms(header["network_terms"], arrays, weights),
             arrays["network/middle"].reshape(len(weights)),
             arrays["network/half"].reshape(len(weights)),

@@ -82,35 +82,31 @@ class Network:
 
         With J_l = ∂z_l/∂x and δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″(z_l)) J_l.
         """
-        d, n = x.shape[1], len(x)
-        a, J = x, np.zeros((d, 0, 0))
+        n, d = x.shape
         layers = []
-        for layer, (W, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            z = a @ W.T + b
-            J = (
-                np.repeat(W.T[:, None, :], n, axis=1)
-                if not layer
-                else (J.reshape(d * n, W.shape[1]) @ W.T).reshape(d, n, len(W))
-            )
-            if layer == len(self.weights) - 1:
-                break
+        z = x @ self.weights[0].T + self.biases[0]
+        J: Array = np.broadcast_to(self.weights[0].T, (n, d, len(self.weights[0])))
+        for W, b in zip(self.weights[1:], self.biases[1:], strict=True):
             a, slope, curvature = _activate(self.activation, z, 2)
             layers.append((J, slope, curvature))
-            J = J * slope
-        hessian = np.zeros((d, d, n))
-        delta = np.repeat(self.weights[-1], n, axis=0)  # ∂N/∂a of the last hidden layer, (n, width)
-        for index in range(len(layers) - 1, -1, -1):
-            J_l, slope, curvature = layers[index]
-            weighted = J_l * (delta * curvature)
-            for i in range(d):
-                for j in range(i, d):
-                    hessian[i, j] += np.einsum("nw,nw->n", weighted[i], J_l[j])
-            if index:
-                delta = (delta * slope) @ self.weights[index]
-        for i in range(d):
-            for j in range(i):
-                hessian[i, j] = hessian[j, i]
-        return z[:, 0], J[:, :, 0], hessian
+            z = a @ W.T + b
+            J = ((J * slope[:, None]).reshape(n * d, W.shape[1]) @ W.T).reshape(n, d, len(W))
+        hessian = np.zeros((n, d, d))
+        delta = self.weights[-1]  # ∂N/∂a of the last hidden layer, (n or 1, width)
+        for layer in range(len(layers) - 1, -1, -1):
+            J_l, slope, curvature = layers[layer]
+            bend = delta * curvature
+            if layer:
+                hessian += (J_l * bend[:, None]) @ np.ascontiguousarray(J_l.swapaxes(1, 2))
+                delta = (delta * slope) @ self.weights[layer]
+            else:  # J_l is the same everywhere
+                W = self.weights[0]
+                hessian += (bend @ (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)).reshape(n, d, d)
+        return (
+            z[:, 0],
+            np.ascontiguousarray(J[:, :, 0].T),
+            np.ascontiguousarray(hessian.reshape(n, d * d).T).reshape(d, d, n),
+        )
 
 
 def _activate(name: str, z: Array, order: int) -> tuple[Array, Array, Array]:
@@ -120,8 +116,13 @@ def _activate(name: str, z: Array, order: int) -> tuple[Array, Array, Array]:
         a = np.tanh(z)
         slope = 1 - a * a if order else none
         return a, slope, -2 * a * slope if order > 1 else none
+    if name == "softplus":
+        e = np.exp(-np.abs(z))
+        a = np.log1p(e) + np.maximum(z, 0)
+        if not order:
+            return a, none, none
+        s = np.where(z < 0, e, 1.0) / (1 + e)
+        return a, s, s * (1 - s) if order > 1 else none
     s = (1 + np.tanh(z / 2)) / 2  # does not overflow, however negative z is
     slope = s * (1 - s) if order else none
-    if name == "sigmoid":
-        return s, slope, slope * (1 - 2 * s) if order > 1 else none
-    return np.logaddexp(0, z), s, slope if order > 1 else none
+    return s, slope, slope * (1 - 2 * s) if order > 1 else none

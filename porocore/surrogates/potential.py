@@ -55,12 +55,15 @@ class NetworkPart:
         else:
             motion = Motion(self.terms, y)
             t = motion.t
-        value, slope, curvature = self._raw(t)
+        x = np.ascontiguousarray(((t - self.middle[:, None]) / self.half[:, None]).T)
+        value, slope, curvature = self.network.curvatures(x)
         v0, g0, h0 = self._at_rest
         bent = h0 @ t
         value = self.scale * (value - v0 - g0 @ t - (t * bent).sum(axis=0) / 2)
-        slope = self.scale * (slope - g0[:, None] - bent)
-        curvature = self.scale * (curvature - h0[:, :, None])
+        slope = self.scale * (slope / self.half[:, None] - g0[:, None] - bent)
+        curvature = curvature * (self.scale / (self.half[:, None] * self.half))[:, :, None]
+        for i, j in np.argwhere(h0):
+            curvature[i, j] -= self.scale * h0[i, j]
         if not plain:
             return value, *motion.pushed(slope, curvature)
         gradient, hessian = np.zeros_like(y), np.zeros((len(y), *y.shape))
@@ -68,18 +71,16 @@ class NetworkPart:
         hessian[np.ix_(active, active)] = curvature
         return value, gradient, hessian
 
-    def _raw(self, t: Array) -> tuple[Array, Array, Array]:
-        x = np.ascontiguousarray(((t - self.middle[:, None]) / self.half[:, None]).T)
-        value, slope, curvature = self.network.curvatures(x)
-        h = self.half[:, None]
-        return value, slope / h, curvature / (h[:, None] * h[None, :])
-
     @cached_property
     def _at_rest(self) -> tuple[Array, Array, Array]:
-        """Value, slope and curvature in the terms at y = 0, as far as they make up N to second order in y."""
-        value, slope, curvature = self._raw(np.zeros((len(self.half), 1)))
+        """Value, slope and curvature by the terms at y = 0, as far as they make up N to second order in y."""
+        value, slope, curvature = self.network.curvatures(-(self.middle / self.half)[None])
         first, second = low_orders(self.terms)
-        return value, slope[:, 0] * first, curvature[:, :, 0] * second
+        return (
+            value,
+            slope[:, 0] / self.half * first,
+            curvature[:, :, 0] / (self.half[:, None] * self.half) * second,
+        )
 
 
 def low_orders(terms: Terms) -> tuple[Array, Array]:

@@ -88,10 +88,10 @@ class ModelSurrogate(Surrogate):
             The file is truncated, edited, foreign or of another version.
         """
         surrogate = cls.__new__(cls)
-        model, record = file.read(path, surrogate.evaluator)
+        model, record = file.read(path)
         surrogate.model = "mlp" if isinstance(model, AnchoredModel) else "potential"
         surrogate.settings, surrogate.accuracy = record.options, record.accuracy
-        surrogate._become(model, record.identity, record.provenance)
+        surrogate._become(file.evaluated(model, surrogate.evaluator), record.identity, record.provenance)
         return surrogate
 
     def _become(self, model: file.Model, identity: str, provenance: dict[str, str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import torch
@@ -10,12 +11,13 @@ import torch
 from porocore.errors import ConfigurationError
 from porocore.states import Array
 from porocore.surrogates.sobolev import Loss
+from porocore_surrogate_torch.evaluator import available_device, one_thread
 
 
 class TorchAutodiff:
     """Reverse mode in double precision, on one thread or a GPU; see :class:`porocore.surrogates.sobolev.Autodiff`."""
 
-    xp = torch
+    xp: Any = torch
 
     def __init__(self, device: str) -> None:
         self.device = choose_device(device)
@@ -28,17 +30,12 @@ class TorchAutodiff:
         }
 
         def evaluate(theta: Array) -> tuple[float, Array]:
-            threads = torch.get_num_threads()
-            torch.set_num_threads(1)
-            try:
-                with torch.enable_grad():
-                    t = torch.tensor(theta, dtype=torch.float64, device=self.device, requires_grad=True)
-                    value = loss(t, tensors)
-                    value.backward()
-                    assert t.grad is not None
-                    return float(value.detach()), np.array(t.grad.cpu().numpy())
-            finally:
-                torch.set_num_threads(threads)
+            with one_thread(), torch.enable_grad():
+                t = torch.tensor(theta, dtype=torch.float64, device=self.device, requires_grad=True)
+                value = loss(t, tensors)
+                value.backward()
+                assert t.grad is not None
+                return float(value.detach()), np.array(t.grad.cpu().numpy())
 
         return evaluate
 
@@ -53,6 +50,4 @@ def choose_device(device: str) -> torch.device:
     """
     if device == "cuda" and not torch.cuda.is_available():
         raise ConfigurationError("surrogate.options.device: torch sees no GPU here; choose auto or cpu")
-    if device == "auto":
-        device = "cuda" if torch.cuda.is_available() else "cpu"
-    return torch.device(device)
+    return available_device(device)

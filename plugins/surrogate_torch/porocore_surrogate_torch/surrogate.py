@@ -9,7 +9,7 @@ from typing import Any, Self
 from porocore import SampledRange, TrainingProgress, TrainingSet
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.mean_gradient_data import ScaledData
-from porocore.surrogates.network import Network
+from porocore.surrogates.network import Evaluator, Network
 from porocore.surrogates.options import MlpOptions, PotentialOptions
 from porocore.surrogates.potential_training import train_potential
 from porocore.surrogates.stored import ModelSurrogate
@@ -48,6 +48,17 @@ class TorchSurrogate(ModelSurrogate):
         kind = MlpOptions if self.model == "mlp" else PotentialOptions
         self.options: Any = kind.parse(options, self.backend)
         self.settings = self.options.model_dump(mode="json")
+
+    def evaluator(self, network: Network) -> Evaluator:
+        """Torch for a potential; ``mlp`` stays in numpy, which is as fast there and needs no import.
+
+        A file from a machine with a GPU is evaluated on the processor where there is none.
+        """
+        if self.model == "mlp":
+            return network
+        from porocore_surrogate_torch.evaluator import TorchNetwork, available_device
+
+        return TorchNetwork(network, available_device(self.settings.get("device", "cpu")))
 
     @classmethod
     def load_libraries(cls) -> None:

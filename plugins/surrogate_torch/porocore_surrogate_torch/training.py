@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import TypeAlias
@@ -21,6 +20,7 @@ from porocore.surrogates.mean_gradient_data import ScaledData
 from porocore.surrogates.network import Network
 from porocore.surrogates.options import MlpOptions
 from porocore_surrogate_torch.checkpoint import TrainingState
+from porocore_surrogate_torch.evaluator import one_thread
 
 Shapes: TypeAlias = list[tuple[int, ...]]
 
@@ -49,7 +49,7 @@ def train(
     DataError
         ``checkpoint`` exists and is damaged, or belongs to other data, options or another seed.
     """
-    with _one_thread(), torch.enable_grad():
+    with one_thread(), torch.enable_grad():
         return _train(data, options, seed, checkpoint, on_progress)
 
 
@@ -154,14 +154,3 @@ def _as_network(theta: torch.Tensor, shapes: Shapes, activation: str) -> Network
     layers = [(W.numpy().copy(), b.numpy().copy()) for W, b in _layers(theta.detach(), shapes)]
     weights, biases = zip(*layers, strict=True)
     return Network(activation, weights, biases)
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """The order of a sum depends on the number of threads, and such small matrices gain nothing from more."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)

@@ -1,0 +1,120 @@
+"""Evaluating a network with its first and second derivatives in torch, layer by layer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import torch
+
+from porocore.states import Array
+from porocore.surrogates.network import Network
+
+
+class TorchNetwork:
+    """An :class:`~porocore.surrogates.network.Evaluator` on a processor or a GPU, in double precision.
+
+    No graph is recorded. With J_l = ∂z_l/∂x and δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″(z_l)) J_l.
+
+    Parameters
+    ----------
+    network
+        The numbers; kept as the attribute of this name.
+    device
+        Where they are put.
+    """
+
+    def __init__(self, network: Network, device: torch.device) -> None:
+        self.network, self.device = network, device
+        self._weights = [self._tensor(W) for W in network.weights]
+        self._biases = [self._tensor(b) for b in network.biases]
+
+    def evaluate(self, x: Array) -> Array:
+        """Values (n, o) at x (n, d)."""
+        with one_thread(), torch.no_grad():
+            a = self._tensor(x)
+            for layer, (W, b) in enumerate(zip(self._weights, self._biases, strict=True)):
+                if layer:
+                    a = _activate(self.network.activation, a, 0)[0]
+                a = torch.addmm(b, a, W.T)
+            return _numpy(a)
+
+    def slopes(self, x: Array) -> tuple[Array, Array]:
+        """Values (n, o) and ∂N_o/∂x_k (d, n, o), the input first."""
+        with one_thread(), torch.no_grad():
+            z, J, _ = self._forward(self._tensor(x), 1)
+            return _numpy(z), _numpy(J.permute(1, 0, 2))
+
+    def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
+        """Of a network with one output: value (n,), gradient (d, n) and Hessian (d, d, n)."""
+        with one_thread(), torch.no_grad():
+            z, J, layers = self._forward(self._tensor(x), 2)
+            n, d = x.shape
+            hessian = torch.zeros((n, d, d), dtype=torch.float64, device=self.device)
+            delta = self._weights[-1]  # ∂N/∂a of the last hidden layer, (n or 1, width)
+            for layer in range(len(layers) - 1, -1, -1):
+                J_l, slope, curvature = layers[layer]
+                bend = delta * curvature
+                if layer:
+                    hessian = torch.baddbmm(hessian, J_l * bend[:, None, :], J_l.transpose(1, 2))
+                    delta = (delta * slope) @ self._weights[layer]
+                else:  # J_l is the same everywhere
+                    W = self._weights[0]
+                    squares = (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)
+                    hessian += (bend @ squares).reshape(n, d, d)
+            return _numpy(z[:, 0]), _numpy(J[:, :, 0].T), _numpy(hessian.permute(1, 2, 0))
+
+    def _forward(
+        self, x: torch.Tensor, order: int
+    ) -> tuple[torch.Tensor, torch.Tensor, list[tuple[torch.Tensor, torch.Tensor, torch.Tensor]]]:
+        """z (n, o), J (n, d, o) of the last layer, and J, σ′ and σ″ of each layer before."""
+        n, d = x.shape
+        layers = []
+        z = torch.addmm(self._biases[0], x, self._weights[0].T)
+        J = self._weights[0].T.expand(n, d, -1)
+        for W, b in zip(self._weights[1:], self._biases[1:], strict=True):
+            a, slope, curvature = _activate(self.network.activation, z, order)
+            layers.append((J, slope, curvature))
+            z = torch.addmm(b, a, W.T)
+            J = ((J * slope[:, None, :]).reshape(n * d, W.shape[1]) @ W.T).reshape(n, d, len(W))
+        return z, J, layers
+
+    def _tensor(self, array: Array) -> torch.Tensor:
+        return torch.as_tensor(np.ascontiguousarray(array), dtype=torch.float64, device=self.device)
+
+
+def available_device(name: str) -> torch.device:
+    """``cuda`` and ``auto`` are a GPU where torch sees one, and the processor elsewhere."""
+    return torch.device("cuda" if name != "cpu" and torch.cuda.is_available() else "cpu")
+
+
+def _numpy(tensor: torch.Tensor) -> Array:
+    array: Array = tensor.contiguous().cpu().numpy()
+    return array
+
+
+def _activate(name: str, z: torch.Tensor, order: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """σ(z) and, up to ``order``, σ′ and σ″."""
+    none = z
+    if name == "tanh":
+        a = torch.tanh(z)
+        slope = 1 - a * a if order else none
+        return a, slope, -2 * a * slope if order > 1 else none
+    s = torch.sigmoid(z)
+    slope = s * (1 - s) if order else none
+    if name == "sigmoid":
+        return s, slope, slope * (1 - 2 * s) if order > 1 else none
+    # torch.nn.functional.softplus becomes linear above a threshold.
+    return torch.log1p(torch.exp(-z.abs())) + z.clamp(min=0), s, slope
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """The order of a sum depends on the number of threads, and such small matrices gain nothing from more."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
