@@ -60,8 +60,10 @@ class ClosedLaw(MacroLaw):
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
     ) -> MacroResponse:
         """See :class:`MacroLaw`; NaN where the cell law has no values."""
-        if isinstance(self.cell_law, PathCellLaw):
-            cell = self.cell_law.predict_from(memory.states, states, tangent=tangent)
-        else:
-            cell = self.cell_law.predict(states, tangent=tangent)
-        return self.closure.respond(states, cell, grad_p, memory, tangent=tangent)
+        # Newton's iteration may ask for anything; what is not finite is for the macro solver to refuse.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            if isinstance(self.cell_law, PathCellLaw):
+                cell = self.cell_law.predict_from(memory.states, states, tangent=tangent)
+            else:
+                cell = self.cell_law.predict(states, tangent=tangent)
+            return self.closure.respond(states, cell, grad_p, memory, tangent=tangent)
