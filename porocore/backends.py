@@ -6,7 +6,7 @@ from typing import Any
 
 from porocore.closures import CLOSURES
 from porocore.config import RunConfig
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, PluginError
 from porocore.registry import Kind, registry
 
 
@@ -45,6 +45,28 @@ def surrogate_model(implementation: Any, config: RunConfig) -> str:
     if config.surrogate.model == "auto" and config.surrogate_model not in models:
         return models[0]
     return config.surrogate_model
+
+
+def with_closure(config: RunConfig, closure: str | None) -> RunConfig:
+    """With another closure; where the surrogate learns another model for it, the options of the first do not go over.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such closure.
+    """
+    other = config.with_closure(closure)
+    if other.surrogate_model == config.surrogate_model or not config.surrogate.options:
+        return other
+    try:
+        implementation = registry().get("surrogate", config.surrogate.backend)
+    except PluginError:  # whoever needs it will say so
+        return other
+    if not implementation.models or surrogate_model(implementation, other) == surrogate_model(
+        implementation, config
+    ):
+        return other
+    return other.model_copy(update={"surrogate": config.surrogate.model_copy(update={"options": {}})})
 
 
 def backend_name(kind: Kind, config: RunConfig) -> str:

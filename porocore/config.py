@@ -174,7 +174,7 @@ class RunConfig(_Section):
         return self.model_copy(update=update)
 
     def with_closure(self, closure: str | None = None) -> RunConfig:
-        """With another closure; if it needs another model of surrogate, the options of the old one do not go over.
+        """With another closure, and the options of the surrogate as they are; see ``backends.with_closure``.
 
         Raises
         ------
@@ -185,10 +185,7 @@ class RunConfig(_Section):
             return self
         if closure not in CLOSURES:
             raise ConfigurationError(_unknown_closure(closure))
-        other = self.model_copy(update={"closure": closure})
-        if other.surrogate_model == self.surrogate_model:
-            return other
-        return other.model_copy(update={"surrogate": self.surrogate.model_copy(update={"options": {}})})
+        return self.model_copy(update={"closure": closure})
 
     def resolved_yaml(self) -> str:
         """Every setting, defaults included; loading it gives an equal configuration."""

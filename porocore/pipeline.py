@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.backends import make_backend
+from porocore.backends import make_backend, with_closure
 from porocore.closures import CLOSURES
 from porocore.config import RunConfig
 from porocore.console import Console
@@ -123,7 +123,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     from porocore.vtk import write_vtu_series
 
     _finished(folder, folder.test_dataset, config.stages.test, _held_out(config))
-    shown = folder.written.with_closure(folder.shown_closure)
+    shown = with_closure(folder.written, folder.shown_closure)
     config = shown.model_copy(update={"title": config.title})
     with timed(folder.timings, "report"):
         for load in config.macro.loads:
@@ -134,7 +134,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
         coefficients = linear_coefficients(reference, config)
         closures = dict.fromkeys(law for load in config.macro.loads for law in folder.solved(load))
         surrogates = {
-            closure: load_surrogate(folder, config.with_closure(closure))
+            closure: load_surrogate(folder, with_closure(config, closure))
             for closure in (config.closure, *closures)
             if closure in CLOSURES
         }

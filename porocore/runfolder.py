@@ -18,6 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from porocore.backends import with_closure
 from porocore.closures import CLOSURES
 from porocore.config import RunConfig, differences, load_config
 from porocore.errors import RunFolderError
@@ -284,7 +285,7 @@ class RunFolder:
         return self.path / "report.html"
 
     def _check_same(self, held: RunFolder, resume: bool) -> None:
-        same = held.config.with_closure(self.config.closure)
+        same = with_closure(held.config, self.config.closure)
         if same.identity != self.config.identity:
             changed = [d for d in differences(self.config, same) if not d.startswith("title ")]
             raise RunFolderError(

@@ -59,6 +59,7 @@ def read_config(
     path: Path | None, fem: str | None, surrogate: str | None = None, closure: str | None = None
 ) -> tuple[Path, RunConfig]:
     """The configuration, the packaged one for None, with the chosen backends and closure."""
+    from porocore.backends import with_closure
     from porocore.benchmark import benchmark_path
     from porocore.config import load_config
     from porocore.runfolder import CONFIG, RECORD
@@ -69,7 +70,7 @@ def read_config(
             f"{path}: expected a configuration file, got a run folder; its configuration is {path / CONFIG}, and "
             f"to go on with it: {command('run', path / CONFIG, '--out', path, '--resume')}"
         )
-    return path, load_config(path).with_backends(fem, surrogate).with_closure(closure)
+    return path, with_closure(load_config(path).with_backends(fem, surrogate), closure)
 
 
 def command(*words: object) -> str:

@@ -120,7 +120,7 @@ def train(run: RunArgument, closure: ClosureOption = None) -> None:
 
     folder = _open(run)
     folder.require(folder.dataset, "sample")
-    config = folder.config.with_closure(closure)
+    config = backends.with_closure(folder.config, closure)
     backends.check("surrogate", config)
     console = Console()
     again = ["--closure", closure] if closure else []
@@ -152,7 +152,7 @@ def solve(
     folder = _open(run)
     folder.require(folder.dataset, "sample")
     laws: tuple[LawKind, ...] = tuple(kind.value for kind in law) if law else USUAL_LAWS
-    own = folder.config.with_closure(closure)
+    own = backends.with_closure(folder.config, closure)
     direct_closure = closure or "potential"
     if "surrogate" in laws:
         folder.require(folder.surrogate_of(own), train_command(folder, own))

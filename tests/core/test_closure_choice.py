@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from porocore import registry
+from porocore.backends import with_closure
 from porocore.benchmark import benchmark_path
 from porocore.cli.entry import main
 from porocore.config import RunConfig, load_config
@@ -37,14 +38,13 @@ def touch(*paths):
 def test_the_options_of_one_model_do_not_go_over_to_another(config):
     settings = config.surrogate.model_copy(update={"options": {"epochs": 5}})
     config = config.model_copy(update={"surrogate": settings})
-    other = config.with_closure("potential")
+    other = with_closure(config, "potential")
     assert (other.closure, other.surrogate_model, other.surrogate.options) == ("potential", "potential", {})
-    assert config.with_closure(None) is config.with_closure("mean-gradient") is config
-    chosen = settings.model_copy(update={"model": "potential"})
-    config = config.model_copy(update={"surrogate": chosen})
-    assert config.with_closure("potential").surrogate.options == {
-        "epochs": 5
-    }  # the same surrogate serves both
+    assert with_closure(config, None) is with_closure(config, "mean-gradient") is config
+    for same in ({"model": "potential"}, {"backend": "polynomial"}, {"backend": "not-there"}):
+        chosen = config.model_copy(update={"surrogate": settings.model_copy(update=same)})
+        kept = with_closure(chosen, "potential")  # the same kind of surrogate serves both
+        assert (kept.closure, kept.surrogate.options) == ("potential", {"epochs": 5})
 
 
 def test_an_unknown_closure_is_refused_with_the_nearest(config):
