@@ -1,4 +1,4 @@
-from porocore.testing.surrogate import SurrogateConformance
+from porocore.testing.surrogate import PotentialConformance, SurrogateConformance
 from porocore_surrogate_torch import training
 from porocore_surrogate_torch.surrogate import TorchSurrogate
 
@@ -32,3 +32,36 @@ class TestTorchSurrogateWithTanh(SurrogateConformance):
 
     def checkpoint_often(self, monkeypatch):
         monkeypatch.setattr(training, "CHECKPOINT_INTERVAL", 0.0)
+
+
+class TestTorchPotential(PotentialConformance):
+    resumable = False
+    invalid_options = (
+        {"model": "tree"},
+        {"hidden": []},
+        {"activation": "relu"},
+        {"iterations": 0},
+        {"epochs": 10},
+        {"symmetry": "hexagonal"},
+        {"anchor": "spline"},
+        {"derivatives": "no"},
+        {"device": "tpu"},
+    )
+
+    @classmethod
+    def make_surrogate(cls):
+        return TorchSurrogate(model="potential", iterations=150, hidden=[10, 10])
+
+    @classmethod
+    def make_invalid(cls, options):
+        return TorchSurrogate(**({"model": "potential"} | options))
+
+
+class TestTorchPotentialOnPolynomial(PotentialConformance):
+    resumable = False
+
+    @classmethod
+    def make_surrogate(cls):
+        return TorchSurrogate(
+            model="potential", iterations=100, hidden=[8], activation="tanh", anchor="polynomial"
+        )
