@@ -207,10 +207,11 @@ def _start_worker(worker: _Worker) -> None:
     global _worker
     _worker = worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """Wait for the end of the parent process and end this one; for a thread of a worker."""
     parent = parent_process()
     if parent is not None:
         parent.join()

@@ -8,11 +8,11 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import active_children, get_context, parent_process
+from multiprocessing import active_children, get_context
 from typing import Any
 
 from porocore.errors import PorocoreError
-from porocore.execution import THREAD_VARIABLES
+from porocore.execution import THREAD_VARIABLES, end_with_parent
 
 #: Key, and a function at the top level of a module with its first arguments.
 Task = tuple[str, tuple[Callable[..., Any], tuple[Any, ...]]]
@@ -64,14 +64,7 @@ def _start(shared: tuple[Any, ...]) -> None:
     global _shared
     _shared = shared
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    threading.Thread(target=end_with_parent, daemon=True).start()
 
 
 def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
