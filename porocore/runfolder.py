@@ -34,7 +34,18 @@ CONFIG, RECORD, LOCK = "config.yaml", "run.json", ".lock"
 LINEAR = "linear"
 #: The temporary names of :func:`porocore.files.atomic_path`.
 _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
-_PACKAGES = ("numpy", "scipy", "h5py", "gmsh", "scikit-fem", "mkl", "fenics-dolfinx", "petsc4py", "torch", "jax")
+_PACKAGES = (
+    "numpy",
+    "scipy",
+    "h5py",
+    "gmsh",
+    "scikit-fem",
+    "mkl",
+    "fenics-dolfinx",
+    "petsc4py",
+    "torch",
+    "jax",
+)
 
 
 class RunFolder:
