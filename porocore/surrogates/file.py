@@ -103,6 +103,8 @@ def read(path: Path) -> tuple[Model, Record]:
             tuple(header["inputs"]), *(tuple(arrays[f"inputs/{end}"].tolist()) for end in ("lower", "upper"))
         )
         sampled = SampledRange(inputs, arrays["range/normals"], arrays["range/offsets"])
+        if sampled.normals.shape != (len(sampled.offsets), len(inputs)):
+            raise ValueError(f"range/normals has shape {sampled.normals.shape}")
         unpack: dict[str, Callable[..., Model]] = {"mlp": _unpack_anchored, "potential": _unpack_potential}
         model = unpack[header["model"]](header, arrays, sampled)
         record = Record(
@@ -132,13 +134,18 @@ def _pack_network(network: Any, header: dict[str, Any], arrays: dict[str, Array]
         arrays |= {f"network/{i}/weights": W, f"network/{i}/biases": b}
 
 
-def _unpack_network(header: dict[str, Any], arrays: dict[str, Array]) -> Network:
+def _unpack_network(header: dict[str, Any], arrays: dict[str, Array], inputs: int, outputs: int) -> Network:
     layers = range(int(header["layers"]))
-    return Network(
+    network = Network(
         header["activation"],
         tuple(arrays[f"network/{i}/weights"] for i in layers),
         tuple(arrays[f"network/{i}/biases"] for i in layers),
     )
+    if network.weights and (network.weights[0].shape[1], len(network.weights[-1])) != (inputs, outputs):
+        raise ValueError(f"expected a network of {inputs} inputs and {outputs} outputs")
+    if not network.weights and outputs:
+        raise ValueError("a network without layers")
+    return network
 
 
 def _pack_anchored(model: AnchoredModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
@@ -155,11 +162,14 @@ def _unpack_anchored(
     header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange
 ) -> AnchoredModel:
     M, Q = arrays["reference/M"].reshape(9, 9), arrays["reference/Q"].reshape(9, 1)
+    components = tuple(int(c) for c in header["components"])
+    if any(c not in range(9) for c in components):
+        raise ValueError(f"components {components}")
     return AnchoredModel(
         np.concatenate([M, Q], axis=1),
-        tuple(int(c) for c in header["components"]),
-        arrays["network/output_scale"],
-        _unpack_network(header, arrays),
+        components,
+        arrays["network/output_scale"].reshape(len(components)),
+        _unpack_network(header, arrays, len(sampled.inputs), len(components)),
         sampled,
     )
 
@@ -221,6 +231,8 @@ def _unpack_potential(
         bool(header["cubic"]),
     )
     active = tuple(int(a) for a in header["active"])
+    if any(a not in range(VARIABLES) for a in active):
+        raise ValueError(f"active variables {active}")
     terms: Terms | None = None
     polynomial = None
     if header["terms"] is not None:
@@ -230,7 +242,7 @@ def _unpack_potential(
     if header["network"]:
         weights = tuple(int(w) for w in arrays["network/term_weights"])
         part = NetworkPart(
-            _unpack_network(header, arrays),
+            _unpack_network(header, arrays, len(weights), 1),
             _unpack_terms(header["network_terms"], arrays, weights),
             arrays["network/middle"].reshape(len(weights)),
             arrays["network/half"].reshape(len(weights)),

@@ -1,0 +1,83 @@
+"""Networks in numpy: values and derivatives, against one neuron after the other and differences."""
+
+import math
+
+import numpy as np
+import pytest
+
+from porocore.surrogates.network import ACTIVATIONS, Network
+
+SCALAR = {
+    "sigmoid": lambda z: 1 / (1 + math.exp(-z)),
+    "tanh": math.tanh,
+    "softplus": lambda z: math.log1p(math.exp(z)),
+}
+
+
+def network(activation, widths=(3, 5, 4, 1), seed=0):
+    random = np.random.default_rng(seed)
+    pairs = list(zip(widths[1:], widths, strict=False))
+    return Network(
+        activation,
+        tuple(random.normal(size=pair) for pair in pairs),
+        tuple(random.normal(size=width) for width, _ in pairs),
+    )
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+def test_values_neuron_by_neuron(activation):
+    net, x = network(activation, (3, 5, 4, 2)), np.random.default_rng(1).normal(size=(7, 3))
+    for row, found in zip(x, net.evaluate(x), strict=True):
+        a = list(row)
+        for layer, (W, b) in enumerate(zip(net.weights, net.biases, strict=True)):
+            z = [
+                sum(w * v for w, v in zip(weights, a, strict=True)) + c
+                for weights, c in zip(W, b, strict=True)
+            ]
+            a = z if layer == 2 else [SCALAR[activation](value) for value in z]
+        np.testing.assert_allclose(found, a, rtol=1e-13)
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+@pytest.mark.parametrize("widths", [(3, 1), (3, 5, 1), (3, 5, 4, 1), (2, 4, 4, 4, 1)])
+def test_derivatives_are_the_slopes(activation, widths):
+    net, d, h = network(activation, widths), widths[0], 1e-3
+    x = np.random.default_rng(1).normal(size=(20, d))
+    value, gradient, hessian = net.curvatures(x)
+    values, slopes = net.slopes(x)
+    np.testing.assert_allclose(value, net.evaluate(x)[:, 0], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(values, net.evaluate(x), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(slopes[:, :, 0], gradient, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(hessian, hessian.swapaxes(0, 1), rtol=0, atol=1e-13)
+    for k in range(d):
+        step = h * np.eye(d)[k]
+        near = [net.curvatures(x + j * step) for j in (-2, -1, 1, 2)]
+        for found, place in ((gradient[k], 0), (hessian[k], 1)):
+            m2, m1, p1, p2 = (derivatives[place] for derivatives in near)
+            np.testing.assert_allclose(found, (m2 - 8 * m1 + 8 * p1 - p2) / (12 * h), atol=1e-8)
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+def test_far_away_nothing_overflows(activation):
+    net = Network(activation, (np.eye(1), np.eye(1)), (np.zeros(1), np.zeros(1)))
+    with np.errstate(all="raise", under="ignore"):
+        value, gradient, hessian = net.curvatures(np.array([[-1000.0], [0.0], [1000.0]]))
+    limits = {"sigmoid": (0, 0.5, 1), "tanh": (-1, 0, 1), "softplus": (0, math.log(2), 1000)}[activation]
+    np.testing.assert_allclose(value, limits, atol=1e-15)
+    np.testing.assert_allclose(gradient[0, [0, 2]], [0, float(activation == "softplus")], atol=1e-15)
+    np.testing.assert_allclose(hessian[0, 0, [0, 2]], 0, atol=1e-15)
+
+
+def test_no_states():
+    value, gradient, hessian = network("tanh").curvatures(np.zeros((0, 3)))
+    assert (value.shape, gradient.shape, hessian.shape) == ((0,), (3, 0), (3, 3, 0))
+    assert network("tanh").slopes(np.zeros((0, 3)))[1].shape == (3, 0, 1)
+
+
+def test_words_for_what_is_no_network():
+    with pytest.raises(ValueError, match="expected an activation of sigmoid, tanh, softplus, got 'relu'"):
+        network("relu")
+    with pytest.raises(ValueError, match="do not fit together"):
+        Network("tanh", (np.ones((4, 3)), np.ones((1, 5))), (np.ones(4), np.ones(1)))
+    with pytest.raises(ValueError, match="do not fit together"):
+        Network("tanh", (np.ones((4, 3)),), (np.ones(3),))
