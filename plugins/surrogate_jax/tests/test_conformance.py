@@ -1,5 +1,5 @@
 from porocore.surrogates import adam
-from porocore.testing.surrogate import SurrogateConformance
+from porocore.testing.surrogate import PotentialConformance, SurrogateConformance
 from porocore_surrogate_jax.surrogate import JaxSurrogate
 
 
@@ -31,3 +31,36 @@ class TestMlpWithTanh(SurrogateConformance):
 
     def checkpoint_often(self, monkeypatch):
         monkeypatch.setattr(adam, "CHECKPOINT_INTERVAL", 0.0)
+
+
+class TestPotential(PotentialConformance):
+    resumable = False
+    invalid_options = (
+        {"model": "tree"},
+        {"hidden": []},
+        {"activation": "relu"},
+        {"iterations": 0},
+        {"epochs": 10},
+        {"symmetry": "hexagonal"},
+        {"anchor": "spline"},
+        {"derivatives": "no"},
+        {"device": "tpu"},
+    )
+
+    @classmethod
+    def make_surrogate(cls):
+        return JaxSurrogate(model="potential", iterations=150, hidden=[10, 10])
+
+    @classmethod
+    def make_invalid(cls, options):
+        return JaxSurrogate(**({"model": "potential"} | options))
+
+
+class TestPotentialOnPolynomial(PotentialConformance):
+    resumable = False
+
+    @classmethod
+    def make_surrogate(cls):
+        return JaxSurrogate(
+            model="potential", iterations=100, hidden=[8], activation="tanh", anchor="polynomial"
+        )
