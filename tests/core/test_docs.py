@@ -26,6 +26,8 @@ from porocore.registry import HOOKS
 from porocore.report.words import MEANINGS
 from porocore.sampling.density import DensitySweep
 from porocore.states import Status
+from porocore.surrogates.options import MlpOptions, PotentialOptions
+from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -129,10 +131,18 @@ def test_the_options_of_the_cell_solver_of_dolfinx():
     assert options_below("Options of the cell solver of `dolfinx`") == expected
 
 
-def test_the_options_of_the_surrogate():
-    options = pytest.importorskip("porocore.surrogates.options").MlpOptions
+@pytest.mark.parametrize(("model", "options"), [("mlp", MlpOptions), ("potential", PotentialOptions)])
+def test_the_options_of_the_networks(model, options):
     expected = {name: shown(field.default) for name, field in options.model_fields.items()}
-    assert options_below("Options of `torch`") == expected
+    assert options_below(f"ptions of `torch` and `jax` for `model: {model}`") == expected
+
+
+def test_the_option_of_the_polynomial():
+    parameters = inspect.signature(PolynomialSurrogate).parameters.values()
+    expected = {
+        p.name: shown(p.default) for p in parameters if p.kind is not p.VAR_KEYWORD and p.name != "model"
+    }
+    assert options_below("Option of `polynomial`") == expected
 
 
 def test_the_options_of_the_density_sweep():

@@ -2,7 +2,9 @@
 
 import json
 import pickle
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -280,3 +282,17 @@ def test_a_surrogate_says_how_good_it_was(tmp_path):
     assert loaded.accuracy == surrogate.accuracy
     assert 0 < loaded.accuracy["cross-validated slopes of W"] < 0.02
     assert loaded.settings == surrogate.settings
+
+
+def test_the_documentation_lists_the_file(tmp_path):
+    """Every array and every key of the header, and nothing else."""
+    page = Path(__file__).parents[2] / "docs" / "surrogates.md"
+    found = set()
+    for model in MODELS.values():
+        write(tmp_path / "surrogate.h5", model, RECORD)
+        header, arrays = read_archive(tmp_path / "surrogate.h5", FORMAT, VERSION, "")
+        found |= set(header) | {re.sub(r"/\d+/", "/l/", name) for name in arrays}
+    listed = page.read_text(encoding="utf-8").split("## The file")[1]
+    cells = [line.split("|")[1] for line in listed.splitlines() if line.startswith("| `")]
+    assert {name for cell in cells for name in re.findall(r"`([\w/]+)`", cell)} == found
+    assert f"version {VERSION} of `{FORMAT}`" in listed

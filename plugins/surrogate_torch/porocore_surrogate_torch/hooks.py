@@ -7,7 +7,7 @@ from typing import Any
 from porocore import Offer, hookimpl
 
 
-def _mlp() -> type[Any]:
+def _networks() -> type[Any]:
     from porocore_surrogate_torch.surrogate import TorchSurrogate
 
     return TorchSurrogate
@@ -15,12 +15,12 @@ def _mlp() -> type[Any]:
 
 @hookimpl
 def porocore_surrogates() -> list[Offer]:
-    """The network of Dehghani & Zilian, exact at the reference state."""
+    """The network of Dehghani & Zilian and that of the potential."""
     return [
         Offer(
             name="torch",
-            load=_mlp,
-            summary="3 × 40 sigmoid network for <∇u¹>, exact linear limit (Dehghani & Zilian)",
+            load=_networks,
+            summary="networks for <∇u¹> (Dehghani & Zilian) and for W(ln U, p), trained by PyTorch",
             requires=("torch",),
             install="pip install porocore-surrogate-torch",
         )
