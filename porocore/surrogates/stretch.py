@@ -22,6 +22,11 @@ from porocore.surrogates.components import COMPONENT, PAIRS, PLACES, SHARE
 from porocore.surrogates.diagonal_stretch import Slopes
 from porocore.surrogates.divided_differences import of_three, of_two
 
+#: Of Jacobi's rotations at most; entries off the diagonal count as zero below this share of the trace.
+SWEEPS, ROUND_OFF = 8, 1e-18
+#: Keeps 0/0 away.
+TINY = 1e-300
+
 
 @dataclass(frozen=True, eq=False)
 class LogStretch:
@@ -278,9 +283,31 @@ class LogStretch:
 
 
 def symmetric_eigen(A: Array) -> tuple[Array, Array]:
-    """Eigenvalues (3, n) and eigenvectors (3, 3, n), in columns, of symmetric A (3, 3, n)."""
-    values, vectors = np.linalg.eigh(np.moveaxis(A, -1, 0))
-    return np.ascontiguousarray(values.T), np.ascontiguousarray(np.moveaxis(vectors, 0, -1))
+    """Eigenvalues (3, n) and eigenvectors (3, 3, n), in columns, of symmetric A (3, 3, n).
+
+    By Jacobi's rotations, which converge quadratically; for thousands of matrices at once they are faster than a
+    call of LAPACK for each.
+    """
+    d = [A[i, i].copy() for i in range(3)]
+    off = {k: A[i, j].copy() for i, j, k in ((1, 2, 0), (0, 2, 1), (0, 1, 2))}  # by the third axis
+    Q = np.zeros_like(A)
+    Q[0, 0] = Q[1, 1] = Q[2, 2] = 1.0
+    smallest = (ROUND_OFF * (d[0] + d[1] + d[2])) ** 2
+    for _ in range(SWEEPS):
+        if (off[0] * off[0] + off[1] * off[1] + off[2] * off[2] <= smallest).all():
+            break
+        for i, j, k in ((0, 1, 2), (0, 2, 1), (1, 2, 0)):
+            e = off[k]
+            gap = (d[j] - d[i]) / 2
+            t = e / np.copysign(np.abs(gap) + np.sqrt(gap * gap + e * e) + TINY, gap)
+            c = 1 / np.sqrt(1 + t * t)
+            s = t * c
+            shift = t * e
+            d[i], d[j] = d[i] - shift, d[j] + shift
+            off[k] = np.zeros_like(e)
+            off[j], off[i] = c * off[j] - s * off[i], s * off[j] + c * off[i]
+            Q[:, i], Q[:, j] = c * Q[:, i] - s * Q[:, j], s * Q[:, i] + c * Q[:, j]
+    return np.stack(d), Q
 
 
 def _product(A: Array, B: Array) -> Array:

@@ -36,6 +36,11 @@ class TrainingState:
         """Before the first epoch."""
         return cls(theta, torch.zeros_like(theta), torch.zeros_like(theta), theta.clone())
 
+    def move(self, device: torch.device) -> None:
+        """Put all tensors on a device."""
+        self.theta, self.best_theta = self.theta.to(device), self.best_theta.to(device)
+        self.moment, self.square = self.moment.to(device), self.square.to(device)
+
     def look(self, validation_loss: float) -> None:
         """Keep the weights if their validation loss is the smallest so far."""
         self.validation_loss = validation_loss
@@ -64,10 +69,10 @@ class TrainingState:
             "validation_loss": self.validation_loss,
         }
         arrays = {
-            "theta": self.theta.detach().numpy(),
-            "moment": moments["exp_avg"].numpy(),
-            "square": moments["exp_avg_sq"].numpy(),
-            "best_theta": self.best_theta.numpy(),
+            "theta": self.theta.detach().cpu().numpy(),
+            "moment": moments["exp_avg"].cpu().numpy(),
+            "square": moments["exp_avg_sq"].cpu().numpy(),
+            "best_theta": self.best_theta.cpu().numpy(),
         }
         write_archive(path, FORMAT, VERSION, header, arrays)
 

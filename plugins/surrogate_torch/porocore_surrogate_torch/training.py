@@ -19,6 +19,7 @@ from porocore import TrainingProgress
 from porocore.surrogates.mean_gradient_data import ScaledData
 from porocore.surrogates.network import Network
 from porocore.surrogates.options import MlpOptions
+from porocore_surrogate_torch.autodiff import choose_device
 from porocore_surrogate_torch.checkpoint import TrainingState
 from porocore_surrogate_torch.evaluator import one_thread
 
@@ -66,6 +67,10 @@ def _train(
     belongs_to = data.fingerprint(options.model_dump_json(), str(seed))
     state = TrainingState.read(checkpoint, belongs_to) if checkpoint and checkpoint.exists() else None
     state = state or TrainingState.first(_first_weights(shapes, options.activation, generator))
+    state.move(choose_device(options.device))
+    x_train, y_train, x_valid, y_valid = (
+        tensor.to(state.theta.device) for tensor in (x_train, y_train, x_valid, y_valid)
+    )
 
     theta = state.theta.requires_grad_()
     adam = torch.optim.Adam([theta], lr=options.learning_rate, foreach=False)
@@ -151,6 +156,6 @@ def _split(data: ScaledData, fraction: float, generator: torch.Generator) -> tup
 
 
 def _as_network(theta: torch.Tensor, shapes: Shapes, activation: str) -> Network:
-    layers = [(W.numpy().copy(), b.numpy().copy()) for W, b in _layers(theta.detach(), shapes)]
+    layers = [(W.numpy().copy(), b.numpy().copy()) for W, b in _layers(theta.detach().cpu(), shapes)]
     weights, biases = zip(*layers, strict=True)
     return Network(activation, weights, biases)

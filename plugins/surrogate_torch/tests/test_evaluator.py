@@ -149,6 +149,19 @@ def test_a_gpu_that_is_not_there():
         choose_device("cuda")
 
 
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="torch sees no GPU")
+@pytest.mark.parametrize(
+    "options", [{"model": "potential", "iterations": 50, "hidden": [8]}, {"model": "mlp", "epochs": 200}]
+)
+def test_a_gpu_learns_the_same(options):
+    data, unseen = potential_training_set(40, seed=1), potential_training_set(20, seed=2)
+    one, other = (
+        TorchSurrogate(**options, device=device).fit(data, seed=0).predict(unseen.states).mean_grad
+        for device in ("cpu", "cuda")
+    )
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-4)
+
+
 def test_reading_a_polynomial_needs_no_torch(tmp_path):
     code = f"""
         import sys
