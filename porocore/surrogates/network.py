@@ -83,28 +83,34 @@ class Network:
         With J_l = ∂z_l/∂x and δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″(z_l)) J_l.
         """
         n, d = x.shape
-        layers = []
+        layers: list[tuple[Array, Array, Array]] = []
         z = x @ self.weights[0].T + self.biases[0]
-        J: Array = np.broadcast_to(self.weights[0].T, (n, d, len(self.weights[0])))
-        for W, b in zip(self.weights[1:], self.biases[1:], strict=True):
+        for layer, (W, b) in enumerate(zip(self.weights[1:], self.biases[1:], strict=True)):
             a, slope, curvature = _activate(self.activation, z, 2)
+            if layer:
+                before, steep, _ = layers[-1]
+                V = self.weights[layer]
+                J: Array = ((before * steep[:, None]).reshape(n * d, V.shape[1]) @ V.T).reshape(n, d, len(V))
+            else:
+                J = np.broadcast_to(self.weights[0].T, (n, d, len(z.T)))
             layers.append((J, slope, curvature))
             z = a @ W.T + b
-            J = ((J * slope[:, None]).reshape(n * d, W.shape[1]) @ W.T).reshape(n, d, len(W))
         hessian = np.zeros((n, d, d))
-        delta = self.weights[-1]  # ∂N/∂a of the last hidden layer, (n or 1, width)
+        delta: Array = np.broadcast_to(
+            self.weights[-1], (n, self.weights[-1].shape[1])
+        )  # ∂N/∂a, layer by layer
         for layer in range(len(layers) - 1, -1, -1):
-            J_l, slope, curvature = layers[layer]
+            J, slope, curvature = layers[layer]
             bend = delta * curvature
             if layer:
-                hessian += (J_l * bend[:, None]) @ np.ascontiguousarray(J_l.swapaxes(1, 2))
-                delta = (delta * slope) @ self.weights[layer]
-            else:  # J_l is the same everywhere
+                hessian += (J * bend[:, None]) @ np.ascontiguousarray(J.swapaxes(1, 2))
+            else:  # J is the same everywhere
                 W = self.weights[0]
                 hessian += (bend @ (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)).reshape(n, d, d)
+            delta = (delta * slope) @ self.weights[layer]
         return (
             z[:, 0],
-            np.ascontiguousarray(J[:, :, 0].T),
+            np.ascontiguousarray(delta.T),
             np.ascontiguousarray(hessian.reshape(n, d * d).T).reshape(d, d, n),
         )
 

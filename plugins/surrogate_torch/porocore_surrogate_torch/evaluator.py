@@ -43,42 +43,52 @@ class TorchNetwork:
     def slopes(self, x: Array) -> tuple[Array, Array]:
         """Values (n, o) and ∂N_o/∂x_k (d, n, o), the input first."""
         with one_thread(), torch.no_grad():
-            z, J, _ = self._forward(self._tensor(x), 1)
+            n, d = x.shape
+            z, layers = self._hidden(self._tensor(x), 1)
+            W = self._weights[-1]
+            if not layers:
+                return _numpy(z), _numpy(W.T[:, None, :].expand(d, n, -1))
+            J, slope, _ = layers[-1]
+            J = ((J * slope[:, None, :]).reshape(n * d, W.shape[1]) @ W.T).reshape(n, d, len(W))
             return _numpy(z), _numpy(J.permute(1, 0, 2))
 
     def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
         """Of a network with one output: value (n,), gradient (d, n) and Hessian (d, d, n)."""
         with one_thread(), torch.no_grad():
-            z, J, layers = self._forward(self._tensor(x), 2)
+            z, layers = self._hidden(self._tensor(x), 2)
             n, d = x.shape
             hessian = torch.zeros((n, d, d), dtype=torch.float64, device=self.device)
-            delta = self._weights[-1]  # ∂N/∂a of the last hidden layer, (n or 1, width)
+            delta = self._weights[-1].expand(n, -1)  # ∂N/∂a of the last hidden layer
             for layer in range(len(layers) - 1, -1, -1):
-                J_l, slope, curvature = layers[layer]
+                J, slope, curvature = layers[layer]
                 bend = delta * curvature
                 if layer:
-                    hessian = torch.baddbmm(hessian, J_l * bend[:, None, :], J_l.transpose(1, 2))
-                    delta = (delta * slope) @ self._weights[layer]
-                else:  # J_l is the same everywhere
+                    hessian = torch.baddbmm(hessian, J * bend[:, None, :], J.transpose(1, 2))
+                else:  # J is the same everywhere
                     W = self._weights[0]
                     squares = (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)
                     hessian += (bend @ squares).reshape(n, d, d)
-            return _numpy(z[:, 0]), _numpy(J[:, :, 0].T), _numpy(hessian.permute(1, 2, 0))
+                delta = (delta * slope) @ self._weights[layer]
+            return _numpy(z[:, 0]), _numpy(delta.T), _numpy(hessian.permute(1, 2, 0))
 
-    def _forward(
+    def _hidden(
         self, x: torch.Tensor, order: int
-    ) -> tuple[torch.Tensor, torch.Tensor, list[tuple[torch.Tensor, torch.Tensor, torch.Tensor]]]:
-        """z (n, o), J (n, d, o) of the last layer, and J, σ′ and σ″ of each layer before."""
+    ) -> tuple[torch.Tensor, list[tuple[torch.Tensor, torch.Tensor, torch.Tensor]]]:
+        """Values (n, o), and ∂z/∂x (n, d, width), σ′ and σ″ of each hidden layer."""
         n, d = x.shape
-        layers = []
+        layers: list[tuple[torch.Tensor, torch.Tensor, torch.Tensor]] = []
         z = torch.addmm(self._biases[0], x, self._weights[0].T)
-        J = self._weights[0].T.expand(n, d, -1)
-        for W, b in zip(self._weights[1:], self._biases[1:], strict=True):
+        for layer, (W, b) in enumerate(zip(self._weights[1:], self._biases[1:], strict=True)):
             a, slope, curvature = _activate(self.network.activation, z, order)
+            if layer:
+                before, steep, _ = layers[-1]
+                V = self._weights[layer]
+                J = ((before * steep[:, None, :]).reshape(n * d, V.shape[1]) @ V.T).reshape(n, d, len(V))
+            else:
+                J = self._weights[0].T.expand(n, d, -1)
             layers.append((J, slope, curvature))
             z = torch.addmm(b, a, W.T)
-            J = ((J * slope[:, None, :]).reshape(n * d, W.shape[1]) @ W.T).reshape(n, d, len(W))
-        return z, J, layers
+        return z, layers
 
     def _tensor(self, array: Array) -> torch.Tensor:
         return torch.as_tensor(np.ascontiguousarray(array), dtype=torch.float64, device=self.device)
