@@ -58,24 +58,30 @@ class JaxNetwork:
     def slopes(self, x: Array) -> tuple[Array, Array]:
         """See :class:`~porocore.surrogates.network.Evaluator`."""
         values, slopes = self._call("slopes", x)
-        return values, np.moveaxis(slopes, 2, 0)
+        return values, slopes
 
     def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
         """See :class:`~porocore.surrogates.network.Evaluator`."""
         value, gradient, hessian = self._call("curvatures", x)
-        return value, gradient.T, np.moveaxis(hessian, 0, -1)
+        return value, gradient, hessian
 
     def _call(self, what: str, x: Array) -> list[Array]:
-        function = _function(what, self.network.activation, self.device)
+        kind, states = _KINDS[what]
+        function = _compiled(kind, self.network.activation, self.device)
         pieces = []
         for start, rows, filled in _pieces(len(x)):
             piece = x[start : start + rows]
             if filled > rows:
                 piece = np.concatenate([piece, np.zeros((filled - rows, x.shape[1]))])
             # Calls return before they are done; the next piece is prepared meanwhile.
-            pieces.append((rows, function(self._layers, jax.device_put(piece, self.device))))
-        columns = zip(*([np.asarray(part)[:rows] for part in parts] for rows, parts in pieces), strict=True)
-        return [np.concatenate(column) for column in columns]  # a copy: JAX's own arrays are read-only
+            pieces.append((rows, function(self._layers, piece)))
+        found = []
+        for i, axis in enumerate(states):
+            parts = [
+                np.asarray(outputs[i])[(slice(None),) * axis + (slice(rows),)] for rows, outputs in pieces
+            ]
+            found.append(np.concatenate(parts, axis))  # a copy: JAX's own arrays are read-only
+        return found
 
 
 def _pieces(n: int) -> Iterator[tuple[int, int, int]]:
@@ -90,48 +96,59 @@ def _pieces(n: int) -> Iterator[tuple[int, int, int]]:
 
 
 @cache
-def _function(what: str, activation: str, device: jax.Device) -> Callable[..., Any]:
-    """Compiled once, for all networks of one activation."""
-    kinds = {"values": _values, "slopes": _slopes, "curvatures": _curvatures}
-    return compiled(partial(kinds[what], activation), device)
-
-
-def _forward(activation: str, layers: Layers, x: Any) -> Any:
-    """N (o,) at one x (d,)."""
-    for W, b in layers[:-1]:
-        x = activate(jnp, activation, W @ x + b)[0]
-    W, b = layers[-1]
-    return W @ x + b
+def _compiled(kind: Callable[..., Any], activation: str, device: jax.Device) -> Callable[..., Any]:
+    """Once, for all networks of one activation."""
+    return compiled(partial(kind, activation), device)
 
 
 def _values(activation: str, layers: Layers, x: Any) -> Any:
-    return (jax.vmap(partial(_forward, activation, layers))(x),)
+    for W, b in layers[:-1]:
+        x = activate(jnp, activation, x @ W.T + b)[0]
+    W, b = layers[-1]
+    return (x @ W.T + b,)
+
+
+def _pushed(activation: str, layers: Layers, x: Any) -> tuple[Any, Any, list[tuple[Any, Any, Any]]]:
+    """z (n, o) and J = ∂z/∂x (d, n, o); J, σ′ and σ″ of each hidden layer before its activation."""
+    n, d = x.shape
+    a, J, hidden = x, None, []
+    for W, b in layers[:-1]:
+        z = a @ W.T + b
+        J = _next(W, J, d, n)
+        a, slope, curvature = activate(jnp, activation, z)
+        hidden.append((J, slope, curvature))
+        J = J * slope
+    W, b = layers[-1]
+    return a @ W.T + b, _next(W, J, d, n), hidden
+
+
+def _next(W: Any, J: Any, d: int, n: int) -> Any:
+    if J is None:
+        return jnp.broadcast_to(W.T[:, None, :], (d, n, len(W)))
+    return (J.reshape(d * n, -1) @ W.T).reshape(d, n, -1)
 
 
 def _slopes(activation: str, layers: Layers, x: Any) -> Any:
-    def both(y: Any) -> Any:
-        value = _forward(activation, layers, y)
-        return value, value
-
-    def one(y: Any) -> Any:
-        slopes, value = jax.jacfwd(both, has_aux=True)(y)
-        return value, slopes
-
-    return jax.vmap(one)(x)
+    return _pushed(activation, layers, x)[:2]
 
 
 def _curvatures(activation: str, layers: Layers, x: Any) -> Any:
-    """Forward over reverse."""
+    """With δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″) J_l; half the work of a derivative of a derivative."""
+    z, J, hidden = _pushed(activation, layers, x)
+    d, n = J.shape[:2]
+    last = layers[-1][0]
+    delta = jnp.broadcast_to(last, (n, last.shape[1]))
+    hessian = jnp.zeros((d, d, n))
+    for index in range(len(hidden) - 1, -1, -1):
+        J_l, slope, curvature = hidden[index]
+        hessian = hessian + jnp.einsum("inw,jnw->ijn", J_l * (delta * curvature), J_l)
+        delta = (delta * slope) @ layers[index][0]
+    return z[:, 0], J[:, :, 0], hessian
 
-    def scalar(y: Any) -> Any:
-        return _forward(activation, layers, y)[0]
 
-    def slope(y: Any) -> Any:
-        value, gradient = jax.value_and_grad(scalar)(y)
-        return gradient, (value, gradient)
-
-    def one(y: Any) -> Any:
-        hessian, (value, gradient) = jax.jacfwd(slope, has_aux=True)(y)
-        return value, gradient, hessian
-
-    return jax.vmap(one)(x)
+#: What is called, and which axis of each of its outputs counts the rows of x.
+_KINDS: dict[str, tuple[Callable[..., Any], tuple[int, ...]]] = {
+    "values": (_values, (0,)),
+    "slopes": (_slopes, (0, 1)),
+    "curvatures": (_curvatures, (0, 1, 2)),
+}

@@ -100,10 +100,11 @@ def test_any_number_of_rows(n):
 
 def test_few_sizes_are_compiled_whatever_is_asked_for():
     """And one compilation serves all networks of one shape."""
-    evaluator._function.cache_clear()
+    evaluator._compiled.cache_clear()
     for n in range(1, 2300, 13):
         JaxNetwork(network(seed=n)).evaluate(points(n))
-    assert evaluator._function("values", "tanh", library.choose_device("cpu"))._cache_size() == 8
+    jitted = evaluator._compiled(evaluator._values, "tanh", library.choose_device("cpu"))
+    assert jitted._cache_size() == 8
 
 
 def test_a_gpu_that_is_not_there(monkeypatch):
