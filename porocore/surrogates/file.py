@@ -23,6 +23,7 @@ from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.network import Evaluator, Network
 from porocore.surrogates.potential import NetworkPart, PotentialModel
 from porocore.surrogates.potential_data import Rest
+from porocore.surrogates.reach import Reach
 from porocore.surrogates.terms import VARIABLES, Terms, cubic, plain
 
 FORMAT, VERSION = "porocore-surrogate", 2
@@ -205,13 +206,17 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
         "active": model.active,
         "cubic": model.rest.cubic,
         "porosity": model.rest.porosity,
-        "terms": model.terms.name if model.terms and model.polynomial else None,
+        "terms": model.terms.name if model.terms else None,
         "network": model.network is not None,
     }
     arrays |= {"rest/matrix": model.rest.matrix, "rest/mean_grad": model.rest.mean_grad}
     _pack_polynomial(model.mean_grad, "mean_grad", arrays)
-    if model.polynomial is not None:
-        _pack_polynomial(model.polynomial, "polynomial", arrays)
+    arrays |= {"reach/low": model.reach.low, "reach/high": model.reach.high}
+    header["polynomials"] = []
+    for name, polynomial in (("polynomial", model.polynomial), ("refinement", model.refinement)):
+        if model.terms is not None and polynomial is not None:
+            header["polynomials"].append(name)
+            _pack_polynomial(polynomial, name, arrays)
     if model.network is not None:
         part = model.network
         header |= {"network_terms": part.terms.name, "scale": part.scale}
@@ -234,10 +239,11 @@ def _unpack_potential(
     if any(a not in range(VARIABLES) for a in active):
         raise ValueError(f"active variables {active}")
     terms: Terms | None = None
-    polynomial = None
+    polynomials: dict[str, Polynomial] = {}
     if header["terms"] is not None:
         terms = {"plain": lambda: plain(active), "cubic": cubic}[header["terms"]]()
-        polynomial = _unpack_polynomial(arrays, "polynomial", len(terms.weights), 1)
+        for name in header["polynomials"]:
+            polynomials[name] = _unpack_polynomial(arrays, name, len(terms.weights), 1)
     part = None
     if header["network"]:
         weights = tuple(int(w) for w in arrays["network/term_weights"])
@@ -249,4 +255,6 @@ def _unpack_potential(
             float(header["scale"]),
         )
     mean_grad = _unpack_polynomial(arrays, "mean_grad", len(active), 9)
-    return PotentialModel(rest, terms, polynomial, part, mean_grad, active, sampled)
+    reach = Reach(active, *(arrays[f"reach/{end}"].reshape(len(active)) for end in ("low", "high")))
+    coarse, fine = polynomials.get("polynomial"), polynomials.get("refinement")
+    return PotentialModel(rest, terms, coarse, part, mean_grad, active, sampled, reach, fine)

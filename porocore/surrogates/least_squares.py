@@ -69,7 +69,9 @@ class Fit:
     errors: dict[int, float]
 
 
-def fit(samples: Samples, terms: Terms, lowest: int, *, degree: int | None = None) -> Fit:
+def fit(
+    samples: Samples, terms: Terms, lowest: int, *, degree: int | None = None, highest: int = LARGEST_DEGREE
+) -> Fit:
     """Monomials of weight ``lowest`` … degree; without ``degree`` that of the smallest cross-validated error.
 
     No more monomials are tried than leave two equations for each. With too few equations for any, the
@@ -78,7 +80,7 @@ def fit(samples: Samples, terms: Terms, lowest: int, *, degree: int | None = Non
     n = samples.value.shape[1]
     equations = n * (1 + int(samples.fitted.sum()))
     degrees = [lowest - 1]
-    for candidate in range(lowest, LARGEST_DEGREE + 1):
+    for candidate in range(lowest, highest + 1):
         if len(exponents_up_to(terms.weights, lowest, candidate)) * EQUATIONS_PER_TERM > equations:
             break
         degrees.append(candidate)

@@ -78,5 +78,5 @@ class PotentialOptions(NetworkOptions):
     symmetry: Literal["auto", "none", "cubic"] = Field(
         "auto", description="'auto' (cubic where the cell is), 'none' or 'cubic'"
     )
-    anchor: Literal["none", "polynomial"] = Field("none", description="'none' or 'polynomial'")
+    anchor: Literal["polynomial", "none"] = Field("polynomial", description="'polynomial' or 'none'")
     derivatives: Annotated[bool, Strict()] = Field(True, description="true or false")

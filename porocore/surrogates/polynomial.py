@@ -7,14 +7,18 @@ import numpy as np
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.sampled_range import SampledRange
 from porocore.states import Array
-from porocore.surrogates.least_squares import Fit, Samples, fit
+from porocore.surrogates.composition import Composed
+from porocore.surrogates.least_squares import LARGEST_DEGREE, Fit, Samples, fit
 from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.potential import PotentialModel, mean_grad_terms
 from porocore.surrogates.potential_data import PotentialData
+from porocore.surrogates.reach import Reach
 from porocore.surrogates.terms import Terms, cubic, plain
 
 #: More variables than this are combined by the cell's symmetry, where it has one.
 MOST_PLAIN = 3
+#: What is of higher weight is not continued beyond the sampled states.
+ANCHOR_DEGREE = 4
 #: A component of <∇u¹>_s whose remainder stays below this share of the largest one is not learned.
 SMALLEST_SHARE = 1e-6
 
@@ -26,14 +30,30 @@ def terms_for(data: PotentialData) -> Terms:
     return plain(data.active)
 
 
-def fit_potential(data: PotentialData, terms: Terms, degree: int | None = None) -> Fit:
-    """What W₂ leaves over of W, from third order on."""
-    value, gradient = data.remainder
+def fit_potential(
+    data: PotentialData,
+    terms: Terms,
+    *,
+    degree: int | None = None,
+    beyond: Polynomial | None = None,
+    highest: int = LARGEST_DEGREE,
+) -> Fit:
+    """What W₂, and a polynomial ``beyond`` it, leave over of W, from third order on."""
+    value, gradient = remainder(data, terms, beyond)
     scale = data.scales[1:].copy()
     if terms.name == "plain":
         scale[[a for a in range(7) if a not in data.active]] = np.inf
     samples = Samples(data.y, value[None], gradient[None], data.scales[:1], scale[None])
-    return fit(samples, terms, 3, degree=degree)
+    return fit(samples, terms, 3, degree=degree, highest=highest)
+
+
+def remainder(data: PotentialData, terms: Terms, polynomial: Polynomial | None) -> tuple[Array, Array]:
+    """What W₂ and a polynomial in terms leave over of W (n,) and of ∂W/∂y (7, n)."""
+    value, gradient = data.remainder
+    if polynomial is None:
+        return value, gradient
+    fitted, slopes, _ = Composed(terms, polynomial)(data.y)
+    return value - fitted[0], gradient - slopes[0]
 
 
 def fit_mean_grad(data: PotentialData) -> Polynomial:
@@ -67,19 +87,24 @@ def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[
     """
     data = PotentialData.of(training)
     terms = terms_for(data)
-    found = fit_potential(data, terms, degree)
-    return (
-        PotentialModel(
-            data.rest,
-            terms,
-            found.polynomial,
-            None,
-            fit_mean_grad(data),
-            data.active,
-            sampled_range(training),
-        ),
-        found,
+    found = fit_potential(data, terms, degree=degree)
+    coarse, refinement = found, None
+    if found.degree > ANCHOR_DEGREE:
+        # Together they span what was found, but only the first part is continued beyond the sampled states.
+        coarse = fit_potential(data, terms, degree=ANCHOR_DEGREE)
+        refinement = fit_potential(data, terms, degree=found.degree, beyond=coarse.polynomial).polynomial
+    model = PotentialModel(
+        data.rest,
+        terms,
+        coarse.polynomial,
+        None,
+        fit_mean_grad(data),
+        data.active,
+        sampled_range(training),
+        Reach.of(data.y, data.active, cubic=terms.name == "cubic"),
+        refinement,
     )
+    return model, found
 
 
 def sampled_range(training: TrainingSet) -> SampledRange:

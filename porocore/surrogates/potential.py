@@ -1,8 +1,9 @@
 """The effective potential W(ln U, p) as a sum of parts, and stress, fluid volume and tangents from its derivatives.
 
-W = W₂ + polynomial + network, where W₂ is the exact second-order expansion at rest and the other parts begin at
-third order. So W, P_E and their slopes are exact at rest; P_E and −φ are derivatives of one function, so that a
-closed cycle does no work; and W depends on F through U only, so it is objective.
+W = W₂ + polynomial + refinement + network, where W₂ is the exact second-order expansion at rest and the other parts
+begin at third order; the last two, the fine ones, come to rest where the sampled states end. So W, P_E and their
+slopes are exact at rest; P_E and −φ are derivatives of one function, so that a closed cycle does no work; and W
+depends on F through U only, so it is objective.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from porocore.surrogates.composition import Composed, Motion
 from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.network import Evaluator
 from porocore.surrogates.potential_data import Rest, variables
+from porocore.surrogates.reach import Reach
 from porocore.surrogates.stretch import LogStretch
 from porocore.surrogates.terms import Terms, plain
 
@@ -99,15 +101,19 @@ class PotentialModel:
     rest
         W₂, and the linear limit of <∇u¹>_s.
     terms, polynomial
-        Third order and higher; None where there is no such part.
+        Third order and a little higher, continued beyond the sampled states; None where there is no such part.
     network
-        Third order and higher; None where there is no such part.
+        The rest; None where there is no such part.
     mean_grad
         Polynomial in the variables ``active``: components of Rᵀ<∇u¹>_s beyond the linear limit, (9 outputs).
     active
         The variables that were sampled.
     sampled
         Hull of the training states.
+    reach
+        Their box in the variables y.
+    refinement
+        The rest, as a polynomial in the same terms; None where there is no such part.
     """
 
     rest: Rest
@@ -117,24 +123,45 @@ class PotentialModel:
     mean_grad: Polynomial
     active: tuple[int, ...]
     sampled: SampledRange
+    reach: Reach
+    refinement: Polynomial | None = None
 
     def potential(self, y: Array) -> tuple[Array, Array, Array]:
         """W (n,), ∂W/∂y (7, n) and ∂²W/∂y² (7, 7, n)."""
         value, gradient = self.rest.potential(y)
         hessian = np.empty((*self.rest.matrix.shape, y.shape[1]))
         hessian[:] = self.rest.matrix[:, :, None]
-        if self._polynomial is not None:
-            self._polynomial.add_to(y, value, gradient, hessian)
+        settled = self.reach.settled(y)
+        coarse, fine, both = self._polynomials
+        if settled is None:
+            both.add_to(y, value, gradient, hessian)
+            if self.network is not None:
+                v, g, h = self.network.derivatives(y)
+                value, gradient, hessian = value + v, gradient + g, hessian + h
+            return value, gradient, hessian
+        coarse.add_to(y, value, gradient, hessian)
+        z, first, second = settled
+        v, g, h = np.zeros_like(value), np.zeros_like(gradient), np.zeros_like(hessian)
+        fine.add_to(z, v, g, h)
         if self.network is not None:
-            v, g, h = self.network.derivatives(y)
-            value, gradient, hessian = value + v, gradient + g, hessian + h
-        return value, gradient, hessian
+            v, g, h = (a + b for a, b in zip((v, g, h), self.network.derivatives(z), strict=True))
+        hessian += first[:, None] * first[None, :] * h
+        hessian[np.arange(len(y)), np.arange(len(y))] += second * g
+        return value + v, gradient + first * g, hessian
 
     @cached_property
-    def _polynomial(self) -> Composed | None:
-        if self.terms is None or self.polynomial is None:
-            return None
-        return Composed(self.terms, self.polynomial)
+    def _polynomials(self) -> tuple[Composed, Composed, Composed]:
+        """What is continued beyond the sampled states, what is not, and their sum."""
+        terms = plain(()) if self.terms is None else self.terms
+        nothing = Polynomial(np.zeros((0, len(terms.weights)), dtype=np.int64), np.zeros((1, 0)))
+        coarse, fine = self.polynomial or nothing, self.refinement or nothing
+        if self.terms is None:
+            coarse = fine = nothing
+        both = Polynomial(
+            np.concatenate([coarse.exponents, fine.exponents]),
+            np.concatenate([coarse.coefficients, fine.coefficients], axis=1),
+        )
+        return Composed(terms, coarse), Composed(terms, fine), Composed(terms, both)
 
     def predict(self, states: MacroState, *, tangent: bool) -> CellResponse:
         """All responses of n states and, where asked for, their exact derivatives."""
@@ -166,7 +193,8 @@ class PotentialModel:
 
     def _mean_grad(self, stretch: LogStretch, y: Array, tangent: bool) -> tuple[Array, tuple[Array, Array]]:
         n = y.shape[1]
-        t = y[list(self.active)]
+        settled = self.reach.settled(y)
+        t = (y if settled is None else settled[0])[list(self.active)]
         unrotated = self.rest.mean_grad @ y
         if tangent:
             more, slopes, _ = self.mean_grad.entries(t, second=False)
@@ -182,6 +210,8 @@ class PotentialModel:
         by_y: dict[tuple[int, int], Array | float] = dict(self._linear_slopes)
         for (output, variable), row in slopes:
             at = output, self.active[variable]
+            if settled is not None:
+                row = row * settled[1][at[1]]
             by_y[at] = row + by_y.get(at, 0.0)
         by_p = np.zeros((n, 9))
         for output in range(9):

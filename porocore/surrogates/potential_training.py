@@ -9,17 +9,21 @@ import numpy as np
 
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
-from porocore.surrogates.composition import Composed
 from porocore.surrogates.network import Evaluator, Network
 from porocore.surrogates.options import PotentialOptions
-from porocore.surrogates.polynomial import fit_mean_grad, fit_potential, sampled_range, terms_for
+from porocore.surrogates.polynomial import (
+    ANCHOR_DEGREE,
+    fit_mean_grad,
+    fit_potential,
+    remainder,
+    sampled_range,
+    terms_for,
+)
 from porocore.surrogates.potential import PotentialModel
 from porocore.surrogates.potential_data import PotentialData
+from porocore.surrogates.reach import Reach
 from porocore.surrogates.sobolev import Autodiff, SobolevProblem, train
 from porocore.surrogates.terms import cubic, plain
-
-#: A polynomial anchor leaves what is beyond this weight to the network.
-ANCHOR_DEGREE = 4
 
 
 def train_potential(
@@ -45,13 +49,10 @@ def train_potential(
             "surrogate.options.symmetry: this cell is not cubic at rest; choose auto or none"
         )
     coordinates = {"auto": terms_for(data), "none": plain(data.active), "cubic": cubic()}[options.symmetry]
-    value, gradient = data.remainder
-    terms = polynomial = None
+    terms, polynomial = terms_for(data), None
     if options.anchor == "polynomial":
-        terms = terms_for(data)
-        polynomial = fit_potential(data, terms, ANCHOR_DEGREE).polynomial
-        anchor_value, anchor_gradient, _ = Composed(terms, polynomial)(data.y)
-        value, gradient = value - anchor_value[0], gradient - anchor_gradient[0]
+        polynomial = fit_potential(data, terms, highest=ANCHOR_DEGREE).polynomial
+    value, gradient = remainder(data, terms, polynomial)
     problem = SobolevProblem.of(data, value, gradient, coordinates, slopes=options.derivatives)
     network = train(
         problem,
@@ -63,8 +64,9 @@ def train_potential(
         on_progress=on_progress,
     )
     part = replace(problem.part, network=make_evaluator(network))
+    reach = Reach.of(data.y, data.active, cubic=coordinates.name == "cubic")
     model = PotentialModel(
-        data.rest, terms, polynomial, part, fit_mean_grad(data), data.active, sampled_range(training)
+        data.rest, terms, polynomial, part, fit_mean_grad(data), data.active, sampled_range(training), reach
     )
     active = list(data.active)
     wrong = model.potential(data.y)[1][active] - data.gradient[active]

@@ -56,7 +56,9 @@ def models():
     return {
         "polynomial": seven,
         "polynomial of two": two,
-        "network": replace(seven, terms=None, polynomial=None, network=potential_part(cubic())),
+        "network": replace(
+            seven, terms=None, polynomial=None, refinement=None, network=potential_part(cubic())
+        ),
         "network of some terms": replace(seven, network=potential_part(cubic().subset((0, 3, 9)))),
         "network of two": replace(two, network=potential_part(plain((1, 6)))),
         "mlp": anchored,

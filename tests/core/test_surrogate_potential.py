@@ -10,7 +10,9 @@ from porocore.states import CellTangent, MacroState
 from porocore.surrogates.network import Network
 from porocore.surrogates.polynomial import fit_mean_grad, polynomial_model, sampled_range
 from porocore.surrogates.potential import NetworkPart, PotentialModel
-from porocore.surrogates.potential_data import PotentialData
+from porocore.surrogates.potential_data import PotentialData, variables
+from porocore.surrogates.reach import Reach
+from porocore.surrogates.stretch import LogStretch
 from porocore.surrogates.terms import cubic, plain
 from porocore.testing.potential_cell import IDENTITY, SOLID_FRACTION, potential_training_set, respond
 from porocore.testing.symmetry import cube_group
@@ -39,8 +41,12 @@ def part(terms, seed=0, activation="softplus"):
 def models():
     training = potential_training_set(40, seed=1)
     with_polynomial = polynomial_model(training)[0]
-    alone = replace(with_polynomial, terms=None, polynomial=None, network=part(cubic()))
+    # Wherever these tests go; what happens beyond the sampled states has tests of its own.
+    with_polynomial = replace(with_polynomial, reach=Reach(SEVEN, np.full(7, -1.0), np.full(7, 1.0)))
+    nothing = {"terms": None, "polynomial": None, "refinement": None}
+    alone = replace(with_polynomial, **nothing, network=part(cubic()))
     two = polynomial_model(synthetic_training_set(60, seed=1))[0]
+    two = replace(two, reach=Reach((1, 6), np.full(2, -1.0), np.full(2, 1.0)))
     return {
         "polynomial": with_polynomial,
         "network": alone,
@@ -48,7 +54,7 @@ def models():
         "network in plain variables": replace(alone, network=part(plain(SEVEN))),
         "network on polynomial": replace(with_polynomial, network=part(cubic(), 7, "sigmoid")),
         "two inputs": two,
-        "network of two inputs": replace(two, terms=None, polynomial=None, network=part(plain((1, 6)))),
+        "network of two inputs": replace(two, **nothing, network=part(plain((1, 6)))),
     }
 
 
@@ -259,9 +265,40 @@ def test_words_for_a_reference_without_derivatives():
 def test_mean_grad_is_fitted_in_what_rotates_with_the_solid():
     training, unseen = potential_training_set(60, seed=4), potential_training_set(100, seed=5)
     data = PotentialData.of(training)
+    reach = Reach.of(data.y, data.active, cubic=False)
     model = PotentialModel(
-        data.rest, None, None, None, fit_mean_grad(data), data.active, sampled_range(training)
+        data.rest, None, None, None, fit_mean_grad(data), data.active, sampled_range(training), reach
     )
     error = model.predict(unseen.states, tangent=False).mean_grad - unseen.responses.mean_grad
     assert np.abs(error).max() < 2e-3 * np.ptp(unseen.responses.mean_grad)
     assert training.identity == IDENTITY
+
+
+def beyond(training, factor):
+    """States as far again beyond the sampled ones, in every direction."""
+    return MacroState(factor * training.states.grad_u, factor * training.states.p)
+
+
+@pytest.mark.parametrize("general", [False, True])
+def test_beyond_the_sampled_states_the_fine_parts_rest_and_derivatives_stay_exact(general):
+    training = potential_training_set(60, seed=4) if general else synthetic_training_set(60, seed=4)
+    model, fit = polynomial_model(training)
+    assert fit.degree > 4
+    assert model.refinement is not None
+    states = beyond(training, 1.6)[:10]
+    y = variables(LogStretch.of(states.grad_u), states.p)
+    _, gradient, hessian = model.potential(y)
+    assert model.reach.settled(y) is not None
+    h = 1e-5
+    for a in model.active:
+        step = np.zeros((7, 1))
+        step[a] = h
+        up, down = model.potential(y + step), model.potential(y - step)
+        np.testing.assert_allclose((up[0] - down[0]) / (2 * h), gradient[a], atol=1e-7)
+        np.testing.assert_allclose((up[1] - down[1]) / (2 * h), hessian[a], atol=1e-6)
+    # Far out only W₂ and the coarse polynomial are left of the slopes.
+    far = variables(LogStretch.of(0 * states.grad_u), 50 + states.p)
+    bare = replace(model, refinement=None)
+    np.testing.assert_allclose(model.potential(far)[1][6], bare.potential(far)[1][6], rtol=1e-12)
+    # Inside nothing changes: rest, and the states themselves.
+    assert model.reach.settled(variables(LogStretch.of(training.states.grad_u), training.states.p)) is None

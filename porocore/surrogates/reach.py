@@ -1,0 +1,65 @@
+"""Beyond the sampled states: the fine structure of a fit stops where its data stop.
+
+A polynomial of high degree, or a network, means nothing outside its training states and soon has no convexity left. So
+only W₂ and a polynomial of low degree are continued there; everything finer is evaluated at variables that follow y
+inside the sampled box and come to rest a little beyond it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.states import Array
+
+#: How far beyond the box the variables come to rest, as a share of its size.
+MARGIN = 0.1
+#: In many variables the sampled states leave the corners empty, and the box is enlarged by this share at each end.
+EXTENSION, MANY = 0.1, 4
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """The box of the training states in the variables y.
+
+    Attributes
+    ----------
+    active
+        Variables that were sampled; the others are left as they are.
+    low, high : (d,)
+        Of the active ones; rest, y = 0, lies inside.
+    """
+
+    active: tuple[int, ...]
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, y: Array, active: tuple[int, ...], *, cubic: bool) -> Reach:
+        """Around the states y (7, n); the same for all axes if the symmetry of the cube is to be kept."""
+        low, high = np.minimum(y.min(axis=1), 0.0), np.maximum(y.max(axis=1), 0.0)
+        if cubic:
+            low[:3], high[:3] = low[:3].min(), high[:3].max()
+            high[3:6] = max(float(high[3:6].max()), float(-low[3:6].min()))
+            low[3:6] = -high[3:6]
+        more = EXTENSION * (high - low) if len(active) >= MANY else 0.0 * low
+        return cls(active, (low - more)[list(active)], (high + more)[list(active)])
+
+    def settled(self, y: Array) -> tuple[Array, Array, Array] | None:
+        """z(y) (7, n) with its first and second derivatives; None where z = y for all states.
+
+        z = c + δ tanh((y − c)/δ) beyond an end c of the box, which is twice continuously differentiable.
+        """
+        inner = y[list(self.active)]
+        ends = np.clip(inner, self.low[:, None], self.high[:, None])
+        beyond = inner - ends
+        if not beyond.any():
+            return None
+        margin = MARGIN * np.maximum(self.high - self.low, 1e-12)[:, None]
+        s = np.tanh(beyond / margin)
+        z, first, second = y.copy(), np.ones_like(y), np.zeros_like(y)
+        z[list(self.active)] = ends + margin * s
+        first[list(self.active)] = 1 - s * s
+        second[list(self.active)] = -2 * s * (1 - s * s) / margin
+        return z, first, second
