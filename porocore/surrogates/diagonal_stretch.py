@@ -32,24 +32,21 @@ def is_orthotropic(T: Array, K: Array) -> bool:
 def tangent(s: Array, differences: tuple[Array, Array, Array], T: Array, K: Array) -> Array:
     """∂²W/∂F² (n, 3, 3, 3, 3) of an orthotropic W; ``differences`` are those of the three pairs of λ²."""
     g, left, right = differences
-    out = np.zeros((s.shape[1], 3, 3, 3, 3))
+    # Filled row by row and turned at the end: writing columns would touch all of the memory again for each entry.
+    out = np.zeros((3, 3, 3, 3, s.shape[1]))
     inverse = 1 / s
     S = T[:3] * inverse**2
     for i in range(3):
         for j in range(i, 3):
-            value = inverse[i] * inverse[j] * (K[i, j] - T[i] if i == j else K[i, j])
-            out[:, i, i, j, j] = value
-            if i != j:
-                out[:, j, j, i, i] = value
+            np.multiply(inverse[i] * inverse[j], K[i, j] - T[i] if i == j else K[i, j], out=out[i, i, j, j])
+            out[j, j, i, i] = out[i, i, j, j]
     for pair, (i, j, shear) in enumerate(PAIRS):
         # The curvature of ln C and that of W in the shear, for dC_ij = λ_i dF_ij + λ_j dF_ji.
         inner = T[i] * left[pair] + T[j] * right[pair] + g[pair] ** 2 / 4 * K[shear, shear]
-        mixed = s[i] * s[j] * inner
-        out[:, i, j, i, j] = s[i] ** 2 * inner + S[j]
-        out[:, j, i, j, i] = s[j] ** 2 * inner + S[i]
-        out[:, i, j, j, i] = mixed
-        out[:, j, i, i, j] = mixed
-    return out
+        out[i, j, i, j] = s[i] ** 2 * inner + S[j]
+        out[j, i, j, i] = s[j] ** 2 * inner + S[i]
+        out[i, j, j, i] = out[j, i, i, j] = s[i] * s[j] * inner
+    return np.ascontiguousarray(out.reshape(81, -1).T).reshape(-1, 3, 3, 3, 3)
 
 
 def rotated_gradient(s: Array, first: Array, A: Array, slopes: Slopes) -> Array:
@@ -81,7 +78,7 @@ def rotated_gradient(s: Array, first: Array, A: Array, slopes: Slopes) -> Array:
                     spin = sign * weight * A[other, k]
                     add(3 * row + k, 3 * i + j, spin)
                     add(3 * row + k, 3 * j + i, -spin)
-    out = np.zeros((n, 9, 9))
+    out = np.zeros((81, n))
     for (output, place), value in entries.items():
-        out[:, output, place] = value
-    return out
+        out[9 * output + place] = value
+    return np.ascontiguousarray(out.T).reshape(n, 9, 9)
