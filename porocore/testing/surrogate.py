@@ -137,8 +137,14 @@ class SurrogateConformance:
         )
 
     def test_derivatives_are_the_slopes(self, fitted: Surrogate, unseen: TrainingSet) -> None:
-        """In all ten directions, those that were not sampled included."""
-        states = unseen.states[:40]
+        """In all ten directions, those that were not sampled included.
+
+        At states that the differences do not carry across the end of the range, where a surrogate may change its
+        ways as long as its derivatives go on.
+        """
+        x = INPUTS.gather(unseen.states)
+        inside = ((x > np.array(INPUTS.lower) + 0.01) & (x < np.array(INPUTS.upper) - 0.01)).all(axis=1)
+        states = unseen.states[np.flatnonzero(inside)[:40]]
         response = fitted.predict(states)
         slopes = dict(provided(response))
         assert slopes, "no response comes with its derivatives"
