@@ -87,7 +87,9 @@ def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[
     """
     data = PotentialData.of(training)
     terms = terms_for(data)
-    found = fit_potential(data, terms, degree=degree)
+    # The stable states of few variables fill no box: in its empty corners a high degree would be worse than none.
+    highest = LARGEST_DEGREE if degree is not None or len(data.active) > MOST_PLAIN else ANCHOR_DEGREE
+    found = fit_potential(data, terms, degree=degree, highest=highest)
     coarse, refinement = found, None
     if found.degree > ANCHOR_DEGREE:
         # Together they span what was found, but only the first part is continued beyond the sampled states.

@@ -24,7 +24,8 @@ class PolynomialSurrogate(ModelSurrogate):
         ``potential``, the only one.
     degree : int
         Largest weight of a monomial; by default the one with the smallest cross-validated error, among those
-        that leave two equations for each coefficient.
+        that leave two equations for each coefficient, and at most 4 in up to three variables: what is finer is
+        not continued beyond the sampled states, whose hull is no box.
     """
 
     backend = "polynomial"

@@ -160,8 +160,15 @@ def train(
             loss = float(function(state)[0])
             on_progress(TrainingProgress(done, iterations, loss, loss))
 
+    # What a polynomial leaves over may be so small that L-BFGS, whose limits are absolute, would not begin.
+    unit = function(theta)[0] or 1.0
+
+    def scaled(parameters: Array) -> tuple[float, Array]:
+        loss, gradient = function(parameters)
+        return loss / unit, gradient / unit
+
     found = minimize(
-        function,
+        scaled,
         theta,
         jac=True,
         method="L-BFGS-B",
@@ -175,7 +182,7 @@ def train(
         },
     )
     if on_progress is not None:
-        on_progress(TrainingProgress(done, iterations, float(found.fun), float(found.fun)))
+        on_progress(TrainingProgress(done, iterations, unit * float(found.fun), unit * float(found.fun)))
     layers = unpack_layers(found.x, shapes)
     return Network(activation, tuple(W.copy() for W, _ in layers), tuple(b.copy() for _, b in layers))
 
