@@ -198,3 +198,14 @@ def test_an_edited_file_is_refused(data, tmp_path):
         file["reference/M"][0, 0, 0, 0] += 1e-6
     with pytest.raises(DataError, match=r"surrogate\.h5: .* checksum, .*train the surrogate again"):
         JaxSurrogate.load(path)
+
+
+def test_a_network_on_a_polynomial_improves_on_it(data):
+    """What the polynomial leaves over is small; the training must begin all the same."""
+    errors, reports = [], []
+    for iterations in (1, 300):
+        fitted = JaxSurrogate(model="potential", anchor="polynomial", hidden=[10, 10], iterations=iterations)
+        fitted.fit(data, seed=0, on_progress=reports.append)
+        errors.append(fitted.accuracy["slopes of W on the training states"])
+    assert reports[-1].epoch > 20
+    assert errors[1] < 0.2 * errors[0]
