@@ -13,6 +13,8 @@ from petsc4py import PETSc
 from porocore.errors import ConfigurationError
 
 _numbers = count()
+#: Prefix of each set of options that PETSc has been told; its database holds 512 options in all, so none is told twice.
+_prefixes: dict[tuple[tuple[str, str], ...], str] = {}
 #: PETSc's codes for what a user may have misspelt: no support, wrong state, wrong type, value out of range,
 #: unknown type, missing package.
 OF_OPTIONS = {56, 58, 62, 63, 73, 86, 92}
@@ -38,15 +40,19 @@ class SolverOptions:
 
     def __init__(self, defaults: Mapping[str, Any], chosen: Mapping[str, Any], key: str) -> None:
         self.key, self.chosen = key, dict(chosen)
-        self.prefix = f"porocore_{next(_numbers)}_"
         for name, value in chosen.items():
             if not isinstance(name, str) or not isinstance(value, str | int | float | bool | None):
                 raise ConfigurationError(
                     f"{key}: expected PETSc options such as 'ksp_type: cg', got {name!r}: {value!r}"
                 )
-        database = PETSc.Options()
-        for name, value in {**defaults, **chosen}.items():
-            database[self.prefix + name] = None if value is True else value
+        together = {**defaults, **chosen}
+        content = tuple(sorted((name, repr(value)) for name, value in together.items()))
+        if content not in _prefixes:
+            _prefixes[content] = f"porocore_{next(_numbers)}_"
+            database = PETSc.Options()
+            for name, value in together.items():
+                database[_prefixes[content] + name] = None if value is True else value
+        self.prefix = _prefixes[content]
 
     def apply(self, ksp: PETSc.KSP) -> None:
         """Configure a solver.

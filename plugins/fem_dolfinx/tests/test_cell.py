@@ -186,3 +186,9 @@ def test_h5py_works_in_any_order(tmp_path, code):
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
+
+
+def test_many_solvers_fit_into_petscs_database():
+    """It holds 512 options, and a solver brings several; what was told once is not told again."""
+    for _ in range(300):
+        linalg.SymmetricSolver("gamg", {"ksp_rtol": 1e-9}, 10)
