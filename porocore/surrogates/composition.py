@@ -61,7 +61,7 @@ class Composed:
     def _expanded(self) -> tuple[Polynomial, tuple[int, ...]] | None:
         """As a polynomial in those of y that occur, and which these are; None if it would be too long."""
         if self.terms.name == "plain":
-            return self.polynomial, tuple(int(np.argmax(e)) for e in self.terms.polynomial.exponents)
+            return self.polynomial, self.terms.variables
         if (self.polynomial.exponents @ np.array(self.terms.weights)).max() > LARGEST_EXPANSION:
             return None
         return expanded(self.terms, self.polynomial), tuple(range(VARIABLES))

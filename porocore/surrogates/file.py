@@ -212,6 +212,7 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
     arrays |= {"rest/matrix": model.rest.matrix, "rest/mean_grad": model.rest.mean_grad}
     _pack_polynomial(model.mean_grad, "mean_grad", arrays)
     arrays |= {"reach/low": model.reach.low, "reach/high": model.reach.high}
+    header["variables"] = model.terms.variables if model.terms and model.terms.name == "plain" else ()
     header["polynomials"] = []
     for name, polynomial in (("polynomial", model.polynomial), ("refinement", model.refinement)):
         if model.terms is not None and polynomial is not None:
@@ -241,7 +242,10 @@ def _unpack_potential(
     terms: Terms | None = None
     polynomials: dict[str, Polynomial] = {}
     if header["terms"] is not None:
-        terms = {"plain": lambda: plain(active), "cubic": cubic}[header["terms"]]()
+        known = tuple(int(a) for a in header["variables"])
+        if any(a not in range(VARIABLES) for a in known):
+            raise ValueError(f"variables {known}")
+        terms = {"plain": lambda: plain(known), "cubic": cubic}[header["terms"]]()
         for name in header["polynomials"]:
             polynomials[name] = _unpack_polynomial(arrays, name, len(terms.weights), 1)
     part = None

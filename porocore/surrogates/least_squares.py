@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.states import Array
-from porocore.surrogates.monomials import IntArray, Polynomial, exponents_up_to
+from porocore.surrogates.monomials import IntArray, Polynomial
 from porocore.surrogates.terms import Terms
 
 #: A fit with fewer equations for each coefficient than this can go astray without a sign in its residual.
@@ -81,7 +81,7 @@ def fit(
     equations = n * (1 + int(samples.fitted.sum()))
     degrees = [lowest - 1]
     for candidate in range(lowest, highest + 1):
-        if len(exponents_up_to(terms.weights, lowest, candidate)) * EQUATIONS_PER_TERM > equations:
+        if len(terms.monomials(lowest, candidate)) * EQUATIONS_PER_TERM > equations:
             break
         degrees.append(candidate)
     if degree is not None:
@@ -90,7 +90,7 @@ def fit(
     if len(degrees) > 1:
         folds = np.arange(n) % min(FOLDS, n)
         for candidate in degrees:
-            exponents = exponents_up_to(terms.weights, lowest, candidate)
+            exponents = terms.monomials(lowest, candidate)
             if len(exponents) * EQUATIONS_PER_TERM > equations * (1 - 1 / FOLDS):
                 break
             squares = 0.0
@@ -102,7 +102,7 @@ def fit(
         best = min(errors, key=lambda d: errors[d])
     else:
         best = degrees[0]
-    return Fit(_solve(samples, terms, exponents_up_to(terms.weights, lowest, best)), best, errors)
+    return Fit(_solve(samples, terms, terms.monomials(lowest, best)), best, errors)
 
 
 def _design(samples: Samples, terms: Terms, exponents: IntArray) -> tuple[Array, Array]:

@@ -19,6 +19,8 @@ from porocore.surrogates.terms import Terms, cubic, plain
 MOST_PLAIN = 3
 #: What is of higher weight is not continued beyond the sampled states.
 ANCHOR_DEGREE = 4
+#: A stress across the directions that were sampled is learned where W₂ misses it by more than this [E].
+SMALLEST_SLOPE = 1e-9
 #: A component of <∇u¹>_s whose remainder stays below this share of the largest one is not learned.
 SMALLEST_SHARE = 1e-6
 
@@ -27,7 +29,9 @@ def terms_for(data: PotentialData) -> Terms:
     """The variables of a problem with few, else combinations with the symmetry of the cube if the cell has it."""
     if len(data.active) > MOST_PLAIN and data.rest.cubic:
         return cubic()
-    return plain(data.active)
+    _, slopes = data.remainder
+    lateral = [a for a in range(3) if a not in data.active and np.abs(slopes[a]).max() > SMALLEST_SLOPE]
+    return plain(data.active, tuple(lateral))
 
 
 def fit_potential(
@@ -42,7 +46,7 @@ def fit_potential(
     value, gradient = remainder(data, terms, beyond)
     scale = data.scales[1:].copy()
     if terms.name == "plain":
-        scale[[a for a in range(7) if a not in data.active]] = np.inf
+        scale[[a for a in range(7) if a not in terms.variables]] = np.inf
     samples = Samples(data.y, value[None], gradient[None], data.scales[:1], scale[None])
     return fit(samples, terms, 3, degree=degree, highest=highest)
 

@@ -49,6 +49,8 @@ def train_potential(
             "surrogate.options.symmetry: this cell is not cubic at rest; choose auto or none"
         )
     coordinates = {"auto": terms_for(data), "none": plain(data.active), "cubic": cubic()}[options.symmetry]
+    if coordinates.name == "plain":
+        coordinates = plain(data.active)
     terms, polynomial = terms_for(data), None
     if options.anchor == "polynomial":
         polynomial = fit_potential(data, terms, highest=ANCHOR_DEGREE).polynomial

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.states import Array
-from porocore.surrogates.monomials import Polynomial
+from porocore.surrogates.monomials import IntArray, Polynomial, exponents_up_to
 
 #: Number of variables: six components of L, and p.
 VARIABLES = 7
@@ -28,11 +28,25 @@ class Terms:
         y → t.
     weights
         One for each term.
+    once
+        Terms of which a monomial may hold one only: the states tell slopes in their direction, and no more.
     """
 
     name: str
     polynomial: Polynomial
     weights: tuple[int, ...]
+    once: tuple[int, ...] = ()
+
+    def monomials(self, lowest: int, highest: int) -> IntArray:
+        """Exponents (K, k) of all monomials of weight ``lowest`` … ``highest``."""
+        exponents = exponents_up_to(self.weights, lowest, highest)
+        kept: IntArray = exponents[exponents[:, list(self.once)].sum(axis=1) <= 1]
+        return kept
+
+    @property
+    def variables(self) -> tuple[int, ...]:
+        """Of ``plain``: which of y they are."""
+        return tuple(int(np.argmax(e)) for e in self.polynomial.exponents)
 
     def subset(self, rows: tuple[int, ...]) -> Terms:
         """Some of them; those of ``plain`` are then fewer variables."""
@@ -45,12 +59,14 @@ class Terms:
         )
 
 
-def plain(active: tuple[int, ...]) -> Terms:
-    """The variables in ``active`` themselves."""
+def plain(active: tuple[int, ...], still: tuple[int, ...] = ()) -> Terms:
+    """The variables in ``active`` themselves, and those in ``still``, which no state moves, once in a monomial."""
+    both = active + still
     return Terms(
         "plain",
-        Polynomial(np.eye(VARIABLES, dtype=np.int64)[list(active)], np.eye(len(active))),
-        (1,) * len(active),
+        Polynomial(np.eye(VARIABLES, dtype=np.int64)[list(both)], np.eye(len(both))),
+        (1,) * len(both),
+        tuple(range(len(active), len(both))),
     )
 
 
