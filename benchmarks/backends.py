@@ -1,4 +1,4 @@
-"""(e) The two FEM backends side by side: the cell at three sizes, the fluid, and the macroscale step."""
+"""(h) The two FEM backends side by side: the cell at three sizes, the fluid, and the macroscale step."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def cells() -> str:
             stress = float(response.stress[0].ravel()[np.abs(first.stress[0]).argmax()])
             rows.append([title, name, f"{setup:.2f}", f"{plain:.2f}", f"{full:.2f}", f"{stress:.8f}"])
     return table(
-        "(e) The solid cell problem",
+        "(h) The solid cell problem",
         ["cell", "backend", "first solve s", "solve s", "with derivatives s", "largest stress"],
         rows,
     )
