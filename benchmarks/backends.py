@@ -74,7 +74,7 @@ def macro() -> str:
     rows = []
     for title, size, elements in (
         ("column, 1 × 106 × 1", (0.1, 7.5, 0.1), (1, 106, 1)),
-        ("block, 6 × 12 × 6", (1.0, 2.0, 1.0), (6, 12, 6)),
+        ("block, 4 × 8 × 4", (1.0, 2.0, 1.0), (4, 8, 4)),
     ):
         problem = MacroProblem(
             size=size,
