@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from porocore.direct import DirectWork
-from porocore.errors import DataError, RunFolderError
-from porocore.files import atomic_path
+from porocore.errors import DataError
+from porocore.files import atomic_path, noted_afterwards
 from porocore.states import Status
 
 #: By name of the solution: points, solves, seconds, and solves by status.
@@ -39,13 +39,8 @@ def noted(path: Path, solution: str, work: DirectWork) -> Iterator[None]:
         with atomic_path(path) as part:
             part.write_text(json.dumps(records, indent=2) + "\n", encoding="utf-8")
 
-    try:
+    with noted_afterwards(note):
         yield
-    except BaseException:
-        with suppress(RunFolderError):  # the error on its way is the one to tell
-            note()
-        raise
-    note()
 
 
 def direct_records(path: Path) -> DirectRecords:

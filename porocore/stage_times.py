@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
-from porocore.errors import DataError, RunFolderError
-from porocore.files import atomic_path
+from porocore.errors import DataError
+from porocore.files import atomic_path, noted_afterwards
 
 
 @contextmanager
@@ -31,13 +31,8 @@ def timed(path: Path, stage: str) -> Iterator[None]:
         with atomic_path(path) as part:
             part.write_text(json.dumps(times, indent=2) + "\n", encoding="utf-8")
 
-    try:
+    with noted_afterwards(note):
         yield
-    except BaseException:
-        with suppress(RunFolderError):  # the error on its way is the one to tell
-            note()
-        raise
-    note()
 
 
 def stage_times(path: Path) -> dict[str, float]:

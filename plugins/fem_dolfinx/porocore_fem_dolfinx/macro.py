@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 from porocore.errors import ConfigurationError
-from porocore.interfaces.macro import MacroSolver
-from porocore.laws import MacroLaw
 from porocore.macro.boundary import boundary_data
-from porocore.macro.march import march
 from porocore.macro.mesh import BoxMesh
+from porocore.macro.solver import MarchingMacroSolver
 from porocore.parallel import World
 from porocore.problem import MacroProblem
-from porocore.solution import MacroSolution, StepReport
 from porocore_fem_dolfinx import compat  # noqa: F401 - h5py before everything that brings MPI and PETSc
 from porocore_fem_dolfinx.macro_assembly import Assembler
 from porocore_fem_dolfinx.macro_world import MPI, MpiWorld
 
 
-class DolfinxMacroSolver(MacroSolver):
+class DolfinxMacroSolver(MarchingMacroSolver):
     """Boxes of hexahedra (27-node displacement, 8-node pressure, 3 × 3 × 3 Gauss points) as UFL forms.
 
     The processes of MPI's world share the elements among them.
@@ -61,20 +57,3 @@ class DolfinxMacroSolver(MacroSolver):
         """
         mesh = BoxMesh.make(problem)
         return Assembler(mesh, boundary_data(mesh), self._comm, self.world, self.petsc)
-
-    def solve(
-        self,
-        prepared: Any,
-        law: MacroLaw,
-        *,
-        checkpoint: Path | None = None,
-        on_step: Callable[[StepReport], None] | None = None,
-    ) -> MacroSolution:
-        """See :class:`porocore.MacroSolver`; ``prepared`` is what :meth:`prepare` returned."""
-        return march(
-            prepared,
-            law,
-            checkpoint=checkpoint,
-            on_step=on_step,
-            checkpoint_seconds=self.checkpoint_seconds,
-        )

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
-from porocore.interfaces.macro import MacroSolver
-from porocore.laws import MacroLaw
 from porocore.macro.boundary import boundary_data
-from porocore.macro.march import march
 from porocore.macro.mesh import BoxMesh
+from porocore.macro.solver import MarchingMacroSolver
 from porocore.problem import MacroProblem
-from porocore.solution import MacroSolution, StepReport
 from porocore_fem_skfem.macro_assembly import Assembler
 
 
-class SkfemMacroSolver(MacroSolver):
+class SkfemMacroSolver(MarchingMacroSolver):
     """Boxes of hexahedra (27-node displacement, 8-node pressure, 3 × 3 × 3 Gauss points), solved directly.
 
     Parameters
@@ -39,20 +32,3 @@ class SkfemMacroSolver(MacroSolver):
         """
         mesh = BoxMesh.make(problem)
         return Assembler(mesh, boundary_data(mesh))
-
-    def solve(
-        self,
-        prepared: Any,
-        law: MacroLaw,
-        *,
-        checkpoint: Path | None = None,
-        on_step: Callable[[StepReport], None] | None = None,
-    ) -> MacroSolution:
-        """See :class:`porocore.MacroSolver`; ``prepared`` is what :meth:`prepare` returned."""
-        return march(
-            prepared,
-            law,
-            checkpoint=checkpoint,
-            on_step=on_step,
-            checkpoint_seconds=self.checkpoint_seconds,
-        )

@@ -6,43 +6,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
-from porocore import SampledRange, TrainingProgress, TrainingSet
+from porocore import TrainingProgress
 from porocore.surrogates.adam import train_mlp
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.mean_gradient_data import ScaledData
 from porocore.surrogates.network import Evaluator, Network
-from porocore.surrogates.options import MlpOptions, PotentialOptions
-from porocore.surrogates.potential_training import train_potential
-from porocore.surrogates.stored import ModelSurrogate
+from porocore.surrogates.network_surrogate import NetworkSurrogate
+from porocore.surrogates.sobolev import Autodiff
 from porocore_surrogate_jax.autodiff import JaxAutodiff
 from porocore_surrogate_jax.evaluator import JaxNetwork
 
 
-class JaxSurrogate(ModelSurrogate):
-    """Two models, each exact at rest to the order that small loads feel.
-
-    ``mlp`` is the paper's: a sigmoid network (three layers of 40) for <∇u¹>_s, trained with Adam on the mean
-    squared error. It follows Dehghani & Zilian but for the anchor: the linear limit M:H + Q p of the cell is added
-    exactly and the network describes only what goes beyond it
-    (:class:`porocore.surrogates.mean_gradient.AnchoredModel`). A component of H that was not sampled enters through
-    M only, and a state that moves such a component is flagged as ``outside``.
-
-    ``potential`` is a network for W(ln U, p), trained with L-BFGS on W and its first derivatives; stress, fluid volume
-    and all tangents are its derivatives (:class:`porocore.surrogates.potential.PotentialModel`).
-
-    Parameters
-    ----------
-    model
-        ``mlp`` (the default) or ``potential``.
-    **options
-        See :class:`porocore.surrogates.options.MlpOptions` and
-        :class:`~porocore.surrogates.options.PotentialOptions`.
-
-    Raises
-    ------
-    ConfigurationError
-        An option is unknown or has a value that cannot be used.
-    """
+class JaxSurrogate(NetworkSurrogate):
+    """The models of :class:`~porocore.surrogates.network_surrogate.NetworkSurrogate`, trained by JAX."""
 
     backend = "jax"
     #: Where networks are evaluated.
@@ -50,9 +26,6 @@ class JaxSurrogate(ModelSurrogate):
 
     def __init__(self, *, model: str | None = None, **options: Any) -> None:
         super().__init__(model=model, **options)
-        kind = MlpOptions if self.model == "mlp" else PotentialOptions
-        self.options: Any = kind.parse(options, self.backend)
-        self.settings = self.options.model_dump(mode="json")
         self.device = self.options.device
 
     def evaluator(self, network: Network) -> Evaluator:
@@ -81,57 +54,16 @@ class JaxSurrogate(ModelSurrogate):
                 network.move(surrogate.device)
         return surrogate
 
-    def fit(
+    def autodiff(self) -> Autodiff:
+        """See :class:`~porocore.surrogates.network_surrogate.NetworkSurrogate`; compiled."""
+        return JaxAutodiff(self.options.device)
+
+    def train_mlp(
         self,
-        data: TrainingSet,
-        *,
+        data: ScaledData,
         seed: int,
-        checkpoint: Path | None = None,
-        on_progress: Callable[[TrainingProgress], None] | None = None,
-    ) -> Self:
-        """Train on ``data`` and return self.
-
-        The same data, options and seed give the same weights, bit by bit, on the same machine. The random numbers
-        are the training's own.
-
-        Parameters
-        ----------
-        data
-            At least two states, all with values, that move the inputs only.
-        seed
-            Of the split into training and validation part (``mlp``) and of the first weights.
-        checkpoint
-            Of ``mlp``: written every two seconds and at the end. If it exists, the training continues from it. It is
-            left for the caller to remove. A ``potential`` takes seconds and begins anew.
-        on_progress
-            Called from time to time. The losses of ``mlp`` are mean squares of the scaled outputs: 1 is the linear
-            limit.
-
-        Raises
-        ------
-        ConfigurationError
-            The device is a GPU and there is none.
-        DataError
-            The data cannot be used, or the checkpoint is damaged or belongs to another training.
-        RunFolderError
-            The checkpoint cannot be written.
-        """
-        autodiff = JaxAutodiff(self.options.device)
-        if self.model == "potential":
-            model, errors = train_potential(
-                data, self.options, int(seed), autodiff, self.evaluator, on_progress
-            )
-            return self._with(model, data, errors)
-        scaled = ScaledData.of(data)
-        if scaled.components:
-            network = train_mlp(
-                scaled, self.options, int(seed), autodiff, self.backend, checkpoint, on_progress
-            )
-        else:
-            network = Network(self.options.activation, (), ())
-        sampled = SampledRange.around(data.inputs, data.inputs.gather(data.states))
-        anchored = AnchoredModel(
-            scaled.linear, scaled.components, scaled.output_scale, self.evaluator(network), sampled
-        )
-        self._become(anchored, data.identity, data.provenance)
-        return self
+        checkpoint: Path | None,
+        on_progress: Callable[[TrainingProgress], None] | None,
+    ) -> Network:
+        """By the core's Adam."""
+        return train_mlp(data, self.options, seed, self.autodiff(), self.backend, checkpoint, on_progress)

@@ -4,50 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Self
 
-from porocore import SampledRange, TrainingProgress, TrainingSet
-from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore import TrainingProgress
 from porocore.surrogates.mean_gradient_data import ScaledData
 from porocore.surrogates.network import Evaluator, Network
-from porocore.surrogates.options import MlpOptions, PotentialOptions
-from porocore.surrogates.potential_training import train_potential
-from porocore.surrogates.stored import ModelSurrogate
+from porocore.surrogates.network_surrogate import NetworkSurrogate
+from porocore.surrogates.sobolev import Autodiff
 
 
-class TorchSurrogate(ModelSurrogate):
-    """Two models, each exact at rest to the order that small loads feel.
+class TorchSurrogate(NetworkSurrogate):
+    """The models of :class:`~porocore.surrogates.network_surrogate.NetworkSurrogate`, trained by torch.
 
-    ``mlp`` is the paper's: a sigmoid network (three layers of 40) for <∇u¹>_s, trained with Adam on the mean
-    squared error. It follows Dehghani & Zilian but for the anchor: the linear limit M:H + Q p of the cell is added
-    exactly and the network describes only what goes beyond it
-    (:class:`porocore.surrogates.mean_gradient.AnchoredModel`). A component of H that was not sampled enters through
-    M only, and a state that moves such a component is flagged as ``outside``.
-
-    ``potential`` is a network for W(ln U, p), trained with L-BFGS on W and its first derivatives; stress, fluid volume
-    and all tangents are its derivatives (:class:`porocore.surrogates.potential.PotentialModel`).
-
-    Parameters
-    ----------
-    model
-        ``mlp`` (the default) or ``potential``.
-    **options
-        See :class:`porocore.surrogates.options.MlpOptions` and
-        :class:`~porocore.surrogates.options.PotentialOptions`.
-
-    Raises
-    ------
-    ConfigurationError
-        An option is unknown or has a value that cannot be used.
+    Only training needs torch for ``mlp``; a saved one is used without waiting for its import.
     """
 
     backend = "torch"
-
-    def __init__(self, *, model: str | None = None, **options: Any) -> None:
-        super().__init__(model=model, **options)
-        kind = MlpOptions if self.model == "mlp" else PotentialOptions
-        self.options: Any = kind.parse(options, self.backend)
-        self.settings = self.options.model_dump(mode="json")
 
     def evaluator(self, network: Network) -> Evaluator:
         """Torch for a potential; ``mlp`` stays in numpy, which is as fast there and needs no import.
@@ -65,58 +36,20 @@ class TorchSurrogate(ModelSurrogate):
         """Import torch."""
         import torch  # noqa: F401
 
-    def fit(
+    def autodiff(self) -> Autodiff:
+        """See :class:`~porocore.surrogates.network_surrogate.NetworkSurrogate`; on one thread."""
+        from porocore_surrogate_torch.autodiff import TorchAutodiff
+
+        return TorchAutodiff(self.options.device)
+
+    def train_mlp(
         self,
-        data: TrainingSet,
-        *,
+        data: ScaledData,
         seed: int,
-        checkpoint: Path | None = None,
-        on_progress: Callable[[TrainingProgress], None] | None = None,
-    ) -> Self:
-        """Train on ``data`` and return self.
+        checkpoint: Path | None,
+        on_progress: Callable[[TrainingProgress], None] | None,
+    ) -> Network:
+        """By torch's Adam; torch's number of threads is put back."""
+        from porocore_surrogate_torch.training import train
 
-        The same data, options and seed give the same weights, bit by bit, on the same machine. The random numbers
-        are the training's own, torch's number of threads is put back, and no other global setting is touched.
-
-        Parameters
-        ----------
-        data
-            At least two states, all with values, that move the inputs only.
-        seed
-            Of the split into training and validation part (``mlp``) and of the first weights.
-        checkpoint
-            Of ``mlp``: written every two seconds and at the end. If it exists, the training continues from it. It is
-            left for the caller to remove. A ``potential`` takes seconds and begins anew.
-        on_progress
-            Called from time to time. The losses of ``mlp`` are mean squares of the scaled outputs: 1 is the linear
-            limit.
-
-        Raises
-        ------
-        DataError
-            The data cannot be used, or the checkpoint is damaged or belongs to another training.
-        RunFolderError
-            The checkpoint cannot be written.
-        """
-        if self.model == "potential":
-            from porocore_surrogate_torch.autodiff import TorchAutodiff
-
-            autodiff = TorchAutodiff(self.options.device)
-            model, errors = train_potential(
-                data, self.options, int(seed), autodiff, self.evaluator, on_progress
-            )
-            return self._with(model, data, errors)
-        scaled = ScaledData.of(data)
-        if scaled.components:
-            # Only training needs torch; a saved surrogate is used without waiting for its import.
-            from porocore_surrogate_torch.training import train
-
-            network = train(scaled, self.options, int(seed), checkpoint, on_progress)
-        else:
-            network = Network(self.options.activation, (), ())
-        sampled = SampledRange.around(data.inputs, data.inputs.gather(data.states))
-        anchored = AnchoredModel(
-            scaled.linear, scaled.components, scaled.output_scale, self.evaluator(network), sampled
-        )
-        self._become(anchored, data.identity, data.provenance)
-        return self
+        return train(data, self.options, seed, checkpoint, on_progress)
