@@ -2,69 +2,15 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from porocore.states import Array
-from porocore.surrogates.monomials import IntArray, Polynomial
+from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.terms import VARIABLES, Terms
-
-#: Up to this degree a polynomial in terms is multiplied out; beyond it has too many monomials.
-LARGEST_EXPANSION = 6
-#: Exponents are digits of one number.
-_BASE = 16
-
-
-class Composed:
-    """A polynomial in terms as a function of y."""
-
-    def __init__(self, terms: Terms, polynomial: Polynomial) -> None:
-        self.terms, self.polynomial = terms, polynomial
-
-    def __call__(self, y: Array) -> tuple[Array, Array, Array]:
-        """Values (o, n), gradients (o, 7, n) and Hessians (o, 7, 7, n) at y (7, n)."""
-        o, n = len(self.polynomial.coefficients), y.shape[1]
-        value, gradient = np.zeros((o, n)), np.zeros((o, VARIABLES, n))
-        hessian = np.zeros((o, VARIABLES, VARIABLES, n))
-        self._add(y, value, gradient, hessian)
-        return value, gradient, hessian
-
-    def add_to(self, y: Array, value: Array, gradient: Array, hessian: Array) -> None:
-        """Add a single polynomial to a value (n,), gradient (7, n) and Hessian (7, 7, n) in place."""
-        self._add(y, value[None], gradient[None], hessian[None])
-
-    def _add(self, y: Array, value: Array, gradient: Array, hessian: Array) -> None:
-        if not len(self.polynomial.exponents):
-            return
-        if self._expanded is None:
-            motion = Motion(self.terms, y)
-            v, by_t, by_tt = self.polynomial.derivatives(motion.t)
-            assert by_tt is not None
-            value += v
-            for o in range(len(v)):
-                g, h = motion.pushed(by_t[o], by_tt[o])
-                gradient[o] += g
-                hessian[o] += h
-            return
-        polynomial, active = self._expanded
-        v, slopes, curvatures = polynomial.entries(y[list(active)])
-        value += v
-        for (o, a), row in slopes:
-            gradient[o, active[a]] += row
-        for (o, a, b), row in curvatures:
-            hessian[o, active[a], active[b]] += row
-            if a != b:
-                hessian[o, active[b], active[a]] += row
-
-    @cached_property
-    def _expanded(self) -> tuple[Polynomial, tuple[int, ...]] | None:
-        """As a polynomial in those of y that occur, and which these are; None if it would be too long."""
-        if self.terms.name == "plain":
-            return self.polynomial, self.terms.variables
-        if (self.polynomial.exponents @ np.array(self.terms.weights)).max() > LARGEST_EXPANSION:
-            return None
-        return expanded(self.terms, self.polynomial), tuple(range(VARIABLES))
 
 
 class Motion:
@@ -85,50 +31,108 @@ class Motion:
         self._wide = np.ascontiguousarray(J.reshape(-1, n).T).reshape(n, k, VARIABLES)
         self._tall = np.ascontiguousarray(self._wide.swapaxes(1, 2))
 
-    def pushed(self, by_t: Array, by_tt: Array) -> tuple[Array, Array]:
-        """Gradient (7, n) and Hessian (7, 7, n) by y from those by t, (k, n) and (k, k, n)."""
+    def push(self, by_t: Array, by_tt: Array, gradient: Array, hessian: Array) -> None:
+        """Add to the gradient (7, n) and Hessian (7, 7, n) by y what those by t, (k, n) and (k, k, n), make of them."""
         k, n = by_t.shape
-        gradient = (self._tall @ np.ascontiguousarray(by_t.T)[:, :, None])[:, :, 0].T
+        gradient += (self._tall @ np.ascontiguousarray(by_t.T)[:, :, None])[:, :, 0].T
         rows = np.ascontiguousarray(by_tt.reshape(k * k, n).T).reshape(n, k, k)
         bent = self._tall @ rows @ self._wide
-        hessian = np.ascontiguousarray(bent.reshape(n, -1).T).reshape(VARIABLES, VARIABLES, n)
+        hessian += np.ascontiguousarray(bent.reshape(n, -1).T).reshape(VARIABLES, VARIABLES, n)
         for (term, a, b), row in self._bends:
             more = by_t[term] * row
             hessian[a, b] += more
             if a != b:
                 hessian[b, a] += more
-        return gradient, hessian
 
 
-def expanded(terms: Terms, polynomial: Polynomial) -> Polynomial:
-    """A polynomial in the terms, multiplied out to one in the seven variables."""
-    digits = _BASE ** np.arange(VARIABLES)
-    term_keys = terms.polynomial.exponents @ digits
-    factors = [(term_keys[row != 0], row[row != 0]) for row in terms.polynomial.coefficients]
-    known: dict[tuple[int, ...], tuple[IntArray, Array]] = {
-        (0,) * len(factors): (np.zeros(1, dtype=np.int64), np.ones(1))
-    }
-
-    def product(e: tuple[int, ...]) -> tuple[IntArray, Array]:
-        if e not in known:
-            k = next(k for k in range(len(e)) if e[k])
-            keys, values = product((*e[:k], e[k] - 1, *e[k + 1 :]))
-            known[e] = _collected(
-                (keys[:, None] + factors[k][0]).ravel(), (values[:, None] * factors[k][1]).ravel()
-            )
-        return known[e]
-
-    parts = [product(tuple(int(x) for x in e)) for e in polynomial.exponents]
-    all_keys = np.unique(np.concatenate([keys for keys, _ in parts]))
-    coefficients = np.zeros((len(polynomial.coefficients), len(all_keys)))
-    for (keys, values), column in zip(parts, polynomial.coefficients.T, strict=True):
-        coefficients[:, np.searchsorted(all_keys, keys)] += column[:, None] * values
-    return Polynomial(all_keys[:, None] // digits % _BASE, coefficients)
+#: Value (n,), gradient (k, n) and Hessian (k, k, n).
+Derivatives = tuple[Array, Array, Array]
 
 
-def _collected(keys: IntArray, values: Array) -> tuple[IntArray, Array]:
-    """Equal monomials as one."""
-    unique, where = np.unique(keys, return_inverse=True)
-    sums = np.zeros(len(unique))
-    np.add.at(sums, where.ravel(), values)
-    return unique, sums
+class Part(Protocol):
+    """A function of some terms."""
+
+    def begin(self, t: Array) -> Callable[[], Derivatives]:
+        """Set about its derivatives at t (k, n), in the background if it can, and return what waits for them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sum:
+    """A polynomial in terms and, maybe, another function of some of the same terms.
+
+    Attributes
+    ----------
+    terms, polynomial
+        With one output, or with no monomials at all.
+    part, rows
+        The other function, and which of the terms it takes.
+    """
+
+    terms: Terms
+    polynomial: Polynomial
+    part: Part | None = None
+    rows: tuple[int, ...] = ()
+
+    def begin(self, y: Array) -> Callable[[Array, Array, Array], None]:
+        """Set about it at y (7, n).
+
+        What is returned adds to a value (n,), a gradient (7, n) and a Hessian (7, 7, n), in place.
+        """
+        motion = Motion(self.terms, y) if self.terms.name != "plain" else None
+        t = y[list(self.terms.variables)] if motion is None else motion.t
+        pending = None if self.part is None else self.part.begin(t[list(self.rows)])
+
+        def finish(value: Array, gradient: Array, hessian: Array) -> None:
+            if motion is None:
+                if pending is not None:
+                    mine = [self.terms.variables[row] for row in self.rows]
+                    _add_at(mine, pending(), value, gradient, hessian)
+                self._add_polynomial(t, self.terms.variables, value, gradient, hessian)
+                return
+            everything = tuple(range(len(t)))
+            if pending is not None and self.rows == everything:
+                more, by_t, by_tt = pending()
+                value += more
+            else:
+                by_t, by_tt = np.zeros_like(t), np.zeros((len(t), *t.shape))
+                if pending is not None:
+                    _add_at(self.rows, pending(), value, by_t, by_tt)
+            self._add_polynomial(t, everything, value, by_t, by_tt)
+            motion.push(by_t, by_tt, gradient, hessian)
+
+        return finish
+
+    def _add_polynomial(
+        self, t: Array, places: Sequence[int], value: Array, gradient: Array, hessian: Array
+    ) -> None:
+        if not len(self.polynomial.exponents):
+            return
+        values, slopes, curvatures = self.polynomial.entries(t)
+        value += values[0]
+        for (_, i), row in slopes:
+            gradient[places[i]] += row
+        for (_, i, j), row in curvatures:
+            a, b = places[i], places[j]
+            hessian[a, b] += row
+            if a != b:
+                hessian[b, a] += row
+
+
+def _add_at(places: Sequence[int], found: Derivatives, value: Array, gradient: Array, hessian: Array) -> None:
+    more, slope, curvature = found
+    value += more
+    for i, a in enumerate(places):
+        gradient[a] += slope[i]
+        for j, b in enumerate(places):
+            hessian[a, b] += curvature[i, j]
+
+
+def composed(terms: Terms, polynomial: Polynomial, y: Array) -> tuple[Array, Array, Array]:
+    """Values (o, n), gradients (o, 7, n) and Hessians (o, 7, 7, n) at y (7, n) of a polynomial in terms."""
+    o, n = len(polynomial.coefficients), y.shape[1]
+    value, gradient = np.zeros((o, n)), np.zeros((o, VARIABLES, n))
+    hessian = np.zeros((o, VARIABLES, VARIABLES, n))
+    for i in range(o):
+        one = Polynomial(polynomial.exponents, polynomial.coefficients[i : i + 1])
+        Sum(terms, one).begin(y)(value[i], gradient[i], hessian[i])
+    return value, gradient, hessian

@@ -26,7 +26,7 @@ from porocore.surrogates.potential_data import Rest
 from porocore.surrogates.reach import Reach
 from porocore.surrogates.terms import VARIABLES, Terms, cubic, plain
 
-FORMAT, VERSION = "porocore-surrogate", 2
+FORMAT, VERSION = "porocore-surrogate", 3
 ADVICE = "delete it and train the surrogate again"
 
 Model = AnchoredModel | PotentialModel
@@ -220,8 +220,7 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
             _pack_polynomial(polynomial, name, arrays)
     if model.network is not None:
         part = model.network
-        header |= {"network_terms": part.terms.name, "scale": part.scale}
-        arrays |= {"network/middle": part.middle, "network/half": part.half}
+        header["network_terms"] = part.terms.name
         _pack_polynomial(part.terms.polynomial, "network/terms", arrays)
         arrays["network/term_weights"] = np.array(part.terms.weights, dtype=float)
         _pack_network(part.network, header, arrays)
@@ -254,9 +253,6 @@ def _unpack_potential(
         part = NetworkPart(
             _unpack_network(header, arrays, len(weights), 1),
             _unpack_terms(header["network_terms"], arrays, weights),
-            arrays["network/middle"].reshape(len(weights)),
-            arrays["network/half"].reshape(len(weights)),
-            float(header["scale"]),
         )
     mean_grad = _unpack_polynomial(arrays, "mean_grad", len(active), 9)
     reach = Reach(active, *(arrays[f"reach/{end}"].reshape(len(active)) for end in ("low", "high")))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +26,12 @@ class Evaluator(Protocol):
 
     def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
         """Of a network with one output: value (n,), gradient (d, n) and Hessian (d, d, n)."""
+
+
+def begun(network: Evaluator, x: Array) -> Callable[[], tuple[Array, Array, Array]]:
+    """Its curvatures at x (n, d); a network with a ``begin`` evaluates them in the background until they are asked for."""
+    begin = getattr(network, "begin", None)
+    return partial(network.curvatures, x) if begin is None else begin(x)
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,9 +67,9 @@ class PotentialOptions(NetworkOptions):
     """Options of the model ``potential``: W(ln U, p), trained by L-BFGS on W and its first derivatives."""
 
     hidden: tuple[Count, ...] = Field(
-        (24, 24),
+        (12, 12),
         min_length=1,
-        description="a list of layer widths, whole numbers ≥ 1, such as [24, 24]",
+        description="a list of layer widths, whole numbers ≥ 1, such as [12, 12]",
     )
     activation: Literal["softplus", "tanh", "sigmoid"] = Field(
         "softplus", description="'softplus', 'tanh' or 'sigmoid'"

@@ -7,7 +7,7 @@ import numpy as np
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.sampled_range import SampledRange
 from porocore.states import Array
-from porocore.surrogates.composition import Composed
+from porocore.surrogates.composition import composed
 from porocore.surrogates.least_squares import LARGEST_DEGREE, Fit, Samples, fit
 from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.potential import PotentialModel, mean_grad_terms
@@ -56,7 +56,7 @@ def remainder(data: PotentialData, terms: Terms, polynomial: Polynomial | None) 
     value, gradient = data.remainder
     if polynomial is None:
         return value, gradient
-    fitted, slopes, _ = Composed(terms, polynomial)(data.y)
+    fitted, slopes, _ = composed(terms, polynomial, data.y)
     return value - fitted[0], gradient - slopes[0]
 
 

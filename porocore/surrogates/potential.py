@@ -8,6 +8,7 @@ depends on F through U only, so it is objective.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,9 +16,9 @@ import numpy as np
 
 from porocore.sampled_range import SampledRange
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
-from porocore.surrogates.composition import Composed, Motion
+from porocore.surrogates.composition import Derivatives, Sum
 from porocore.surrogates.monomials import Polynomial
-from porocore.surrogates.network import Evaluator
+from porocore.surrogates.network import Evaluator, begun
 from porocore.surrogates.potential_data import Rest, variables
 from porocore.surrogates.reach import Reach
 from porocore.surrogates.stretch import LogStretch
@@ -26,7 +27,7 @@ from porocore.surrogates.terms import Terms, plain
 
 @dataclass(frozen=True, eq=False)
 class NetworkPart:
-    """s [N(x) − what N says up to second order in y], x = (t − middle)/half for some terms t(y).
+    """N(t) − what N says up to second order in y, for some terms t(y).
 
     With the terms of a cubic cell, N has the symmetry of the cube whatever its weights are.
 
@@ -36,53 +37,33 @@ class NetworkPart:
         N, with one output.
     terms
         t; a term of weight w is of order w in y.
-    middle, half : (k,)
-        Of the ranges of the terms.
-    scale
-        s.
     """
 
     network: Evaluator
     terms: Terms
-    middle: Array
-    half: Array
-    scale: float
 
-    def derivatives(self, y: Array) -> tuple[Array, Array, Array]:
-        """Value (n,), gradient (7, n) and Hessian (7, 7, n)."""
-        plain = self.terms.name == "plain"
-        if plain:
-            active = [int(np.argmax(e)) for e in self.terms.polynomial.exponents]
-            t = y[active]
-        else:
-            motion = Motion(self.terms, y)
-            t = motion.t
-        x = np.ascontiguousarray(((t - self.middle[:, None]) / self.half[:, None]).T)
-        value, slope, curvature = self.network.curvatures(x)
-        v0, g0, h0 = self._at_rest
-        bent = h0 @ t
-        value = self.scale * (value - v0 - g0 @ t - (t * bent).sum(axis=0) / 2)
-        slope = self.scale * (slope / self.half[:, None] - g0[:, None] - bent)
-        curvature = curvature * (self.scale / (self.half[:, None] * self.half))[:, :, None]
-        for i, j in np.argwhere(h0):
-            curvature[i, j] -= self.scale * h0[i, j]
-        if not plain:
-            return value, *motion.pushed(slope, curvature)
-        gradient, hessian = np.zeros_like(y), np.zeros((len(y), *y.shape))
-        gradient[active] = slope
-        hessian[np.ix_(active, active)] = curvature
-        return value, gradient, hessian
+    def begin(self, t: Array) -> Callable[[], Derivatives]:
+        """See :class:`~porocore.surrogates.composition.Part`."""
+        pending = begun(self.network, np.ascontiguousarray(t.T))
+
+        def finish() -> Derivatives:
+            value, slope, curvature = pending()
+            v0, g0, h0 = self._at_rest
+            bent = h0 @ t
+            value = value - v0 - g0 @ t - (t * bent).sum(axis=0) / 2
+            slope = slope - g0[:, None] - bent
+            for i, j in np.argwhere(h0):
+                curvature[i, j] -= h0[i, j]
+            return value, slope, curvature
+
+        return finish
 
     @cached_property
     def _at_rest(self) -> tuple[Array, Array, Array]:
         """Value, slope and curvature by the terms at y = 0, as far as they make up N to second order in y."""
-        value, slope, curvature = self.network.curvatures(-(self.middle / self.half)[None])
+        value, slope, curvature = self.network.curvatures(np.zeros((1, len(self.terms.weights))))
         first, second = low_orders(self.terms)
-        return (
-            value,
-            slope[:, 0] / self.half * first,
-            curvature[:, :, 0] / (self.half[:, None] * self.half) * second,
-        )
+        return value, slope[:, 0] * first, curvature[:, :, 0] * second
 
 
 def low_orders(terms: Terms) -> tuple[Array, Array]:
@@ -128,48 +109,86 @@ class PotentialModel:
 
     def potential(self, y: Array) -> tuple[Array, Array, Array]:
         """W (n,), ∂W/∂y (7, n) and ∂²W/∂y² (7, 7, n)."""
-        value, gradient = self.rest.potential(y)
-        hessian = np.empty((*self.rest.matrix.shape, y.shape[1]))
-        hessian[:] = self.rest.matrix[:, :, None]
-        settled = self.reach.settled(y)
-        coarse, fine, both = self._polynomials
-        if settled is None:
-            both.add_to(y, value, gradient, hessian)
-            if self.network is not None:
-                v, g, h = self.network.derivatives(y)
-                value, gradient, hessian = value + v, gradient + g, hessian + h
+        return self._begin(y)()
+
+    def _begin(self, y: Array) -> Callable[[], Derivatives]:
+        """Set about the same, in the background where a backend can."""
+        parts = [part.begin(y) for part in self._everything]
+
+        def finish() -> Derivatives:
+            value, gradient, hessian = self._second_order(y)
+            for add_to in parts:
+                add_to(value, gradient, hessian)
+            beyond = self.reach.beyond(y) if self._fine else ()
+            if len(beyond):
+                value[beyond], gradient[:, beyond], hessian[:, :, beyond] = self._beyond(y[:, beyond])
             return value, gradient, hessian
-        coarse.add_to(y, value, gradient, hessian)
-        z, first, second = settled
+
+        return finish
+
+    def _beyond(self, y: Array) -> Derivatives:
+        """The same at states outside the sampled box."""
+        value, gradient, hessian = self._second_order(y)
+        for part in self._coarse:
+            part.begin(y)(value, gradient, hessian)
+        z, first, second = self.reach.settled(y)
         v, g, h = np.zeros_like(value), np.zeros_like(gradient), np.zeros_like(hessian)
-        fine.add_to(z, v, g, h)
-        if self.network is not None:
-            v, g, h = (a + b for a, b in zip((v, g, h), self.network.derivatives(z), strict=True))
+        for part in self._fine:
+            part.begin(z)(v, g, h)
         hessian += first[:, None] * first[None, :] * h
         hessian[np.arange(len(y)), np.arange(len(y))] += second * g
         return value + v, gradient + first * g, hessian
 
+    def _second_order(self, y: Array) -> tuple[Array, Array, Array]:
+        """W₂ and its derivatives."""
+        value, gradient = self.rest.potential(y)
+        hessian = np.empty((*self.rest.matrix.shape, y.shape[1]))
+        hessian[:] = self.rest.matrix[:, :, None]
+        return value, gradient, hessian
+
     @cached_property
-    def _polynomials(self) -> tuple[Composed, Composed, Composed]:
-        """What is continued beyond the sampled states, what is not, and their sum."""
-        terms = plain(()) if self.terms is None else self.terms
-        nothing = Polynomial(np.zeros((0, len(terms.weights)), dtype=np.int64), np.zeros((1, 0)))
-        coarse, fine = self.polynomial or nothing, self.refinement or nothing
-        if self.terms is None:
-            coarse = fine = nothing
+    def _everything(self) -> list[Sum]:
+        return self._sums([self.polynomial, self.refinement], self.network)
+
+    @cached_property
+    def _coarse(self) -> list[Sum]:
+        return self._sums([self.polynomial], None)
+
+    @cached_property
+    def _fine(self) -> list[Sum]:
+        return self._sums([self.refinement], self.network)
+
+    def _sums(self, polynomials: list[Polynomial | None], network: NetworkPart | None) -> list[Sum]:
+        """As few sums as there are sets of terms, so that each term is differentiated once."""
+        terms = self.terms or plain(())
+        found = [p for p in polynomials if p is not None]
+        if network is not None:
+            rows = terms.rows_of(network.terms)
+            if rows is None:
+                own = network.terms
+                nothing = Polynomial(np.zeros((0, len(own.weights)), dtype=np.int64), np.zeros((1, 0)))
+                return [
+                    *self._sums(polynomials, None),
+                    Sum(own, nothing, network, tuple(range(len(own.weights)))),
+                ]
+        if network is None and not found:
+            return []
         both = Polynomial(
-            np.concatenate([coarse.exponents, fine.exponents]),
-            np.concatenate([coarse.coefficients, fine.coefficients], axis=1),
+            np.concatenate(
+                [np.zeros((0, len(terms.weights)), dtype=np.int64), *(p.exponents for p in found)]
+            ),
+            np.concatenate([np.zeros((1, 0)), *(p.coefficients for p in found)], axis=1),
         )
-        return Composed(terms, coarse), Composed(terms, fine), Composed(terms, both)
+        return [Sum(terms, both) if network is None else Sum(terms, both, network, rows or ())]
 
     def predict(self, states: MacroState, *, tangent: bool) -> CellResponse:
         """All responses of n states and, where asked for, their exact derivatives."""
         stretch = LogStretch.of(states.grad_u)
         y = variables(stretch, states.p)
-        value, gradient, hessian = self.potential(y)
-        stress = stretch.stress(gradient[:6])
+        pending = self._begin(y)
         mean_grad, derivatives = self._mean_grad(stretch, y, tangent)
+        value, gradient, hessian = pending()
+        stress = stretch.stress(gradient[:6])
         if tangent:
             stress_p = stretch.stress(hessian[:6, 6])
             by_H, by_p = derivatives
@@ -193,32 +212,35 @@ class PotentialModel:
 
     def _mean_grad(self, stretch: LogStretch, y: Array, tangent: bool) -> tuple[Array, tuple[Array, Array]]:
         n = y.shape[1]
-        settled = self.reach.settled(y)
-        t = (y if settled is None else settled[0])[list(self.active)]
+        beyond, t = self.reach.beyond(y), y[list(self.active)]
+        steepness: Array | None = None
+        if len(beyond):
+            z, first, _ = self.reach.settled(y[:, beyond])
+            t[:, beyond] = z[list(self.active)]
+            steepness = first
         unrotated = self.rest.mean_grad @ y
         if tangent:
             more, slopes, _ = self.mean_grad.entries(t, second=False)
         else:
             more = self.mean_grad.evaluate(t)
         unrotated += more
-        R = None if stretch.rotation is None else np.ascontiguousarray(stretch.rotation.reshape(9, n).T)
         turned = np.ascontiguousarray(unrotated.T).reshape(n, 3, 3)
+        R = stretch.rotations
         if R is not None:
-            turned = R.reshape(n, 3, 3) @ turned
+            turned = R @ turned
         if not tangent:
             return turned, (turned, turned)
         by_y: dict[tuple[int, int], Array | float] = dict(self._linear_slopes)
         for (output, variable), row in slopes:
             at = output, self.active[variable]
-            if settled is not None:
-                row = row * settled[1][at[1]]
+            if steepness is not None:
+                row[beyond] *= steepness[at[1]]
             by_y[at] = row + by_y.get(at, 0.0)
-        by_p = np.zeros((n, 9))
+        by_p = np.zeros((n, 3, 3))
         for output in range(9):
-            by_p[:, output] = by_y.pop((output, 6), 0.0)
-        by_p = by_p.reshape(n, 3, 3)
+            by_p[:, output // 3, output % 3] = by_y.pop((output, 6), 0.0)
         by_H = stretch.rotated_gradient(unrotated.reshape(3, 3, n), by_y)
-        return turned, (by_H.reshape(n, 3, 3, 3, 3), by_p if R is None else R.reshape(n, 3, 3) @ by_p)
+        return turned, (by_H.reshape(n, 3, 3, 3, 3), by_p if R is None else R @ by_p)
 
     @cached_property
     def _linear_slopes(self) -> dict[tuple[int, int], float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from porocore.surrogates.polynomial import (
     sampled_range,
     terms_for,
 )
-from porocore.surrogates.potential import PotentialModel
+from porocore.surrogates.potential import NetworkPart, PotentialModel
 from porocore.surrogates.potential_data import PotentialData
 from porocore.surrogates.reach import Reach
 from porocore.surrogates.sobolev import Autodiff, SobolevProblem, train
@@ -65,7 +64,7 @@ def train_potential(
         iterations=options.iterations,
         on_progress=on_progress,
     )
-    part = replace(problem.part, network=make_evaluator(network))
+    part = NetworkPart(make_evaluator(problem.unscaled(network)), problem.terms)
     reach = Reach.of(data.y, data.active, cubic=coordinates.name == "cubic")
     model = PotentialModel(
         data.rest, terms, polynomial, part, fit_mean_grad(data), data.active, sampled_range(training), reach

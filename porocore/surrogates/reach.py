@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.states import Array
+from porocore.surrogates.monomials import IntArray
 
 #: How far beyond the box the variables come to rest, as a share of its size.
 MARGIN = 0.1
@@ -46,18 +47,22 @@ class Reach:
         more = EXTENSION * (high - low) if len(active) >= MANY else 0.0 * low
         return cls(active, (low - more)[list(active)], (high + more)[list(active)])
 
-    def settled(self, y: Array) -> tuple[Array, Array, Array] | None:
-        """z(y) (7, n) with its first and second derivatives; None where z = y for all states.
+    def beyond(self, y: Array) -> IntArray:
+        """Which of the states y (7, n) lie outside the box."""
+        inner = y[list(self.active)]
+        outside = (inner < self.low[:, None]) | (inner > self.high[:, None])
+        return np.flatnonzero(outside.any(axis=0))
 
-        z = c + δ tanh((y − c)/δ) beyond an end c of the box, which is twice continuously differentiable.
+    def settled(self, y: Array) -> tuple[Array, Array, Array]:
+        """z(y) (7, n) with its first and second derivatives, (7, n) each.
+
+        z = y inside the box, and c + δ tanh((y − c)/δ) beyond an end c of it, which is twice continuously
+        differentiable.
         """
         inner = y[list(self.active)]
         ends = np.clip(inner, self.low[:, None], self.high[:, None])
-        beyond = inner - ends
-        if not beyond.any():
-            return None
         margin = MARGIN * np.maximum(self.high - self.low, 1e-12)[:, None]
-        s = np.tanh(beyond / margin)
+        s = np.tanh((inner - ends) / margin)
         z, first, second = y.copy(), np.ones_like(y), np.zeros_like(y)
         z[list(self.active)] = ends + margin * s
         first[list(self.active)] = 1 - s * s

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from porocore.interfaces.surrogate import TrainingProgress
 from porocore.states import Array
 from porocore.surrogates.network import Network
-from porocore.surrogates.potential import NetworkPart, low_orders
+from porocore.surrogates.potential import low_orders
 from porocore.surrogates.potential_data import PotentialData
 from porocore.surrogates.terms import Terms
 
@@ -49,10 +49,14 @@ class SobolevProblem:
 
     Attributes
     ----------
-    part
-        Terms and scaling, with a network that is not used.
+    terms
+        t, those that some state moves.
+    middle, half : (k,)
+        Of their ranges.
+    scale
+        Of what is learned.
     x : (n, k)
-        Scaled terms.
+        Scaled terms (t − middle)/half.
     rest : (1, k)
         Scaled terms at rest.
     jacobian : (k, d, n)
@@ -63,7 +67,10 @@ class SobolevProblem:
         1/variance.
     """
 
-    part: NetworkPart
+    terms: Terms
+    middle: Array
+    half: Array
+    scale: float
     x: Array
     rest: Array
     jacobian: Array
@@ -92,7 +99,10 @@ class SobolevProblem:
         scale = float(np.sqrt((gradient[active] ** 2 * reach[:, None] ** 2).mean())) or 1.0
         errors = data.scales[1:][active]
         return cls(
-            NetworkPart(_nothing(len(kept)), terms, middle, half, scale),
+            terms,
+            middle,
+            half,
+            scale,
             ((t - middle[:, None]) / half[:, None]).T,
             -(middle / half)[None],
             jacobian[:, active] / half[:, None, None],
@@ -120,9 +130,20 @@ class SobolevProblem:
 
         return evaluate
 
+    def unscaled(self, network: Network) -> Network:
+        """The function of t, in units of W, that a network says of x in units of the scale."""
+        first, *others = network.weights
+        weights, biases = [first / self.half, *others], list(network.biases)
+        biases[0] = biases[0] - weights[0] @ self.middle
+        return Network(
+            network.activation,
+            (*weights[:-1], weights[-1] * self.scale),
+            (*biases[:-1], biases[-1] * self.scale),
+        )
+
     def constants(self) -> dict[str, Array]:
         """The arrays that the loss needs."""
-        first, second = low_orders(self.part.terms)
+        first, second = low_orders(self.terms)
         return {
             "x": self.x,
             "rest": self.rest,
@@ -185,10 +206,6 @@ def train(
         on_progress(TrainingProgress(done, iterations, unit * float(found.fun), unit * float(found.fun)))
     layers = unpack_layers(found.x, shapes)
     return Network(activation, tuple(W.copy() for W, _ in layers), tuple(b.copy() for _, b in layers))
-
-
-def _nothing(d: int) -> Network:
-    return Network("tanh", (np.zeros((1, d)),), (np.zeros(1),))
 
 
 def _first_weights(shapes: list[tuple[int, int]], activation: str, seed: int) -> Array:

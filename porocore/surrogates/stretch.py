@@ -92,6 +92,13 @@ class LogStretch:
         return _product(self._turned_axes, self.axes.swapaxes(0, 1))
 
     @cached_property
+    def rotations(self) -> Array | None:
+        """R (n, 3, 3); None where all F are diagonal."""
+        if self.rotation is None:
+            return None
+        return np.ascontiguousarray(self.rotation.reshape(9, -1).T).reshape(-1, 3, 3)
+
+    @cached_property
     def _differences(self) -> tuple[Array, Array, Array]:
         """ln[λ_i², λ_j²], ln[λ_i², λ_i², λ_j²] and ln[λ_i², λ_j², λ_j²] for the three of ``PAIRS`` (3, n)."""
         c = self.stretches**2
@@ -140,16 +147,15 @@ class LogStretch:
     @cached_property
     def gradient(self) -> Array:
         """∂L/∂F (n, 9, 6), the places of F row by row."""
-        gradient: Array = self._lift * (self.first * SHARE[:, None]).T[:, None, :]
-        if self.axes is not None:
-            gradient = gradient @ np.ascontiguousarray(self._turn.swapaxes(1, 2))
+        gradient: Array = self._lift @ np.ascontiguousarray(self._scaled_turn.swapaxes(1, 2))
         return gradient
 
     def stress(self, T: Array) -> Array:
         """∂W/∂F (n, 3, 3) from T = ∂W/∂L (6, n)."""
         if self.axes is None and not T[3:].any():
             return diagonal_stretch.stress(self.stretches, T)
-        return (self.gradient @ np.ascontiguousarray(T.T)[:, :, None]).reshape(-1, 3, 3)
+        by_C = (np.ascontiguousarray(T.T)[:, None, :] @ self._scaled_turn)[:, 0, :, None]
+        return (self._lift @ by_C).reshape(-1, 3, 3)
 
     def tangent(self, T: Array, K: Array) -> Array:
         """∂²W/∂F² (n, 3, 3, 3, 3) from T = ∂W/∂L (6, n) and K = ∂²W/∂L² (6, 6, n)."""
@@ -159,21 +165,29 @@ class LogStretch:
         T_axes = T if self.axes is None else (np.ascontiguousarray(T.T)[:, None, :] @ self._turn)[:, 0].T
         by_L = np.ascontiguousarray(K.reshape(36, n).T).reshape(n, 6, 6)
         bend = np.ascontiguousarray(self._curvature(T_axes).reshape(36, n).T).reshape(n, 6, 6)
-        out = (self.gradient @ by_L) @ self._gradient_turned
-        out += (self._lift @ bend) @ np.ascontiguousarray(self._lift.swapaxes(1, 2))
+        bend += (self._scaled_turn_turned @ by_L) @ self._scaled_turn
+        out = ((self._lift @ bend) @ self._lift_turned).reshape(n, 3, 3, 3, 3)
         S = self._from_axes((self.first * SHARE[:, None] * T_axes)[COMPONENT])
-        out = out.reshape(n, 3, 3, 3, 3)
-        for j in range(3):
-            for l in range(3):
-                for i in range(3):
-                    out[:, i, j, i, l] += S[j, l]
+        S = np.ascontiguousarray(S.reshape(9, n).T).reshape(n, 3, 3)
+        for i in range(3):
+            out[:, i, :, i, :] += S
         result: Array = out
         return result
 
     @cached_property
-    def _gradient_turned(self) -> Array:
-        """∂L/∂F as (n, 6, 9)."""
-        return np.ascontiguousarray(self.gradient.swapaxes(1, 2))
+    def _scaled_turn(self) -> Array:
+        """∂L/∂C (n, 6, 6) where C is given in the eigenbasis, one place for each of its components."""
+        scale = np.ascontiguousarray((self.first * SHARE[:, None]).T)[:, None, :]
+        turn: Array = self._turn * scale
+        return turn
+
+    @cached_property
+    def _scaled_turn_turned(self) -> Array:
+        return np.ascontiguousarray(self._scaled_turn.swapaxes(1, 2))
+
+    @cached_property
+    def _lift_turned(self) -> Array:
+        return np.ascontiguousarray(self._lift.swapaxes(1, 2))
 
     def _curvature(self, T: Array) -> Array:
         """2 ∂S/∂C (6, 6, n) at fixed ∂W/∂L, places of the components, in the eigenbasis, where T is given, too.
@@ -232,15 +246,14 @@ class LogStretch:
         n = len(self)
         if self.axes is None:
             return diagonal_stretch.rotated_gradient(self.stretches, self.first, A, slopes)
-        assert self.rotation is not None
-        R = np.ascontiguousarray(self.rotation.reshape(9, n).T).reshape(n, 3, 3)
+        assert self.rotations is not None
         by_L = np.zeros((9, 6, n))
         for at, slope in slopes.items():
             by_L[at] = slope
         rows = np.ascontiguousarray(by_L.reshape(54, n).T).reshape(n, 3, 18)
         spin, direction = self._rotation_factors(A)
-        left = np.concatenate([(R @ rows).reshape(n, 9, 6), spin], axis=2)
-        product: Array = left @ np.concatenate([self._gradient_turned, direction], axis=1)
+        product: Array = ((self.rotations @ rows).reshape(n, 9, 6) @ self._scaled_turn) @ self._lift_turned
+        product += spin @ direction
         return product
 
     def _rotation_factors(self, A: Array) -> tuple[Array, Array]:
@@ -288,26 +301,42 @@ def symmetric_eigen(A: Array) -> tuple[Array, Array]:
     By Jacobi's rotations, which converge quadratically; for thousands of matrices at once they are faster than a
     call of LAPACK for each.
     """
-    d = [A[i, i].copy() for i in range(3)]
-    off = {k: A[i, j].copy() for i, j, k in ((1, 2, 0), (0, 2, 1), (0, 1, 2))}  # by the third axis
-    Q = np.zeros_like(A)
+    d = np.stack([A[i, i] for i in range(3)])
+    off = np.stack([A[1, 2], A[0, 2], A[0, 1]])  # by the third axis
+    Q = np.zeros_like(A)  # eigenvectors in rows, so that a rotation mixes two blocks of memory
     Q[0, 0] = Q[1, 1] = Q[2, 2] = 1.0
-    smallest = (ROUND_OFF * (d[0] + d[1] + d[2])) ** 2
+    smallest = ROUND_OFF * d.sum(axis=0)
     for _ in range(SWEEPS):
-        if (off[0] * off[0] + off[1] * off[1] + off[2] * off[2] <= smallest).all():
+        if (np.abs(off).max(axis=0) <= smallest).all():
             break
         for i, j, k in ((0, 1, 2), (0, 2, 1), (1, 2, 0)):
             e = off[k]
-            gap = (d[j] - d[i]) / 2
-            t = e / np.copysign(np.abs(gap) + np.sqrt(gap * gap + e * e) + TINY, gap)
-            c = 1 / np.sqrt(1 + t * t)
+            gap = d[j] - d[i]
+            gap *= 0.5
+            t = np.sqrt(gap * gap + e * e)
+            t += np.abs(gap)
+            t += TINY
+            t = e / np.copysign(t, gap, out=t)
+            c = t * t
+            c += 1.0
+            np.sqrt(c, out=c)
+            np.divide(1.0, c, out=c)
             s = t * c
-            shift = t * e
-            d[i], d[j] = d[i] - shift, d[j] + shift
-            off[k] = np.zeros_like(e)
-            off[j], off[i] = c * off[j] - s * off[i], s * off[j] + c * off[i]
-            Q[:, i], Q[:, j] = c * Q[:, i] - s * Q[:, j], s * Q[:, i] + c * Q[:, j]
-    return np.stack(d), Q
+            t *= e
+            d[i] -= t
+            d[j] += t
+            off[k] = 0.0
+            before = off[j].copy()
+            off[j] *= c
+            off[j] -= s * off[i]
+            off[i] *= c
+            off[i] += s * before
+            turned = s * Q[i]
+            Q[i] *= c
+            Q[i] -= s * Q[j]
+            Q[j] *= c
+            Q[j] += turned
+    return d, Q.swapaxes(0, 1)
 
 
 def _product(A: Array, B: Array) -> Array:

@@ -48,6 +48,12 @@ class Terms:
         """Of ``plain``: which of y they are."""
         return tuple(int(np.argmax(e)) for e in self.polynomial.exponents)
 
+    def rows_of(self, others: Terms) -> tuple[int, ...] | None:
+        """Which of these terms the ``others`` are; None if some are not among them."""
+        known = [_described(self.polynomial, row) for row in range(len(self.weights))]
+        wanted = [_described(others.polynomial, row) for row in range(len(others.weights))]
+        return tuple(known.index(w) for w in wanted) if all(w in known for w in wanted) else None
+
     def subset(self, rows: tuple[int, ...]) -> Terms:
         """Some of them; those of ``plain`` are then fewer variables."""
         coefficients = self.polynomial.coefficients[list(rows)]
@@ -109,6 +115,11 @@ def is_cubic(stiffness: Array, tolerance: float = 1e-6) -> bool:
         all(np.ptp(values) <= tolerance * scale for values in same)
         and np.abs(rest).max() <= tolerance * scale
     )
+
+
+def _described(polynomial: Polynomial, row: int) -> dict[tuple[int, ...], float]:
+    pairs = zip(polynomial.exponents, polynomial.coefficients[row], strict=True)
+    return {tuple(int(x) for x in e): float(c) for e, c in pairs if c}
 
 
 def _power(variable: int, exponent: int) -> tuple[int, ...]:

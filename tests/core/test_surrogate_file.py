@@ -41,7 +41,7 @@ def network(inputs, outputs, activation="tanh"):
 
 def potential_part(terms):
     k = len(terms.weights)
-    return NetworkPart(network(k, 1), terms, np.full(k, 0.01), np.linspace(0.1, 0.2, k), 1 / 3)
+    return NetworkPart(network(k, 1), terms)
 
 
 def models():
@@ -168,7 +168,8 @@ def test_another_version_or_kind(path):
 
 
 @pytest.mark.parametrize(
-    "name", ["rest/matrix", "mean_grad/exponents", "network/1/biases", "range/normals", "network/half"]
+    "name",
+    ["rest/matrix", "mean_grad/exponents", "network/1/biases", "range/normals", "network/term_weights"],
 )
 def test_without_one_of_the_arrays(path, name):
     header, arrays = read_archive(path, FORMAT, VERSION, "")
@@ -182,7 +183,7 @@ WRONG = {
     "rest/mean_grad": np.zeros(5),
     "network/0/weights": np.zeros((6, 9)),
     "network/1/biases": np.zeros(2),
-    "network/half": np.ones(2),
+    "network/term_weights": np.ones(2),
     "network/terms/coefficients": np.ones((3, 2)),
     "polynomial/coefficients": np.ones((1, 3)),
     "mean_grad/exponents": np.full((2, 7), -1.0),
@@ -209,7 +210,7 @@ def test_numbers_that_are_none(path, value):
 
 
 @pytest.mark.parametrize(
-    "key", ["model", "inputs", "terms", "network", "porosity", "scale", "layers", "options"]
+    "key", ["model", "inputs", "terms", "network", "porosity", "network_terms", "layers", "options"]
 )
 def test_a_header_that_lacks_something(path, key):
     header, arrays = read_archive(path, FORMAT, VERSION, "")

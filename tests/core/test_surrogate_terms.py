@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.states import MacroState
-from porocore.surrogates import composition
-from porocore.surrogates.composition import Composed, Motion, expanded
+from porocore.surrogates.composition import Motion, Sum, composed
 from porocore.surrogates.least_squares import Samples, fit
 from porocore.surrogates.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.terms import cubic, is_cubic, plain
@@ -69,28 +68,29 @@ def test_blocks_of_states_make_no_difference(size):
 def test_derivatives_through_terms(terms):
     polynomial = random_polynomial(terms, outputs=2)
     y = np.random.default_rng(2).uniform(-0.5, 0.5, (7, 20))
-    value, gradient, hessian = Composed(terms, polynomial)(y)
+    value, gradient, hessian = composed(terms, polynomial, y)
     np.testing.assert_allclose(value, polynomial.evaluate(terms.polynomial.evaluate(y)), rtol=0, atol=1e-12)
     for a in range(7):
-        slope = difference(lambda y: Composed(terms, polynomial)(y)[0], y, a)
+        slope = difference(lambda y: composed(terms, polynomial, y)[0], y, a)
         np.testing.assert_allclose(gradient[:, a], slope, atol=1e-9)
-        slope = difference(lambda y: Composed(terms, polynomial)(y)[1], y, a)
+        slope = difference(lambda y: composed(terms, polynomial, y)[1], y, a)
         np.testing.assert_allclose(hessian[:, a], slope, atol=1e-8)
 
 
-def test_multiplied_out_it_is_the_same(monkeypatch):
-    terms = cubic()
+@pytest.mark.parametrize("terms", [plain((1, 6)), cubic()], ids=["plain", "cubic"])
+def test_a_sum_adds_to_what_is_there(terms):
     polynomial = random_polynomial(terms, 3, 6)
     y = np.random.default_rng(2).uniform(-0.5, 0.5, (7, 30))
-    out = Composed(terms, polynomial)(y)
-    assert expanded(terms, polynomial).exponents.sum(axis=1).max() == 6
-    monkeypatch.setattr(composition, "LARGEST_EXPANSION", 5)
-    for one, other in zip(out, Composed(terms, polynomial)(y), strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
     value, gradient, hessian = np.ones(30), np.ones((7, 30)), np.ones((7, 7, 30))
-    Composed(terms, polynomial).add_to(y, value, gradient, hessian)
-    for one, other in zip(out, (value, gradient, hessian), strict=True):
+    Sum(terms, polynomial).begin(y)(value, gradient, hessian)
+    for one, other in zip(composed(terms, polynomial, y), (value, gradient, hessian), strict=True):
         np.testing.assert_allclose(one[0] + 1, other, rtol=0, atol=1e-12)
+
+
+def test_rows_of_other_terms():
+    assert cubic().rows_of(cubic().subset((9, 1))) == (9, 1)
+    assert cubic().rows_of(plain((1,))) is None
+    assert plain((1, 6), (0,)).rows_of(plain((6, 1))) == (1, 0)
 
 
 def test_the_group_of_the_cube():
@@ -124,7 +124,8 @@ def test_some_of_the_terms():
     expected = [y[:3].sum(axis=0), y[3] * y[4] * y[5], y[6]]
     np.testing.assert_allclose(part.polynomial.evaluate(y), expected, atol=1e-15)
     motion = Motion(part, y)
-    gradient, hessian = motion.pushed(np.ones((3, 10)), np.zeros((3, 3, 10)))
+    gradient, hessian = np.zeros((7, 10)), np.zeros((7, 7, 10))
+    motion.push(np.ones((3, 10)), np.zeros((3, 3, 10)), gradient, hessian)
     np.testing.assert_allclose(gradient[3], y[4] * y[5], atol=1e-15)
     np.testing.assert_allclose(hessian[3, 4], y[5], atol=1e-15)
 
@@ -143,7 +144,7 @@ def test_which_stiffness_is_cubic():
 
 def samples_of(terms, polynomial, n, seed=0):
     y = np.random.default_rng(seed).uniform(-0.3, 0.3, (7, n))
-    value, gradient, _ = Composed(terms, polynomial)(y)
+    value, gradient, _ = composed(terms, polynomial, y)
     active = terms.polynomial.exponents.any(axis=0)
     scale = np.where(active, gradient.std(axis=2), np.inf)
     return Samples(y, value, gradient, value.std(axis=1), scale)

@@ -62,10 +62,22 @@ class JaxNetwork:
 
     def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
         """See :class:`~porocore.surrogates.network.Evaluator`."""
-        value, gradient, hessian = self._call("curvatures", x)
-        return value, gradient, hessian
+        return self.begin(x)()
+
+    def begin(self, x: Array) -> Callable[[], tuple[Array, Array, Array]]:
+        """See :func:`porocore.surrogates.network.begun`."""
+        finish = self._start("curvatures", x)
+
+        def curvatures() -> tuple[Array, Array, Array]:
+            value, gradient, hessian = finish()
+            return value, gradient, hessian
+
+        return curvatures
 
     def _call(self, what: str, x: Array) -> list[Array]:
+        return self._start(what, x)()
+
+    def _start(self, what: str, x: Array) -> Callable[[], list[Array]]:
         kind, states = _KINDS[what]
         function = _compiled(kind, self.network.activation, self.device)
         pieces = []
@@ -75,13 +87,17 @@ class JaxNetwork:
                 piece = np.concatenate([piece, np.zeros((filled - rows, x.shape[1]))])
             # Calls return before they are done; the next piece is prepared meanwhile.
             pieces.append((rows, function(self._layers, piece)))
-        found = []
-        for i, axis in enumerate(states):
-            parts = [
-                np.asarray(outputs[i])[(slice(None),) * axis + (slice(rows),)] for rows, outputs in pieces
-            ]
-            found.append(np.concatenate(parts, axis))  # a copy: JAX's own arrays are read-only
-        return found
+
+        def finish() -> list[Array]:
+            found = []
+            for i, axis in enumerate(states):
+                parts = [
+                    np.asarray(outputs[i])[(slice(None),) * axis + (slice(rows),)] for rows, outputs in pieces
+                ]
+                found.append(np.concatenate(parts, axis))  # a copy: JAX's own arrays are read-only
+            return found
+
+        return finish
 
 
 def _pieces(n: int) -> Iterator[tuple[int, int, int]]:
@@ -141,9 +157,15 @@ def _curvatures(activation: str, layers: Layers, x: Any) -> Any:
     hessian = jnp.zeros((d, d, n))
     for index in range(len(hidden) - 1, -1, -1):
         J_l, slope, curvature = hidden[index]
-        hessian = hessian + jnp.einsum("inw,jnw->ijn", J_l * (delta * curvature), J_l)
+        bend = delta * curvature
+        if index:
+            hessian = hessian + jnp.einsum("inw,jnw->ijn", J_l * bend, J_l)
+        else:  # J is the same everywhere
+            W = layers[0][0]
+            squares = (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)
+            hessian = hessian + (squares.T @ bend.T).reshape(d, d, n)
         delta = (delta * slope) @ layers[index][0]
-    return z[:, 0], J[:, :, 0], hessian
+    return z[:, 0], delta.T, hessian
 
 
 #: What is called, and which axis of each of its outputs counts the rows of x.

@@ -137,7 +137,7 @@ def test_without_symmetry_and_without_slopes():
         model="potential", iterations=20, hidden=[4], symmetry="none", derivatives=False
     ).fit(data, seed=0)
     assert surrogate._fitted().network.terms.name == "plain"
-    assert len(surrogate._fitted().network.half) == 7
+    assert len(surrogate._fitted().network.terms.weights) == 7
 
 
 def test_a_gpu_that_is_not_there():
