@@ -29,7 +29,7 @@ class Evaluator(Protocol):
 
 
 def begun(network: Evaluator, x: Array) -> Callable[[], tuple[Array, Array, Array]]:
-    """Its curvatures at x (n, d); a network with a ``begin`` evaluates them in the background until they are asked for."""
+    """Its curvatures at x (n, d), evaluated in the background where there is a ``begin``, until they are asked for."""
     begin = getattr(network, "begin", None)
     return partial(network.curvatures, x) if begin is None else begin(x)
 
