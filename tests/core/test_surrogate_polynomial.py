@@ -5,8 +5,8 @@ import pytest
 
 from porocore.errors import ConfigurationError, DataError
 from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+from porocore.testing.potential import PotentialConformance
 from porocore.testing.potential_cell import potential_training_set
-from porocore.testing.surrogate import PotentialConformance
 
 
 class TestPolynomial(PotentialConformance):

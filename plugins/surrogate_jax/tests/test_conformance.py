@@ -1,5 +1,6 @@
 from porocore.surrogates import adam
-from porocore.testing.surrogate import PotentialConformance, SurrogateConformance
+from porocore.testing.potential import PotentialConformance
+from porocore.testing.surrogate import SurrogateConformance
 from porocore_surrogate_jax.surrogate import JaxSurrogate
 
 

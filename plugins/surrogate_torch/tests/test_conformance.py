@@ -1,4 +1,5 @@
-from porocore.testing.surrogate import PotentialConformance, SurrogateConformance
+from porocore.testing.potential import PotentialConformance
+from porocore.testing.surrogate import SurrogateConformance
 from porocore_surrogate_torch import training
 from porocore_surrogate_torch.surrogate import TorchSurrogate
 

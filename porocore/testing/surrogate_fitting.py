@@ -1,0 +1,61 @@
+"""What the conformance suite of surrogates trains, and on what."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+
+from porocore.interfaces.surrogate import Surrogate, TrainingSet
+from porocore.testing.synthetic_cell import synthetic_training_set
+
+
+class Fitting:
+    """A suite that trains the surrogate under test on the made-up cell, once."""
+
+    #: Root mean square error on states that were not trained on, over the range of each component.
+    accuracy = 3e-3
+    #: The same for the derivatives with respect to the sampled inputs.
+    slope_accuracy = 3e-2
+    #: Options that the constructor must refuse, one after the other.
+    invalid_options: ClassVar[tuple[dict[str, Any], ...]] = ({"no_such_option": 1},)
+    seed = 5
+    #: Whether the training depends on the seed.
+    random = True
+    #: Whether the training writes checkpoints; one of seconds may do without, and begin anew.
+    resumable = True
+
+    @classmethod
+    def make_surrogate(cls) -> Surrogate:
+        """An untrained surrogate whose training takes seconds and reports progress at least five times."""
+        raise NotImplementedError
+
+    @classmethod
+    def make_invalid(cls, options: dict[str, Any]) -> Surrogate:
+        """The surrogate with ``options``, one of :attr:`invalid_options`."""
+        return type(cls.make_surrogate())(**options)
+
+    def checkpoint_often(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Make the training write a checkpoint at every opportunity; without it the tests wait for the first."""
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def data(cls) -> TrainingSet:
+        return synthetic_training_set(240, seed=1)
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def unseen(cls) -> TrainingSet:
+        return synthetic_training_set(500, seed=2)
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def fitted(cls, data: TrainingSet) -> Surrogate:
+        return cls.make_surrogate().fit(data, seed=cls.seed)
+
+    @pytest.fixture
+    def saved(self, fitted: Surrogate, tmp_path: Path) -> Path:
+        path = tmp_path / "surrogate.h5"
+        fitted.save(path)
+        return path

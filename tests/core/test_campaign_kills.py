@@ -1,0 +1,132 @@
+"""Sampling that is killed, interrupted or loses a worker: what was finished is kept, and the rest has the same bits."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from porocore.dataset import Dataset
+from porocore.errors import PorocoreError
+from porocore.sampling.campaign import Progress
+
+sys.path.insert(0, str(Path(__file__).parent))
+from campaigns import SCRIPT, gone, sample, session_gone, solves, state_text
+from fake_cell import Fake
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """The dataset of one worker and no interruption."""
+    return sample(tmp_path_factory.mktemp("undisturbed") / "data.h5")[0]
+
+
+@pytest.mark.parametrize(("moment", "workers"), [(0, 1), (1, 2), (2, 2), (3, 2)])
+def test_killed_and_resumed(tmp_path: Path, undisturbed: Dataset, moment: int, workers: int) -> None:
+    """SIGKILL at random moments: nothing finished is solved again, and the dataset has the same bits."""
+    path, log = tmp_path / "data.h5", tmp_path / "log"
+    rng = random.Random(moment)
+    command = [sys.executable, SCRIPT, str(path), str(log), str(workers), "0.01"]
+    finished: set[str] = set()
+    for _ in range(2):
+        target = rng.randint(2, (len(undisturbed) - len(finished)) // 2)
+        process = subprocess.Popen(command, start_new_session=True)
+        while len(solves(log)) < target and process.poll() is None:
+            time.sleep(0.002)
+        time.sleep(rng.uniform(0, 0.02))
+        process.kill()
+        assert process.wait() == -signal.SIGKILL
+        assert session_gone(process.pid)
+        begun = [state for _, _, state in solves(log)]
+        log.unlink()
+        kept = Dataset.open(path)
+        now = {state_text(kept, key) for key in kept.keys}
+        assert finished.isdisjoint(begun)
+        assert finished <= now <= finished | set(begun)
+        # Only what ran in a worker, or lay solved in the queue to the parent, when it was killed is lost.
+        assert len(finished | set(begun)) - len(now) <= workers + 1
+        assert len(kept) < len(undisturbed)
+        finished = now
+    dataset, summary = sample(path, Fake(log=str(log)), workers=workers)
+    states = [state_text(dataset, key) for key in dataset.keys]
+    assert sorted(state for _, _, state in solves(log)) == sorted(set(states) - finished)
+    assert (summary.solved, summary.reused) == (len(undisturbed) - len(finished), len(finished))
+    assert dataset.digest() == undisturbed.digest()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_interrupted_with_ctrl_c(tmp_path: Path, undisturbed: Dataset, workers: int) -> None:
+    """What runs is finished and kept, and no process is left."""
+    path, log = tmp_path / "data.h5", tmp_path / "log"
+    command = [sys.executable, SCRIPT, str(path), str(log), str(workers), "0.1"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while len(solves(log)) < 6 and process.poll() is None:
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers too
+    _, trouble = process.communicate(timeout=30)
+    assert process.returncode == -signal.SIGINT
+    assert trouble.count("Traceback") == 1
+    assert trouble.strip().endswith("KeyboardInterrupt")
+    assert gone({int(pid) for pid, _, _ in solves(log)})
+    kept = Dataset.open(path)
+    assert sorted(state for _, _, state in solves(log)) == sorted(state_text(kept, k) for k in kept.keys)
+    assert 6 <= len(kept) < len(undisturbed)
+    dataset, summary = sample(path)
+    assert summary.reused == len(kept)
+    assert dataset.digest() == undisturbed.digest()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_second_ctrl_c_does_not_wait(tmp_path: Path, workers: int) -> None:
+    path, log = tmp_path / "data.h5", tmp_path / "log"
+    command = [sys.executable, SCRIPT, str(path), str(log), str(workers), "60"]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    while not solves(log) and process.poll() is None:
+        time.sleep(0.01)
+    began = time.monotonic()
+    for _ in range(2):
+        time.sleep(0.2)
+        process.send_signal(signal.SIGINT)
+    try:
+        assert process.wait(timeout=20) == -signal.SIGINT
+    finally:
+        process.kill()
+    assert time.monotonic() - began < 20
+    assert gone({int(pid) for pid, _, _ in solves(log)})
+
+
+def test_an_interrupt_is_reported_and_the_handler_is_put_back(tmp_path: Path) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    seen: list[Progress] = []
+
+    def watch(progress: Progress) -> None:
+        seen.append(progress)
+        if progress.done == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        sample(tmp_path / "data.h5", on_progress=watch)
+    assert seen[-1].stopping
+    assert not seen[2].stopping
+    assert signal.getsignal(signal.SIGINT) is before
+    assert len(Dataset.open(tmp_path / "data.h5")) == 3
+
+
+def test_a_worker_that_dies_is_named_by_its_state_and_costs_nothing_else(
+    tmp_path: Path, undisturbed: Dataset
+) -> None:
+    path, log = tmp_path / "data.h5", tmp_path / "log"
+    with pytest.raises(PorocoreError, match=r"worker process died while solving .*'p=\+0.2000000000 "):
+        sample(path, Fake(die_at=0.2, log=str(log)), workers=2)
+    assert gone({int(pid) for pid, _, _ in solves(log)})
+    kept = len(Dataset.open(path))
+    assert kept >= 2
+    dataset, summary = sample(path)
+    assert summary.reused == kept
+    assert dataset.digest() == undisturbed.digest()
