@@ -3,4 +3,4 @@
 set -eu
 cd "$(dirname "$0")/.."
 export OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
-exec .venv/bin/python -m pytest -n 2 --dist loadgroup --durations=10 "$@"
+exec .venv/bin/python -m pytest -n 2 --dist loadscope --durations=10 "$@"

@@ -16,11 +16,7 @@ from porocore.states import MacroState, Status
 ELEMENTS = ("linear", "quadratic-straight", "quadratic-curved")
 #: Diagonal and sheared; what is sheared is solved on the whole cell in any case.
 *DIAGONAL, SHEARED = STATES
-CASES = [
-    pytest.param(element, symmetry, marks=pytest.mark.xdist_group(f"consistency-{element}"))
-    for element in ELEMENTS
-    for symmetry in ("auto", "none")
-]
+CASES = [(element, symmetry) for element in ELEMENTS for symmetry in ("auto", "none")]
 #: H₂₂ and p from where every state is stable to where the pore wall has folded and to no state at all. Not within
 #: 0.02 of where solutions end (H₂₂ = −0.25 at p = 0.05): there the last bit decides how a solve ends.
 COMPRESSED = (
@@ -84,7 +80,6 @@ def test_conductivities_agree(cell_solver_pair, element, symmetry, prepared):
     assert np.linalg.eigvalsh(found[0]).min() > 0
 
 
-@pytest.mark.xdist_group("consistency-quadratic-curved")
 def test_statuses_agree_under_strong_compression(cell_solver_pair, prepared):
     H = np.zeros((len(COMPRESSED), 3, 3))
     H[:, 1, 1], p = np.array(COMPRESSED).T
@@ -101,7 +96,6 @@ def test_statuses_agree_under_strong_compression(cell_solver_pair, prepared):
 
 
 @pytest.mark.parametrize("state", [*DIAGONAL, SHEARED])
-@pytest.mark.xdist_group("consistency-quadratic-curved")
 def test_identities(cell_solver, state, solved):
     """Of every backend that is installed, whether it runs the conformance suite or not."""
     response = solved(cell_solver, "quadratic-curved", "none", state)

@@ -16,7 +16,6 @@ from porocore.surrogates.stored import NumpySurrogate
 from porocore.testing.compare import RESPONSES, provided
 from porocore.testing.synthetic_cell import respond, synthetic_training_set
 
-pytestmark = pytest.mark.xdist_group("consistency-surrogates")
 LIBRARIES = ("torch", "jax")
 TOLERANCE = 1e-10
 GENERAL = InputSpace(NAMES, (-0.1,) * 9 + (0.0,), (0.1,) * 10)

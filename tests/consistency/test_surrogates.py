@@ -16,7 +16,6 @@ from porocore.testing.compare import RESPONSES, provided
 from porocore.testing.synthetic import CONDUCTIVITY, SOLID_FRACTION
 from porocore.testing.synthetic_cell import INPUTS, synthetic_training_set
 
-pytestmark = pytest.mark.xdist_group("consistency-surrogates")
 DATA, UNSEEN, BETWEEN = (synthetic_training_set(n, seed) for n, seed in ((150, 1), (40, 2), (400, 3)))
 
 

@@ -21,7 +21,6 @@ from porocore.crosscheck import find_contestants
 from porocore.crosscheck.cells import AVERAGES, DERIVATIVES, STATES
 
 pytest.importorskip("skfem")
-pytestmark = pytest.mark.xdist_group("crosscheck")
 
 
 @pytest.fixture(autouse=True, scope="module")

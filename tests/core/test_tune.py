@@ -33,7 +33,6 @@ from porocore.sampling.random_states import RandomStates
 from porocore.states import MacroState
 from porocore.testing.synthetic_cell import INPUTS, respond, synthetic_training_set
 
-pytestmark = pytest.mark.xdist_group("tune")
 #: Read by the plugin of tune_fakes.
 LOG, SLEEP = "POROCORE_TUNE_LOG", "POROCORE_TUNE_SLEEP"
 

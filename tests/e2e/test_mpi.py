@@ -20,8 +20,6 @@ if not os.environ.get("CI"):
         pytest.skip("mpirun is missing", allow_module_level=True)
     if not find_spec("dolfinx"):
         pytest.skip("dolfinx is not installed", allow_module_level=True)
-# One worker: on two cores two runs of two processes would wait for one another.
-pytestmark = pytest.mark.xdist_group("mpi")
 NAMES = [f"{law}_load{load!r}.h5" for law in ("mean-gradient", "linear") for load in LOADS]
 
 

@@ -22,7 +22,6 @@ from porocore.registry import registry
 from porocore.solution import History, MacroSolution, Profile
 from porocore.testing.macro_runs import STORM, TIMID
 
-pytestmark = pytest.mark.xdist_group("mpi")
 BEGIN = """
     import sys
     from pathlib import Path
