@@ -29,6 +29,7 @@ LAYOUT: dict[str, tuple[int, ...]] = {
     "peaks/energy_mean": (),
     "peaks/min_jacobian": (),
     "peaks/min_gap": (),
+    "peaks/contact_share": (),
     "peaks/negative_pivots": (),
 }
 

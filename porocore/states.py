@@ -20,7 +20,8 @@ IntArray: TypeAlias = npt.NDArray[np.int64]
 class Status(IntEnum):
     """How a cell solve ended.
 
-    ``unstable`` keeps its values (the residual is met, the tangent is indefinite); every later status holds NaN.
+    ``unstable`` keeps its values (the residual is met, the tangent is indefinite), and so does ``contact``; the
+    others hold NaN.
     """
 
     converged = 0
@@ -32,11 +33,18 @@ class Status(IntEnum):
     inverted = 3
     #: The iteration or step limit was reached.
     not_converged = 4
+    #: In equilibrium and stable, with the pore wall pressed against itself somewhere.
+    contact = 5
 
     @property
     def has_values(self) -> bool:
         """Whether the responses of such a state are numbers."""
-        return self <= Status.unstable
+        return self in (Status.converged, Status.unstable, Status.contact)
+
+    @property
+    def stable(self) -> bool:
+        """Whether the cell stays in such a state: what a surrogate may learn from."""
+        return self in (Status.converged, Status.contact)
 
 
 class _Batch:
@@ -126,6 +134,7 @@ class CellPeaks(_Batch):
     min_jacobian: Array  #: (n,)       smallest J
     min_gap: Array  #: (n,)       smallest relative distance of the wall to its mirror planes; NaN on the whole cell
     negative_pivots: Array  #: (n,)       of the tangent at the solution; -1 where the solver cannot tell
+    contact_share: Array  #: (n,)       of the undeformed pore wall that is in contact
 
 
 @dataclass(frozen=True, eq=False)

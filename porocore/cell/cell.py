@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.cell.material import NeoHookean
 from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
@@ -22,6 +23,7 @@ class Cell(BaseModel):
     viscosity: Annotated[float, Field(gt=0)] = 1e-3
     """μ_f; K is proportional to its inverse."""
     mesh: MeshSettings = MeshSettings()
+    contact: ContactSettings = ContactSettings()
     symmetry: Literal["auto", "none"] = "auto"
     """auto: the eighth of the cell wherever geometry and load are mirror-symmetric; none: always the whole cell."""
 

@@ -62,3 +62,25 @@ def _conical(n: int) -> tuple[Array, Array]:
     points = np.stack([X * (1 - Y) * (1 - Z), Y * (1 - Z), Z], axis=-1).reshape(-1, 3)
     weights = (wx[:, None, None] * wy[:, None] * wz).ravel()
     return points, weights
+
+
+@lru_cache(maxsize=16)
+def triangle_rule(degree: int) -> tuple[Array, Array]:
+    """Points (q, 2) and weights (q,) on the unit triangle, exact for polynomials up to ``degree``.
+
+    Products of Gauss–Jacobi rules; the weights sum to ½ and are positive.
+
+    Raises
+    ------
+    ValueError
+        The degree is not between 1 and 12.
+    """
+    if not 1 <= degree <= LARGEST_DEGREE:
+        raise ValueError(f"expected a degree from 1 to {LARGEST_DEGREE}, got {degree}")
+    n = degree // 2 + 1
+    (x, wx), (y, wy) = (((s + 1) / 2, w / 2 ** (k + 1)) for k in range(2) for s, w in [roots_jacobi(n, k, 0)])
+    X, Y = np.meshgrid(x, y, indexing="ij")
+    rule = np.column_stack([(X * (1 - Y)).ravel(), Y.ravel()]), (wx[:, None] * wy).ravel()
+    for part in rule:
+        part.setflags(write=False)
+    return rule

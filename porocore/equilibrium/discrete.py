@@ -5,9 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from porocore.cell.material import NeoHookean
 from porocore.cell.mesh import CellMesh
+from porocore.contact.model import ContactModel, Touching
 from porocore.states import Array, Status
 
 
@@ -37,10 +39,24 @@ class Iterate(ABC):
     H: Array
     p: float
 
+    #: What the solid touches; None where there is no contact.
+    contact: ContactModel | None = None
+
+    @cached_property
+    def touching(self) -> Touching | None:
+        """Contact at this iterate, None where nothing touches."""
+        if self.contact is None:
+            return None
+        state = self.contact.at(self.H, self.displacement)
+        return state if state.active else None
+
     @property
     @abstractmethod
     def energy(self) -> float:
-        """Π = ∫ (Ψ(F) + pJ) dV over the domain; only asked for where :attr:`min_jacobian` is positive."""
+        """Π = ∫ (Ψ(F) + pJ) dV over the domain and the energy of contact.
+
+        Only asked for where :attr:`min_jacobian` is positive.
+        """
 
     @property
     @abstractmethod
@@ -60,7 +76,7 @@ class Iterate(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Integrals over the domain, and extremes over its quadrature points."""
+    """Integrals over the domain without what contact adds, and extremes over its quadrature points."""
 
     grad: Array  #: (3, 3)  ∫ ∇u¹ dV
     stress: Array  #: (3, 3)  ∫ (P + p cof F) dV
@@ -79,7 +95,7 @@ class Sensitivities:
     grad : (k, 3, 3)
         ∫ ∇u_θ dV; NaN where the linear solver did not reach its tolerance.
     second : (k, k)
-        ∂²Π/∂θ∂θ' at equilibrium: Π_θθ' + R_θᵀ u_θ' with R = ∂Π/∂u.
+        ∂²Π/∂θ∂θ' at equilibrium: Π_θθ' + R_θᵀ u_θ' with R = ∂Π/∂u; of contact the share with u_θ only.
     indefinite : bool
         A direction of negative curvature was met on the way.
     """
@@ -102,10 +118,13 @@ class DiscreteSolid(ABC):
         Of the solid.
     material
         Its strain energy.
+    contact
+        Of its wall; None where walls pass through each other.
     """
 
     mesh: CellMesh
     material: NeoHookean
+    contact: ContactModel | None = None
 
     @property
     def copies(self) -> float:

@@ -14,7 +14,7 @@ from porocore.cell.overlap import mirror_gap, walls_overlap
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate, StepFailed
 from porocore.states import Array, Status
 
-ITERATIONS = 12
+ITERATIONS = 50
 #: In any component of H and in p; a step beyond it seldom converges.
 LARGEST_STEP = 0.16
 SMALLEST_STEP = 1 / 300
@@ -69,6 +69,8 @@ def gap(problem: DiscreteSolid, here: Iterate) -> float:
 
 
 def _overlaps(problem: DiscreteSolid, here: Iterate) -> bool:
+    if problem.contact is not None:
+        return here.touching is not None and here.touching.depth > problem.contact.deepest
     if problem.mesh.domain == "eighth":
         return gap(problem, here) < 0
     return walls_overlap(problem.mesh, here.H, here.displacement)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResp
             answer = problem.sensitivities(here, odd, columns)
             grad = problem.copies * visible(problem.mesh, odd) * answer.grad
             mean_grad[:, :, columns] = np.moveaxis(grad, 0, -1)
-            second[np.ix_(columns, columns)] = problem.copies * answer.second
+            second[np.ix_(columns, columns)] = problem.copies * (answer.second + _direct(here, odd, columns))
             count = 1 if count < 0 and answer.indefinite else count
         counts.append(count)
     # A solver that cannot count leaves the number unknown unless it met a negative direction.
@@ -52,8 +53,20 @@ def failed(status: Status, *, tangent: bool) -> CellResponse:
         tangent=CellTangent(nan(3, 3, 3, 3), nan(3, 3), nan(3, 3, 3, 3), nan(3, 3), nan(3, 3), nan())
         if tangent
         else None,
-        peaks=CellPeaks(nan(3, 3), nan(), nan(), nan(), nan(), nan()),
+        peaks=CellPeaks(nan(3, 3), nan(), nan(), nan(), nan(), nan(), nan()),
     )
+
+
+def _direct(here: Iterate, odd: str, columns: Sequence[int]) -> Array:
+    """∂²E/∂θ∂θ' of contact at fixed u¹."""
+    direct = np.zeros((len(columns), len(columns)))
+    if here.touching is not None:
+        blocks = here.touching.blocks(odd)
+        unit = np.eye(10)[:, :9].reshape(10, 3, 3)  # p does not enter
+        for a, i in enumerate(columns):
+            for b, j in enumerate(columns):
+                direct[a, b] = blocks.second(unit[i], unit[j])
+    return direct
 
 
 def _row(problem: DiscreteSolid, here: Iterate, negative: int, tangent: CellTangent | None) -> CellResponse:
@@ -61,11 +74,15 @@ def _row(problem: DiscreteSolid, here: Iterate, negative: int, tangent: CellTang
     seen = visible(problem.mesh)
     F0 = np.eye(3) + here.H
     J0 = float(determinant(F0))
+    contact = here.touching.forces if here.touching is not None else None
+    energy = sums.energy + (contact.energy if contact else 0.0)
+    stress = sums.stress + (contact.by_load if contact else 0.0)
+    stable = Status.converged if contact is None else Status.contact
     return CellResponse(
         mean_grad=(copies * seen * sums.grad)[None],
-        status=np.array([Status.unstable if negative > 0 else Status.converged], dtype=np.int64),
-        potential=np.array([copies * (sums.energy + here.p * sums.volume) - here.p * J0]),
-        stress=(copies * seen * sums.stress - here.p * cofactor(F0))[None],
+        status=np.array([Status.unstable if negative > 0 else stable], dtype=np.int64),
+        potential=np.array([copies * (energy + here.p * sums.volume) - here.p * J0]),
+        stress=(copies * seen * stress - here.p * cofactor(F0))[None],
         fluid_volume=np.array([J0 - copies * sums.volume]),
         tangent=tangent,
         peaks=CellPeaks(
@@ -75,6 +92,7 @@ def _row(problem: DiscreteSolid, here: Iterate, negative: int, tangent: CellTang
             min_jacobian=np.array([here.min_jacobian]),
             min_gap=np.array([gap(problem, here)]),
             negative_pivots=np.array([float(negative)]),
+            contact_share=np.array([contact.share if contact else 0.0]),
         ),
     )
 

@@ -102,7 +102,7 @@ def response(g: np.ndarray, W: float, status: Status) -> CellResponse:
         stress=g[None] + 1,
         fluid_volume=np.array([0.4 + W]),
         tangent=CellTangent(seed, g[None] - 1, seed + 1, g[None] - 2, g[None] - 3, np.array([W - 1])),
-        peaks=CellPeaks(g[None] * 2, *(np.array([W * k]) for k in (1, 2, 3, 4)), np.array([W * 0])),
+        peaks=CellPeaks(g[None] * 2, *(np.array([W * k]) for k in (1, 2, 3, 4, 0, 0.1))),
     )
 
 

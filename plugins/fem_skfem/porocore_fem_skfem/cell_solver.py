@@ -7,6 +7,7 @@ from typing import Any
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import CellMesh
 from porocore.cell.quadrature import LARGEST_DEGREE
+from porocore.contact.model import contact_of
 from porocore.equilibrium.solver import EquilibriumCellSolver
 from porocore.errors import ConfigurationError
 from porocore_fem_skfem.solid import SolidProblem
@@ -38,7 +39,8 @@ class SkfemCellSolver(EquilibriumCellSolver):
 
     def solid(self, cell: Cell, mesh: CellMesh) -> SolidProblem:
         degree = self.quadrature_degree or mesh.quadrature_degree
-        return SolidProblem(mesh, cell.material, degree=degree, solver=self.solver)
+        contact = contact_of(mesh, cell.contact)
+        return SolidProblem(mesh, cell.material, degree=degree, solver=self.solver, contact=contact)
 
     def flow(self, mesh: CellMesh) -> Any:
         return flow(mesh, self.solver)

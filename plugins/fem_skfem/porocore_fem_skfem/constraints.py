@@ -16,8 +16,11 @@ class Constraints:
     """A set of free unknowns with its matrix pattern and the factors that serve it.
 
     ``base`` is the undeformed cell's and never changes, so that a solve does not depend on the one before it;
-    ``own`` is renewed within a solve. ``active`` is the one in use.
+    ``own`` is renewed within a solve. ``active`` is the one in use, ``shift`` what last made an indefinite tangent
+    definite.
     """
+
+    shift = 0.0
 
     def __init__(self, scatter: Scatter, free: Any, solver: str) -> None:
         self.free = free
@@ -45,6 +48,7 @@ class Constraints:
             self._base = self._make()
             self._base.factor(self.restrict(undeformed()))
         self.active, self._factored = self._base, None
+        self.shift = 0.0
 
     def renew(self, entries: Any) -> int:
         """Make ``entries`` the active factor; returns the number of negative pivots, -1 where unknown."""

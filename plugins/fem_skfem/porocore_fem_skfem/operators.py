@@ -91,7 +91,7 @@ class Scatter:
         keys = rows[kept] * n + columns[kept]
         unique, slot = np.unique(np.concatenate([keys, np.arange(n) * (n + 1)]), return_inverse=True)
         slot = slot.reshape(-1)[: len(keys)]
-        self.n = n
+        self.n, self._keys = n, unique
         self.rows, self.indices = unique // n, (unique % n).astype(np.int32)
         self.indptr = np.searchsorted(self.rows, np.arange(n + 1)).astype(np.int32)
         self._sum = sparse.csr_matrix(
@@ -101,6 +101,13 @@ class Scatter:
     def __call__(self, blocks: Any) -> Any:
         """Entries (nnz) from blocks (elements, m, m)."""
         return self._sum @ blocks.ravel()
+
+    def added(self, entries: Any, rows: Any, columns: Any, values: Any) -> Any:
+        """Entries (nnz) with those of a symmetric matrix added, whose upper triangle lies within the pattern."""
+        upper = np.flatnonzero(rows <= columns)
+        keys = rows[upper] * self.n + columns[upper]
+        slot = np.searchsorted(self._keys, keys)
+        return entries + np.bincount(slot, values[upper], len(entries))
 
     def restricted(self, free: Any) -> tuple[Any, Any, Any]:
         """Pattern (indptr, indices) of the rows and columns in ``free`` and the entries that it keeps."""

@@ -14,6 +14,7 @@ import numpy as np
 from porocore.cell.material import NeoHookean, cofactor, determinant
 from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import held_displacements
+from porocore.contact.model import ContactModel
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate, Sensitivities, Sums
 from porocore_fem_skfem import solves
 from porocore_fem_skfem.constraints import Constraints
@@ -38,6 +39,7 @@ class Point(Iterate):
 
     def __init__(self, problem: SolidProblem, H: Any, p: float, u: Any) -> None:
         self.problem, self.H, self.p, self.u = problem, H, p, u
+        self.contact = problem.contact
         self.F = problem.gradient(u) + (np.eye(3) + H)[:, :, None]
         view = np.moveaxis(self.F, -1, 0)
         self.J, self.cof = determinant(view), np.moveaxis(cofactor(view), 0, -1)
@@ -53,16 +55,21 @@ class Point(Iterate):
 
     @cached_property
     def tangent(self) -> Any:
-        """Upper triangle of ∂²Π/∂u², entries in the order of the scatter's pattern."""
+        """Upper triangle of ∂²Π/∂u² without contact, entries in the order of the scatter's pattern."""
         return self.problem.tangent(self)
 
     @cached_property
     def energy(self) -> float:
-        return float(self.problem.w @ (self.problem.energy_density(self) + self.p * self.J))
+        energy = float(self.problem.w @ (self.problem.energy_density(self) + self.p * self.J))
+        return energy if self.touching is None else energy + self.touching.forces.energy
 
     @cached_property
     def residual(self) -> Any:
-        return self.problem.assemble(self.stress).ravel()[self.problem.constraints().free]
+        forces = self.problem.assemble(self.stress)
+        if self.touching is not None:
+            n = len(self.problem.mesh.points)
+            forces += self.problem.merged(self.touching.forces.by_displacement(n))
+        return forces.ravel()[self.problem.constraints().free]
 
     @property
     def min_jacobian(self) -> float:
@@ -76,8 +83,17 @@ class Point(Iterate):
 class SolidProblem(DiscreteSolid):
     """Batched numpy assembly on scikit-fem's elements; a factor that is kept from load to load."""
 
-    def __init__(self, mesh: CellMesh, material: NeoHookean, *, degree: int, solver: str) -> None:
+    def __init__(
+        self,
+        mesh: CellMesh,
+        material: NeoHookean,
+        *,
+        degree: int,
+        solver: str,
+        contact: ContactModel | None = None,
+    ) -> None:
         self.mesh, self.material, self.solver = mesh, material, solver
+        self.contact = contact
         self.nodes = mesh.periodic_class
         self.n_nodes = int(self.nodes.max()) + 1
         self.operators = Operators(mesh, degree, self.nodes[mesh.cells])
@@ -128,14 +144,17 @@ class SolidProblem(DiscreteSolid):
 
     def load_change(self, here: Any, dH: Any, dp: float) -> Any:
         change = self.tangent_apply(here, dH[:, :, None]) + dp * here.cof
-        return self.assemble(change).ravel()[self.constraints().free]
+        forces = self.assemble(change)
+        if here.touching is not None:
+            forces += self.merged(here.touching.blocks("").load_change(len(self.mesh.points), dH))
+        return forces.ravel()[self.constraints().free]
 
     def solve(self, here: Any, rhs: Any, accuracy: float) -> Any:
-        return solves.direction(self.constraints(), here.tangent, rhs, accuracy)
+        return solves.direction(self.constraints(), self.entries(here, ""), rhs, accuracy)
 
     def negative_pivots(self, here: Any, odd: str) -> int:
         constraints = self.constraints(odd)
-        return constraints.renew(constraints.restrict(here.tangent))
+        return constraints.renew(constraints.restrict(self.entries(here, odd)))
 
     def sums(self, here: Any) -> Sums:
         grad = here.F - (np.eye(3) + here.H)[:, :, None]
@@ -152,8 +171,13 @@ class SolidProblem(DiscreteSolid):
     def sensitivities(self, here: Any, odd: str, columns: Sequence[int]) -> Sensitivities:
         constraints = self.constraints(odd)
         loads = [self._unit_load(here, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
-        R = np.stack([self.assemble(load).ravel()[constraints.free] for load in loads], axis=1)
-        U, curvature, indefinite = solves.sensitivities(constraints, here.tangent, R)
+        forces = [self.assemble(load) for load in loads]
+        if here.touching is not None:
+            blocks, unit = here.touching.blocks(odd), np.eye(10)[:, :9].reshape(10, 3, 3)
+            for force, column in zip(forces, columns, strict=True):
+                force += self.merged(blocks.load_change(len(self.mesh.points), unit[column]))
+        R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
+        U, curvature, indefinite = solves.sensitivities(constraints, self.entries(here, odd), R)
         explicit = np.stack([(load @ self.w).ravel() for load in loads])
         # ∂²Π/∂θ∂θ' at fixed u¹; Π is linear in p.
         direct = np.array(
@@ -174,6 +198,18 @@ class SolidProblem(DiscreteSolid):
         dF = np.zeros((3, 3, 1))
         dF[column // 3, column % 3] = 1.0
         return self.tangent_apply(here, dF)
+
+    def merged(self, values: Any) -> Any:
+        """(3, nodes) with periodic nodes added up, of (nodes of the mesh, 3)."""
+        return np.stack([np.bincount(self.nodes, column, self.n_nodes) for column in values.T])
+
+    def entries(self, here: Point, odd: str) -> Any:
+        """Upper triangle of ∂²Π/∂u² for the perturbations of a class."""
+        if here.touching is None:
+            return here.tangent
+        rows, columns, values = here.touching.blocks(odd).entries
+        rows, columns = (i % 3 * self.n_nodes + self.nodes[i // 3] for i in (rows, columns))
+        return self.scatter.added(here.tangent, rows, columns, values)
 
     def field(self, values: Any, odd: str = "") -> Any:
         """(3, nodes) of the free unknowns of a class."""

@@ -14,6 +14,8 @@ from porocore_fem_skfem.linalg import conjugate_gradients, refine
 #: More iterations than this cost more than a new factor.
 PATIENCE = 18
 SENSITIVITY_TOLERANCE = 1e-11
+#: Of the diagonal's mean, added to an indefinite tangent.
+SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
 
 
 def direction(constraints: Constraints, tangent: Any, rhs: Any, accuracy: float) -> Any:
@@ -40,13 +42,15 @@ def direction(constraints: Constraints, tangent: Any, rhs: Any, accuracy: float)
 def _shifted(constraints: Constraints, entries: Any, rhs: Any) -> Any:
     diagonal = constraints.pattern.diagonal
     size = float(np.abs(entries[diagonal]).mean())
-    shift = 1e-3
-    while shift < 10:
+    # Neighbouring iterates need about the same shift, and less of it brings them on faster.
+    shift = max(constraints.shift / 4, SMALLEST_SHIFT)
+    while shift < LARGEST_SHIFT:
         moved = entries.copy()
         moved[diagonal] += shift * size
         if constraints.renew(moved) <= 0:
             x = constraints.precondition(rhs)
             if x @ rhs > 0:
+                constraints.shift = shift
                 return x
         shift *= 4
     raise StepFailed(Status.not_converged)

@@ -1,0 +1,1 @@
+"""Frictionless self-contact of the pore wall, as one more share of the energy."""

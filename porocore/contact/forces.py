@@ -1,0 +1,96 @@
+"""What contact contributes at one iterate: an energy of the positions of some nodes, and its derivatives.
+
+The position of a node is x = F₀ X̃ + u, where X̃ is its place in the undeformed cell, periodic shift included; so
+one gradient and one matrix of second derivatives by positions serve the unknowns u and the load H at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from porocore.states import Array, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Derivatives by the positions of k nodes, m times.
+
+    Attributes
+    ----------
+    nodes : (m, k)
+        Of the mesh; −1 for one that has no displacement of its own.
+    places : (m, k, 3)
+        X̃.
+    matrices : (m, 3k, 3k)
+        ∂²E/∂x∂x, symmetric.
+    """
+
+    nodes: IntArray
+    places: Array
+    matrices: Array
+
+    def load_change(self, n: int, dH: Array) -> Array:
+        """∂²E/∂u∂H : δH, (n nodes, 3)."""
+        force = np.einsum("mab,mb->ma", self.matrices, self._moved(dH))
+        return scatter(n, self.nodes, force.reshape(*self.nodes.shape, 3))
+
+    def second(self, one: Array, other: Array) -> float:
+        """δH : ∂²E/∂H∂H : δH' at fixed u."""
+        return float(np.einsum("ma,mab,mb->", self._moved(one), self.matrices, self._moved(other)))
+
+    def _moved(self, dH: Array) -> Array:
+        return (self.places @ dH.T).reshape(len(self.nodes), -1)
+
+    @cached_property
+    def entries(self) -> tuple[IntArray, IntArray, Array]:
+        """Rows, columns (unknown 3·node + i) and values of ∂²E/∂u∂u; equal places are to be added."""
+        m, k = self.nodes.shape
+        dofs = (3 * self.nodes[:, :, None] + np.arange(3)).reshape(m, 3 * k)
+        rows = np.repeat(dofs, 3 * k, axis=1).ravel()
+        columns = np.tile(dofs, (1, 3 * k)).ravel()
+        kept = (rows >= 0) & (columns >= 0)
+        return rows[kept], columns[kept], self.matrices.ravel()[kept]
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """Energy and first derivatives of contact at one iterate.
+
+    Attributes
+    ----------
+    energy : float
+        E.
+    nodes : (m, k), places : (m, k, 3)
+        As in :class:`Blocks`.
+    gradient : (m, k, 3)
+        ∂E/∂x.
+    share : float
+        Of the undeformed wall that is in contact.
+    """
+
+    energy: float
+    nodes: IntArray
+    places: Array
+    gradient: Array
+    share: float
+
+    def by_displacement(self, n: int) -> Array:
+        """∂E/∂u, (n nodes, 3)."""
+        return scatter(n, self.nodes, self.gradient)
+
+    @property
+    def by_load(self) -> Array:
+        """∂E/∂H (3, 3) at fixed u, Σ f_i X̃_j."""
+        by_load: Array = np.einsum("mki,mkj->ij", self.gradient, self.places)
+        return by_load
+
+
+def scatter(n: int, nodes: IntArray, values: Array) -> Array:
+    """Sums (m, k, 3) at the nodes (m, k) into (n, 3); node −1 is left out."""
+    own = nodes >= 0
+    out = np.zeros((n, 3))
+    np.add.at(out, nodes[own], values[own])
+    return out
