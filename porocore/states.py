@@ -176,4 +176,4 @@ class CellResponse(_Batch):
     @property
     def valid(self) -> npt.NDArray[np.bool_]:
         """Rows that hold values, (n,) bool."""
-        return self.status <= int(Status.unstable)
+        return np.isin(self.status, [status for status in Status if status.has_values])
