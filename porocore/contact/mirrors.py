@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from porocore.cell.mesh import CellMesh
+from porocore.cell.parity import odd_axes
 from porocore.contact.forces import Blocks, Forces
 from porocore.contact.wall import Wall, wall_of
 from porocore.states import Array, IntArray
@@ -96,11 +97,11 @@ class MirrorState:
         return Forces(energy, np.concatenate(nodes), np.concatenate(places), np.concatenate(gradient), share)
 
     def blocks(self, odd: str) -> Blocks:
-        """Second derivatives for perturbations that are odd under the mirrors of the named axes."""
+        """Second derivatives for the perturbations of a class."""
         points = self.contact.mesh.points
         nodes, places, matrices = [], [], []
         for axis, sign, facets, g in self._sides:
-            even = "xyz"[axis] not in odd
+            even = "xyz"[axis] not in odd_axes(odd, 0 if sign > 0 else 1)
             matrices.append(self._even(axis, facets, g) if even else self._odd(axis, sign, facets, g))
             nodes.append(self._nodes(facets))
             places.append(self._places(facets, axis, sign, points))

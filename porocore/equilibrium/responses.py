@@ -26,7 +26,7 @@ def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResp
     counts = []
     for odd, columns in classes(problem.mesh).items():
         count = problem.negative_pivots(here, odd)
-        if tangent:
+        if tangent and columns:
             answer = problem.sensitivities(here, odd, columns)
             grad = problem.copies * visible(problem.mesh, odd) * answer.grad
             mean_grad[:, :, columns] = np.moveaxis(grad, 0, -1)
