@@ -11,6 +11,7 @@ from porocore.cell.mesh import CellMesh
 from porocore.contact.forces import Blocks, Forces
 from porocore.contact.mirrors import MirrorContact
 from porocore.contact.wall import wall_of
+from porocore.contact.walls import WallContact
 from porocore.states import Array
 
 
@@ -56,7 +57,7 @@ def contact_of(mesh: CellMesh, settings: ContactSettings) -> ContactModel | None
     stiffness = settings.stiffness / h
     if mesh.domain == "eighth":
         return MirrorContact(mesh, stiffness, DEEPEST * h)
-    return None
+    return WallContact(mesh, stiffness, DEEPEST * h)
 
 
 #: In units of the mean edge of the wall's facets.

@@ -9,7 +9,7 @@ import numpy as np
 
 from porocore_fem_skfem.factor import SymmetricFactor
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor
-from porocore_fem_skfem.operators import Scatter
+from porocore_fem_skfem.operators import Pattern
 
 
 class Constraints:
@@ -22,12 +22,12 @@ class Constraints:
 
     shift = 0.0
 
-    def __init__(self, scatter: Scatter, free: Any, solver: str) -> None:
-        self.free = free
-        indptr, indices, self._kept = scatter.restricted(free)
+    def __init__(self, places: Pattern, free: Any, solver: str) -> None:
+        self.free, self._solver = free, solver
+        indptr, indices, self._kept = places.restricted(free)
         self.pattern = SymmetricPattern(indptr, indices)
         translations = np.zeros((len(free), 3))
-        translations[np.arange(len(free)), free // (scatter.n // 3)] = 1.0
+        translations[np.arange(len(free)), free // (places.n // 3)] = 1.0
 
         def make() -> SymmetricFactor:
             return choose_factor(indptr, indices, solver=solver, near_kernel=translations)
@@ -49,6 +49,12 @@ class Constraints:
             self._base.factor(self.restrict(undeformed()))
         self.active, self._factored = self._base, None
         self.shift = 0.0
+
+    def widened(self, places: Pattern) -> Constraints:
+        """The same unknowns with further places of the matrix; the undeformed cell's factor serves both."""
+        wider = Constraints(places, self.free, self._solver)
+        wider._base, wider.active, wider.shift = self._base, self._base, self.shift
+        return wider
 
     def renew(self, entries: Any) -> int:
         """Make ``entries`` the active factor; returns the number of negative pivots, -1 where unknown."""

@@ -71,6 +71,56 @@ def _shape(element: Any, xi: Any) -> tuple[Any, Any]:
     )
 
 
+class Pattern:
+    """Places of the upper triangle of a symmetric matrix of n rows, row by row; the diagonal is among them.
+
+    Parameters
+    ----------
+    keys : (nnz,)
+        row · n + column, ascending.
+    n : int
+        Number of rows.
+    """
+
+    def __init__(self, keys: Any, n: int) -> None:
+        self.keys, self.n = keys, n
+        self.rows, self.indices = keys // n, (keys % n).astype(np.int32)
+
+    def restricted(self, free: Any) -> tuple[Any, Any, Any]:
+        """Pattern (indptr, indices) of the rows and columns in ``free`` and the entries that it keeps."""
+        number = np.full(self.n, -1, dtype=np.int64)
+        number[free] = np.arange(len(free))
+        kept = np.flatnonzero((number[self.rows] >= 0) & (number[self.indices] >= 0))
+        rows = number[self.rows[kept]]
+        indptr = np.searchsorted(rows, np.arange(len(free) + 1)).astype(np.int32)
+        return indptr, number[self.indices[kept]].astype(np.int32), kept
+
+    def upper(self, rows: Any, columns: Any) -> tuple[Any, Any]:
+        """Keys of the entries of a symmetric matrix that lie in its upper triangle, and which entries these are."""
+        upper = np.flatnonzero(rows <= columns)
+        return rows[upper] * self.n + columns[upper], upper
+
+    def lacks(self, keys: Any) -> Any:
+        """Those of the keys that are not among the places."""
+        unique = np.unique(keys)
+        at = np.minimum(np.searchsorted(self.keys, unique), len(self.keys) - 1)
+        return unique[self.keys[at] != unique]
+
+    def widened(self, keys: Any) -> Pattern:
+        """With further places."""
+        return Pattern(np.union1d(self.keys, keys), self.n)
+
+    def spread(self, entries: Any, places: Pattern) -> Any:
+        """Entries (nnz) of this pattern from those of a part of it."""
+        out = np.zeros(len(self.keys))
+        out[np.searchsorted(self.keys, places.keys)] = entries
+        return out
+
+    def sum(self, keys: Any, values: Any) -> Any:
+        """Entries (nnz) from values at some of the places."""
+        return np.bincount(np.searchsorted(self.keys, keys), values, len(self.keys))
+
+
 class Scatter:
     """Sums element blocks into the upper triangle of a matrix whose pattern is computed once.
 
@@ -91,9 +141,7 @@ class Scatter:
         keys = rows[kept] * n + columns[kept]
         unique, slot = np.unique(np.concatenate([keys, np.arange(n) * (n + 1)]), return_inverse=True)
         slot = slot.reshape(-1)[: len(keys)]
-        self.n, self._keys = n, unique
-        self.rows, self.indices = unique // n, (unique % n).astype(np.int32)
-        self.indptr = np.searchsorted(self.rows, np.arange(n + 1)).astype(np.int32)
+        self.pattern = Pattern(unique, n)
         self._sum = sparse.csr_matrix(
             (np.ones(len(kept)), (slot, kept)), shape=(len(unique), elements * m * m)
         )
@@ -101,19 +149,3 @@ class Scatter:
     def __call__(self, blocks: Any) -> Any:
         """Entries (nnz) from blocks (elements, m, m)."""
         return self._sum @ blocks.ravel()
-
-    def added(self, entries: Any, rows: Any, columns: Any, values: Any) -> Any:
-        """Entries (nnz) with those of a symmetric matrix added, whose upper triangle lies within the pattern."""
-        upper = np.flatnonzero(rows <= columns)
-        keys = rows[upper] * self.n + columns[upper]
-        slot = np.searchsorted(self._keys, keys)
-        return entries + np.bincount(slot, values[upper], len(entries))
-
-    def restricted(self, free: Any) -> tuple[Any, Any, Any]:
-        """Pattern (indptr, indices) of the rows and columns in ``free`` and the entries that it keeps."""
-        number = np.full(self.n, -1, dtype=np.int64)
-        number[free] = np.arange(len(free))
-        kept = np.flatnonzero((number[self.rows] >= 0) & (number[self.indices] >= 0))
-        rows = number[self.rows[kept]]
-        indptr = np.searchsorted(rows, np.arange(len(free) + 1)).astype(np.int32)
-        return indptr, number[self.indices[kept]].astype(np.int32), kept

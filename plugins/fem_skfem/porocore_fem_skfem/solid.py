@@ -56,7 +56,7 @@ class Point(Iterate):
     @cached_property
     def tangent(self) -> Any:
         """Upper triangle of ∂²Π/∂u² without contact, entries in the order of the scatter's pattern."""
-        return self.problem.tangent(self)
+        return self.problem.stiffness(self)
 
     @cached_property
     def energy(self) -> float:
@@ -107,6 +107,8 @@ class SolidProblem(DiscreteSolid):
         )
         self._laplacian = self._constant_blocks()
         self._constraints: dict[str, Constraints] = {}
+        self._places = self.scatter.pattern
+        self._wider: dict[str, Constraints] = {}
 
     # ---- constraints ----------------------------------------------------------------------------
 
@@ -115,11 +117,14 @@ class SolidProblem(DiscreteSolid):
         if odd not in self._constraints:
             fixed = np.zeros((3, self.n_nodes), dtype=bool)
             fixed[:, self.nodes] = held_displacements(self.mesh, odd).T
-            self._constraints[odd] = Constraints(self.scatter, np.flatnonzero(~fixed.ravel()), self.solver)
+            self._constraints[odd] = Constraints(
+                self.scatter.pattern, np.flatnonzero(~fixed.ravel()), self.solver
+            )
         return self._constraints[odd]
 
     def begin(self) -> None:
-        """Forget the factors of the last solve."""
+        """Forget the factors of the last solve, and what touched in it."""
+        self._places, self._wider = self.scatter.pattern, {}
         self.constraints().begin(self._undeformed_tangent)
 
     def _undeformed_tangent(self) -> Any:
@@ -150,11 +155,26 @@ class SolidProblem(DiscreteSolid):
         return forces.ravel()[self.constraints().free]
 
     def solve(self, here: Any, rhs: Any, accuracy: float) -> Any:
-        return solves.direction(self.constraints(), self.entries(here, ""), rhs, accuracy)
+        return solves.direction(*self.system(here, ""), rhs, accuracy)
 
-    def negative_pivots(self, here: Any, odd: str) -> int:
-        constraints = self.constraints(odd)
-        return constraints.renew(constraints.restrict(self.entries(here, odd)))
+    def negative_pivots(self, here: Any, odd: str, shift: float = 0.0) -> int:
+        constraints, entries = self.system(here, odd)
+        if shift:
+            entries[constraints.pattern.diagonal] -= shift * self.masses(odd)
+        return constraints.renew(entries)
+
+    def divided(self, odd: str, rhs: Any) -> Any:
+        return self._wider.get(odd, self.constraints(odd)).precondition(rhs)
+
+    def tangent(self, here: Any, odd: str) -> Any:
+        constraints, entries = self.system(here, odd)
+        return constraints.pattern.full(entries)
+
+    def reduced(self, values: Any, odd: str) -> Any:
+        return self.merged(values).ravel()[self.constraints(odd).free]
+
+    def expanded(self, x: Any, odd: str) -> Any:
+        return self.field(x, odd)[:, self.nodes].T
 
     def sums(self, here: Any) -> Sums:
         grad = here.F - (np.eye(3) + here.H)[:, :, None]
@@ -169,7 +189,7 @@ class SolidProblem(DiscreteSolid):
         )
 
     def sensitivities(self, here: Any, odd: str, columns: Sequence[int]) -> Sensitivities:
-        constraints = self.constraints(odd)
+        constraints, entries = self.system(here, odd)
         loads = [self._unit_load(here, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
         forces = [self.assemble(load) for load in loads]
         if here.touching is not None:
@@ -177,7 +197,7 @@ class SolidProblem(DiscreteSolid):
             for force, column in zip(forces, columns, strict=True):
                 force += self.merged(blocks.load_change(len(self.mesh.points), unit[column]))
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
-        U, curvature, indefinite = solves.sensitivities(constraints, self.entries(here, odd), R)
+        U, curvature, indefinite = solves.sensitivities(constraints, entries, R)
         explicit = np.stack([(load @ self.w).ravel() for load in loads])
         # ∂²Π/∂θ∂θ' at fixed u¹; Π is linear in p.
         direct = np.array(
@@ -203,13 +223,26 @@ class SolidProblem(DiscreteSolid):
         """(3, nodes) with periodic nodes added up, of (nodes of the mesh, 3)."""
         return np.stack([np.bincount(self.nodes, column, self.n_nodes) for column in values.T])
 
-    def entries(self, here: Point, odd: str) -> Any:
-        """Upper triangle of ∂²Π/∂u² for the perturbations of a class."""
+    def system(self, here: Point, odd: str) -> tuple[Constraints, Any]:
+        """∂²Π/∂u² for the perturbations of a class: what serves its pattern, and its entries.
+
+        Walls that touch couple unknowns that share no element, so contact may widen the pattern.
+        """
+        constraints = self.constraints(odd)
         if here.touching is None:
-            return here.tangent
+            return constraints, constraints.restrict(here.tangent)
         rows, columns, values = here.touching.blocks(odd).entries
         rows, columns = (i % 3 * self.n_nodes + self.nodes[i // 3] for i in (rows, columns))
-        return self.scatter.added(here.tangent, rows, columns, values)
+        keys, upper = self._places.upper(rows, columns)
+        lacking = self._places.lacks(keys)
+        if len(lacking):
+            self._places, self._wider = self._places.widened(lacking), {}
+        if self._places is not self.scatter.pattern:
+            if odd not in self._wider:
+                self._wider[odd] = constraints.widened(self._places)
+            constraints = self._wider[odd]
+        entries = self._places.spread(here.tangent, self.scatter.pattern)
+        return constraints, constraints.restrict(entries + self._places.sum(keys, values[upper]))
 
     def field(self, values: Any, odd: str = "") -> Any:
         """(3, nodes) of the free unknowns of a class."""
@@ -250,7 +283,7 @@ class SolidProblem(DiscreteSolid):
         swapped = np.stack([[(inner[i] * G[:, j]).sum(axis=0) for j in range(3)] for i in range(3)])
         return (second + pJ) * trace * G - (first + pJ) * swapped + self.material.mu * dF
 
-    def tangent(self, at: Point) -> Any:
+    def stiffness(self, at: Point) -> Any:
         """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""
         _, first, second = self.material.volumetric(np.log(at.J))
         pJ = at.p * at.J

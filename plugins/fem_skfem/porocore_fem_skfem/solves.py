@@ -18,7 +18,7 @@ SENSITIVITY_TOLERANCE = 1e-11
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
 
 
-def direction(constraints: Constraints, tangent: Any, rhs: Any, accuracy: float) -> Any:
+def direction(constraints: Constraints, entries: Any, rhs: Any, accuracy: float) -> Any:
     """K⁻¹ rhs; with an indefinite K, of the least shifted K that is definite.
 
     Raises
@@ -26,7 +26,6 @@ def direction(constraints: Constraints, tangent: Any, rhs: Any, accuracy: float)
     StepFailed
         No shift makes K definite, or the factorisation broke down.
     """
-    entries = constraints.restrict(tangent)
     matrix = constraints.pattern.full(entries)
     try:
         solved = conjugate_gradients(
@@ -56,7 +55,7 @@ def _shifted(constraints: Constraints, entries: Any, rhs: Any) -> Any:
     raise StepFailed(Status.not_converged)
 
 
-def sensitivities(constraints: Constraints, tangent: Any, R: Any) -> tuple[Any, Any, bool]:
+def sensitivities(constraints: Constraints, entries: Any, R: Any) -> tuple[Any, Any, bool]:
     """U = −K⁻¹ R (n, k), its share RᵀU + UᵀR + UᵀKU of the second derivatives, and whether K was met as indefinite.
 
     The share equals RᵀU, has an error of second order in that of U, and is symmetric whatever that error. U is NaN
@@ -67,7 +66,7 @@ def sensitivities(constraints: Constraints, tangent: Any, R: Any) -> tuple[Any, 
     FactorError
         The factor cannot be applied.
     """
-    matrix = constraints.pattern.full(constraints.restrict(tangent))
+    matrix = constraints.pattern.full(entries)
     if constraints.counts:
         solved = refine(matrix, -R, constraints.precondition, tolerance=SENSITIVITY_TOLERANCE)
     else:

@@ -67,7 +67,7 @@ class StokesProblem:
         """x ↦ A⁻¹ x for a velocity component that vanishes at the nodes in ``held`` (mesh nodes,)."""
         if held.tobytes() not in self._inverses:
             free = np.setdiff1d(np.arange(self.n), self.mesh.periodic_class[held])
-            indptr, indices, kept = self.scatter.restricted(free)
+            indptr, indices, kept = self.scatter.pattern.restricted(free)
             data = self.laplacian[kept]
             matrix = SymmetricPattern(indptr, indices).full(data)
             factor = choose_factor(indptr, indices, solver=self.solver, near_kernel=np.ones((len(free), 1)))
