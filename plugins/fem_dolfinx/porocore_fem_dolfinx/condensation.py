@@ -35,15 +35,37 @@ class Condensation:
         whole = len(classes) % 3 == 0 and (classes.reshape(-1, 3) % 3 == np.arange(3)).all()
         self._block = 3 if whole and len(images) % 3 == 0 else 1
         self._matrix: PETSc.Mat | None = None
+        self._keys: Any = None
 
-    def matrix(self, full: PETSc.Mat) -> PETSc.Mat:
-        """Tᵀ A T, in a matrix that is used again by the next call."""
+    def matrix(self, full: PETSc.Mat, entries: tuple[Any, Any, Any] | None = None) -> PETSc.Mat:
+        """Tᵀ A T, in a matrix that is used again by the next call; ``entries`` are rows, columns and values of more A.
+
+        Entries that the pattern of A has no room for make another matrix.
+        """
         if self._matrix is None:
             self._matrix = full.ptap(self._petsc)
             self._matrix.setBlockSize(self._block)
         else:
             full.ptap(self._petsc, result=self._matrix)
-        return self._matrix
+        if entries is None:
+            return self._matrix
+        rows, columns, values = entries
+        more = self.T.T @ sparse.csr_matrix((values, (rows, columns)), shape=full.getSize()) @ self.T
+        if self._has_room(more):
+            self._matrix.axpy(1.0, to_petsc(more), PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+            return self._matrix
+        wider = self._matrix.duplicate(copy=True)
+        wider.axpy(1.0, to_petsc(more), PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        return wider
+
+    def _has_room(self, more: Any) -> bool:
+        """Whether every entry of a matrix of free unknowns lies within the pattern of Tᵀ A T."""
+        if self._keys is None:
+            indptr, indices, _ = self._matrix.getValuesCSR()
+            rows = np.repeat(np.arange(self.size), np.diff(indptr))
+            self._keys = np.sort(rows * self.size + indices)
+        more = more.tocoo()
+        return bool(np.isin(more.row.astype(np.int64) * self.size + more.col, self._keys).all())
 
     def reduce(self, full: Any) -> Any:
         """Tᵀ f."""

@@ -1,4 +1,4 @@
-"""The solid cell problem in UFL: the energy is written down, its derivatives are UFL's."""
+"""The solid cell problem: UFL's forms and the core's contact together, and linear solves with their tangent."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import ufl
+from petsc4py import PETSc
 
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import held_displacements
+from porocore.contact.model import contact_of
 from porocore.equilibrium.discrete import (
     DiscreteSolid,
     FactorError,
@@ -23,12 +24,14 @@ from porocore.equilibrium.discrete import (
 from porocore.states import Status
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
-from porocore_fem_dolfinx.condensation import Condensation
+from porocore_fem_dolfinx.condensation import Condensation, to_scipy
 from porocore_fem_dolfinx.linalg import SymmetricSolver
-from porocore_fem_dolfinx.material import energy_density
+from porocore_fem_dolfinx.solid_forms import SolidForms
 
 #: More iterations than this cost more than a new factor.
 PATIENCE = 18
+#: Of the diagonal's mean, added to an indefinite tangent.
+SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
 
 
 class State(Iterate):
@@ -36,21 +39,26 @@ class State(Iterate):
 
     def __init__(self, problem: SolidProblem, H: Any, p: float, u: Any) -> None:
         self.problem, self.H, self.p, self.u = problem, H, p, u
+        self.contact = problem.contact
 
     @cached_property
     def values(self) -> Any:
         """∇u¹ (9), P + p cof F (9), Ψ and J at the quadrature points, (cells, q, 20)."""
-        self.problem.load(self)
-        return self.problem.domain.evaluate(self.problem.state_expression)
+        return self.problem.loaded(self).values()
 
     @cached_property
     def energy(self) -> float:
-        return self.problem.integral(self.values[:, :, 18] + self.p * self.values[:, :, 19])
+        energy = self.problem.integral(self.values[:, :, 18] + self.p * self.values[:, :, 19])
+        return float(energy if self.touching is None else energy + self.touching.forces.energy)
 
     @cached_property
     def residual(self) -> Any:
-        self.problem.load(self)
-        return self.problem.free("").reduce(compat.assemble_vector(self.problem.residual_form))
+        forces = self.problem.loaded(self).residual()
+        if self.touching is not None:
+            forces += self.problem.to_dofs(
+                self.touching.forces.by_displacement(len(self.problem.mesh.points))
+            )
+        return self.problem.free("").reduce(forces)
 
     @property
     def min_jacobian(self) -> float:
@@ -62,7 +70,7 @@ class State(Iterate):
 
 
 class SolidProblem(DiscreteSolid):
-    """Π and its derivatives on one mesh; compiled once, with H, p and the material's constants as constants."""
+    """Π and its derivatives on one mesh."""
 
     def __init__(
         self, cell: Cell, mesh: CellMesh, *, degree: int, solver: str, petsc: Mapping[str, Any]
@@ -71,55 +79,33 @@ class SolidProblem(DiscreteSolid):
         self._solver, self._petsc = solver, petsc
         self.domain = CellDomain(mesh, degree)
         space = self.domain.lagrange(mesh.order, (3,))
-        self._node = self.domain.nodes_of(compat.cell_dofs(space.dofmap))
+        self._cell_dofs = compat.cell_dofs(space.dofmap)
+        self._node = self.domain.nodes_of(self._cell_dofs)
         self._dof = np.argsort(self._node)
-        self._function = compat.fem.Function(space)
-        self._H = compat.constant(self.domain.domain, np.zeros((3, 3)))
-        self._p = compat.constant(self.domain.domain, 0.0)
-        self._dH = compat.constant(self.domain.domain, np.zeros((3, 3)))
-        self._dp = compat.constant(self.domain.domain, 0.0)
-        self._compile(space)
+        self._forms = SolidForms(self.domain, space, cell.material)
+        self.contact = contact_of(mesh, cell.contact)
         self._free: dict[str, Condensation] = {}
         self._solvers: dict[str, SymmetricSolver] = {}
-        self._loaded: State | None = None
         self._base: SymmetricSolver | None = None
         self._kept: SymmetricSolver | None = None
         self._full: Any = None
         self._full_of: State | None = None
-
-    def _compile(self, space: Any) -> None:
-        domain, dx = self.domain, self.domain.dx
-        v = ufl.TestFunction(space)
-        grad_u = ufl.grad(self._function)
-        F = ufl.variable(ufl.Identity(3) + self._H + grad_u)
-        J = ufl.det(F)
-        energy = energy_density(self.material, F, domain.domain)
-        stress = ufl.diff(energy + self._p * J, F)
-        cofactor = ufl.diff(J, F)
-        i, j, k, m = ufl.indices(4)
-        change = ufl.as_tensor(ufl.diff(stress, F)[i, j, k, m] * self._dH[k, m], (i, j)) + self._dp * cofactor
-        self.residual_form = compat.form(ufl.inner(stress, ufl.grad(v)) * dx)
-        self._tangent_form = compat.form(
-            ufl.derivative(ufl.inner(stress, ufl.grad(v)) * dx, self._function, ufl.TrialFunction(space))
-        )
-        self._change_form = compat.form(ufl.inner(change, ufl.grad(v)) * dx)
-        self._mean_form = compat.form(ufl.inner(self._dH, ufl.grad(v)) * dx)
-        self.state_expression = domain.expression(ufl.as_vector([*_flat(grad_u), *_flat(stress), energy, J]))
-        self._change_expression = domain.expression(ufl.as_vector(_flat(change)))
+        self._shift = 0.0
 
     # ---- what a state is ------------------------------------------------------------------------
 
-    def load(self, here: State) -> None:
-        """Put a state into the function and the constants that the forms refer to."""
-        if self._loaded is not here:
-            self._function.x.array[:] = here.u
-            self._H.value[...] = here.H
-            self._p.value = here.p
-            self._loaded = here
+    def loaded(self, here: State) -> SolidForms:
+        """The forms, of a state."""
+        self._forms.load(here)
+        return self._forms
 
     def to_nodes(self, u: Any) -> Any:
         """(nodes, 3) in the order of the mesh, of values at the dofs."""
         return u.reshape(-1, 3)[self._dof]
+
+    def to_dofs(self, values: Any) -> Any:
+        """Values at the dofs, flat, of (nodes, 3) in the order of the mesh."""
+        return np.ascontiguousarray(values[self._node]).ravel()
 
     def integral(self, values: Any) -> Any:
         """∫ over the domain of values (cells, q, ...)."""
@@ -137,7 +123,7 @@ class SolidProblem(DiscreteSolid):
 
     def iterate(self, H: Any, p: float, displacement: Any = None) -> State:
         u = np.zeros((len(self.mesh.points), 3)) if displacement is None else displacement
-        return State(self, H, p, np.ascontiguousarray(u[self._node]).ravel())
+        return State(self, H, p, self.to_dofs(u))
 
     def moved(self, here: Any, change: Any, H: Any, p: float) -> State:
         return State(self, H, p, here.u + self.free("").expand(change))
@@ -147,26 +133,22 @@ class SolidProblem(DiscreteSolid):
         size = np.maximum(size, 1e-3 * self.material.mu) * self.domain.weights
         # ∇N is about the inverse of the length of an element.
         length = np.cbrt(6 * self.domain.weights.sum(axis=1))
-        forces = np.repeat(size.sum(axis=1) / length, 3 * len(self._cell_nodes[0]))
-        nodes = 3 * self._cell_nodes[:, :, None] + np.arange(3)
-        nodal = np.bincount(nodes.ravel(), forces, minlength=3 * len(self._node))
+        forces = np.repeat(size.sum(axis=1) / length, 3 * len(self._cell_dofs[0]))
+        dofs = 3 * self._cell_dofs[:, :, None] + np.arange(3)
+        nodal = np.bincount(dofs.ravel(), forces, minlength=3 * len(self._node))
         return float(np.linalg.norm(self.free("").restrict(nodal)))
 
-    @cached_property
-    def _cell_nodes(self) -> Any:
-        return compat.cell_dofs(self._function.function_space.dofmap)
-
     def load_change(self, here: Any, dH: Any, dp: float) -> Any:
-        self.load(here)
-        return self.free("").reduce(self._load_vector(dH, dp))
+        return self.free("").reduce(self._load_vector(here, "", dH, dp))
 
-    def _load_vector(self, dH: Any, dp: float) -> Any:
-        self._dH.value[...] = dH
-        self._dp.value = dp
-        return compat.assemble_vector(self._change_form)
+    def _load_vector(self, here: State, odd: str, dH: Any, dp: float) -> Any:
+        forces = self.loaded(here).load_change(dH, dp)
+        if here.touching is not None:
+            forces += self.to_dofs(here.touching.blocks(odd).load_change(len(self.mesh.points), dH))
+        return forces
 
     def begin(self) -> None:
-        self._kept = None
+        self._kept, self._shift = None, 0.0
 
     def _kept_factor(self) -> SymmetricSolver:
         """The factor made last on this path, at first the undeformed cell's, which is made only once."""
@@ -197,14 +179,25 @@ class SolidProblem(DiscreteSolid):
     def _matrix(self, here: State, odd: str) -> Any:
         """The tangent for the free unknowns of a class; the next call for this class changes it."""
         if self._full_of is not here:
-            self.load(here)
-            self._full = compat.assemble_matrix(self._tangent_form, self._full)
+            self._full = self.loaded(here).tangent(self._full)
             self._full_of = here
-        return self.free(odd).matrix(self._full)
+        if here.touching is None:
+            return self.free(odd).matrix(self._full)
+        rows, columns, values = here.touching.blocks(odd).entries
+        rows, columns = (3 * self._dof[i // 3] + i % 3 for i in (rows, columns))
+        return self.free(odd).matrix(self._full, (rows, columns, values))
 
-    def _factor(self, here: State, odd: str, accuracy: float = 1e-12, shift: float = 0.0) -> int:
-        """Make the tangent of a class, with ``shift`` added to its diagonal, the solver's; its negative pivots."""
+    def _factor(
+        self, here: State, odd: str, accuracy: float = 1e-12, shift: float = 0.0, below: float = 0.0
+    ) -> int:
+        """Make the tangent of a class, with ``shift`` added to its diagonal, the solver's; its negative pivots.
+
+        With ``below`` that of K − below·M instead.
+        """
         matrix = self._matrix(here, odd)
+        if below:
+            masses = PETSc.Vec().createWithArray(-below * self.masses(odd), comm=PETSc.COMM_SELF)
+            matrix.setDiagonal(masses, addv=True)
         if shift:
             matrix.shift(shift * float(np.abs(matrix.getDiagonal().array).mean()))
         if odd not in self._solvers:
@@ -218,20 +211,34 @@ class SolidProblem(DiscreteSolid):
         return solver.negative
 
     def _shifted(self, here: State, rhs: Any) -> Any:
-        shift = 1e-3
-        while shift < 10:
+        # Neighbouring iterates need about the same shift, and less of it brings them on faster.
+        shift = max(self._shift / 4, SMALLEST_SHIFT)
+        while shift < LARGEST_SHIFT:
             if self._factor(here, "", shift=shift) <= 0:
                 try:
                     x = self._solvers[""].solve(rhs)
                 except FactorError:
                     x = -rhs
                 if x @ rhs > 0:
+                    self._shift = shift
                     return x
             shift *= 4
         raise StepFailed(Status.not_converged)
 
-    def negative_pivots(self, here: Any, odd: str) -> int:
-        return self._factor(here, odd)
+    def negative_pivots(self, here: Any, odd: str, shift: float = 0.0) -> int:
+        return self._factor(here, odd, below=shift)
+
+    def divided(self, odd: str, rhs: Any) -> Any:
+        return self._solvers[odd].solve(rhs)
+
+    def tangent(self, here: Any, odd: str) -> Any:
+        return to_scipy(self._matrix(here, odd))
+
+    def reduced(self, values: Any, odd: str) -> Any:
+        return self.free(odd).reduce(self.to_dofs(values))
+
+    def expanded(self, x: Any, odd: str) -> Any:
+        return self.to_nodes(self.free(odd).expand(x))
 
     def sums(self, here: Any) -> Sums:
         total = self.integral(here.values)
@@ -245,14 +252,14 @@ class SolidProblem(DiscreteSolid):
         )
 
     def sensitivities(self, here: Any, odd: str, columns: Sequence[int]) -> Sensitivities:
-        self.load(here)
         condensation, solver = self.free(odd), self._solvers[odd]
         R, explicit = [], []
         for column in columns:
             unit = np.zeros(10)
             unit[column] = 1.0
-            R.append(condensation.reduce(self._load_vector(unit[:9].reshape(3, 3), unit[9])))
-            explicit.append(self.integral(self.domain.evaluate(self._change_expression)))
+            load = unit[:9].reshape(3, 3), unit[9]
+            R.append(condensation.reduce(self._load_vector(here, odd, *load)))
+            explicit.append(self.integral(self.loaded(here).stress_change(*load)))
         U, indefinite = [], False
         for r in R:
             try:
@@ -260,7 +267,7 @@ class SolidProblem(DiscreteSolid):
             except FactorError:
                 U.append(np.full(condensation.size, np.nan))
                 indefinite = indefinite or solver.negative > 0
-        grad = np.array([[g @ condensation.expand(u) for g in self._mean_vectors] for u in U])
+        grad = np.array([[g @ condensation.expand(u) for g in self._forms.means] for u in U])
         # ∂²Π/∂θ∂θ' at fixed u¹; Π is linear in p.
         direct = [
             [explicit[a][j] if j < 9 else (explicit[b][i] if i < 9 else 0.0) for b, j in enumerate(columns)]
@@ -269,16 +276,3 @@ class SolidProblem(DiscreteSolid):
         return Sensitivities(
             grad.reshape(-1, 3, 3), np.array(direct) + np.array(R) @ np.array(U).T, indefinite
         )
-
-    @cached_property
-    def _mean_vectors(self) -> list[Any]:
-        """g with g·u = ∫ ∂u_i/∂Y_j dV, for each (i, j)."""
-        vectors = []
-        for unit in np.eye(9).reshape(9, 3, 3):
-            self._dH.value[...] = unit
-            vectors.append(compat.assemble_vector(self._mean_form))
-        return vectors
-
-
-def _flat(tensor: Any) -> list[Any]:
-    return [tensor[i, j] for i in range(3) for j in range(3)]
