@@ -6,7 +6,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
+import numpy as np
+
+from porocore.cell.mass import lumped_mass
 from porocore.cell.material import NeoHookean
 from porocore.cell.mesh import CellMesh
 from porocore.contact.model import ContactModel, Touching
@@ -161,14 +165,42 @@ class DiscreteSolid(ABC):
         """
 
     @abstractmethod
-    def negative_pivots(self, here: Iterate, odd: str) -> int:
+    def negative_pivots(self, here: Iterate, odd: str, shift: float = 0.0) -> int:
         """Number of negative pivots of the tangent of one class of perturbations; -1 where the solver cannot tell.
+
+        With ``shift`` of K − shift·M, with the :meth:`masses` M: the number of eigenvalues below it.
 
         Raises
         ------
         FactorError
             The tangent cannot be factorised.
         """
+
+    @abstractmethod
+    def divided(self, odd: str, rhs: Array) -> Array:
+        """x (n,) with (K − shift·M) x = rhs about, by the factor that :meth:`negative_pivots` made last for the class.
+
+        Raises
+        ------
+        FactorError
+            The factor cannot be applied.
+        """
+
+    @abstractmethod
+    def tangent(self, here: Iterate, odd: str) -> Any:
+        """K of a class, a symmetric sparse matrix (n, n) of scipy's."""
+
+    @abstractmethod
+    def reduced(self, values: Array, odd: str) -> Array:
+        """Sums (n,) over the images of each free unknown of a class, of (nodes, 3)."""
+
+    @abstractmethod
+    def expanded(self, x: Array, odd: str) -> Array:
+        """The field (nodes, 3) of the free unknowns (n,) of a class."""
+
+    def masses(self, odd: str) -> Array:
+        """Lumped mass (n,) of each free unknown of a class, at density 1 of the undeformed solid."""
+        return self.reduced(np.repeat(lumped_mass(self.mesh)[:, None], 3, axis=1), odd)
 
     @abstractmethod
     def sums(self, here: Iterate) -> Sums:
