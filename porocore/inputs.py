@@ -57,7 +57,7 @@ class InputSpace:
 
     def gather(self, states: MacroState) -> Array:
         """The inputs of n states, (n, d)."""
-        return flatten(states)[:, list(self.columns)]
+        return components(states)[list(self.columns)].T
 
     def scatter(self, x: npt.ArrayLike) -> MacroState:
         """States (n) from inputs (n, d), all other components zero."""
@@ -68,9 +68,22 @@ class InputSpace:
 
     def moves_other(self, states: MacroState, tolerance: float = 1e-6) -> npt.NDArray[np.bool_]:
         """Rows (n,) in which a component that is no input is not zero."""
-        rest = np.delete(flatten(states).T, self.columns, axis=0)
-        moves: npt.NDArray[np.bool_] = np.abs(rest).max(axis=0, initial=0.0) > tolerance
+        return self.others_move(components(states), tolerance)
+
+    def others_move(self, rows: Array, tolerance: float = 1e-6) -> npt.NDArray[np.bool_]:
+        """The same of the ten :func:`components` (10, n)."""
+        rest = rows[[column for column in range(10) if column not in self.columns]]
+        moves: npt.NDArray[np.bool_] = np.abs(rest, out=rest).max(axis=0, initial=0.0) > tolerance
         return moves
+
+
+def components(states: MacroState) -> Array:
+    """(10, n): H row by row, then p, each in one piece of memory."""
+    rows, H = np.empty((10, len(states))), states.grad_u.reshape(-1, 9)
+    for i in range(9):
+        rows[i] = H[:, i]
+    rows[9] = states.p
+    return rows
 
 
 def flatten(states: MacroState) -> Array:

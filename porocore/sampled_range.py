@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
-from porocore.inputs import InputSpace
+from porocore.inputs import InputSpace, components
 from porocore.states import Array, MacroState
 
 #: Above this number of inputs the hull has too many facets to be of use and the bounding box stands in.
@@ -57,15 +58,22 @@ class SampledRange:
 
     def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
         """Which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
-        scaled = self._scaled(self.inputs, np.atleast_2d(np.asarray(x, dtype=float)))
-        inside: npt.NDArray[np.bool_] = (self.normals @ scaled.T <= self.offsets[:, None] + tolerance).all(
-            axis=0
-        )
+        rows: Array = np.atleast_2d(np.asarray(x, dtype=float))
+        with_one = np.ones((len(self.inputs) + 1, len(rows)))
+        with_one[:-1] = rows.T
+        inside: npt.NDArray[np.bool_] = (self._planes @ with_one).max(axis=0) <= tolerance
         return inside
+
+    @cached_property
+    def _planes(self) -> Array:
+        """(A, −b) (m, d + 1), for inputs that are not scaled and a one below them."""
+        low, high = np.array(self.inputs.lower), np.array(self.inputs.upper)
+        normals = self.normals / (high - low)
+        return np.column_stack([normals, -self.offsets - normals @ low])
 
     def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
         """Which states (n,) lie outside, or move a component that was not sampled."""
-        inside = self.contains(self.inputs.gather(states))
-        outside: npt.NDArray[np.bool_] = np.logical_not(inside)
-        outside |= self.inputs.moves_other(states)
+        rows = components(states)
+        outside: npt.NDArray[np.bool_] = np.logical_not(self.contains(rows[list(self.inputs.columns)].T))
+        outside |= self.inputs.others_move(rows)
         return outside

@@ -16,6 +16,8 @@ from porocore.states import Array
 SMALL = 0.03
 #: Its coefficients, highest power first.
 _H = tuple(2 * k / (2 * k + 1) for k in range(6, 0, -1))
+#: Keeps 0/0 away.
+_TINY = 1e-300
 #: Three points closer than this share of their mean are developed around it; terms of that series.
 _CLOSE, _TERMS = 0.05, 12
 
@@ -25,16 +27,15 @@ def of_two(x: Array, y: Array) -> tuple[Array, Array, Array]:
     m: Array = (x + y) / 2
     z: Array = (x - y) / (x + y)
     w = z * z
-    small = np.abs(z) < SMALL
     one_over = 1 / (1 - w)
-    apart = np.where(z == 0, 1e-300, z)
-    ratio = np.arctanh(apart) / apart
-    if small.all():
+    size = np.maximum(np.abs(z), _TINY)
+    ratio = np.arctanh(size) / size
+    small = np.flatnonzero(size < SMALL)
+    if len(small) == z.size:
         h = _horner(_H, w)
     else:
-        h = (one_over - ratio) / (apart * z + small)
-        if small.any():
-            h[small] = _horner(_H, w[small])
+        h = (one_over - ratio) / np.maximum(w, _TINY)
+        h.reshape(-1)[small] = _horner(_H, w.reshape(-1)[small])
     scale = -0.5 / (m * m)
     zh = z * h
     return ratio / m, scale * (one_over - zh), scale * (one_over + zh)

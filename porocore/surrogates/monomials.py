@@ -80,7 +80,8 @@ class Polynomial:
         """
         value, by_one, by_two = self._rows
         first, pairs = self._places
-        n, outputs = t.shape[1], len(value)
+        used = self._used
+        n, outputs = t.shape[1], len(used)
         count = outputs + len(first) + (len(pairs) if second else 0)
         out = np.empty((count, n))
         block = max(LARGEST_BLOCK // max(value.shape[1], 1), SMALLEST_BLOCK)
@@ -88,14 +89,18 @@ class Polynomial:
         for start in range(0, n, block):
             columns = slice(start, min(start + block, n))
             monomials = self._monomials(t[:, columns], buffer)
-            np.matmul(value, monomials, out=out[:outputs, columns])
+            np.matmul(value[used], monomials, out=out[:outputs, columns])
             at = outputs
             for rows in (by_one, by_two) if second else (by_one,):
                 np.matmul(rows, monomials[: rows.shape[1]], out=out[at : at + len(rows), columns])
                 at += len(rows)
         after = outputs + len(first)
+        values = out[:outputs]
+        if outputs < len(value):
+            values = np.zeros((len(value), n))
+            values[used] = out[:outputs]
         return (
-            out[:outputs],
+            values,
             list(zip(first, out[outputs:after], strict=True)),
             list(zip(pairs, out[after:], strict=True)) if second else [],
         )
@@ -144,6 +149,11 @@ class Polynomial:
         for rows, parents, a in self._steps:
             np.multiply(out[parents], t[a], out=out[rows])
         return out
+
+    @cached_property
+    def _used(self) -> IntArray:
+        """Outputs that are not zero everywhere."""
+        return np.flatnonzero(self.coefficients.any(axis=1))
 
     @cached_property
     def _places(self) -> tuple[list[tuple[int, int]], list[tuple[int, int, int]]]:

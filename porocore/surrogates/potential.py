@@ -212,12 +212,10 @@ class PotentialModel:
 
     def _mean_grad(self, stretch: LogStretch, y: Array, tangent: bool) -> tuple[Array, tuple[Array, Array]]:
         n = y.shape[1]
-        beyond, t = self.reach.beyond(y), y[list(self.active)]
-        steepness: Array | None = None
+        t = y[list(self.active)]
+        beyond, steepness = self.reach.beyond_active(t), None
         if len(beyond):
-            z, first, _ = self.reach.settled(y[:, beyond])
-            t[:, beyond] = z[list(self.active)]
-            steepness = first
+            t[:, beyond], steepness, _ = self.reach.settled_active(t[:, beyond])
         unrotated = self.rest.mean_grad @ y
         if tangent:
             more, slopes, _ = self.mean_grad.entries(t, second=False)
@@ -234,11 +232,13 @@ class PotentialModel:
         for (output, variable), row in slopes:
             at = output, self.active[variable]
             if steepness is not None:
-                row[beyond] *= steepness[at[1]]
-            by_y[at] = row + by_y.get(at, 0.0)
+                row[beyond] *= steepness[variable]
+            row += by_y.get(at, 0.0)
+            by_y[at] = row
         by_p = np.zeros((n, 3, 3))
         for output in range(9):
-            by_p[:, output // 3, output % 3] = by_y.pop((output, 6), 0.0)
+            if (output, 6) in by_y:
+                by_p[:, output // 3, output % 3] = by_y.pop((output, 6))
         by_H = stretch.rotated_gradient(unrotated.reshape(3, 3, n), by_y)
         return turned, (by_H.reshape(n, 3, 3, 3, 3), by_p if R is None else R @ by_p)
 

@@ -128,7 +128,7 @@ class PotentialData:
         DataError
             A response or a derivative is missing, or fewer than two states are left.
         """
-        kept = np.flatnonzero(data.responses.status == int(Status.converged))
+        kept = np.flatnonzero(data.responses.stable)
         states, responses = data.states[kept], data.responses[kept]
         missing = [
             name

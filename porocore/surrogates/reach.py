@@ -8,6 +8,7 @@ inside the sampled box and come to rest a little beyond it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,7 +50,10 @@ class Reach:
 
     def beyond(self, y: Array) -> IntArray:
         """Which of the states y (7, n) lie outside the box."""
-        inner = y[list(self.active)]
+        return self.beyond_active(y[list(self.active)])
+
+    def beyond_active(self, inner: Array) -> IntArray:
+        """The same of the active variables alone, (d, n)."""
         outside = (inner < self.low[:, None]) | (inner > self.high[:, None])
         return np.flatnonzero(outside.any(axis=0))
 
@@ -59,12 +63,19 @@ class Reach:
         z = y inside the box, and c + δ tanh((y − c)/δ) beyond an end c of it, which is twice continuously
         differentiable.
         """
-        inner = y[list(self.active)]
-        ends = np.clip(inner, self.low[:, None], self.high[:, None])
-        margin = MARGIN * np.maximum(self.high - self.low, 1e-12)[:, None]
-        s = np.tanh((inner - ends) / margin)
+        active = list(self.active)
         z, first, second = y.copy(), np.ones_like(y), np.zeros_like(y)
-        z[list(self.active)] = ends + margin * s
-        first[list(self.active)] = 1 - s * s
-        second[list(self.active)] = -2 * s * (1 - s * s) / margin
+        z[active], first[active], s = self.settled_active(y[active])
+        second[active] = -2 / self._margin * s * first[active]
         return z, first, second
+
+    def settled_active(self, inner: Array) -> tuple[Array, Array, Array]:
+        """z (d, n) of the active variables ``inner`` (d, n), its first derivative, and tanh((y − c)/δ)."""
+        ends = np.minimum(np.maximum(inner, self.low[:, None]), self.high[:, None])
+        s = np.tanh((inner - ends) / self._margin)
+        return ends + self._margin * s, 1 - s * s, s
+
+    @cached_property
+    def _margin(self) -> Array:
+        """δ (d, 1)."""
+        return MARGIN * np.maximum(self.high - self.low, 1e-12)[:, None]

@@ -51,8 +51,8 @@ class LogStretch:
         """From H (n, 3, 3)."""
         n = len(grad_u)
         F = np.array(grad_u.reshape(n, 9).T, order="C")
-        F[[0, 4, 8]] += 1.0
-        diagonal = not F[[1, 2, 3, 5, 6, 7]].any()
+        F[::4] += 1.0
+        diagonal = not (F[1:4].any() or F[5:8].any())
         F = F.reshape(3, 3, n)
         if diagonal:
             stretches = F.reshape(9, n)[::4].copy()
@@ -80,7 +80,9 @@ class LogStretch:
         """ln U, six components (6, n)."""
         logs = np.log(self.stretches)
         if self.axes is None:
-            return np.concatenate([logs, np.zeros((3, len(self)))])
+            L = np.zeros((6, len(self)))
+            L[:3] = logs
+            return L
         Q = self.axes
         return np.stack([(Q[i] * Q[j] * logs).sum(axis=0) for i, j in PLACES])
 
@@ -102,6 +104,10 @@ class LogStretch:
     def _differences(self) -> tuple[Array, Array, Array]:
         """ln[λ_i², λ_j²], ln[λ_i², λ_i², λ_j²] and ln[λ_i², λ_j², λ_j²] for the three of ``PAIRS`` (3, n)."""
         c = self.stretches**2
+        if self.axes is None:
+            for i, j, alike in PAIRS:
+                if (c[i] == c[j]).all():
+                    return diagonal_stretch.uniaxial_differences(c, alike - 3)
         return of_two(c[[1, 0, 0]], c[[2, 2, 1]])
 
     @cached_property
