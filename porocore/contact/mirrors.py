@@ -12,6 +12,7 @@ that is geometric, t δ_t·∇δ_n for each of the two.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from porocore.cell.parity import odd_axes
 from porocore.contact.forces import Blocks, Forces
 from porocore.contact.wall import Wall, wall_of
 from porocore.states import Array, IntArray
+
+if TYPE_CHECKING:
+    from porocore.contact.model import Touching
 
 
 class MirrorContact:
@@ -39,8 +43,8 @@ class MirrorContact:
         self.mesh, self.stiffness, self.deepest = mesh, stiffness, deepest
         self.wall: Wall = wall_of(mesh)
 
-    def at(self, H: Array, u: Array) -> MirrorState:
-        """At u (nodes, 3) under a diagonal H."""
+    def at(self, H: Array, u: Array, like: Touching | None = None) -> MirrorState:
+        """At u (nodes, 3) under a diagonal H; planes and points are always the same pairs."""
         return MirrorState(self, H, u)
 
 

@@ -45,8 +45,12 @@ class ContactModel(Protocol):
 
     deepest: float
 
-    def at(self, H: Array, u: Array) -> Touching:
-        """At u (nodes, 3) under H."""
+    def at(self, H: Array, u: Array, like: Touching | None = None) -> Touching:
+        """At u (nodes, 3) under H.
+
+        What touches what is taken over from ``like`` where it is given: between iterates with the same pairs the
+        energy is continuously differentiable.
+        """
 
 
 def contact_of(mesh: CellMesh, settings: ContactSettings) -> ContactModel | None:

@@ -8,8 +8,10 @@ walls of a contact count and g is twice the distance from a mirror plane, so tha
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -19,6 +21,9 @@ from porocore.contact.forces import Blocks, Forces
 from porocore.contact.triangles import distance_derivatives, project
 from porocore.contact.wall import wall_of
 from porocore.states import Array, IntArray
+
+if TYPE_CHECKING:
+    from porocore.contact.model import Touching
 
 #: The triangles of a facet (VTK order of its six nodes).
 SUBTRIANGLES = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
@@ -54,74 +59,48 @@ class WallContact:
         self.centres, self.normals, _ = _shape(mesh.points[facets[:, :3]])
         self.classes: IntArray = mesh.periodic_class[facets[:, :3]]
 
-    def at(self, H: Array, u: Array) -> WallState:
-        """At u (nodes, 3) under H."""
-        return WallState(self, H, u)
+    def at(self, H: Array, u: Array, like: Touching | None = None) -> WallState:
+        """At u (nodes, 3) under H, with the pairs of ``like`` or new ones."""
+        x = self.mesh.points @ (np.eye(3) + H).T + u
+        pairs = like.pairs if isinstance(like, WallState) else find_pairs(self, np.eye(3) + H, x)
+        return WallState(self, np.eye(3) + H, x, pairs)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """m points of the wall, each with the triangle that it is held against.
+
+    Attributes
+    ----------
+    N : (m, a)
+        Shape functions at the point.
+    weights : (m,)
+        Its undeformed area.
+    nodes : (m, a + 3)
+        Of its facet and of the triangle.
+    shifts : (m, 3)
+        Of the triangle, in periods.
+    """
+
+    N: Array
+    weights: Array
+    nodes: IntArray
+    shifts: Array
 
 
 class WallState:
     """Gaps at one iterate, and what follows from them."""
 
-    def __init__(self, contact: WallContact, H: Array, u: Array) -> None:
-        self.contact = contact
-        mesh = contact.mesh
-        self._F0 = np.eye(3) + H
-        self._x = mesh.points @ self._F0.T + u
-        self._find(*self._facing())
-
-    def _facing(self) -> tuple[IntArray, IntArray, Array]:
-        """Pairs of facets that are near and face each other: slave, master, and the master's periodic shift (P, 3)."""
-        contact = self.contact
-        centres, normals, radii = _shape(self._x[contact.wall.facets[:, :3]])
-        reach = 2 * float(radii.max()) + contact.deepest
-        tree = cKDTree(centres)
-        low, high = centres.min(axis=0) - reach, centres.max(axis=0) + reach
-        found = []
-        for shift in product((-1.0, 0.0, 1.0), repeat=3):
-            moved = centres + self._F0 @ np.array(shift)
-            near = np.flatnonzero(((moved > low) & (moved < high)).all(axis=1))
-            if not len(near):
-                continue
-            pairs = tree.sparse_distance_matrix(cKDTree(moved[near]), reach, output_type="ndarray")
-            slave, master = pairs["i"].astype(np.int64), near[pairs["j"].astype(np.int64)]
-            close = pairs["v"] < radii[slave] + radii[master] + contact.deepest
-            opposed = (normals[slave] * normals[master]).sum(axis=1) < OPPOSED
-            kept = np.flatnonzero(close & opposed)
-            found.append((slave[kept], master[kept], np.tile(np.array(shift), (len(kept), 1))))
-        slave, master, shifts = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        neighbours = (contact.classes[slave][:, :, None] == contact.classes[master][:, None, :]).any(
-            axis=(1, 2)
-        )
-        away = contact.centres[slave] - contact.centres[master] - shifts
-        convex = (away * contact.normals[master]).sum(axis=1) < -CONVEX * np.linalg.norm(away, axis=1)
-        kept = np.flatnonzero(~(neighbours & convex))
-        return slave[kept], master[kept], shifts[kept]
-
-    def _find(self, slave: IntArray, master: IntArray, shifts: Array) -> None:
-        """The points that have passed a plane, at most one triangle for each."""
-        contact, wall = self.contact, self.contact.wall
-        q = len(wall.N)
-        points = np.einsum("qa,pai->pqi", wall.N, self._x[wall.facets[slave]])
-        corners = self._x[contact.triangles[master]] + (shifts @ self._F0.T)[:, None, None]
-        gaps, _, weights = project(points[:, :, None], corners[:, None])
-        beside = np.maximum(-weights.min(axis=-1), 0.0)
-        touching = (gaps < 0) & (gaps > -2 * contact.deepest) & (beside < BESIDE)
-        pair, point, triangle = np.nonzero(touching)
-        number = slave[pair] * q + point
-        # Of several triangles under one point the one that it has passed least.
-        order = np.lexsort((-gaps[pair, point, triangle], number))
-        chosen = order[np.unique(number[order], return_index=True)[1]]
-        pair, point, triangle = pair[chosen], point[chosen], triangle[chosen]
-        self._points = points[pair, point]
-        self._corners = corners[pair, triangle]
-        self._weights = wall.weights[slave[pair], point]
-        self._N = wall.N[point]
-        own = wall.facets[slave[pair]]
-        other = contact.triangles[master[pair], triangle]
-        #: Nodes of the slave's facet and of the master's triangle, (m, a + 3).
-        self._nodes = np.concatenate([own, other], axis=1)
-        X = contact.mesh.points
-        self._places = np.concatenate([X[own], X[other] + shifts[pair][:, None]], axis=1)
+    def __init__(self, contact: WallContact, F0: Array, x: Array, pairs: Pairs) -> None:
+        self.contact, self.pairs = contact, pairs
+        a = pairs.N.shape[1]
+        points = np.einsum("ma,mai->mi", pairs.N, x[pairs.nodes[:, :a]])
+        corners = x[pairs.nodes[:, a:]] + (pairs.shifts @ F0.T)[:, None]
+        passed = np.flatnonzero(project(points, corners)[0] < 0)
+        self._points, self._corners = points[passed], corners[passed]
+        self._weights, self._N, self._nodes = pairs.weights[passed], pairs.N[passed], pairs.nodes[passed]
+        self._places = contact.mesh.points[self._nodes]
+        self._places[:, a:] += pairs.shifts[passed][:, None]
 
     @property
     def active(self) -> bool:
@@ -173,6 +152,51 @@ class WallState:
         inner = weight * (slope[:, :, None] * slope[:, None, :] + g[:, None, None] * bend)
         matrices = self._motion.swapaxes(1, 2) @ inner @ self._motion
         return Blocks(self._nodes, self._places, matrices)
+
+
+def find_pairs(contact: WallContact, F0: Array, x: Array) -> Pairs:
+    """The points of the wall that are near an opposite triangle or have passed it, positions x (nodes, 3)."""
+    wall, q = contact.wall, len(contact.wall.N)
+    slave, master, shifts = _facing(contact, F0, x)
+    points = np.einsum("qa,pai->pqi", wall.N, x[wall.facets[slave]])
+    corners = x[contact.triangles[master]] + (shifts @ F0.T)[:, None, None]
+    gaps, _, weights = project(points[:, :, None], corners[:, None])
+    beside = np.maximum(-weights.min(axis=-1), 0.0)
+    pair, point, triangle = np.nonzero((np.abs(gaps) < 2 * contact.deepest) & (beside < BESIDE))
+    number = slave[pair] * q + point
+    # The triangle that the point lies above, and of several the nearest: so g changes continuously when a point
+    # slides from one triangle to the next, over an edge or a groove.
+    order = np.lexsort((np.abs(gaps[pair, point, triangle]), beside[pair, point, triangle], number))
+    chosen = order[np.unique(number[order], return_index=True)[1]]
+    pair, point, triangle = pair[chosen], point[chosen], triangle[chosen]
+    nodes = np.concatenate([wall.facets[slave[pair]], contact.triangles[master[pair], triangle]], axis=1)
+    return Pairs(wall.N[point], wall.weights[slave[pair], point], nodes, shifts[pair])
+
+
+def _facing(contact: WallContact, F0: Array, x: Array) -> tuple[IntArray, IntArray, Array]:
+    """Pairs of facets that are near and face each other: slave, master, and the master's periodic shift (P, 3)."""
+    centres, normals, radii = _shape(x[contact.wall.facets[:, :3]])
+    reach = 2 * float(radii.max()) + contact.deepest
+    tree = cKDTree(centres)
+    low, high = centres.min(axis=0) - reach, centres.max(axis=0) + reach
+    found = []
+    for shift in product((-1.0, 0.0, 1.0), repeat=3):
+        moved = centres + F0 @ np.array(shift)
+        near = np.flatnonzero(((moved > low) & (moved < high)).all(axis=1))
+        if not len(near):
+            continue
+        pairs = tree.sparse_distance_matrix(cKDTree(moved[near]), reach, output_type="ndarray")
+        slave, master = pairs["i"].astype(np.int64), near[pairs["j"].astype(np.int64)]
+        close = pairs["v"] < radii[slave] + radii[master] + contact.deepest
+        opposed = (normals[slave] * normals[master]).sum(axis=1) < OPPOSED
+        kept = np.flatnonzero(close & opposed)
+        found.append((slave[kept], master[kept], np.tile(np.array(shift), (len(kept), 1))))
+    slave, master, shifts = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    neighbours = (contact.classes[slave][:, :, None] == contact.classes[master][:, None, :]).any(axis=(1, 2))
+    away = contact.centres[slave] - contact.centres[master] - shifts
+    convex = (away * contact.normals[master]).sum(axis=1) < -CONVEX * np.linalg.norm(away, axis=1)
+    kept = np.flatnonzero(~(neighbours & convex))
+    return slave[kept], master[kept], shifts[kept]
 
 
 def _shape(corners: Array) -> tuple[Array, Array, Array]:

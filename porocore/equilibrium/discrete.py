@@ -46,13 +46,28 @@ class Iterate(ABC):
     #: What the solid touches; None where there is no contact.
     contact: ContactModel | None = None
 
+    _like: Touching | None = None
+
     @cached_property
-    def touching(self) -> Touching | None:
-        """Contact at this iterate, None where nothing touches."""
+    def _contact(self) -> Touching | None:
         if self.contact is None:
             return None
-        state = self.contact.at(self.H, self.displacement)
-        return state if state.active else None
+        return self.contact.at(self.H, self.displacement, self._like)
+
+    @property
+    def touching(self) -> Touching | None:
+        """Contact at this iterate, None where nothing touches."""
+        return self._contact if self._contact is not None and self._contact.active else None
+
+    def pair_like(self, other: Iterate) -> None:
+        """Let touch what touches at the other iterate; before anything else is asked for."""
+        self._like = other._contact
+
+    def pair_again(self) -> None:
+        """Look again what touches what."""
+        self._like = None
+        for name in ("_contact", "energy", "residual"):
+            self.__dict__.pop(name, None)
 
     @property
     @abstractmethod

@@ -15,6 +15,8 @@ from porocore.equilibrium.discrete import DiscreteSolid, Iterate, StepFailed
 from porocore.states import Array, Status
 
 ITERATIONS = 50
+#: After so many the pairs that touch stay as they are: at an edge a point may change to and fro for ever.
+PAIRINGS = 12
 #: In any component of H and in p; a step beyond it seldom converges.
 LARGEST_STEP = 0.16
 SMALLEST_STEP = 1 / 300
@@ -101,6 +103,7 @@ def _newton(problem: DiscreteSolid, here: Iterate, tolerance: float) -> tuple[It
         length, inverted = 1.0, True
         while length > 1e-3:
             trial = problem.moved(here, length * change, here.H, here.p)
+            trial.pair_like(here)
             if trial.min_jacobian > 0:
                 inverted = False
                 if trial.energy <= here.energy + ARMIJO * length * slope:
@@ -115,6 +118,8 @@ def _newton(problem: DiscreteSolid, here: Iterate, tolerance: float) -> tuple[It
                 return here, iteration
             raise StepFailed(Status.inverted if inverted else Status.not_converged)
         here = trial
+        if iteration < PAIRINGS:
+            here.pair_again()
     if float(np.linalg.norm(here.residual)) <= goal:
         return here, ITERATIONS
     raise StepFailed(Status.not_converged)
