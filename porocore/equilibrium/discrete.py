@@ -202,6 +202,10 @@ class DiscreteSolid(ABC):
         """
 
     @abstractmethod
+    def forget(self, odd: str) -> None:
+        """Free the memory of what serves one class, not "" alone; it is made anew when it is needed."""
+
+    @abstractmethod
     def tangent(self, here: Iterate, odd: str) -> Any:
         """K of a class, a symmetric sparse matrix (n, n) of scipy's."""
 

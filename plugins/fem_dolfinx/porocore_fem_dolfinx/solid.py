@@ -231,6 +231,10 @@ class SolidProblem(DiscreteSolid):
     def divided(self, odd: str, rhs: Any) -> Any:
         return self._solvers[odd].solve(rhs)
 
+    def forget(self, odd: str) -> None:
+        self._free.pop(odd, None)
+        self._solvers.pop(odd, None)
+
     def tangent(self, here: Any, odd: str) -> Any:
         return to_scipy(self._matrix(here, odd))
 

@@ -166,6 +166,10 @@ class SolidProblem(DiscreteSolid):
     def divided(self, odd: str, rhs: Any) -> Any:
         return self._wider.get(odd, self.constraints(odd)).precondition(rhs)
 
+    def forget(self, odd: str) -> None:
+        self._constraints.pop(odd, None)
+        self._wider.pop(odd, None)
+
     def tangent(self, here: Any, odd: str) -> Any:
         constraints, entries = self.system(here, odd)
         return constraints.pattern.full(entries)
