@@ -28,7 +28,8 @@ def lumped_mass(mesh: CellMesh) -> Array:
     volume = np.linalg.det(jacobian) * weights
     diagonal = volume @ N**2
     share = diagonal * (volume.sum(axis=1) / diagonal.sum(axis=1))[:, None]
-    return np.bincount(mesh.cells.ravel(), share.ravel(), len(mesh.points))
+    nodal = np.bincount(mesh.cells.ravel(), share.ravel(), len(mesh.points))
+    return nodal.astype(np.float64)
 
 
 def shape_functions(points: Array, nodes: int) -> tuple[Array, Array]:

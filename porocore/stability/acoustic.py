@@ -1,0 +1,102 @@
+"""Loss of rank-one convexity of W: the smallest eigenvalue of the acoustic tensor over all directions.
+
+Q_ik(n) = A_ijkl n_j n_l with A = ∂P_E/∂H at fixed p, the drained tangent. Where m·Q(n)m < 0 for some n and m, a jump of
+F by m ⊗ n lowers the energy to second order: the macroscopic problem loses ellipticity, and bands may form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.states import Array, CellResponse
+
+#: Directions on the half sphere, about 2.5° apart.
+DIRECTIONS = 4000
+#: Of the sampled minima, so many best ones are refined.
+REFINED = 12
+ITERATIONS = 500
+
+
+@dataclass(frozen=True, eq=False)
+class AcousticMinimum:
+    """Smallest m·Q(n)m over unit vectors.
+
+    Attributes
+    ----------
+    value : float
+        [E]; the material is strongly elliptic where it is positive.
+    direction : (3,)
+        n, the normal of the band.
+    polarisation : (3,)
+        m.
+    """
+
+    value: float
+    direction: Array
+    polarisation: Array
+
+
+def acoustic_tensor(A: Array, n: Array) -> Array:
+    """Q (..., 3, 3), symmetrised, for directions (..., 3)."""
+    Q = np.einsum("ijkl,...j,...l->...ik", A, n, n, optimize=True)
+    symmetric: Array = (Q + np.swapaxes(Q, -1, -2)) / 2
+    return symmetric
+
+
+def acoustic_minimum(A: Array) -> AcousticMinimum:
+    """Over all directions: a fine sample, then descent from its best.
+
+    Parameters
+    ----------
+    A : (3, 3, 3, 3)
+        ∂P_ij/∂H_kl.
+
+    Returns
+    -------
+    AcousticMinimum
+        NaN throughout where A is not finite.
+    """
+    if not np.isfinite(A).all():
+        return AcousticMinimum(float("nan"), np.full(3, np.nan), np.full(3, np.nan))
+    sample = half_sphere(DIRECTIONS)
+    lowest = np.linalg.eigvalsh(acoustic_tensor(A, sample))[:, 0]
+    n = sample[np.argsort(lowest, kind="stable")[:REFINED]]
+    best = np.inf
+    for _ in range(ITERATIONS):
+        m = np.linalg.eigh(acoustic_tensor(A, n))[1][..., 0]
+        # At fixed m the form is quadratic in n: each half step takes its least value.
+        by_n = np.einsum("ijkl,ai,ak->ajl", A, m, m, optimize=True)
+        values, vectors = np.linalg.eigh((by_n + by_n.transpose(0, 2, 1)) / 2)
+        n = vectors[..., 0]
+        value = float(values[:, 0].min())
+        if best - value <= 1e-12 * np.abs(A).max():
+            break
+        best = value
+    Q = acoustic_tensor(A, n)
+    values, vectors = np.linalg.eigh(Q)
+    first = int(values[:, 0].argmin())
+    return AcousticMinimum(float(values[first, 0]), _upward(n[first]), _upward(vectors[first, :, 0]))
+
+
+def acoustic_minima(response: CellResponse) -> Array:
+    """The values (n,) for every row of a response; NaN for rows without tangents."""
+    if response.tangent is None or response.tangent.stress_grad_u is None:
+        return np.full(len(response), np.nan)
+    return np.array([acoustic_minimum(A).value for A in response.tangent.stress_grad_u])
+
+
+def half_sphere(count: int) -> Array:
+    """Directions (count, 3) spread evenly over the half sphere z > 0, by the golden angle."""
+    k = np.arange(count) + 0.5
+    z = k / count
+    angle = np.pi * (3 - np.sqrt(5)) * k
+    r = np.sqrt(1 - z * z)
+    return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+
+
+def _upward(n: Array) -> Array:
+    """Of ±n the one whose largest component is positive."""
+    upward: Array = n * np.sign(n[np.abs(n).argmax()])
+    return upward
