@@ -17,7 +17,7 @@ from porocore.interfaces.sampler import Request, Sampler
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.pipeline import prepare_cell
 from porocore.sampling.campaign import run_campaign
-from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.states import Array, CellResponse, MacroState
 
 #: Second-order elements on an eighth of the cell for diagonal states, on the whole cell for others; r = 0.25, ν = 0.35.
 CELL = Cell()
@@ -74,7 +74,7 @@ class Library:
         counts = ", ".join(f"{n} {status.name}" for status, n in summary.counts.items())
         print(f"{name}: {counts}; {summary.solved} solved in {summary.seconds:.0f} s", file=sys.stderr)
         responses = dataset.responses()
-        stable = np.flatnonzero(responses.status == Status.converged)
+        stable = np.flatnonzero(responses.stable)
         return dataset.states()[stable], responses[stable]
 
     def training_set(self, states: MacroState, responses: CellResponse) -> TrainingSet:

@@ -85,7 +85,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
 
 
 def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
-    """Fit the surrogate that the closure needs to the converged states, unless it was done before."""
+    """Fit the surrogate that the closure needs to the stable states, unless it was done before."""
     path = folder.surrogate_of(config)
     if path.exists():
         load_surrogate(folder, config)
@@ -176,7 +176,7 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
 
 
 def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
-    """The converged states of the run.
+    """The stable states of the run, in contact or not.
 
     Raises
     ------
@@ -186,10 +186,10 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
     sampler: Sampler = make_backend("sampler", config)
     dataset = _finished(folder, folder.dataset, config.stages.sampling, sampler)
     responses = dataset.responses()
-    good = np.flatnonzero(responses.status == Status.converged)
+    good = np.flatnonzero(responses.stable)
     if len(good) <= 2 * len(dataset.inputs) + 1:
         raise DataError(
-            f"{folder.dataset}: only {len(good)} of {len(dataset)} states converged, too few to train on; "
+            f"{folder.dataset}: only {len(good)} of {len(dataset)} states are stable, too few to train on; "
             "widen the ranges or refine the steps in sampling.inputs"
         )
     return TrainingSet(

@@ -177,3 +177,8 @@ class CellResponse(_Batch):
     def valid(self) -> npt.NDArray[np.bool_]:
         """Rows that hold values, (n,) bool."""
         return np.isin(self.status, [status for status in Status if status.has_values])
+
+    @property
+    def stable(self) -> npt.NDArray[np.bool_]:
+        """Rows of stable equilibria, with contact or without: what a surrogate may learn from, (n,) bool."""
+        return np.isin(self.status, [status for status in Status if status.stable])

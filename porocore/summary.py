@@ -31,6 +31,7 @@ from porocore.report.context import (
 )
 from porocore.report.gaps import case_gaps
 from porocore.report.metrics import report_metrics, rms_percent, worst_percent
+from porocore.report.statuses import solved_shares, visited_shares
 from porocore.runfolder import LINEAR, RunFolder, direct_law, versions
 from porocore.sampled_range import SampledRange
 from porocore.solution import MacroSolution
@@ -69,7 +70,7 @@ def gather(
         for load in config.macro.loads
     )
     responses = dataset.responses()
-    training = responses.status == Status.converged
+    training = responses.stable
     summaries = {
         name: _surrogate_summary(folder, config.with_closure(name), reference, dataset, held_out, surrogate)
         for name, surrogate in surrogates.items()
@@ -106,6 +107,7 @@ def gather(
         "sampling": {
             "states": len(dataset),
             "statuses": _counts(responses.status),
+            "shares": solved_shares(context.sampling),
             "solve_seconds_mean": float(np.mean(dataset.seconds())),
             "held_out_states": len(held_out),
             "held_out_statuses": _counts(held_out.responses().status),
@@ -117,7 +119,11 @@ def gather(
         },
         "closure": None if closure is None else closure.for_json(),
         "macro": [
-            {**found, "gaps": case_gaps(case)}
+            {
+                **found,
+                "gaps": case_gaps(case),
+                "cell_states": visited_shares(case.nonlinear, context.sampling),
+            }
             for found, case in zip(report_metrics(cases)["cases"], cases, strict=True)
         ],
     }
@@ -146,8 +152,8 @@ def _surrogate_summary(
     model = getattr(surrogate, "model", None)
     return SurrogateSummary(
         backend=config.surrogate.backend,
-        description=f"{f'model {model}, ' if model else ''}{config.closure} closure; trained on converged states only",
-        training_states=int((dataset.responses().status == Status.converged).sum()),
+        description=f"{f'model {model}, ' if model else ''}{config.closure} closure; trained on stable states only",
+        training_states=int(dataset.responses().stable.sum()),
         outputs=output_checks(dataset, held_out, surrogate),
         curve=_training_curve(folder, config),
         closure_error=_closure_error(config, reference, dataset),
@@ -184,8 +190,8 @@ def direct_costs(folder: RunFolder, config: RunConfig, timings: dict[str, float]
 
 
 def _closure_error(config: RunConfig, reference: CellReference, dataset: Dataset) -> ClosureError | None:
-    """Of the run's closure on the converged states; None from a cell solver that gives no stress."""
-    solved = np.flatnonzero(dataset.responses().status == Status.converged)
+    """Of the run's closure on the stable states; None from a cell solver that gives no stress."""
+    solved = np.flatnonzero(dataset.responses().stable)
     exact = dataset.responses()[solved]
     if exact.stress is None or exact.fluid_volume is None:
         return None
@@ -196,8 +202,8 @@ def _closure_error(config: RunConfig, reference: CellReference, dataset: Dataset
 def output_checks(dataset: Dataset, held_out: Dataset, surrogate: Surrogate) -> tuple[OutputCheck, ...]:
     """The surrogate against the solved held-out states, for each component of what it predicts that varies."""
     trained, tested = dataset.responses(), held_out.responses()
-    training = trained.status == Status.converged
-    solved = np.flatnonzero(tested.status == Status.converged)
+    training = trained.stable
+    solved = np.flatnonzero(tested.stable)
     states = held_out.states()[solved]
     predicted = surrogate.predict(states, tangent=False)
     outside = SampledRange.around(dataset.inputs, dataset.x()[training]).outside(states)

@@ -27,7 +27,7 @@ from porocore.files import atomic_path
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.pipeline import training_set
 from porocore.runfolder import RunFolder
-from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.states import Array, CellResponse, MacroState
 from porocore.tune_workers import Task, run_tasks
 
 FORMAT, VERSION = "porocore-tune", 1
@@ -287,10 +287,10 @@ def _held_out(folder: RunFolder, config: RunConfig) -> tuple[MacroState, CellRes
     path = folder.require(folder.test_dataset, "sample")
     dataset = Dataset.open(path, inputs=config.sampling.input_space(), identity=config.stages.test)
     responses = dataset.responses()
-    good = np.flatnonzero(responses.status == Status.converged)
+    good = np.flatnonzero(responses.stable)
     if not len(good):
         raise DataError(
-            f"{path}: none of the {len(dataset)} held-out states converged; narrow sampling.inputs"
+            f"{path}: none of the {len(dataset)} held-out states is stable; narrow sampling.inputs"
         )
     return dataset.states()[good], responses[good]
 

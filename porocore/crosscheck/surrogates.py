@@ -28,7 +28,7 @@ from porocore.registry import registry
 from porocore.runfolder import versions
 from porocore.sampling.campaign import Progress, run_campaign
 from porocore.sampling.random_states import RandomStates, random_requests
-from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.states import Array, CellResponse, MacroState
 
 #: States at which surrogates are compared with each other; nothing is solved there.
 BETWEEN = 500
@@ -45,7 +45,7 @@ class Samples:
     reference
         Its undeformed cell.
     training
-        The converged states of the sampler.
+        The stable states of the sampler.
     states, solved
         Held-out states with values.
     seconds
@@ -122,10 +122,10 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> Samples:
                 seconds += run_campaign(source, pool, dataset, on_progress=show).seconds
             datasets.append((dataset.states(), dataset.responses()))
     (states, responses), (unseen, solved) = datasets
-    good, valid = np.flatnonzero(responses.status == Status.converged), np.flatnonzero(solved.valid)
+    good, valid = np.flatnonzero(responses.stable), np.flatnonzero(solved.valid)
     if len(good) <= 2 * len(inputs) + 1 or not len(valid):
         raise DataError(
-            f"only {len(good)} of {len(responses)} states to learn from converged, and {len(valid)} held-out ones "
+            f"only {len(good)} of {len(responses)} states to learn from are stable, and {len(valid)} held-out ones "
             "have values: too few; widen the ranges or refine the steps in sampling.inputs"
         )
     training = TrainingSet(

@@ -182,7 +182,7 @@ class SurrogateSummary:
     training_states: int
     outputs: tuple[OutputCheck, ...]
     curve: TrainingCurve | None = None
-    #: Of the closure itself on the converged states; None: not known.
+    #: Of the closure itself on the stable states; None: not known.
     closure_error: ClosureError | None = None
     #: The closure that uses it.
     closure: str = "mean-gradient"

@@ -16,6 +16,7 @@ from porocore.report.format import plain
 from porocore.report.gaps import COMPARED, case_gaps
 from porocore.report.metrics import case_metrics, rms_percent, worst_percent
 from porocore.report.page import Picture, environment, png_picture, svg_picture
+from porocore.report.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
 from porocore.report.words import (
     MEANINGS,
     all_warnings,
@@ -54,13 +55,17 @@ def render(context: ReportContext) -> str:
         context=context,
         warnings=all_warnings(context),
         metrics=metrics,
-        sentences=[case_sentences(m) for m in metrics],
+        sentences=[
+            [*case_sentences(m), visited_sentence(visited_shares(case.nonlinear, context.sampling))]
+            for m, case in zip(metrics, context.cases, strict=True)
+        ],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
         conductivity=[conductivity_change(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
         linear_rows=linear_rows(context.cell),
         cell_picture=_cell_picture(context),
         statuses=_statuses(context.sampling),
+        solved=solved_sentence(solved_shares(context.sampling)),
         training_states=int(context.sampling.training.sum()),
         samples=svg_picture(_samples_figure(context), "Sampled states by how their solution ended"),
         surrogates=[

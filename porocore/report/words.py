@@ -13,6 +13,7 @@ from porocore.states import Status
 #: What each status means, in plain words.
 MEANINGS: dict[Status, str] = {
     Status.converged: "in equilibrium, and stable as far as the solved part of the cell can tell",
+    Status.contact: "in equilibrium and stable, with the pore wall pressed against itself or its mirror image",
     Status.unstable: "in equilibrium, but the cell would leave it at the least disturbance (indefinite "
     "tangent); the values are kept",
     Status.overlap: "the pore wall has passed through itself or its mirror image, or no fluid volume is "

@@ -9,7 +9,7 @@ import numpy as np
 
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.states import Array, CellResponse, MacroState
 from porocore.surrogates.components import PLACES
 from porocore.surrogates.stretch import LogStretch
 from porocore.surrogates.terms import is_cubic

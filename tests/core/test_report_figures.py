@@ -115,9 +115,9 @@ def test_profile_of_an_unknown_quantity_or_time(pair):
 def test_samples_by_status():
     inputs = InputSpace(("p", "H12", "H22"), (0, -1, -0.4), (1, 1, 0.04))
     rng = np.random.default_rng(0)
-    x = rng.uniform(inputs.lower, inputs.upper, (50, 3))
+    x = rng.uniform(inputs.lower, inputs.upper, (10 * len(Status), 3))
     status = np.repeat([int(s) for s in Status], 10)
-    training = status <= int(Status.unstable)
+    training = np.isin(status, [Status.converged, Status.contact])
     figure = samples_figure(
         inputs, x, status, training=training, visited=[x[:5], x[5:9]], crease=(-0.15, -0.33)
     )

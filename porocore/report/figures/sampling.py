@@ -30,6 +30,7 @@ from porocore.states import Array, IntArray, Status
 #: Marker, colour, filled, size and label of each status; shape and fill tell them apart without colour.
 MARKERS: dict[Status, tuple[str, str, bool, float, str]] = {
     Status.converged: ("o", BLUE, True, 3.6, "converged"),
+    Status.contact: ("D", SKY, True, 4.2, "contact"),
     Status.unstable: ("^", ORANGE, True, 5.5, "unstable"),
     Status.overlap: ("s", VERMILLION, False, 4.6, "overlap"),
     Status.inverted: ("x", BLACK, True, 5.5, "inverted"),

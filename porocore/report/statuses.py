@@ -1,0 +1,77 @@
+"""How the states of a run ended: the solved ones, and by their nearest neighbours those that the body went through."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from porocore.report.context import SamplingSummary
+from porocore.report.format import percent
+from porocore.solution import MacroSolution, Profile
+from porocore.states import Array, MacroState, Status
+
+#: What a reader must know of a state that is not plainly converged.
+SHARES: dict[str, tuple[Status, ...]] = {
+    "contact": (Status.contact,),
+    "unstable": (Status.unstable,),
+    "without_values": tuple(status for status in Status if not status.has_values),
+}
+
+
+def solved_shares(sampling: SamplingSummary) -> dict[str, float]:
+    """Of the solved states, those in contact, unstable, and without values; ready for JSON."""
+    count = max(len(sampling.status), 1)
+    return {name: int(np.isin(sampling.status, kinds).sum()) / count for name, kinds in SHARES.items()}
+
+
+def visited_shares(solution: MacroSolution, sampling: SamplingSummary) -> list[dict[str, float]]:
+    """The same of the body at each time of which a profile was kept, by volume; ready for JSON.
+
+    A macroscopic law does not know how a cell would end. Each element counts as the solved state that lies nearest to
+    its own, in inputs divided by their ranges. What lies beyond the sampled range is flagged elsewhere, and counts here
+    as what the sampling found at its edge.
+    """
+    if not len(sampling.status):
+        return []
+    span = np.subtract(sampling.inputs.upper, sampling.inputs.lower)
+    tree = cKDTree(sampling.x / span)
+    volume = np.ptp(solution.points[solution.cells], axis=1).prod(axis=1)  # elements are bricks
+    return [_at(profile, sampling, tree, span, volume) for profile in solution.profiles]
+
+
+def _at(
+    profile: Profile, sampling: SamplingSummary, tree: Any, span: Array, volume: Array
+) -> dict[str, float]:
+    x = sampling.inputs.gather(MacroState(profile.grad_u, profile.element_p))
+    status = sampling.status[tree.query(x / span)[1]]
+    shares = {
+        name: float(volume[np.isin(status, kinds)].sum() / volume.sum()) for name, kinds in SHARES.items()
+    }
+    return {"time": profile.time, **shares}
+
+
+def solved_sentence(shares: dict[str, float]) -> str:
+    """:func:`solved_shares` in words."""
+    return (
+        f"Of the solved states {percent(shares['contact'], 0)} are in contact, the pore wall pressed against itself, "
+        f"{percent(shares['unstable'], 0)} are unstable and {percent(shares['without_values'], 0)} have no valid data."
+    )
+
+
+def visited_sentence(visited: list[dict[str, float]]) -> str:
+    """:func:`visited_shares` in words; empty where no profile was kept."""
+    if not visited:
+        return ""
+    end = visited[-1]
+    largest = {name: max(at[name] for at in visited) for name in SHARES}
+    if not any(largest.values()):
+        return "At all times of the kept profiles the nearest solved states of the cell are stable and free of contact."
+    return (
+        f"By the nearest solved state of the cell, {percent(end['contact'], 0)} of the body is at the end in contact "
+        f"of the pore wall with itself, {percent(end['unstable'], 0)} in unstable states and "
+        f"{percent(end['without_values'], 0)} in states without valid data; at any time of a kept profile at most "
+        f"{percent(largest['contact'], 0)}, {percent(largest['unstable'], 0)} and "
+        f"{percent(largest['without_values'], 0)}."
+    )
