@@ -88,6 +88,18 @@ class Forces:
         return by_load
 
 
+def joined(parts: list[Blocks]) -> Blocks:
+    """All in one; blocks of fewer nodes get some that do nothing."""
+    k = max(part.nodes.shape[1] for part in parts)
+    nodes, places, matrices = [], [], []
+    for part in parts:
+        more = k - part.nodes.shape[1]
+        nodes.append(np.pad(part.nodes, ((0, 0), (0, more)), constant_values=-1))
+        places.append(np.pad(part.places, ((0, 0), (0, more), (0, 0))))
+        matrices.append(np.pad(part.matrices, ((0, 0), (0, 3 * more), (0, 3 * more))))
+    return Blocks(np.concatenate(nodes), np.concatenate(places), np.concatenate(matrices))
+
+
 def scatter(n: int, nodes: IntArray, values: Array) -> Array:
     """Sums (m, k, 3) at the nodes (m, k) into (n, 3); node −1 is left out."""
     own = nodes >= 0

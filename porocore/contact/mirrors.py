@@ -3,10 +3,9 @@
 The energy is ε/2 ∫ ⟨−g⟩² dA over the undeformed wall with the gap g to each of the six planes; the planes x_a = 0
 stay, those at X_a = ½ move to (1 + H_aa)/2. Under loads that keep the planes mirrors g is linear in u and H.
 
-A perturbation that is odd under the mirror of a plane carries the wall and its image along the normal together, so
-that g does not change to first order; but the two slide over each other by 2 δ_t while their common surface tilts.
-To second order the gap between them changes by −2 δ_t·∇δ_n, against the pressure t = ε⟨−g⟩: a share of the tangent
-that is geometric, t δ_t·∇δ_n for each of the two.
+A perturbation that is odd under the mirror of a plane does not move the wall and its image alike: they slide over each
+other while their common surface tilts. There the wall is held against its reflection, triangle by triangle, as the
+whole cell's wall is (:mod:`porocore.contact.walls`), of which nothing but the second derivatives is needed.
 """
 
 from __future__ import annotations
@@ -18,7 +17,10 @@ import numpy as np
 
 from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import odd_axes
-from porocore.contact.forces import Blocks, Forces
+from porocore.contact.forces import Blocks, Forces, joined
+from porocore.contact.pairs import Image, find_pairs
+from porocore.contact.passed import Passed, motion_of
+from porocore.contact.triangles import project
 from porocore.contact.wall import Wall, wall_of
 from porocore.states import Array, IntArray
 
@@ -54,7 +56,7 @@ class MirrorState:
     def __init__(self, contact: MirrorContact, H: Array, u: Array) -> None:
         self.contact = contact
         mesh, wall = contact.mesh, contact.wall
-        F0 = np.eye(3) + H
+        F0 = self._F0 = np.eye(3) + H
         self._x = mesh.points @ F0.T + u
         # Which facets touch a plane at all is asked of their nodes first: most iterates have no contact.
         corners = self._x[wall.facets]
@@ -103,13 +105,15 @@ class MirrorState:
     def blocks(self, odd: str) -> Blocks:
         """Second derivatives for the perturbations of a class."""
         points = self.contact.mesh.points
-        nodes, places, matrices = [], [], []
+        parts = []
         for axis, sign, facets, g in self._sides:
-            even = "xyz"[axis] not in odd_axes(odd, 0 if sign > 0 else 1)
-            matrices.append(self._even(axis, facets, g) if even else self._odd(axis, sign, facets, g))
-            nodes.append(self._nodes(facets))
-            places.append(self._places(facets, axis, sign, points))
-        return Blocks(np.concatenate(nodes), np.concatenate(places), np.concatenate(matrices))
+            if "xyz"[axis] in odd_axes(odd, 0 if sign > 0 else 1):
+                if len(facets):
+                    parts.append(self._odd(axis, sign))
+            else:
+                places = self._places(facets, axis, sign, points)
+                parts.append(Blocks(self._nodes(facets), places, self._even(axis, facets, g)))
+        return joined(parts)
 
     def _even(self, axis: int, facets: IntArray, g: Array) -> Array:
         wall = self.contact.wall
@@ -121,22 +125,31 @@ class MirrorState:
         out[:, :, axis, :, axis] = normal
         return out.reshape(len(facets), 3 * k, 3 * k)
 
-    def _odd(self, axis: int, sign: float, facets: IntArray, g: Array) -> Array:
-        """Second derivatives of Σ t w δ_t·∇δ_n, with n along the axis and the gradient along the deformed facet."""
-        wall = self.contact.wall
-        t = -self.contact.stiffness * wall.weights[facets] * g
-        tangents = np.einsum("qas,fai->fqsi", wall.dN, self._x[wall.facets[facets]])
-        tangents[..., axis] = 0.0  # along the plane
-        metric = np.einsum("fqsi,fqti->fqst", tangents, tangents)
-        dual = np.einsum("fqst,fqti->fqsi", np.linalg.pinv(metric), tangents)
-        gradient = np.einsum("fqsi,qas->fqai", dual, wall.dN)  # of N, tangential
-        a = wall.N.shape[1]
-        out = np.zeros((len(facets), a + 1, 3, a + 1, 3))
-        # The wall lies on the positive side of its plane or on the negative one.
-        half = sign * np.einsum("fq,qa,fqbi->faib", t, wall.N, gradient)  # δ_i of node a, δ_n of node b
-        out[:, :a, :, :a, axis] += half
-        out[:, :a, axis, :a, :] += half.transpose(0, 3, 1, 2)
-        return out.reshape(len(facets), 3 * (a + 1), 3 * (a + 1))
+    def _odd(self, axis: int, sign: float) -> Blocks:
+        """Of the distance from the reflected wall, whose nodes move by −R where those of the wall move by 1.
+
+        R is the reflection. Under the odd loads the image in the plane X_a = ½ moves by δH e_a besides, which a node
+        with the place e_a and no displacement stands for.
+        """
+        contact, x, X = self.contact, self._x, self.contact.mesh.points
+        R = np.eye(3)
+        R[axis, axis] = -1.0
+        unit = np.eye(3)[axis]
+        period = 0.0 * unit if sign > 0 else unit
+        image = Image(x @ R + self._F0 @ period, X @ R + period, reflected=True)
+        pairs = find_pairs(contact.wall, x, X, image, 4 * contact.deepest)
+        points = np.einsum("ma,mai->mi", pairs.N, x[pairs.own])
+        corners = image.x[pairs.other]
+        rows = np.flatnonzero(project(points, corners)[0] < 0)
+        own, other = pairs.own[rows], pairs.other[rows]
+        m, a = own.shape
+        motion = np.zeros((m, 12, 3 * (a + 4)))
+        motion[:, :, : 3 * (a + 3)] = motion_of(pairs.N[rows], -R)
+        motion[:, 3:, 3 * (a + 3) :] = np.tile(np.eye(3), (3, 1))
+        nodes = np.concatenate([own, other, np.full((m, 1), -1)], axis=1)
+        places = np.concatenate([X[own], X[other], np.broadcast_to(period, (m, 1, 3))], axis=1)
+        weights = contact.stiffness / 4 * pairs.weights[rows]
+        return Passed(points[rows], corners[rows], weights, motion, nodes, places).blocks
 
     def _nodes(self, facets: IntArray) -> IntArray:
         nodes = self.contact.wall.facets[facets]
