@@ -16,12 +16,16 @@ from porocore.errors import PorocoreError
 from porocore.states import Array
 
 if TYPE_CHECKING:
-    from porocore.cell.geometry import OrthogonalChannels
+    from porocore.cell.geometry import DrawnPart, OrthogonalChannels
 
 Phase = Literal["solid", "fluid"]
 Domain = Literal["eighth", "whole"]
 #: A narrow channel needs at least some ten elements around it, however coarse the rest may be.
 LARGEST_SIZE_TO_RADIUS = 0.8
+#: Two or three elements around a fillet, whose arc is 60° to 90°, and coarser ones away from it.
+SIZE_TO_FILLET, GROWTH = 0.5, 0.5
+#: Corners of a tetrahedron between which its further nodes lie (VTK order).
+EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 SYSTEM_LIBRARIES = (
     "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
 )
@@ -73,7 +77,7 @@ class CellMesh:
         """The same tetrahedra with a node in the middle of each edge, where they have none yet."""
         if self.order == 2:
             return self
-        pairs = self.cells[:, [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]]].reshape(-1, 2)
+        pairs = self.cells[:, EDGES].reshape(-1, 2)
         unique, inverse = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
         middles = self.points[unique].mean(axis=1)
         cells = np.concatenate([self.cells, inverse.reshape(-1, 6) + len(self.points)], axis=1)
@@ -163,30 +167,62 @@ def _mesh_part(
         gmsh.option.setNumber("Mesh.MeshSizeMin", size)
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         gmsh.model.add("cell")
-        tags = dict(zip(("solid", "fluid"), geometry.draw(gmsh), strict=True))
+        part = geometry.draw(gmsh)
+        if part.fillets:
+            _refine(gmsh, part.fillets, min(size, SIZE_TO_FILLET * geometry.fillet), size)
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.optimize("Netgen")
         if element != "linear":
             gmsh.option.setNumber("Mesh.SecondOrderLinear", float(element == "quadratic-straight"))
             gmsh.model.mesh.setOrder(2)
-        return {phase: _read(gmsh, volumes) for phase, volumes in tags.items()}  # type: ignore[misc]
+        nodes = _nodes(gmsh, geometry, part)
+        return {
+            "solid": _read(gmsh, part.solid, nodes, element),
+            "fluid": _read(gmsh, part.fluid, nodes, element),
+        }
     except Exception as error:  # gmsh raises plain Exception
         raise PorocoreError(f"gmsh could not mesh {geometry!r} at size {size:g}: {error}") from error
     finally:
         gmsh.finalize()
 
 
-def _read(gmsh: Any, volumes: list[int]) -> tuple[Array, npt.NDArray[np.int64]]:
+def _refine(gmsh: Any, faces: list[int], smallest: float, largest: float) -> None:
+    """Elements of the smallest size on the faces, growing with the distance from them."""
+    fields = gmsh.model.mesh.field
+    distance, size = fields.add("Distance"), fields.add("Threshold")
+    fields.setNumbers(distance, "SurfacesList", faces)
+    fields.setNumber(distance, "Sampling", 40)
+    fields.setNumber(size, "InField", distance)
+    fields.setNumber(size, "SizeMin", smallest)
+    fields.setNumber(size, "SizeMax", largest)
+    fields.setNumber(size, "DistMin", smallest)
+    fields.setNumber(size, "DistMax", smallest + (largest - smallest) / GROWTH)
+    fields.setAsBackgroundMesh(size)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", smallest)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+
+
+def _nodes(gmsh: Any, geometry: OrthogonalChannels, part: DrawnPart) -> Array:
+    """Coordinates by tag, (largest tag + 1, 3), those on approximate faces moved onto the wall."""
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    points = np.full((int(tags.max()) + 1, 3), np.nan)
+    points[tags.astype(np.int64)] = coordinates.reshape(-1, 3)
+    # The fillet's ends are also the channel's: last what is the more curved.
+    for faces, onto in ((part.channels, geometry.onto_channel), (part.fillets, geometry.onto_fillet)):
+        for face in faces:
+            on_face = gmsh.model.mesh.getNodes(2, face, includeBoundary=True)[0].astype(np.int64)
+            points[on_face] = onto(points[on_face])
+    return points
+
+
+def _read(gmsh: Any, volumes: list[int], nodes: Array, element: str) -> tuple[Array, npt.NDArray[np.int64]]:
     """Points and tetrahedra (VTK order) of the given volumes, numbered from 0."""
-    node_tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    position = np.zeros(int(node_tags.max()) + 1, dtype=np.int64)
-    position[node_tags.astype(np.int64)] = np.arange(len(node_tags))
     blocks = []
     for volume in volumes:
-        kinds, _, nodes = gmsh.model.mesh.getElements(3, volume)
-        for kind, tags in zip(kinds, nodes, strict=True):
+        kinds, _, tags_of_kind = gmsh.model.mesh.getElements(3, volume)
+        for kind, tags in zip(kinds, tags_of_kind, strict=True):
             per_element = {4: 4, 11: 10}[int(kind)]
-            blocks.append(position[tags.astype(np.int64)].reshape(-1, per_element))
+            blocks.append(tags.astype(np.int64).reshape(-1, per_element))
     cells = np.concatenate(blocks)
     if cells.shape[1] == 10:
         cells = cells[
@@ -194,7 +230,9 @@ def _read(gmsh: Any, volumes: list[int]) -> tuple[Array, npt.NDArray[np.int64]]:
         ]  # gmsh numbers the last two edges the other way round
     used, cells = np.unique(cells, return_inverse=True)
     cells = cells.reshape(-1, blocks[0].shape[1])
-    points = coordinates.reshape(-1, 3)[used]
+    points = nodes[used]
+    if element == "quadratic-straight":
+        points[cells[:, 4:]] = points[cells[:, EDGES]].mean(axis=2)
     corners = points[cells[:, :4]]
     edges = corners[:, 1:] - corners[:, :1]
     if not (np.linalg.det(edges) > 0).all():
