@@ -1,0 +1,85 @@
+"""(h) Contact: what a solve costs with and without it, what the meshes say, and what the penalty's stiffness changes.
+
+Times are of one solve with all derivatives from the equilibrium at 0.95 of the load, as the sampling does it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from common import best, table
+
+from porocore.cell.cell import Cell
+from porocore.states import MacroState, Status
+from porocore_fem_skfem.cell_solver import SkfemCellSolver
+
+#: (H22, p) without and with contact.
+STATES = [(-0.15, 0.0), (-0.25, 0.2), (-0.30, 0.2), (-0.24, 0.0), (-0.30, 0.1), (-0.36, 0.0)]
+SIZES = (0.2, 0.1, 0.08)
+PATH = (-0.20, -0.24, -0.28, -0.32, -0.36, -0.40)
+#: P_E,22 on PATH at p = 0 of an independent solver (straight second-order elements, sizes 0.08 to 0.05).
+PUBLISHED = (-0.110, -0.135, -0.157, -0.178, -0.205, -0.24)
+
+
+def cell(size: float, **contact: object) -> Cell:
+    return Cell.model_validate({"mesh": {"size": size}, "contact": contact})
+
+
+def solve_along(
+    solver: SkfemCellSolver, prepared: object, p: float, path: tuple[float, ...]
+) -> list[tuple[str, float]]:
+    start, found = None, []
+    for h in path:
+        state = MacroState.single(np.diag([0.0, h, 0.0]), p)
+        solution = solver.solve(prepared, state, start=[start], tangent=False, fields=True)
+        start = solution.fields[0] if solution.fields and solution.fields[0] is not None else start
+        response = solution.response
+        found.append((Status(int(response.status[0])).name, float(response.stress[0, 1, 1])))
+    return found
+
+
+def cost(size: float) -> list[list[str]]:
+    rows = []
+    solver = SkfemCellSolver()
+    kinds = {kind: solver.prepare(cell(size, kind=kind)) for kind in ("none", "frictionless")}
+    for h, p in STATES:
+        H = np.diag([0.0, h, 0.0])
+        times, names = {}, {}
+        for kind, prepared in kinds.items():
+            near = MacroState.single(0.95 * H, 0.95 * p)
+            start = solver.solve(prepared, near, tangent=False, fields=True).fields
+            state = MacroState.single(H, p)
+            times[kind], solution = best(lambda a=prepared, b=state, c=start: solver.solve(a, b, start=c))
+            names[kind] = Status(int(solution.response.status[0])).name
+        ratio = times["frictionless"] / times["none"]
+        rows.append(
+            [f"{size:g}", f"{h:g}", f"{p:g}", names["none"], f"{times['none']:.2f}", names["frictionless"],
+             f"{times['frictionless']:.2f}", f"{ratio:.1f}"]
+        )  # fmt: skip
+    return rows
+
+
+def main() -> str:
+    header = ["size", "H22", "p", "without", "s", "with", "s", "ratio"]
+    text = table("(h) Cost of contact, eighth of the cell", header, [r for s in SIZES[:2] for r in cost(s)])
+    rows = [["independent", *(f"{P:.3f}" for P in PUBLISHED)]]
+    for size in SIZES:
+        solver = SkfemCellSolver()
+        found = solve_along(solver, solver.prepare(cell(size)), 0.0, PATH)
+        rows.append([f"{size:g}", *(f"{P:.4f} ({name})" for name, P in found)])
+    text += "\n" + table("P_E,22 at p = 0", ["size", *(f"H22 = {h:g}" for h in PATH)], rows)
+    rows = []
+    for stiffness in (5, 10, 20):
+        solver = SkfemCellSolver()
+        found = solve_along(solver, solver.prepare(cell(0.1, stiffness=stiffness)), 0.0, PATH)
+        rows.append([str(stiffness), *(f"{P:.4f}" for _, P in found)])
+    return (
+        text
+        + "\n"
+        + table(
+            "Influence of the penalty, size 0.1", ["stiffness [E/h]", *(f"H22 = {h:g}" for h in PATH)], rows
+        )
+    )
+
+
+if __name__ == "__main__":
+    print(main())
