@@ -11,6 +11,9 @@ from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.cell.material import NeoHookean
 from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
+from porocore.cell.supercell import block
+
+Cells = Annotated[int, Field(ge=1, le=8)]
 
 
 class Cell(BaseModel):
@@ -26,6 +29,13 @@ class Cell(BaseModel):
     contact: ContactSettings = ContactSettings()
     symmetry: Literal["auto", "none"] = "auto"
     """auto: the eighth of the cell wherever geometry and load are mirror-symmetric; none: always the whole cell."""
+    supercell: tuple[Cells, Cells, Cells] = (1, 1, 1)
+    """Whole cells along each axis that are solved as one; more than one leaves the mirror symmetry out."""
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether states without shear are solved on the eighth."""
+        return self.symmetry == "auto" and self.supercell == (1, 1, 1)
 
     @property
     def identity(self) -> str:
@@ -33,5 +43,11 @@ class Cell(BaseModel):
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]
 
     def make_mesh(self, phase: Phase, domain: Domain) -> CellMesh:
-        """Mesh of one phase on the eighth or on the whole cell, the same on every machine and for every backend."""
-        return make_mesh(self.geometry, self.mesh, phase, domain)
+        """Mesh of one phase on the eighth or on the whole cell, the same on every machine and for every backend.
+
+        The whole solid is that of the supercell; the flow repeats itself in every cell.
+        """
+        mesh = make_mesh(self.geometry, self.mesh, phase, domain)
+        if phase == "solid" and domain == "whole" and self.supercell != (1, 1, 1):
+            return block(mesh, self.supercell)
+        return mesh

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -45,7 +45,7 @@ class MeshSettings(BaseModel):
 
 @dataclass(frozen=True, eq=False)
 class CellMesh:
-    """Tetrahedra of one phase on the eighth [0, ½]³ or on the whole cell [−½, ½]³.
+    """Tetrahedra of one phase on the eighth [0, ½]³, on the whole cell [−½, ½]³, or on a block of whole cells.
 
     Attributes
     ----------
@@ -55,12 +55,15 @@ class CellMesh:
         Nodes.
     cells : (M, 4) or (M, 10)
         Linear or quadratic tetrahedra in VTK order, positively oriented.
+    periods
+        Whole cells along each axis; a block extends from −½ to periods − ½ and is of the domain "whole".
     """
 
     phase: Phase
     domain: Domain
     points: Array
     cells: npt.NDArray[np.int64]
+    periods: tuple[int, int, int] = (1, 1, 1)
 
     @property
     def order(self) -> int:
@@ -81,7 +84,7 @@ class CellMesh:
         unique, inverse = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
         middles = self.points[unique].mean(axis=1)
         cells = np.concatenate([self.cells, inverse.reshape(-1, 6) + len(self.points)], axis=1)
-        return CellMesh(self.phase, self.domain, np.concatenate([self.points, middles]), cells)
+        return replace(self, points=np.concatenate([self.points, middles]), cells=cells)
 
     @cached_property
     def boundary(self) -> npt.NDArray[np.int64]:
@@ -100,18 +103,23 @@ class CellMesh:
     def wall(self) -> npt.NDArray[np.int64]:
         """Facets of the pore wall Γ, outward from this phase; the rest of the boundary lies on the cell's planes."""
         corners = self.points[self.boundary[:, :3]]
-        planes = (0.0, 0.5) if self.domain == "eighth" else (-0.5, 0.5)
+        planes = (0.0, self._last) if self.domain == "eighth" else (-0.5, self._last)
         on_plane = np.zeros(len(corners), dtype=bool)
         for plane in planes:
             on_plane |= (corners == plane).all(axis=1).any(axis=1)
         return self.boundary[~on_plane]
 
+    @property
+    def _last(self) -> Array:
+        """Where the domain ends along each axis, (3,)."""
+        return np.array(self.periods) - 0.5
+
     @cached_property
     def periodic_class(self) -> npt.NDArray[np.int64]:
-        """(N,) number of each node when opposite faces are one; the identity on the eighth."""
+        """(N,) number of each node when opposite faces of the domain are one; the identity on the eighth."""
         if self.domain == "eighth":
             return np.arange(len(self.points))
-        wrapped = np.where(self.points == 0.5, -0.5, self.points)
+        wrapped = np.where(self.points == self._last, -0.5, self.points)
         inverse: npt.NDArray[np.int64] = np.unique(wrapped, axis=0, return_inverse=True)[1].reshape(-1)
         return inverse
 

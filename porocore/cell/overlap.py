@@ -92,7 +92,7 @@ def walls_overlap(mesh: CellMesh, grad_u: Array, u: Array) -> bool:
     nodes = np.unique(mesh.wall)
     queries, names = [], []
     for shift in product((-1.0, 0.0, 1.0), repeat=3):
-        moved = x[nodes] + F0 @ np.array(shift)
+        moved = x[nodes] + F0 @ (np.array(shift) * mesh.periods)
         near = ((moved > low) & (moved < high)).all(axis=1)
         queries.append(moved[near])
         names.append(nodes[near])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -147,8 +148,8 @@ class DiscreteSolid(ABC):
 
     @property
     def copies(self) -> float:
-        """The images of the domain fill the cell this many times."""
-        return 8.0 if self.mesh.domain == "eighth" else 1.0
+        """How many images of the domain fill one cell; a block of n cells is averaged over."""
+        return 8.0 if self.mesh.domain == "eighth" else 1.0 / math.prod(self.mesh.periods)
 
     def begin(self) -> None:
         """A new path starts: forget what would make a solve depend on the one before it."""

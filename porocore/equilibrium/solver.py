@@ -33,7 +33,7 @@ class PreparedCell:
 
     @cached_property
     def whole(self) -> DiscreteSolid:
-        """The whole solid."""
+        """The whole solid, or the supercell's."""
         return self._solid("whole")
 
     def _solid(self, domain: Domain) -> DiscreteSolid:
@@ -42,7 +42,7 @@ class PreparedCell:
     def solid_for(self, H: Array) -> DiscreteSolid:
         """The eighth where load and settings allow it."""
         diagonal = np.abs(H - np.diag(np.diag(H))).max() == 0
-        return self.eighth if diagonal and self.cell.symmetry == "auto" else self.whole
+        return self.eighth if diagonal and self.cell.mirrored else self.whole
 
     @cached_property
     def conductivity(self) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,13 @@ class CellField:
     p: float
     domain: str
     u: Array
+
+    def perturbed(self, mode: Array, amplitude: float) -> CellField:
+        """A start that leaves this equilibrium along a mode (nodes, 3), scaled to a largest component of ``amplitude``.
+
+        Where the energy falls along the mode, a solve from here under the same load ends in the buckled state.
+        """
+        return replace(self, u=self.u + amplitude / float(np.abs(mode).max()) * mode)
 
 
 @dataclass(frozen=True, eq=False)
