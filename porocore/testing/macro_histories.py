@@ -51,15 +51,15 @@ class Histories(Solving):
     @pytest.fixture(scope="class")
     @classmethod
     def large(cls) -> MacroSolution:
-        """Strong compression of a column of 30 elements up to its steady state."""
-        plan = {"end": 400.0, "step": 4.0, "ramp_increments": 10, "ramp_step": 0.05, "profiles": (1.0, 10.0)}
-        return cls.solve(confined_column(30, load=-0.2, time=plan), NONLINEAR)
+        """Strong compression of a column of ten elements up to its steady state."""
+        plan = {"end": 400.0, "step": 8.0, "ramp_increments": 10, "ramp_step": 0.05, "profiles": (1.0, 10.0)}
+        return cls.solve(confined_column(10, load=-0.2, time=plan), NONLINEAR)
 
     def test_pressure_converges_with_the_square_of_the_element_size(self) -> None:
         """Linear pressure: order 2 in the L2 norm, against the modes of the equations discrete in time only."""
-        depth, steps, T = np.linspace(0, 1, 2001), 20, 0.2
+        depth, steps, T = np.linspace(0, 1, 2001), 10, 0.2
         errors = []
-        for elements in (5, 10, 20, 40):
+        for elements in (4, 8, 16, 32):
             layer, _, solution = self.linear_column(elements, steps, T)
             y, first = np.unique(np.rint(solution.points[:, 1] / 7.5 * 2 * elements), return_index=True)
             p = np.interp(1 - depth, y / (2 * elements), solution.profiles[-1].p[first])
@@ -73,7 +73,7 @@ class Histories(Solving):
         """Backward Euler against the continuous series, on a mesh so fine that the error is that of time."""
         errors = []
         for steps in (10, 20, 40):
-            layer, end, solution = self.linear_column(60, steps, 0.3)
+            layer, end, solution = self.linear_column(20, steps, 0.3)
             errors.append(
                 abs(solution.history.pressure_max[-1] - layer.pressure(0.0, end)) / layer.initial_pressure
             )
@@ -84,7 +84,7 @@ class Histories(Solving):
 
     @pytest.mark.parametrize("load", [-1e-4, -1e-6])
     def test_a_small_load_gives_linear_poroelasticity(self, load: Any) -> None:
-        problem = confined_column(12, load=load, time=SHORT | {"end": 30.0})
+        problem = confined_column(4, load=load, time=SHORT | {"end": 10.0})
         nonlinear, linear = self.solve(problem, NONLINEAR).history, self.solve(problem, LINEAR).history
         np.testing.assert_allclose(nonlinear.settlement[1:], linear.settlement[1:], rtol=1e-3)
         np.testing.assert_allclose(nonlinear.pressure_max[1:], linear.pressure_max[1:], rtol=1e-3)
@@ -119,7 +119,7 @@ class Histories(Solving):
         assert history.settlement[-1] == -last.u[:, 1].min()
         assert (np.diff(history.settlement) > -1e-9).all()
         assert history.iterations[1:20].min() >= 1
-        assert last.deformation.shape == (30, 3, 3)
+        assert last.deformation.shape == (10, 3, 3)
         det = np.linalg.det(last.deformation)
         assert history.drained[-1] > history.drained_flux[-1] * 1.05 > 0  # 1/det F̄ > 1 weighs it up
         np.testing.assert_allclose(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 import shutil
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -39,14 +38,16 @@ class Trainings(Fitting):
         learned = "mean_grad" if one.potential is None else "potential"
         assert (getattr(one, learned) != getattr(two, learned)).any()
 
-    @pytest.fixture
-    def interrupted(
-        self, data: TrainingSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> Iterator[tuple[Path, TrainingProgress]]:
-        """The checkpoint of a training that was stopped, and its last report."""
-        if not self.resumable:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def interruption(
+        cls, data: TrainingSet, tmp_path_factory: pytest.TempPathFactory
+    ) -> tuple[Path, TrainingProgress]:
+        """The checkpoint of a training that was stopped, and its last report. Not to be changed."""
+        if not cls.resumable:
             pytest.skip("this training is short and begins anew")
-        path, last, count = tmp_path / "training.h5", TrainingProgress(0, 0, 0.0, 0.0), 0
+        path = tmp_path_factory.mktemp("interrupted") / "training.h5"
+        last, count = TrainingProgress(0, 0, 0.0, 0.0), 0
 
         def stop(progress: TrainingProgress) -> None:
             nonlocal last, count
@@ -57,12 +58,21 @@ class Trainings(Fitting):
             if path.exists() and count >= 3:
                 raise _Stop
 
-        with monkeypatch.context() as patch:
-            self.checkpoint_often(patch)
+        with pytest.MonkeyPatch.context() as patch:
+            cls().checkpoint_often(patch)
             with pytest.raises(_Stop):
-                self.make_surrogate().fit(data, seed=self.seed, checkpoint=path, on_progress=stop)
-            assert path.exists(), "no checkpoint was written before the training ended"
-            yield path, last
+                cls.make_surrogate().fit(data, seed=cls.seed, checkpoint=path, on_progress=stop)
+        assert path.exists(), "no checkpoint was written before the training ended"
+        return path, last
+
+    @pytest.fixture
+    def interrupted(
+        self, interruption: tuple[Path, TrainingProgress], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> tuple[Path, TrainingProgress]:
+        """A copy, for a training that writes checkpoints as often."""
+        kept, last = interruption
+        self.checkpoint_often(monkeypatch)
+        return Path(shutil.copy(kept, tmp_path)), last
 
     def test_resumed_training_equals_an_uninterrupted_one(
         self,

@@ -108,10 +108,10 @@ def test_refinement_converges():
 def test_statuses_under_strong_compression(p):
     """Without contact none behind the first overlap is converged; every state has a status, and two meshes agree."""
     solver = SkfemCellSolver()
-    heights = np.arange(0.0, 0.401, 0.04)
+    heights = np.array([0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.24, 0.32, 0.4])
     states = MacroState(np.array([np.diag([0, -h, 0]) for h in heights]), np.full(len(heights), p))
     meshes = []
-    for size in (0.2, 0.12):
+    for size in (0.2, 0.15):
         prepared = solver.prepare(Cell(mesh=MeshSettings(size=size), contact=NO_CONTACT))
         meshes.append(solver.solve(prepared, states, tangent=False).response)
     for response in meshes:
