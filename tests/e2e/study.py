@@ -102,7 +102,7 @@ def write_study(path: Path, changes: dict[str, Any] | None = None) -> Path:
 
 
 def porocore(
-    *words: object, cwd: Path | None = None, timeout: float = 120
+    *words: object, cwd: Path | None = None, timeout: float = 300
 ) -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
     return subprocess.run(
@@ -218,7 +218,7 @@ class Running:
                 start_new_session=True,
             )
 
-    def until(self, condition: Callable[[], bool], timeout: float = 90) -> None:
+    def until(self, condition: Callable[[], bool], timeout: float = 240) -> None:
         """Wait; the command must still be at work when ``condition`` comes true."""
         deadline = time.monotonic() + timeout
         while not self._met(condition):

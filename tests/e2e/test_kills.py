@@ -70,10 +70,8 @@ def test_a_run_killed_in_every_stage_ends_with_the_same_numbers(
 ):
     run = tmp_path / "run"
     moments = [
-        (PLAIN, lambda: parts(run, "samples.h5") >= 1),
         (PLAIN, lambda: parts(run, "samples.h5") >= 10),
         (PLAIN, lambda: parts(run, "test.h5") >= 3),
-        (EAGER_TRAINING, lambda: max(epochs(run)) >= 100),
         (EAGER_TRAINING, lambda: max(epochs(run)) >= 200),
         (EAGER_SOLVING, lambda: checkpoint_time(run, "mean-gradient_load-0.04") > 30),
         (EAGER_SOLVING, lambda: checkpoint_time(run, "mean-gradient_load-0.04") > 150),
@@ -88,7 +86,7 @@ def test_a_run_killed_in_every_stage_ends_with_the_same_numbers(
         assert not (run / "report.html").exists()
         now = seconds(run)
         assert solved.items() <= now.items(), f"states were solved again or lost after kill {i}"
-        assert len(now) > len(solved) or i >= 3
+        assert len(now) > len(solved) or i >= 2
         solved = now
         for path in (run / "surrogate.h5", *(run / "solutions").glob("*.h5")):
             if path.exists():
