@@ -1,0 +1,79 @@
+"""Cell solvers against each other where the pore wall touches itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from porocore.cell.cell import Cell
+from porocore.cell.mesh import MeshSettings
+from porocore.crosscheck.cells import AVERAGES, DERIVATIVES, compare_responses
+from porocore.states import MacroState, Status
+
+#: In contact on the coarse mesh.
+STATES = {
+    "uniaxial": MacroState.single(np.diag([0.0, -0.25, 0.0])),
+    "under pressure": MacroState.single(np.diag([0.0, -0.33, 0.0]), 0.1),
+    "triaxial": MacroState.single(np.diag([0.02, -0.28, -0.03])),
+}
+
+
+@pytest.fixture(scope="module")
+def solved(load):
+    """``solved(backend)`` is the responses at the states, one after the other with one prepared cell."""
+    found = {}
+
+    def make(backend):
+        if backend not in found:
+            solver = load("cell solver", backend)
+            ready = solver.prepare(Cell(mesh=MeshSettings(size=0.35, fluid_size=0.25)))
+            found[backend] = {name: solver.solve(ready, state).response for name, state in STATES.items()}
+        return found[backend]
+
+    return make
+
+
+def test_averages_and_derivatives_agree_in_contact(cell_solver_pair, solved):
+    one, other = cell_solver_pair
+    for name in STATES:
+        a, b = (solved(backend)[name] for backend in cell_solver_pair)
+        assert a.status[0] == Status.contact
+        assert a.peaks.contact_share[0] > 0
+        assert b.peaks.contact_share[0] == pytest.approx(a.peaks.contact_share[0], rel=1e-9)
+        lines = compare_responses(name, one, a, other, b)
+        assert {line.quantity for line in lines} == {"status", *AVERAGES.values(), *DERIVATIVES.values()}
+        assert not [line.describe() for line in lines if not line.passed]
+
+
+def test_the_kind_of_wall_changes_the_answer_only_beyond_the_crease(cell_solver, load):
+    """Before anything touches contact is not there at all; behind it the state has no other answer."""
+    solver = load("cell solver", cell_solver)
+    free, held = (
+        solver.prepare(Cell(mesh=MeshSettings(size=0.35, fluid_size=0.25), contact={"kind": kind}))
+        for kind in ("none", "frictionless")
+    )
+    H = np.zeros((2, 3, 3))
+    H[:, 1, 1] = -0.15, -0.28
+    states = MacroState(H, np.zeros(2))
+    without, with_contact = (solver.solve(cell, states).response for cell in (free, held))
+    assert list(without.status) == [Status.converged, Status.overlap]
+    assert list(with_contact.status) == [Status.converged, Status.contact]
+    np.testing.assert_array_equal(with_contact.stress[0], without.stress[0])
+    np.testing.assert_array_equal(with_contact.tangent.stress_grad_u[0], without.tangent.stress_grad_u[0])
+    assert with_contact.peaks.contact_share[0] == 0.0
+
+
+def test_walls_that_touch_agree_under_shear(cell_solver_pair, load):
+    """The whole cell, where walls couple unknowns that share no element."""
+    one, other = cell_solver_pair
+    H = np.diag([0.0, -0.36, 0.0])
+    H[0, 1] = 0.02
+    mesh = MeshSettings(size=0.35, fluid_size=0.25, element="linear")
+    found = []
+    for backend in cell_solver_pair:
+        solver = load("cell solver", backend)
+        found.append(solver.solve(solver.prepare(Cell(mesh=mesh)), MacroState.single(H)).response)
+    assert found[0].status[0] == Status.contact
+    lines = compare_responses("sheared", one, found[0], other, found[1])
+    assert len(lines) == 1 + len(AVERAGES) + len(DERIVATIVES)
+    assert not [line.describe() for line in lines if not line.passed]
