@@ -22,8 +22,8 @@ Phase = Literal["solid", "fluid"]
 Domain = Literal["eighth", "whole"]
 #: A narrow channel needs at least some ten elements around it, however coarse the rest may be.
 LARGEST_SIZE_TO_RADIUS = 0.8
-#: Two or three elements around a fillet, whose arc is 60° to 90°, and coarser ones away from it.
-SIZE_TO_FILLET, GROWTH = 0.5, 0.5
+#: Two elements, seldom three, around a fillet, whose arc is 60° to 90°; coarser ones away from it.
+SIZE_TO_FILLET, GROWTH = 0.8, 1.0
 #: Corners of a tetrahedron between which its further nodes lie (VTK order).
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 SYSTEM_LIBRARIES = (

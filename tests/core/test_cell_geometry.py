@@ -109,14 +109,14 @@ def test_wall_nodes_lie_on_channels_or_fillets():
 
 
 @pytest.mark.parametrize("fillet", [0.02, 0.05, 0.15])
-def test_two_to_four_elements_go_around_a_fillet(fillet):
+def test_two_or_three_elements_go_around_a_fillet(fillet):
     geometry = OrthogonalChannels(fillet=fillet)
     mesh = make_mesh(geometry, LINEAR, "solid", "eighth")
     on_arc = np.abs(mesh.points[:, 2]) == 0.0
     R = geometry.radius + fillet
     away = mesh.points - [R, R, 0.0]
     on_arc &= np.abs(np.linalg.norm(away, axis=1) - fillet) < 1e-9
-    assert 2 <= on_arc.sum() - 1 <= 4
+    assert 2 <= on_arc.sum() - 1 <= 3
     assert len(mesh.points) > len(make_mesh(OrthogonalChannels(), LINEAR, "solid", "eighth").points)
 
 
