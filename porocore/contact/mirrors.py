@@ -18,9 +18,8 @@ import numpy as np
 from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import odd_axes
 from porocore.contact.forces import Blocks, Forces, joined
-from porocore.contact.pairs import Image, find_pairs
-from porocore.contact.passed import Passed, motion_of
-from porocore.contact.triangles import project
+from porocore.contact.pairs import REACH, Image, find_pairs
+from porocore.contact.passed import Passed, motion_of, passed
 from porocore.contact.wall import Wall, wall_of
 from porocore.states import Array, IntArray
 
@@ -137,10 +136,10 @@ class MirrorState:
         unit = np.eye(3)[axis]
         period = 0.0 * unit if sign > 0 else unit
         image = Image(x @ R + self._F0 @ period, X @ R + period, reflected=True)
-        pairs = find_pairs(contact.wall, x, X, image, 4 * contact.deepest)
+        pairs = find_pairs(contact.wall, x, X, image, 2 * REACH * contact.deepest)
         points = np.einsum("ma,mai->mi", pairs.N, x[pairs.own])
         corners = image.x[pairs.other]
-        rows = np.flatnonzero(project(points, corners)[0] < 0)
+        rows = passed(points, corners, pairs.where)
         own, other = pairs.own[rows], pairs.other[rows]
         m, a = own.shape
         motion = np.zeros((m, 12, 3 * (a + 4)))
@@ -149,7 +148,7 @@ class MirrorState:
         nodes = np.concatenate([own, other, np.full((m, 1), -1)], axis=1)
         places = np.concatenate([X[own], X[other], np.broadcast_to(period, (m, 1, 3))], axis=1)
         weights = contact.stiffness / 4 * pairs.weights[rows]
-        return Passed(points[rows], corners[rows], weights, motion, nodes, places).blocks
+        return Passed(points[rows], corners[rows], pairs.where[rows], weights, motion, nodes, places).blocks
 
     def _nodes(self, facets: IntArray) -> IntArray:
         nodes = self.contact.wall.facets[facets]

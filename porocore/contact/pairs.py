@@ -7,18 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from porocore.contact.triangles import project
+from porocore.contact.triangles import nearest
 from porocore.contact.wall import Wall
 from porocore.states import Array, IntArray
 
 #: The triangles of a facet (VTK order of its six nodes).
 SUBTRIANGLES = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+#: Penetrations are seen up to so many times the deepest one that is accepted.
+REACH = 1.5
 #: Walls face each other where the product of their normals lies below this.
 OPPOSED = -0.5
-#: How far beside a triangle the foot of a perpendicular may lie, in barycentric coordinates.
-BESIDE = 0.05
-#: Facets that are neighbours and convex as seen from the pore do not touch, however thin the solid between them is.
-CONVEX = 1e-3
+#: A point whose nearest one lies on an edge or a vertex is only held against it if it is nearly above or below it: the
+#: cosine between this direction and the normal. Else it lies beside the wall that faces it.
+BESIDE = 0.9
+#: Walls that may come to touch see each other across the pore before; what lies behind a wall is the other side of the
+#: solid, however thin it is. Up to this sine, for facets in one plane.
+BEHIND = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,28 +56,28 @@ class Pairs:
         Nodes of its facet.
     other : (m, 3)
         Nodes whose images are the triangle, outward from the solid.
+    where : (m,)
+        Face, edge or vertex, see :mod:`porocore.contact.triangles`.
     """
 
     N: Array
     weights: Array
     own: IntArray
     other: IntArray
+    where: IntArray
 
 
 def find_pairs(wall: Wall, x: Array, X: Array, image: Image, reach: float) -> Pairs:
-    """Points that lie within ``reach`` of an opposite triangle's plane, before it or behind; x, X (nodes, 3)."""
+    """Points that lie within ``reach`` of an opposite triangle, before it or behind; x, X (nodes, 3)."""
     slave, master = _facing(wall, x, X, image, reach)
     triangles = wall.facets[:, SUBTRIANGLES if wall.facets.shape[1] == 6 else np.array([[0, 1, 2]])]
     if image.reflected:
         triangles = triangles[:, :, ::-1]
     points = np.einsum("qa,pai->pqi", wall.N, x[wall.facets[slave]])
-    gaps, _, weights = project(points[:, :, None], image.x[triangles[master]][:, None])
-    beside = np.maximum(-weights.min(axis=-1), 0.0)
-    pair, point, triangle = np.nonzero((np.abs(gaps) < reach) & (beside < BESIDE))
+    gaps, where, cosines = nearest(points[:, :, None], image.x[triangles[master]][:, None])
+    pair, point, triangle = np.nonzero((np.abs(gaps) < reach) & (cosines > BESIDE))
     number = slave[pair] * len(wall.N) + point
-    # The triangle that the point lies above, and of several the nearest: so g changes continuously when a point
-    # slides from one triangle to the next, over an edge or a groove.
-    order = np.lexsort((np.abs(gaps[pair, point, triangle]), beside[pair, point, triangle], number))
+    order = np.lexsort((np.abs(gaps[pair, point, triangle]), number))
     chosen = order[np.unique(number[order], return_index=True)[1]]
     pair, point, triangle = pair[chosen], point[chosen], triangle[chosen]
     return Pairs(
@@ -81,6 +85,7 @@ def find_pairs(wall: Wall, x: Array, X: Array, image: Image, reach: float) -> Pa
         wall.weights[slave[pair], point],
         wall.facets[slave[pair]],
         triangles[master[pair], triangle],
+        where[pair, point, triangle],
     )
 
 
@@ -101,14 +106,11 @@ def _facing(wall: Wall, x: Array, X: Array, image: Image, reach: float) -> tuple
     opposed = (normals[slave] * other_normals[master]).sum(axis=1) < OPPOSED
     kept = np.flatnonzero(close & opposed)
     slave, master = slave[kept], master[kept]
-    between = np.abs(X[corners[slave]][:, :, None] - image.X[corners[master]][:, None]).max(axis=-1)
-    neighbours = (between < 1e-9).any(axis=(1, 2))
     before, _, _ = _shape(X[corners])
     other, normal, _ = _shape(image.X[corners], reflected=image.reflected)
     away = before[slave] - other[master]
-    convex = (away * normal[master]).sum(axis=1) < -CONVEX * np.linalg.norm(away, axis=1)
-    kept = np.flatnonzero(~(neighbours & convex))
-    return slave[kept], master[kept]
+    ahead = (away * normal[master]).sum(axis=1) >= -BEHIND * np.linalg.norm(away, axis=1)
+    return slave[ahead], master[ahead]
 
 
 def _shape(corners: Array, *, reflected: bool = False) -> tuple[Array, Array, Array]:

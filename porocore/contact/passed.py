@@ -18,8 +18,8 @@ class Passed:
 
     Attributes
     ----------
-    points : (m, 3), corners : (m, 3, 3)
-        Where they are.
+    points : (m, 3), corners : (m, 3, 3), where : (m,)
+        Positions, and what part of the triangle is nearest.
     weights : (m,)
         Undeformed area times stiffness.
     motion : (m, 12, 3 k)
@@ -30,6 +30,7 @@ class Passed:
 
     points: Array
     corners: Array
+    where: IntArray
     weights: Array
     motion: Array
     nodes: IntArray
@@ -38,7 +39,7 @@ class Passed:
     @cached_property
     def distance(self) -> tuple[Array, Array, Array]:
         """g, its slopes and its second derivatives by the point and the corners."""
-        return distance_derivatives(self.points, self.corners)
+        return distance_derivatives(self.points, self.corners, self.where)
 
     @property
     def energy(self) -> float:
@@ -60,6 +61,11 @@ class Passed:
         inner = slope[:, :, None] * slope[:, None, :] + g[:, None, None] * bend
         matrices = self.motion.swapaxes(1, 2) @ (self.weights[:, None, None] * inner) @ self.motion
         return Blocks(self.nodes, self.places, matrices)
+
+
+def passed(points: Array, corners: Array, where: IntArray) -> IntArray:
+    """Which points (m,) are behind their triangle."""
+    return np.flatnonzero(distance_derivatives(points, corners, where)[0] < 0)
 
 
 def motion_of(N: Array, corners: Array) -> Array:

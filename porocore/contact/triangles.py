@@ -1,33 +1,82 @@
-"""The signed distance of points from the planes of moving triangles, with first and second derivatives."""
+"""The signed distance of points from moving triangles, with first and second derivatives.
+
+It is the distance from the nearest point of the triangle, be it in the face, on an edge or a vertex. So the distance
+from a surface of triangles is continuous, and on its inner side continuously differentiable but for where two faces are
+equally near.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from porocore.states import Array
+from porocore.states import Array, IntArray
+
+#: Where the nearest point lies: in the face (0), on the edge after vertex k (1 + k), on vertex k (4 + k).
+FACE, EDGE, VERTEX = 0, 1, 4
 
 
-def project(points: Array, triangles: Array) -> tuple[Array, Array, Array]:
-    """Distances (...), normals (..., 3) and barycentric coordinates (..., 3) of the feet of the perpendiculars.
+def nearest(points: Array, triangles: Array) -> tuple[Array, IntArray, Array]:
+    """Signed distances, where the nearest points lie, and the cosine between their direction and the normal, (...).
 
-    Of points (..., 3) with respect to triangles (..., 3, 3), vertices in rows; the distance is positive on the side
-    that the right-handed normal points to.
+    Of points (..., 3) and triangles (..., 3, 3), vertices in rows; positive on the side of the right-handed normal.
     """
     first = triangles[..., 0, :]
-    e1, e2 = triangles[..., 1, :] - first, triangles[..., 2, :] - first
-    m = np.cross(e1, e2)
-    square = (m * m).sum(axis=-1)
-    r = points - first
-    two = (np.cross(r, e2) * m).sum(axis=-1) / square
-    three = (np.cross(e1, r) * m).sum(axis=-1) / square
-    normal = m / np.sqrt(square)[..., None]
-    return (r * normal).sum(axis=-1), normal, np.stack([1 - two - three, two, three], axis=-1)
+    m = np.cross(triangles[..., 1, :] - first, triangles[..., 2, :] - first)
+    normal = m / np.linalg.norm(m, axis=-1)[..., None]
+    height = ((points - first) * normal).sum(axis=-1)
+    best = np.full(height.shape, np.inf)
+    where = np.zeros(height.shape, dtype=np.int64)
+    inside = np.ones(height.shape, dtype=bool)
+    for k in range(3):
+        a, b = triangles[..., k, :], triangles[..., (k + 1) % 3, :]
+        t, r = b - a, points - a
+        inside &= (np.cross(t, r) * m).sum(axis=-1) >= 0
+        share = (r * t).sum(axis=-1) / (t * t).sum(axis=-1)
+        clamped = np.clip(share, 0.0, 1.0)
+        distance = np.linalg.norm(r - clamped[..., None] * t, axis=-1)
+        kind = np.where(share <= 0, VERTEX + k, np.where(share >= 1, VERTEX + (k + 1) % 3, EDGE + k))
+        nearer = distance < best
+        best, where = np.where(nearer, distance, best), np.where(nearer, kind, where)
+    best, where = np.where(inside, np.abs(height), best), np.where(inside, FACE, where)
+    cosine = np.abs(height) / np.where(best > 0, best, 1.0)
+    return np.where(height < 0, -best, best), where, np.where(best > 0, cosine, 1.0)
 
 
-def distance_derivatives(points: Array, triangles: Array) -> tuple[Array, Array, Array]:
+def distance_derivatives(points: Array, triangles: Array, where: IntArray) -> tuple[Array, Array, Array]:
     """g (m,), ∂g/∂z (m, 12) and ∂²g/∂z² (m, 12, 12) with z = (x, x₁, x₂, x₃), the point and the vertices.
 
-    With m = e₁ × e₂, a = |m|, n = m/a, r = x − x₁, g = r·n and r_t = r − g n:
+    Of the distance from the plane of the face, from the line of an edge, or from a vertex, as ``where`` says (m,).
+    """
+    m = len(points)
+    g, slope, bend = np.zeros(m), np.zeros((m, 12)), np.zeros((m, 12, 12))
+    rows = np.flatnonzero(where == FACE)
+    g[rows], slope[rows], bend[rows] = _from_plane(points[rows], triangles[rows])
+    for k in range(3):
+        for kind, vertices in ((EDGE + k, [k, (k + 1) % 3]), (VERTEX + k, [k])):
+            rows = np.flatnonzero(where == kind)
+            if not len(rows):
+                continue
+            part = triangles[rows]
+            sign = np.sign(_height(points[rows], part))
+            measure = _from_line if len(vertices) == 2 else _from_point
+            d, first, second = measure(points[rows], part[:, vertices])
+            places = np.concatenate([np.arange(3)] + [3 + 3 * v + np.arange(3) for v in vertices])
+            g[rows] = sign * d
+            slope[np.ix_(rows, places)] = sign[:, None] * first
+            bend[np.ix_(rows, places, places)] = sign[:, None, None] * second
+    return g, slope, bend
+
+
+def _height(points: Array, triangles: Array) -> Array:
+    first = triangles[:, 0]
+    m = np.cross(triangles[:, 1] - first, triangles[:, 2] - first)
+    height: Array = ((points - first) * m).sum(axis=1)
+    return height
+
+
+def _from_plane(points: Array, triangles: Array) -> tuple[Array, Array, Array]:
+    """With m = e₁ × e₂, a = |m|, n = m/a, r = x − x₁, g = r·n and r_t = r − g n.
+
     δg = n·δr + r_t·δm/a and δ²g = 2 δr·δn + (r_t·δ²m − 2 (r_t·δm)(n·δm)/a − g |P δm|²/a)/a, where P = I − n nᵀ,
     δn = P δm/a and δ²m = 2 δe₁ × δe₂.
     """
@@ -54,6 +103,44 @@ def distance_derivatives(points: Array, triangles: Array) -> tuple[Array, Array,
     half -= E1.swapaxes(1, 2) @ _cross(r_t) @ E2 / a
     half -= (g / 2)[:, None, None] * (M.swapaxes(1, 2) @ P @ M) / a**2
     return g, slope, half + half.swapaxes(1, 2)
+
+
+def _from_line(points: Array, ends: Array) -> tuple[Array, Array, Array]:
+    """d, and its derivatives by the point and the two ends (m, 9).
+
+    With t the edge, L its length, c = t/L, e the direction of the distance, b = c × e, s the share of the foot and
+    w = δr − s δt: δd = e·w and δ²d = (b·w)²/d − 2 (c·w)(e·δt)/L − d (e·δt)²/L².
+    """
+    r, t = points - ends[:, 0], ends[:, 1] - ends[:, 0]
+    L = np.linalg.norm(t, axis=1)
+    c = t / L[:, None]
+    s = (r * c).sum(axis=1) / L
+    foot = r - s[:, None] * t
+    d = np.linalg.norm(foot, axis=1)
+    safe = np.maximum(d, 1e-300)
+    e = foot / safe[:, None]
+    one = np.eye(3)
+    w, dt = np.zeros((len(points), 3, 9)), np.zeros((len(points), 3, 9))
+    w[:, :, :3] = one
+    w[:, :, 3:6] = -(1 - s)[:, None, None] * one
+    w[:, :, 6:] = -s[:, None, None] * one
+    dt[:, :, 3:6], dt[:, :, 6:] = -one, one
+    ew, cw, bw = ((v[:, None] @ w)[:, 0] for v in (e, c, np.cross(c, e)))
+    et = (e[:, None] @ dt)[:, 0] / L[:, None]
+    mixed = cw[:, :, None] * et[:, None, :]
+    bend = bw[:, :, None] * bw[:, None, :] / safe[:, None, None] - mixed - mixed.swapaxes(1, 2)
+    return d, ew, bend - d[:, None, None] * et[:, :, None] * et[:, None, :]
+
+
+def _from_point(points: Array, vertices: Array) -> tuple[Array, Array, Array]:
+    """d, and its derivatives by the point and the vertex (m, 6)."""
+    r = points - vertices[:, 0]
+    d = np.linalg.norm(r, axis=1)
+    safe = np.maximum(d, 1e-300)
+    e = r / safe[:, None]
+    P = (np.eye(3) - e[:, :, None] * e[:, None, :]) / safe[:, None, None]
+    both = np.concatenate([np.concatenate([P, -P], axis=2), np.concatenate([-P, P], axis=2)], axis=1)
+    return d, np.concatenate([e, -e], axis=1), both
 
 
 def _cross(v: Array) -> Array:

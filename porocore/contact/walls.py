@@ -1,7 +1,7 @@
 """Contact of the wall with itself and its periodic images, for the whole cell under any load.
 
 Every quadrature point of the wall is held against the triangles of opposite facets (a quadratic facet counts as four);
-g is its distance from the plane of the nearest one, and the energy is ε/8 ∫ ⟨−g⟩² dA over the undeformed wall: both
+g is its distance from the nearest one, and the energy is ε/8 ∫ ⟨−g⟩² dA over the undeformed wall: both
 walls of a contact count and g is twice the distance from a mirror plane, so that a symmetric state has the energy that
 :mod:`porocore.contact.mirrors` gives it.
 """
@@ -16,9 +16,8 @@ import numpy as np
 
 from porocore.cell.mesh import CellMesh
 from porocore.contact.forces import Blocks, Forces, joined
-from porocore.contact.pairs import Image, Pairs, find_pairs
-from porocore.contact.passed import Passed, motion_of
-from porocore.contact.triangles import project
+from porocore.contact.pairs import REACH, Image, Pairs, find_pairs
+from porocore.contact.passed import Passed, motion_of, passed
 from porocore.contact.wall import wall_of
 from porocore.states import Array
 
@@ -52,10 +51,10 @@ class WallContact:
 
     def _pairs(self, F0: Array, x: Array) -> list[tuple[Array, Pairs]]:
         """By periodic shifts (3,) of the opposite wall."""
-        X, reach = self.mesh.points, 2 * self.deepest
-        found = []
+        X, reach = self.mesh.points, REACH * self.deepest
+        found: list[tuple[Array, Pairs]] = []
         for shift in product((-1.0, 0.0, 1.0), repeat=3):
-            s = np.array(shift)
+            s: Array = np.array(shift) * np.array(self.mesh.periods, dtype=np.float64)
             pairs = find_pairs(self.wall, x, X, Image(x + F0 @ s, X + s), reach)
             if len(pairs.weights):
                 found.append((s, pairs))
@@ -72,11 +71,12 @@ class WallState:
     def _of(self, F0: Array, x: Array, shift: Array, pairs: Pairs) -> Passed:
         points = np.einsum("ma,mai->mi", pairs.N, x[pairs.own])
         corners = x[pairs.other] + F0 @ shift
-        rows = np.flatnonzero(project(points, corners)[0] < 0)
+        rows = passed(points, corners, pairs.where)
         X, own, other = self.contact.mesh.points, pairs.own[rows], pairs.other[rows]
         return Passed(
             points[rows],
             corners[rows],
+            pairs.where[rows],
             self.contact.stiffness * pairs.weights[rows],
             motion_of(pairs.N[rows], np.eye(3)),
             np.concatenate([own, other], axis=1),
