@@ -54,7 +54,7 @@ class WallContact:
         X, reach = self.mesh.points, REACH * self.deepest
         found: list[tuple[Array, Pairs]] = []
         for shift in product((-1.0, 0.0, 1.0), repeat=3):
-            s: Array = np.array(shift) * np.array(self.mesh.periods, dtype=np.float64)
+            s: Array = np.multiply(shift, self.mesh.periods, dtype=np.float64)
             pairs = find_pairs(self.wall, x, X, Image(x + F0 @ s, X + s), reach)
             if len(pairs.weights):
                 found.append((s, pairs))
