@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.cell.exchange import exchanged_axes, images
 from porocore.cell.material import cofactor, cofactor_tangent, determinant
 from porocore.cell.parity import classes, visible
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate
@@ -24,8 +25,14 @@ def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResp
     """
     mean_grad, second = np.zeros((3, 3, 10)), np.zeros((10, 10))
     counts = []
+    eighth = problem.mesh.domain == "eighth"
+    swaps = exchanged_axes(problem.mesh, here.H, here.displacement) if eighth else ()
+    of_images: dict[str, int] = {}
     for odd, columns in classes(problem.mesh).items():
-        count = problem.negative_pivots(here, odd)
+        first = min(images(odd, swaps))
+        if first not in of_images or (tangent and columns):
+            of_images[first] = problem.negative_pivots(here, odd)
+        count = of_images[first]
         if tangent and columns:
             answer = problem.sensitivities(here, odd, columns)
             grad = problem.copies * visible(problem.mesh, odd) * answer.grad

@@ -102,11 +102,10 @@ def _contact(figure: Figure, axes: Axes, lines: Sequence[Line], leading: int, ac
         row[: len(line)] = line.contact_share
     x = np.stack([line.start[leading] + longest.share * (line.goal - line.start)[leading] for line in lines])
     y = np.stack([np.full(len(longest), line.start[across]) for line in lines])
-    levels = MaxNLocator(8).tick_values(0.0, 100 * largest)
+    levels = np.array(MaxNLocator(8).tick_values(0.0, 100 * largest))
     levels[0] = LEAST_SHARE
     greys = [str(level) for level in np.linspace(0.95, 0.6, len(levels) - 1)]
-    hidden = np.ma.array(100 * share, mask=np.isnan(share))
-    filled = axes.contourf(x, y, hidden, levels=levels, colors=greys)
+    filled = axes.contourf(x, y, 100 * share, levels=levels, colors=greys)
     bar = figure.colorbar(filled, ax=axes, shrink=0.85, pad=0.02)
     bar.ax.yaxis.set_major_formatter("{x:.3g}")
     bar.set_label("pore wall in contact [%]")
