@@ -73,9 +73,20 @@ def test_a_sheared_state_is_solved_on_the_whole_cell(study):
     np.testing.assert_allclose(stress @ F.T, (stress @ F.T).T, atol=1e-9)
 
 
+def test_a_state_in_contact_has_values(study):
+    found = cell(study, compression(-0.3))
+    assert found["status"] == "contact"
+    assert 0 < found["peaks"]["contact_share"] < 0.5
+    assert found["peaks"]["min_gap"] < 0
+    assert found["stress"][1][1] < -0.15
+    tangent = {name: np.array(value) for name, value in found["tangent"].items()}
+    np.testing.assert_allclose(tangent["stress_p"], -tangent["fluid_volume_grad_u"], atol=1e-8)
+
+
 def test_a_state_without_solution_is_an_answer(study):
-    found = cell(study, compression(-0.4))
-    assert found["status"] == "overlap"
+    """Under p = −1 there is no equilibrium: hydrostatic tension of the solid peaks at 0.45 E."""
+    found = cell(study, compression(0.0), "--p", "-1")
+    assert found["status"] in ("not_converged", "inverted")
     for shapes, values in ((SHAPES, found), (TANGENT, found["tangent"])):
         for name, shape in shapes.items():
             value = np.array(values[name], dtype=float)  # null becomes NaN
