@@ -1,4 +1,4 @@
-"""A block of whole cells as one periodic mesh, built by translation: what the classes of the eighth are held against."""
+"""A block of whole cells as one periodic mesh, by translation: what the classes of the eighth are held against."""
 
 from functools import cached_property
 
