@@ -42,7 +42,7 @@ class Blocks:
         return float(np.einsum("ma,mab,mb->", self._moved(one), self.matrices, self._moved(other)))
 
     def _moved(self, dH: Array) -> Array:
-        return (self.places @ dH.T).reshape(len(self.nodes), -1)
+        return (self.places @ dH.T).reshape(len(self.nodes), 3 * self.nodes.shape[1])
 
     @cached_property
     def entries(self) -> tuple[IntArray, IntArray, Array]:
