@@ -127,8 +127,8 @@ def follow_line(
 ) -> Line:
     """Solve the states of a line one after another and bisect every onset.
 
-    The line ends at the first state without values. An onset lies between a state that does not show it and the next
-    one that does; one that shows only in the failed state itself can only be the crease, by its status.
+    The line ends at the first state without values, and close to where values end. An onset lies between a state that
+    does not show it and the next one that does; in a state without values only the crease can show, by its status.
 
     Raises
     ------
@@ -185,14 +185,26 @@ class _Walk:
         self._between: dict[float, _State] = {}
 
     def states(self) -> Iterator[_State]:
-        field = None
+        """From the start on; behind the last one with values, at most one without, not farther than the tolerance."""
+        last: _State | None = None
         for share in np.linspace(0.0, 1.0, self.settings.steps + 1):
-            state = self.solve(float(share), field, WAVES, eigenvalues=self.settings.eigenvalues)
-            self.on_state(f"{Status(state.status).name}")
+            state = self.examined(float(share), last)
+            while last is not None and state.field is None and state.share - last.share > self.resolution:
+                middle = self.examined((last.share + state.share) / 2, last)
+                if middle.field is None:
+                    state = middle
+                else:
+                    yield middle
+                    last = middle
             yield state
-            field = state.field
-            if field is None:
+            if state.field is None:
                 return
+            last = state
+
+    def examined(self, share: float, last: _State | None) -> _State:
+        state = self.solve(share, last.field if last else None, WAVES, eigenvalues=self.settings.eigenvalues)
+        self.on_state(Status(state.status).name)
+        return state
 
     def onsets(self, states: Sequence[_State]) -> Array:
         found = np.full((len(EVENTS), 2), np.nan)
