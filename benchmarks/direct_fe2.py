@@ -100,7 +100,7 @@ def train(pool: CellPool, rest: CellResponse) -> PolynomialSurrogate:
         outcome = pool.wait()
         rows[int(outcome.key)] = outcome.response
     responses = CellResponse.concatenate([rows[i] for i in range(STATES)])
-    good = np.flatnonzero(responses.status == 0)
+    good = np.flatnonzero(responses.stable)
     data = TrainingSet(INPUTS.scatter(x)[good], responses[good], INPUTS, rest, "benchmark", {})
     return PolynomialSurrogate(degree=DEGREE).fit(data, seed=0)
 

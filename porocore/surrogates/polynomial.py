@@ -115,7 +115,5 @@ def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[
 
 def sampled_range(training: TrainingSet) -> SampledRange:
     """Hull of the states that a potential learns from."""
-    stable: Array = training.responses.status == 0
-    return SampledRange.around(
-        training.inputs, training.inputs.gather(training.states[np.flatnonzero(stable)])
-    )
+    stable = np.flatnonzero(training.responses.stable)
+    return SampledRange.around(training.inputs, training.inputs.gather(training.states[stable]))

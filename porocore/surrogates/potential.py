@@ -188,9 +188,10 @@ class PotentialModel:
         pending = self._begin(y)
         mean_grad, derivatives = self._mean_grad(stretch, y, tangent)
         value, gradient, hessian = pending()
-        stress = stretch.stress(gradient[:6])
-        if tangent:
-            stress_p = stretch.stress(hessian[:6, 6])
+        if not tangent:
+            stress = stretch.stress(gradient[:6])
+        else:
+            stress, stress_p = stretch.stresses(gradient[:6], hessian[:6, 6])
             by_H, by_p = derivatives
             slopes = CellTangent(
                 mean_grad_grad_u=by_H,

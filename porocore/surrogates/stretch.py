@@ -11,6 +11,7 @@ operation runs over the states; only products of matrices lead with the states.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,13 +20,10 @@ import numpy as np
 from porocore.states import Array
 from porocore.surrogates import diagonal_stretch
 from porocore.surrogates.components import COMPONENT, PAIRS, PLACES, SHARE
+from porocore.surrogates.curvature_terms import CURVATURE
 from porocore.surrogates.diagonal_stretch import Slopes
 from porocore.surrogates.divided_differences import of_three, of_two
-
-#: Of Jacobi's rotations at most; entries off the diagonal count as zero below this share of the trace.
-SWEEPS, ROUND_OFF = 8, 1e-18
-#: Keeps 0/0 away.
-TINY = 1e-300
+from porocore.surrogates.symmetric_eigen import symmetric_eigen
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,27 +156,36 @@ class LogStretch:
 
     def stress(self, T: Array) -> Array:
         """∂W/∂F (n, 3, 3) from T = ∂W/∂L (6, n)."""
-        if self.axes is None and not T[3:].any():
-            return diagonal_stretch.stress(self.stretches, T)
-        by_C = (np.ascontiguousarray(T.T)[:, None, :] @ self._scaled_turn)[:, 0, :, None]
-        return (self._lift @ by_C).reshape(-1, 3, 3)
+        return self.stresses(T)[0]
+
+    def stresses(self, *T: Array) -> list[Array]:
+        """The same of several, in one pass."""
+        if self.axes is None and not any(by_L[3:].any() for by_L in T):
+            return [diagonal_stretch.stress(self.stretches, by_L) for by_L in T]
+        lifted = self._by_C(*T) @ self._lift_turned
+        return [np.ascontiguousarray(lifted[:, k]).reshape(-1, 3, 3) for k in range(len(T))]
 
     def tangent(self, T: Array, K: Array) -> Array:
         """∂²W/∂F² (n, 3, 3, 3, 3) from T = ∂W/∂L (6, n) and K = ∂²W/∂L² (6, 6, n)."""
         if self.axes is None and diagonal_stretch.is_orthotropic(T, K):
             return diagonal_stretch.tangent(self.stretches, self._differences, T, K)
         n = len(self)
-        T_axes = T if self.axes is None else (np.ascontiguousarray(T.T)[:, None, :] @ self._turn)[:, 0].T
+        by_C = np.ascontiguousarray(self._by_C(T)[:, 0].T)
         by_L = np.ascontiguousarray(K.reshape(36, n).T).reshape(n, 6, 6)
-        bend = np.ascontiguousarray(self._curvature(T_axes).reshape(36, n).T).reshape(n, 6, 6)
-        bend += (self._scaled_turn_turned @ by_L) @ self._scaled_turn
-        out = ((self._lift @ bend) @ self._lift_turned).reshape(n, 3, 3, 3, 3)
-        S = self._from_axes((self.first * SHARE[:, None] * T_axes)[COMPONENT])
-        S = np.ascontiguousarray(S.reshape(9, n).T).reshape(n, 3, 3)
-        for i in range(3):
-            out[:, i, :, i, :] += S
-        result: Array = out
-        return result
+        bend = (self._scaled_turn_turned @ by_L) @ self._scaled_turn
+        bend += self._curvature(by_C / self.first)
+        out: Array = ((self._lift @ bend) @ self._lift_turned).reshape(n, 3, 3, 3, 3)
+        S = self._from_axes(by_C[COMPONENT])
+        for j, l in itertools.product(range(3), repeat=2):
+            for i in range(3):
+                out[:, i, j, i, l] += S[j, l]
+        return out
+
+    def _by_C(self, *T: Array) -> Array:
+        """∂W/∂C (n, k, 6) in the eigenbasis, one place for each component, from ∂W/∂L (6, n) of k potentials."""
+        rows = np.ascontiguousarray(np.concatenate(T).T).reshape(len(self), len(T), 6)
+        by_C: Array = rows @ self._scaled_turn
+        return by_C
 
     @cached_property
     def _scaled_turn(self) -> Array:
@@ -196,21 +203,16 @@ class LogStretch:
         return np.ascontiguousarray(self._lift.swapaxes(1, 2))
 
     def _curvature(self, T: Array) -> Array:
-        """2 ∂S/∂C (6, 6, n) at fixed ∂W/∂L, places of the components, in the eigenbasis, where T is given, too.
+        """2 ∂S/∂C (n, 6, 6) at fixed ∂W/∂L, from its nine places T (6, n); all in the eigenbasis.
 
-        S = 2 ∂W/∂C has the second divided differences of ln: with the nine-place T,
+        S = 2 ∂W/∂C has the second divided differences of ln:
         T:∂²ln C[A, B] = Σ T_ij ln[i, k, j] (A_ik B_kj + B_ik A_kj).
         """
         f = self.second()
-        six = T * SHARE[:, None]
-        X = np.zeros((6, 6, len(self)))
-        for alpha, (a, b) in enumerate(PLACES):
-            for i in range(3):
-                # ∂S_ab/∂C_ia and ∂S_ab/∂C_bi, each a half of a place above and one below the diagonal.
-                value = f[tuple(sorted((i, a, b)))]  # type: ignore[index]
-                first, second = COMPONENT[i, a], COMPONENT[b, i]
-                X[alpha, first] += six[COMPONENT[i, b]] * value * (2.0 if i == a else 1.0)
-                X[alpha, second] += six[COMPONENT[a, i]] * value * (2.0 if i == b else 1.0)
+        X = np.zeros((len(self), 6, 6))
+        for (alpha, beta), terms in CURVATURE.items():
+            value = sum(factor * (T[place] * f[points]) for (place, points), factor in terms.items())
+            X[:, alpha, beta] = X[:, beta, alpha] = value
         return X
 
     @cached_property
@@ -253,10 +255,10 @@ class LogStretch:
         if self.axes is None:
             return diagonal_stretch.rotated_gradient(self.stretches, self.first, A, slopes)
         assert self.rotations is not None
-        by_L = np.zeros((9, 6, n))
-        for at, slope in slopes.items():
-            by_L[at] = slope
-        rows = np.ascontiguousarray(by_L.reshape(54, n).T).reshape(n, 3, 18)
+        by_L = np.zeros((n, 9, 6))
+        for (output, component), slope in slopes.items():
+            by_L[:, output, component] = slope
+        rows = by_L.reshape(n, 3, 18)
         spin, direction = self._rotation_factors(A)
         product: Array = ((self.rotations @ rows).reshape(n, 9, 6) @ self._scaled_turn) @ self._lift_turned
         product += spin @ direction
@@ -299,50 +301,6 @@ class LogStretch:
 
     def _from_axes(self, A: Array) -> Array:
         return A if self.axes is None else _product(_product(self.axes, A), self.axes.swapaxes(0, 1))
-
-
-def symmetric_eigen(A: Array) -> tuple[Array, Array]:
-    """Eigenvalues (3, n) and eigenvectors (3, 3, n), in columns, of symmetric A (3, 3, n).
-
-    By Jacobi's rotations, which converge quadratically; for thousands of matrices at once they are faster than a
-    call of LAPACK for each.
-    """
-    d = np.stack([A[i, i] for i in range(3)])
-    off = np.stack([A[1, 2], A[0, 2], A[0, 1]])  # by the third axis
-    Q = np.zeros_like(A)  # eigenvectors in rows, so that a rotation mixes two blocks of memory
-    Q[0, 0] = Q[1, 1] = Q[2, 2] = 1.0
-    smallest = ROUND_OFF * d.sum(axis=0)
-    for _ in range(SWEEPS):
-        if (np.abs(off).max(axis=0) <= smallest).all():
-            break
-        for i, j, k in ((0, 1, 2), (0, 2, 1), (1, 2, 0)):
-            e = off[k]
-            gap = d[j] - d[i]
-            gap *= 0.5
-            t = np.sqrt(gap * gap + e * e)
-            t += np.abs(gap)
-            t += TINY
-            t = e / np.copysign(t, gap, out=t)
-            c = t * t
-            c += 1.0
-            np.sqrt(c, out=c)
-            np.divide(1.0, c, out=c)
-            s = t * c
-            t *= e
-            d[i] -= t
-            d[j] += t
-            off[k] = 0.0
-            before = off[j].copy()
-            off[j] *= c
-            off[j] -= s * off[i]
-            off[i] *= c
-            off[i] += s * before
-            turned = s * Q[i]
-            Q[i] *= c
-            Q[i] -= s * Q[j]
-            Q[j] *= c
-            Q[j] += turned
-    return d, Q.swapaxes(0, 1)
 
 
 def _product(A: Array, B: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.errors import DataError
-from porocore.states import CellTangent, MacroState
+from porocore.states import CellTangent, MacroState, Status
 from porocore.surrogates.network import Network
 from porocore.surrogates.polynomial import fit_mean_grad, polynomial_model, sampled_range
 from porocore.surrogates.potential import NetworkPart, PotentialModel
@@ -245,6 +245,13 @@ def test_unstable_states_are_left_out():
     np.testing.assert_array_equal(data.value, training.responses.potential[1::2])
     kept = sampled_range(training)
     assert not kept.outside(training.states[1::2]).any()
+
+
+def test_states_in_contact_are_learned_from_and_lie_in_the_sampled_range():
+    training = potential_training_set(20, seed=4)
+    training.responses.status[::2] = int(Status.contact)
+    assert len(PotentialData.of(training)) == 20
+    assert not sampled_range(training).outside(training.states).any()
 
 
 @pytest.mark.parametrize("name", ["potential", "stress", "fluid_volume", "tangent"])
