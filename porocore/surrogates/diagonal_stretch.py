@@ -29,10 +29,10 @@ def stress(s: Array, T: Array) -> Array:
 def is_orthotropic(T: Array, K: Array) -> bool:
     """Whether ∂W/∂L (6, n) and ∂²W/∂L² (6, 6, n) leave every shear to itself."""
     blocks = (T[3:], K[0, 3:], K[1, 3:], K[2, 3:], K[3, 4:], K[4, 5:])
-    return all(_vanishes(block) for block in blocks)
+    return all(vanishes(block) for block in blocks)
 
 
-def _vanishes(block: Array) -> bool:
+def vanishes(block: Array) -> bool:
     """Whether it holds nothing but zeros; what is not a number is none."""
     flat = block.reshape(-1)
     return bool(flat @ flat == 0)
@@ -84,7 +84,7 @@ def rotated_gradient(s: Array, first: Array, A: Array, slopes: Slopes) -> Array:
         if component < 3:
             np.multiply(slope, inverse[component], out=out[:, output, 4 * component])
     nine = A.reshape(9, -1)
-    is_diagonal = _vanishes(nine[1:4]) and _vanishes(nine[5:8])
+    is_diagonal = vanishes(nine[1:4]) and vanishes(nine[5:8])
     turned = [divmod(place, 3) for place in range(0, 9, 4 if is_diagonal else 1)]
     for i, j, shear in PAIRS:
         by_shear = {output: slope for (output, component), slope in slopes.items() if component == shear}

@@ -50,7 +50,7 @@ class LogStretch:
         n = len(grad_u)
         F = np.array(grad_u.reshape(n, 9).T, order="C")
         F[::4] += 1.0
-        diagonal = not (F[1:4].any() or F[5:8].any())
+        diagonal = diagonal_stretch.vanishes(F[1:4]) and diagonal_stretch.vanishes(F[5:8])
         F = F.reshape(3, 3, n)
         if diagonal:
             stretches = F.reshape(9, n)[::4].copy()
@@ -160,7 +160,7 @@ class LogStretch:
 
     def stresses(self, *T: Array) -> list[Array]:
         """The same of several, in one pass."""
-        if self.axes is None and not any(by_L[3:].any() for by_L in T):
+        if self.axes is None and all(diagonal_stretch.vanishes(by_L[3:]) for by_L in T):
             return [diagonal_stretch.stress(self.stretches, by_L) for by_L in T]
         lifted = self._by_C(*T) @ self._lift_turned
         return [np.ascontiguousarray(lifted[:, k]).reshape(-1, 3, 3) for k in range(len(T))]
