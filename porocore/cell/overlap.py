@@ -77,8 +77,8 @@ def _wall_points(mesh: CellMesh) -> tuple[Array, Array]:
     return np.einsum("sa,kai->ksi", weights, mesh.points[mesh.wall]).reshape(-1, 3), weights
 
 
-def walls_overlap(mesh: CellMesh, grad_u: Array, u: Array) -> bool:
-    """Whether a node of the deformed wall, or of a periodic image of it, lies inside the deformed solid.
+def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int64]:
+    """Nodes of the deformed wall that lie inside the deformed solid, with themselves or with a periodic image.
 
     For the whole cell under any load; the arguments are those of :func:`mirror_gap`.
     """
@@ -100,14 +100,17 @@ def walls_overlap(mesh: CellMesh, grad_u: Array, u: Array) -> bool:
     neighbours = cKDTree(centres).query_ball_point(points, radii.max())
     counts = np.fromiter((len(n) for n in neighbours), dtype=np.int64, count=len(points))
     if not counts.sum():
-        return False
+        return np.zeros(0, dtype=np.int64)
     point = np.repeat(np.arange(len(points)), counts)
     tetrahedron = np.concatenate([np.asarray(n, dtype=np.int64) for n in neighbours if n])
     close = np.linalg.norm(points[point] - centres[tetrahedron], axis=1) < radii[tetrahedron]
     point, tetrahedron = point[close], tetrahedron[close]
     same = mesh.periodic_class[tetrahedra[tetrahedron]] == mesh.periodic_class[origin[point]][:, None]
     apart = ~same.any(axis=1)
-    return bool((_depth(corners[tetrahedron[apart]], points[point[apart]]) > DEPTH).any())
+    point, tetrahedron = point[apart], tetrahedron[apart]
+    inside = _depth(corners[tetrahedron], points[point]) > DEPTH
+    nodes_of: npt.NDArray[np.int64] = np.unique(origin[point[inside]])
+    return nodes_of
 
 
 def _depth(corners: Array, points: Array) -> npt.NDArray[np.float64]:

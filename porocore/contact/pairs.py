@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -58,6 +58,8 @@ class Pairs:
         Nodes whose images are the triangle, outward from the solid.
     where : (m,)
         Face, edge or vertex, see :mod:`porocore.contact.triangles`.
+    number, distance : (m,)
+        Of the point, and how near the triangle was when it was found.
     """
 
     N: Array
@@ -65,6 +67,23 @@ class Pairs:
     own: IntArray
     other: IntArray
     where: IntArray
+    number: IntArray
+    distance: Array
+
+    def __getitem__(self, rows: IntArray) -> Pairs:
+        """Some of them."""
+        return Pairs(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+
+def nearest_only(images: list[Pairs]) -> list[Pairs]:
+    """Each point with the nearest of its triangles in several images."""
+    distance = np.concatenate([pairs.distance for pairs in images])
+    number = np.concatenate([pairs.number for pairs in images])
+    image = np.repeat(np.arange(len(images)), [len(pairs.number) for pairs in images])
+    row = np.concatenate([np.arange(len(pairs.number)) for pairs in images])
+    order = np.lexsort((distance, number))
+    chosen = order[np.unique(number[order], return_index=True)[1]]
+    return [pairs[np.sort(row[chosen][image[chosen] == i])] for i, pairs in enumerate(images)]
 
 
 def find_pairs(wall: Wall, x: Array, X: Array, image: Image, reach: float) -> Pairs:
@@ -86,6 +105,8 @@ def find_pairs(wall: Wall, x: Array, X: Array, image: Image, reach: float) -> Pa
         wall.facets[slave[pair]],
         triangles[master[pair], triangle],
         where[pair, point, triangle],
+        slave[pair] * len(wall.N) + point,
+        np.abs(gaps[pair, point, triangle]),
     )
 
 

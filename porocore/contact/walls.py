@@ -16,7 +16,7 @@ import numpy as np
 
 from porocore.cell.mesh import CellMesh
 from porocore.contact.forces import Blocks, Forces, joined
-from porocore.contact.pairs import REACH, Image, Pairs, find_pairs
+from porocore.contact.pairs import REACH, Image, Pairs, find_pairs, nearest_only
 from porocore.contact.passed import Passed, motion_of, passed
 from porocore.contact.wall import wall_of
 from porocore.states import Array
@@ -52,13 +52,15 @@ class WallContact:
     def _pairs(self, F0: Array, x: Array) -> list[tuple[Array, Pairs]]:
         """By periodic shifts (3,) of the opposite wall."""
         X, reach = self.mesh.points, REACH * self.deepest
-        found: list[tuple[Array, Pairs]] = []
+        shifts: list[Array] = []
+        found: list[Pairs] = []
         for shift in product((-1.0, 0.0, 1.0), repeat=3):
             s: Array = np.multiply(shift, self.mesh.periods, dtype=np.float64)
             pairs = find_pairs(self.wall, x, X, Image(x + F0 @ s, X + s), reach)
             if len(pairs.weights):
-                found.append((s, pairs))
-        return found
+                shifts.append(s)
+                found.append(pairs)
+        return list(zip(shifts, nearest_only(found), strict=True)) if found else []
 
 
 class WallState:

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porocore.cell.overlap import mirror_gap, walls_overlap
+from porocore.cell.overlap import mirror_gap, nodes_inside
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate, StepFailed
-from porocore.states import Array, Status
+from porocore.states import Array, IntArray, Status
 
 ITERATIONS = 50
 #: After so many the pairs that touch stay as they are: at an edge a point may change to and fro for ever.
@@ -71,11 +71,17 @@ def gap(problem: DiscreteSolid, here: Iterate) -> float:
 
 
 def _overlaps(problem: DiscreteSolid, here: Iterate) -> bool:
-    if problem.contact is not None:
-        return here.touching is not None and here.touching.depth > problem.contact.deepest
+    """Whether the wall has passed through something that contact, if there is any, does not hold."""
+    touching = here.touching
+    if touching is not None and problem.contact is not None and touching.depth > problem.contact.deepest:
+        return True
     if problem.mesh.domain == "eighth":
-        return gap(problem, here) < 0
-    return walls_overlap(problem.mesh, here.H, here.displacement)
+        return problem.contact is None and gap(problem, here) < 0
+    inside = nodes_inside(problem.mesh, here.H, here.displacement)
+    held: IntArray = np.unique(touching.forces.nodes) if touching is not None else np.zeros(0, dtype=np.int64)
+    # A node that contact holds lies a little inside; any other has jumped through a wall unseen.
+    images = problem.mesh.periodic_class
+    return len(np.setdiff1d(images[inside], images[held])) > 0
 
 
 def _predict(problem: DiscreteSolid, here: Iterate, H: Array, p: float) -> Iterate:
@@ -89,6 +95,15 @@ def _predict(problem: DiscreteSolid, here: Iterate, H: Array, p: float) -> Itera
     return there
 
 
+def _longest(problem: DiscreteSolid, here: Iterate, change: Array) -> float:
+    """The share of a change that moves no node by more than contact can see."""
+    if problem.contact is None or problem.mesh.domain == "eighth":  # planes are seen from anywhere
+        return 1.0
+    there = problem.moved(here, change, here.H, here.p)
+    moved = float(np.linalg.norm(there.displacement - here.displacement, axis=1).max())
+    return min(1.0, problem.contact.deepest / max(moved, 1e-300))
+
+
 def _newton(problem: DiscreteSolid, here: Iterate, tolerance: float) -> tuple[Iterate, int]:
     """The equilibrium near a first guess, and the number of linear systems solved."""
     scale = problem.force_scale(here)
@@ -100,7 +115,7 @@ def _newton(problem: DiscreteSolid, here: Iterate, tolerance: float) -> tuple[It
         accuracy = min(1e-2, max(1e-7, 0.1 * goal / norm, norm / scale))
         change = problem.solve(here, -here.residual, accuracy)
         slope = float(here.residual @ change)
-        length, inverted = 1.0, True
+        length, inverted = _longest(problem, here, change), True
         while length > 1e-3:
             trial = problem.moved(here, length * change, here.H, here.p)
             trial.pair_like(here)
