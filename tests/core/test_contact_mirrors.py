@@ -82,13 +82,47 @@ def test_blocks_are_the_slope_of_the_forces(mesh, pressed):
         assert blocks.second(dH, other) == pytest.approx(curvature, rel=1e-5, abs=1e-8)
 
 
-@pytest.mark.parametrize("odd", ["", "xy", "xz", "x", "xyz", "xy|xz"])
-def test_blocks_are_symmetric(pressed, odd):
-    matrices = pressed[0].at(H, pressed[1]).blocks(odd).matrices
-    assert len(matrices)
+@pytest.fixture(scope="module")
+def flattened(mesh):
+    """A contact and a field that lays what is near a plane flat against it, a little beyond."""
+    x = mesh.points @ (np.eye(3) + H)
+    edge = np.diag(np.eye(3) + H) / 2
+    distance = np.minimum(x, edge - x)
+    near, beyond, left = 0.12, 0.01, 0.1
+    pressed = np.where(distance < near, left * distance - beyond, distance - (1 - left) * near - beyond)
+    u = (pressed - distance) * np.where(x < edge / 2, 1.0, -1.0)
+    u += np.random.default_rng(5).normal(size=u.shape) * 1e-4
+    return MirrorContact(mesh, stiffness=100.0, deepest=0.03), u
+
+
+@pytest.mark.parametrize("odd", ["", "xy", "x", "xyz", "|xyz"])
+def test_blocks_are_symmetric(flattened, odd):
+    blocks = flattened[0].at(H, flattened[1]).blocks(odd)
+    assert len(blocks.matrices)
     np.testing.assert_allclose(
-        matrices, matrices.transpose(0, 2, 1), rtol=0, atol=1e-12 * np.abs(matrices).max()
+        blocks.matrices,
+        blocks.matrices.transpose(0, 2, 1),
+        rtol=0,
+        atol=1e-12 * np.abs(blocks.matrices).max(),
     )
+
+
+@pytest.mark.parametrize("odd", ["x", "y", "z"])
+def test_a_wall_and_its_reflection_move_together(mesh, flattened, odd):
+    """A uniform motion along the normal of the odd planes carries both; along that of even ones it presses them."""
+    n = len(mesh.points)
+    blocks = flattened[0].at(H, flattened[1]).blocks(odd)
+    rows, columns, values = blocks.entries
+    for axis in range(3):
+        motion = np.zeros((n, 3))
+        motion[:, axis] = 1.0
+        forces = np.zeros(3 * n)
+        np.add.at(forces, rows, values * motion.ravel()[columns])
+        if "xyz"[axis] == odd:
+            assert np.abs(forces).max() < 1e-9 * np.abs(values).max()
+        else:
+            assert motion.ravel() @ forces > 0.1 * np.abs(values).max()
+    assert (blocks.nodes[:, -2] >= 0).any()  # a triangle of the reflected wall: odd planes took part
 
 
 def test_only_the_distance_counts(mesh, pressed):
