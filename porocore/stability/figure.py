@@ -25,7 +25,7 @@ from porocore.report.figures.style import (
     styled,
 )
 from porocore.stability.inertia import FAMILIES, WAVES
-from porocore.stability.line import Line
+from porocore.stability.line import EVENTS, Line
 from porocore.stability.map import MapPlan
 from porocore.states import Array, Status
 
@@ -96,19 +96,38 @@ def _contact(figure: Figure, axes: Axes, lines: Sequence[Line], leading: int, ac
     largest = max((float(np.nanmax(line.contact_share, initial=0.0)) for line in lines), default=0.0)
     if largest <= 0:
         return
-    longest = max(lines, key=len)
-    share = np.full((len(lines), len(longest)), np.nan)
-    for row, line in zip(share, lines, strict=True):
-        row[: len(line)] = line.contact_share
-    x = np.stack([line.start[leading] + longest.share * (line.goal - line.start)[leading] for line in lines])
-    y = np.stack([np.full(len(longest), line.start[across]) for line in lines])
+    # The grid bends with the crease, so that no shade reaches over it between two lines.
+    grid, share = (np.stack(part) for part in zip(*map(_contact_along, lines), strict=True))
+    x = np.stack(
+        [
+            line.start[leading] + s * (line.goal - line.start)[leading]
+            for line, s in zip(lines, grid, strict=True)
+        ]
+    )
+    y = np.stack([np.full(len(s), line.start[across]) for line, s in zip(lines, grid, strict=True)])
     levels = np.array(MaxNLocator(8).tick_values(0.0, 100 * largest))
     levels[0] = LEAST_SHARE
     greys = [str(level) for level in np.linspace(0.95, 0.6, len(levels) - 1)]
     filled = axes.contourf(x, y, 100 * share, levels=levels, colors=greys)
     bar = figure.colorbar(filled, ax=axes, shrink=0.85, pad=0.02)
-    bar.ax.yaxis.set_major_formatter("{x:.3g}")
+    bar.set_ticks(list(levels[1:]))
     bar.set_label("pore wall in contact [%]")
+
+
+def _contact_along(line: Line) -> tuple[Array, Array]:
+    """Places along a line, as many before its crease as behind it, and the share of the wall in contact there.
+
+    Between the states, from nothing at the crease on; NaN behind the line's end.
+    """
+    known = np.isfinite(line.contact_share)
+    at, contact = line.share[known], line.contact_share[known]
+    crease = float(line.onsets[EVENTS.index("crease")].mean())
+    crease = crease if np.isfinite(crease) else 1.0
+    if 0 < crease < 1:
+        after = int(np.searchsorted(at, crease))
+        at, contact = np.insert(at, after, crease), np.insert(contact, after, 0.0)
+    places = np.concatenate([np.linspace(0.0, crease, 61), np.linspace(crease, 1.0, 121)])
+    return places, np.interp(places, at, contact, right=np.nan)
 
 
 def _along(plan: MapPlan, line: Line) -> Figure:
