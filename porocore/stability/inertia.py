@@ -17,7 +17,7 @@ from porocore.equilibrium.discrete import DiscreteSolid, Iterate
 WAVES = tuple(bloch_classes())
 #: Wave vectors that differ by the naming of the axes only.
 FAMILIES = {"0": ("000",), "100": ("100", "010", "001"), "110": ("110", "101", "011"), "111": ("111",)}
-#: Free unknowns up to which the factors of all classes are kept for the next state; they take some 10 kB an unknown.
+#: Free unknowns up to which the factors of all classes are kept for the next state; they take some 6 kB an unknown.
 KEPT = 10_000
 
 
