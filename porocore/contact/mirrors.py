@@ -40,6 +40,8 @@ class MirrorContact:
         Penetration that is not accepted.
     """
 
+    pairs_move = False
+
     def __init__(self, mesh: CellMesh, stiffness: float, deepest: float) -> None:
         self.mesh, self.stiffness, self.deepest = mesh, stiffness, deepest
         self.wall: Wall = wall_of(mesh)
@@ -69,6 +71,7 @@ class MirrorState:
                 touching = (g < 0).any(axis=1)
                 sides.append((axis, sign, near[touching], np.minimum(g[touching], 0.0)))
         self._sides: list[tuple[int, float, IntArray, Array]] = sides
+        self._reflected: dict[tuple[int, float], Blocks] = {}
 
     @property
     def active(self) -> bool:
@@ -108,7 +111,9 @@ class MirrorState:
         for axis, sign, facets, g in self._sides:
             if "xyz"[axis] in odd_axes(odd, 0 if sign > 0 else 1):
                 if len(facets):
-                    parts.append(self._odd(axis, sign))
+                    if (axis, sign) not in self._reflected:
+                        self._reflected[axis, sign] = self._odd(axis, sign)
+                    parts.append(self._reflected[axis, sign])
             else:
                 places = self._places(facets, axis, sign, points)
                 parts.append(Blocks(self._nodes(facets), places, self._even(axis, facets, g)))

@@ -41,9 +41,12 @@ class ContactModel(Protocol):
     ----------
     deepest
         A penetration beyond this is no contact any more.
+    pairs_move
+        Whether what touches what depends on the iterate.
     """
 
     deepest: float
+    pairs_move: bool
 
     def at(self, H: Array, u: Array, like: Touching | None = None) -> Touching:
         """At u (nodes, 3) under H.

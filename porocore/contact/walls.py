@@ -38,6 +38,8 @@ class WallContact:
         Penetration of a mirror plane that is not accepted; of a wall it is twice as much.
     """
 
+    pairs_move = True
+
     def __init__(self, mesh: CellMesh, stiffness: float, deepest: float) -> None:
         self.mesh, self.stiffness, self.deepest = mesh, stiffness / 4, 2 * deepest
         self.wall = wall_of(mesh)

@@ -62,10 +62,13 @@ class Iterate(ABC):
 
     def pair_like(self, other: Iterate) -> None:
         """Let touch what touches at the other iterate; before anything else is asked for."""
-        self._like = other._contact
+        if self.contact is not None and self.contact.pairs_move:
+            self._like = other._contact
 
     def pair_again(self) -> None:
         """Look again what touches what."""
+        if self._like is None:
+            return
         self._like = None
         for name in ("_contact", "energy", "residual"):
             self.__dict__.pop(name, None)
