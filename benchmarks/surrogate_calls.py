@@ -47,7 +47,7 @@ def main() -> str:
         for i, (title, inputs) in enumerate(INPUTS.items()):
             surrogate, states = trained(backend, options, inputs), states_in(inputs, N, seed=0)
             surrogate.predict(states)
-            together, _ = best(lambda s=surrogate, x=states: s.predict(x), 40)
+            together, _ = best(lambda s=surrogate, x=states: s.predict(x), 200)
             singles = [states[k : k + 1] for k in range(0, N, 10)]
             surrogate.predict(singles[0])
             one_by_one, _ = best(lambda s=surrogate, x=singles: [s.predict(one) for one in x], 2)
