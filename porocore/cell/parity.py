@@ -33,6 +33,8 @@ CLASSES: dict[str, tuple[int, ...]] = {
     "z": (),
     "xyz": (),
 }
+#: δH (3, 3) of a unit change of each of the ten loads; p changes none of it.
+UNIT_LOADS: Array = np.eye(10)[:, :9].reshape(10, 3, 3)
 
 
 def classes(mesh: CellMesh) -> dict[str, tuple[int, ...]]:

@@ -19,7 +19,8 @@ from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import odd_axes
 from porocore.contact.forces import Blocks, Forces, joined
 from porocore.contact.pairs import REACH, Image, find_pairs
-from porocore.contact.passed import Passed, motion_of, passed
+from porocore.contact.passed import Passed, motion_of
+from porocore.contact.triangles import height
 from porocore.contact.wall import Wall, wall_of
 from porocore.states import Array, IntArray
 
@@ -144,7 +145,7 @@ class MirrorState:
         pairs = find_pairs(contact.wall, x, X, image, 2 * REACH * contact.deepest)
         points = np.einsum("ma,mai->mi", pairs.N, x[pairs.own])
         corners = image.x[pairs.other]
-        rows = passed(points, corners, pairs.where)
+        rows = np.flatnonzero(height(points, corners) < 0)
         own, other = pairs.own[rows], pairs.other[rows]
         m, a = own.shape
         motion = np.zeros((m, 12, 3 * (a + 4)))

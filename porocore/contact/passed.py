@@ -63,11 +63,6 @@ class Passed:
         return Blocks(self.nodes, self.places, matrices)
 
 
-def passed(points: Array, corners: Array, where: IntArray) -> IntArray:
-    """Which points (m,) are behind their triangle."""
-    return np.flatnonzero(distance_derivatives(points, corners, where)[0] < 0)
-
-
 def motion_of(N: Array, corners: Array) -> Array:
     """(m, 12, 3 (a + 3)) of points with shape functions N (m, a), and of corners that move by ``corners`` (3, 3)."""
     m, a = N.shape

@@ -23,10 +23,10 @@ def nearest(points: Array, triangles: Array) -> tuple[Array, IntArray, Array]:
     first = triangles[..., 0, :]
     m = np.cross(triangles[..., 1, :] - first, triangles[..., 2, :] - first)
     normal = m / np.linalg.norm(m, axis=-1)[..., None]
-    height = ((points - first) * normal).sum(axis=-1)
-    best = np.full(height.shape, np.inf)
-    where = np.zeros(height.shape, dtype=np.int64)
-    inside = np.ones(height.shape, dtype=bool)
+    above = ((points - first) * normal).sum(axis=-1)
+    best = np.full(above.shape, np.inf)
+    where = np.zeros(above.shape, dtype=np.int64)
+    inside = np.ones(above.shape, dtype=bool)
     for k in range(3):
         a, b = triangles[..., k, :], triangles[..., (k + 1) % 3, :]
         t, r = b - a, points - a
@@ -37,9 +37,9 @@ def nearest(points: Array, triangles: Array) -> tuple[Array, IntArray, Array]:
         kind = np.where(share <= 0, VERTEX + k, np.where(share >= 1, VERTEX + (k + 1) % 3, EDGE + k))
         nearer = distance < best
         best, where = np.where(nearer, distance, best), np.where(nearer, kind, where)
-    best, where = np.where(inside, np.abs(height), best), np.where(inside, FACE, where)
-    cosine = np.abs(height) / np.where(best > 0, best, 1.0)
-    return np.where(height < 0, -best, best), where, np.where(best > 0, cosine, 1.0)
+    best, where = np.where(inside, np.abs(above), best), np.where(inside, FACE, where)
+    cosine = np.abs(above) / np.where(best > 0, best, 1.0)
+    return np.where(above < 0, -best, best), where, np.where(best > 0, cosine, 1.0)
 
 
 def distance_derivatives(points: Array, triangles: Array, where: IntArray) -> tuple[Array, Array, Array]:
@@ -57,7 +57,7 @@ def distance_derivatives(points: Array, triangles: Array, where: IntArray) -> tu
             if not len(rows):
                 continue
             part = triangles[rows]
-            sign = np.sign(_height(points[rows], part))
+            sign = np.sign(height(points[rows], part))
             measure = _from_line if len(vertices) == 2 else _from_point
             d, first, second = measure(points[rows], part[:, vertices])
             places = np.concatenate([np.arange(3)] + [3 + 3 * v + np.arange(3) for v in vertices])
@@ -67,11 +67,12 @@ def distance_derivatives(points: Array, triangles: Array, where: IntArray) -> tu
     return g, slope, bend
 
 
-def _height(points: Array, triangles: Array) -> Array:
+def height(points: Array, triangles: Array) -> Array:
+    """A number (m,) with the sign of the distance: that of the height over the triangle's plane."""
     first = triangles[:, 0]
     m = np.cross(triangles[:, 1] - first, triangles[:, 2] - first)
-    height: Array = ((points - first) * m).sum(axis=1)
-    return height
+    above: Array = ((points - first) * m).sum(axis=1)
+    return above
 
 
 def _from_plane(points: Array, triangles: Array) -> tuple[Array, Array, Array]:

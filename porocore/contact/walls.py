@@ -17,7 +17,8 @@ import numpy as np
 from porocore.cell.mesh import CellMesh
 from porocore.contact.forces import Blocks, Forces, joined
 from porocore.contact.pairs import REACH, Image, Pairs, find_pairs, nearest_only
-from porocore.contact.passed import Passed, motion_of, passed
+from porocore.contact.passed import Passed, motion_of
+from porocore.contact.triangles import height
 from porocore.contact.wall import wall_of
 from porocore.states import Array
 
@@ -75,7 +76,7 @@ class WallState:
     def _of(self, F0: Array, x: Array, shift: Array, pairs: Pairs) -> Passed:
         points = np.einsum("ma,mai->mi", pairs.N, x[pairs.own])
         corners = x[pairs.other] + F0 @ shift
-        rows = passed(points, corners, pairs.where)
+        rows = np.flatnonzero(height(points, corners) < 0)
         X, own, other = self.contact.mesh.points, pairs.own[rows], pairs.other[rows]
         return Passed(
             points[rows],

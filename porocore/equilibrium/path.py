@@ -95,12 +95,11 @@ def _predict(problem: DiscreteSolid, here: Iterate, H: Array, p: float) -> Itera
     return there
 
 
-def _longest(problem: DiscreteSolid, here: Iterate, change: Array) -> float:
+def _longest(problem: DiscreteSolid, change: Array) -> float:
     """The share of a change that moves no node by more than contact can see."""
-    if problem.contact is None or problem.mesh.domain == "eighth":  # planes are seen from anywhere
+    if problem.contact is None or not problem.contact.pairs_move:  # planes are seen from anywhere
         return 1.0
-    there = problem.moved(here, change, here.H, here.p)
-    moved = float(np.linalg.norm(there.displacement - here.displacement, axis=1).max())
+    moved = float(np.linalg.norm(problem.expanded(change, ""), axis=1).max())
     return min(1.0, problem.contact.deepest / max(moved, 1e-300))
 
 
@@ -115,7 +114,7 @@ def _newton(problem: DiscreteSolid, here: Iterate, tolerance: float) -> tuple[It
         accuracy = min(1e-2, max(1e-7, 0.1 * goal / norm, norm / scale))
         change = problem.solve(here, -here.residual, accuracy)
         slope = float(here.residual @ change)
-        length, inverted = _longest(problem, here, change), True
+        length, inverted = _longest(problem, change), True
         while length > 1e-3:
             trial = problem.moved(here, length * change, here.H, here.p)
             trial.pair_like(here)

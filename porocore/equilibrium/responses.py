@@ -9,7 +9,7 @@ import numpy as np
 
 from porocore.cell.exchange import exchanged_axes, images
 from porocore.cell.material import cofactor, cofactor_tangent, determinant
-from porocore.cell.parity import classes, visible
+from porocore.cell.parity import UNIT_LOADS, classes, visible
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate
 from porocore.equilibrium.path import gap
 from porocore.states import Array, CellPeaks, CellResponse, CellTangent, Status
@@ -69,10 +69,9 @@ def _direct(here: Iterate, odd: str, columns: Sequence[int]) -> Array:
     direct = np.zeros((len(columns), len(columns)))
     if here.touching is not None:
         blocks = here.touching.blocks(odd)
-        unit = np.eye(10)[:, :9].reshape(10, 3, 3)  # p does not enter
         for a, i in enumerate(columns):
             for b, j in enumerate(columns):
-                direct[a, b] = blocks.second(unit[i], unit[j])
+                direct[a, b] = blocks.second(UNIT_LOADS[i], UNIT_LOADS[j])
     return direct
 
 

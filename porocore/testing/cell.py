@@ -21,9 +21,9 @@ from porocore.cell.cell import Cell
 from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.cell.material import NeoHookean
-from porocore.cell.mesh import MeshSettings
 from porocore.interfaces.cell import CellSolver
 from porocore.states import CellTangent, MacroState, Status
+from porocore.testing.cell_suite import CellSuite
 
 #: Three states away from zero: diagonal, diagonal under suction, and general with shear and pressure.
 STATES = {
@@ -34,26 +34,8 @@ STATES = {
 RESPONSES = ("mean_grad", "potential", "stress", "fluid_volume")
 
 
-class CellSolverConformance:
+class CellSolverConformance(CellSuite):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``."""
-
-    #: Kept coarse; what is tested here holds on every mesh.
-    mesh = MeshSettings(size=0.2, fluid_size=0.14)
-
-    @classmethod
-    def make_solver(cls) -> CellSolver:
-        """The solver under test, with default options."""
-        raise NotImplementedError
-
-    @pytest.fixture(scope="class")
-    @classmethod
-    def solver(cls) -> CellSolver:
-        return cls.make_solver()
-
-    @pytest.fixture(scope="class")
-    @classmethod
-    def prepared(cls, solver: CellSolver) -> Any:
-        return solver.prepare(Cell(mesh=cls.mesh))
 
     @pytest.fixture(scope="class")
     @classmethod

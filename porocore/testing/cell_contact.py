@@ -17,9 +17,9 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.contact import ContactSettings
-from porocore.cell.mesh import MeshSettings
 from porocore.interfaces.cell import CellSolver
 from porocore.states import MacroState, Status
+from porocore.testing.cell_suite import CellSuite
 
 #: In contact with the mirror planes and stable; all four loads that keep the planes mirrors differ.
 TOUCHING = MacroState.single(np.diag([0.01, -0.26, -0.005]), 0.02)
@@ -29,26 +29,8 @@ STEP = 3e-5
 LOADS = {"H11": 0, "H22": 4, "H33": 8, "p": 9}
 
 
-class CellContactConformance:
+class CellContactConformance(CellSuite):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``."""
-
-    #: Kept coarse; what is tested here holds on every mesh.
-    mesh = MeshSettings(size=0.2, fluid_size=0.14)
-
-    @classmethod
-    def make_solver(cls) -> CellSolver:
-        """The solver under test, with default options."""
-        raise NotImplementedError
-
-    @pytest.fixture(scope="class")
-    @classmethod
-    def solver(cls) -> CellSolver:
-        return cls.make_solver()
-
-    @pytest.fixture(scope="class")
-    @classmethod
-    def prepared(cls, solver: CellSolver) -> Any:
-        return solver.prepare(Cell(mesh=cls.mesh))
 
     @pytest.fixture(scope="class")
     @classmethod

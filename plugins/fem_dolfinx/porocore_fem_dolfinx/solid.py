@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import CellMesh
-from porocore.cell.parity import held_displacements
+from porocore.cell.parity import UNIT_LOADS, held_displacements
 from porocore.contact.model import contact_of
 from porocore.equilibrium.discrete import (
     DiscreteSolid,
@@ -259,9 +259,7 @@ class SolidProblem(DiscreteSolid):
         condensation, solver = self.free(odd), self._solvers[odd]
         R, explicit = [], []
         for column in columns:
-            unit = np.zeros(10)
-            unit[column] = 1.0
-            load = unit[:9].reshape(3, 3), unit[9]
+            load = UNIT_LOADS[column], float(column == 9)
             R.append(condensation.reduce(self._load_vector(here, odd, *load)))
             explicit.append(self.integral(self.loaded(here).stress_change(*load)))
         U, indefinite = [], False

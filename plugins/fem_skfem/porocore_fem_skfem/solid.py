@@ -13,7 +13,7 @@ import numpy as np
 
 from porocore.cell.material import NeoHookean, cofactor, determinant
 from porocore.cell.mesh import CellMesh
-from porocore.cell.parity import held_displacements
+from porocore.cell.parity import UNIT_LOADS, held_displacements
 from porocore.contact.model import ContactModel
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate, Sensitivities, Sums
 from porocore_fem_skfem import solves
@@ -197,9 +197,9 @@ class SolidProblem(DiscreteSolid):
         loads = [self._unit_load(here, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
         forces = [self.assemble(load) for load in loads]
         if here.touching is not None:
-            blocks, unit = here.touching.blocks(odd), np.eye(10)[:, :9].reshape(10, 3, 3)
+            blocks = here.touching.blocks(odd)
             for force, column in zip(forces, columns, strict=True):
-                force += self.merged(blocks.load_change(len(self.mesh.points), unit[column]))
+                force += self.merged(blocks.load_change(len(self.mesh.points), UNIT_LOADS[column]))
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
         U, curvature, indefinite = solves.sensitivities(constraints, entries, R)
         explicit = np.stack([(load @ self.w).ravel() for load in loads])
