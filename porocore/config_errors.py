@@ -16,10 +16,12 @@ from porocore.yaml_document import Location, YamlDocument
 
 #: Why a bound is where it is, by dotted key.
 WHY = {
-    "cell.geometry.radius": "at 0.5 a channel would touch its image in the next cell",
+    "cell.geometry.radius": "at 0.5 a pore or an obstacle would touch its image in the next cell",
     "cell.material.poisson_ratio": "0.5 is an incompressible solid, which this formulation cannot take",
     "sampling.workers": "'auto' is one worker for each processor core",
 }
+#: Keys of sections that have other keys for each ``kind``.
+OF_KINDS = ("geometry",)
 
 
 def faults(
@@ -65,7 +67,9 @@ def show(value: Any) -> str:
 
 def _document_location(document: YamlDocument, error: ErrorDetails) -> Location:
     """Where the error stands in the file; pydantic adds the branch of a union or '[key]' to that."""
-    location = tuple(str(part) for part in error["loc"])
+    location = _without_tags(tuple(str(part) for part in error["loc"]))
+    if error["type"] == "union_tag_invalid":
+        return (*location, "kind")
     if error["type"] == "missing":
         return location
     while location and location not in document:
@@ -77,8 +81,9 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
     error = group[0]
     key = ".".join(at) or "the configuration"
     kind = error["type"]
+    place = _with_tags(at, error)
     if kind == "extra_forbidden":
-        return f"{key}: unknown key; {_other_keys(at, root)}"
+        return f"{key}: unknown key; {_other_keys(place, root)}"
     if error["loc"] and error["loc"][-1] == "[key]":
         names = _options(_hint(root, at[:-1])[0], keys=True)
         return f"{key}: unknown key; {_nearest(at[-1], names)}"
@@ -89,10 +94,15 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
         return f"{key}: missing; add '{at[-1]}:' {_under(at)}"
     if kind == "value_error":
         return f"{key}: {error['ctx']['error']}"
-    expected = " or ".join(dict.fromkeys(_expected(e, at, root) for e in group))
+    if kind == "union_tag_invalid":
+        tags = _tags(_hint(root, at[:-1])[0])
+        close = difflib.get_close_matches(error["ctx"]["tag"], tags, n=1)
+        advice = f"; did you mean '{close[0]}'?" if close else ""
+        return unexpected(at, f"one of {', '.join(tags)}", document.value(at)) + advice
+    expected = " or ".join(dict.fromkeys(_expected(e, place, root) for e in group))
     text = unexpected(at, expected, document.value(at) if at in document else error["input"])
     if kind == "literal_error" and isinstance(error["input"], str):
-        close = difflib.get_close_matches(error["input"], _options(_hint(root, at)[0]), n=1)
+        close = difflib.get_close_matches(error["input"], _options(_hint(root, place)[0]), n=1)
         text += f"; did you mean '{close[0]}'?" if close else ""
     return text
 
@@ -141,11 +151,54 @@ def _bounds(name: str, metadata: Iterable[Any], kind: str = "a number") -> str:
     return f"{kind} with {lower}{name}{upper}" if lower or upper else ""
 
 
+def _without_tags(location: Location) -> Location:
+    """Without the kinds that pydantic writes behind the key of a section of several kinds."""
+    return tuple(part for i, part in enumerate(location) if not _is_tag(location, i))
+
+
+def _is_tag(location: Location, i: int) -> bool:
+    return i > 0 and location[i - 1] in OF_KINDS
+
+
+def _with_tags(at: Location, error: ErrorDetails) -> Location:
+    """A location in the document with the kinds of its sections, as :func:`_hint` understands it."""
+    whole = tuple(str(part) for part in error["loc"])
+    for i, part in enumerate(whole):
+        if _is_tag(whole, i) and len(at) > i:
+            at = (*at[:i], part, *at[i:])
+    return at
+
+
+def _tags(annotation: Any) -> list[str]:
+    """The kinds of a section of several kinds."""
+    found = (
+        getattr(extra, "tag", None)
+        for branch in _branches(annotation, keep_annotated=True)
+        if get_origin(branch) is Annotated
+        for extra in get_args(branch)[1:]
+    )
+    return [tag for tag in found if tag is not None]
+
+
+def _of_kind(annotation: Any, tag: str) -> Any:
+    """The one branch of that kind; None if there is none."""
+    for branch in _branches(annotation, keep_annotated=True):
+        if get_origin(branch) is Annotated and any(
+            getattr(extra, "tag", None) == tag for extra in get_args(branch)[1:]
+        ):
+            return get_args(branch)[0]
+    return None
+
+
 def _hint(root: type[BaseModel], at: Location) -> tuple[Any, list[Any]]:
     """Annotation of the value at a location and the constraints on it; (None, []) where there is none."""
     annotation: Any = root
     metadata: list[Any] = []
     for part in at:
+        chosen = _of_kind(annotation, part)
+        if chosen is not None:
+            annotation, metadata = chosen, []
+            continue
         for branch in _branches(annotation):
             origin, arguments = get_origin(branch), get_args(branch)
             if isinstance(branch, type) and issubclass(branch, BaseModel) and part in branch.model_fields:
@@ -172,6 +225,11 @@ def _branches(annotation: Any, keep_annotated: bool = False) -> list[Any]:
     """The members of a union, without their constraints unless these are to be kept."""
     if get_origin(annotation) is Annotated and not keep_annotated:
         return _branches(get_args(annotation)[0])
+    if get_origin(annotation) is Annotated and get_origin(get_args(annotation)[0]) in (
+        Union,
+        types.UnionType,
+    ):
+        return _branches(get_args(annotation)[0], keep_annotated)
     if get_origin(annotation) in (Union, types.UnionType):
         return [b for member in get_args(annotation) for b in _branches(member, keep_annotated)]
     return [annotation]

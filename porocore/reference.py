@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.errors import DataError, PorocoreError
+from porocore.errors import ConfigurationError, DataError, PorocoreError
 from porocore.files import atomic_path
 from porocore.interfaces.cell import CellSolver
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
@@ -56,9 +56,15 @@ class CellReference:
 
         Raises
         ------
+        ConfigurationError
+            The cell has no pores, or its solid does not hang together.
         PorocoreError
             The undeformed cell has no solution, which a mesh or backend fault must cause.
         """
+        if cell.geometry.porosity == 0:
+            raise ConfigurationError(
+                "cell.geometry: the cell has no pores, so there is nothing to homogenise"
+            )
         response = solver.solve(prepared, MacroState.zeros(1)).response
         if response.status[0] != Status.converged:
             raise PorocoreError(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.cell.geometry import OrthogonalChannels
 from porocore.closure_error import ClosureError, closure_error
 from porocore.closures import CLOSURES
 from porocore.config import RunConfig
@@ -239,9 +240,13 @@ def _cell_summary(
 ) -> CellSummary:
     geometry, material = config.cell.geometry, config.cell.material
     solid = config.cell.make_mesh("solid", "whole")
-    benchmark_like = geometry.axes == "xyz" and abs(geometry.radius - 0.25) < 1e-12
+    benchmark_like = (
+        isinstance(geometry, OrthogonalChannels)
+        and geometry.axes == "xyz"
+        and abs(geometry.radius - 0.25) < 1e-12
+    )
     return CellSummary(
-        description=f"orthogonal channels of radius {geometry.radius:g} along {', '.join(geometry.axes)}; "
+        description=f"{geometry.description}; "
         f"{material.kind} solid with Poisson's ratio {material.poisson_ratio:g}",
         porosity=reference.porosity,
         viscosity=config.cell.viscosity,
@@ -254,10 +259,11 @@ def _cell_summary(
 
 def _is_the_benchmark(config: RunConfig) -> bool:
     """The paper's cell and column, whichever of the two radii."""
-    macro = config.macro
+    macro, geometry = config.macro, config.cell.geometry
     return (
-        config.cell.geometry.axes == "xyz"
-        and config.cell.geometry.radius in (0.2, 0.25)
+        isinstance(geometry, OrthogonalChannels)
+        and geometry.axes == "xyz"
+        and geometry.radius in (0.2, 0.25)
         and macro.size == (0.1, 7.5, 0.1)
         and -0.2 in macro.loads
     )

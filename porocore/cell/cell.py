@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from porocore.cell.contact import ContactSettings
-from porocore.cell.geometry import OrthogonalChannels
+from porocore.cell.geometry import Geometry, OrthogonalChannels
 from porocore.cell.material import NeoHookean
 from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.supercell import block
@@ -21,7 +21,7 @@ class Cell(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    geometry: OrthogonalChannels = OrthogonalChannels()
+    geometry: Geometry = OrthogonalChannels()
     material: NeoHookean = NeoHookean()
     viscosity: Annotated[float, Field(gt=0)] = 1e-3
     """μ_f; K is proportional to its inverse."""

@@ -12,11 +12,12 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from porocore.cell.mirror import eighth_to_whole, snap, wedge_to_eighth
+from porocore.cell.part import PoreGeometry
 from porocore.errors import PorocoreError
 from porocore.states import Array
 
 if TYPE_CHECKING:
-    from porocore.cell.geometry import DrawnPart, OrthogonalChannels
+    from porocore.cell.part import DrawnPart
 
 Phase = Literal["solid", "fluid"]
 Domain = Literal["eighth", "whole"]
@@ -24,6 +25,8 @@ Domain = Literal["eighth", "whole"]
 LARGEST_SIZE_TO_RADIUS = 0.8
 #: Two elements, seldom three, around a fillet, whose arc is 60° to 90°; coarser ones away from it.
 SIZE_TO_FILLET, GROWTH = 0.8, 1.0
+#: Of the distance between a wall and a mirror plane: a quadratic element across it has the parabola of the flow.
+SIZE_TO_GAP = 0.8
 #: Corners of a tetrahedron between which its further nodes lie (VTK order).
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 SYSTEM_LIBRARIES = (
@@ -131,7 +134,7 @@ class CellMesh:
 
 
 @lru_cache(maxsize=8)
-def make_mesh(geometry: OrthogonalChannels, settings: MeshSettings, phase: Phase, domain: Domain) -> CellMesh:
+def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, domain: Domain) -> CellMesh:
     """Mesh one phase; the eighth is part of the whole, so both give the same averages for symmetric loads.
 
     Raises
@@ -164,22 +167,25 @@ def _import_gmsh() -> Any:
 
 @lru_cache(maxsize=4)
 def _mesh_part(
-    geometry: OrthogonalChannels, size: float, element: str
+    geometry: PoreGeometry, size: float, element: str
 ) -> dict[Phase, tuple[Array, npt.NDArray[np.int64]]]:
     gmsh = _import_gmsh()
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)
-        size = min(size, LARGEST_SIZE_TO_RADIUS * geometry.radius)
+        size = min(size, LARGEST_SIZE_TO_RADIUS * geometry.narrowest)
         gmsh.option.setNumber("Mesh.MeshSizeMin", size)
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         gmsh.model.add("cell")
         part = geometry.draw(gmsh)
         if part.fillets:
-            _refine(gmsh, part.fillets, min(size, SIZE_TO_FILLET * geometry.fillet), size)
+            _refine(gmsh, part.fillets, min(size, SIZE_TO_FILLET * geometry.finest_fillet), size)
+        elif type(geometry).gap is not PoreGeometry.gap:
+            _follow_gaps(gmsh, geometry, size)
         gmsh.model.mesh.generate(3)
-        gmsh.model.mesh.optimize("Netgen")
+        if not part.extruded:
+            gmsh.model.mesh.optimize("Netgen")
         if element != "linear":
             gmsh.option.setNumber("Mesh.SecondOrderLinear", float(element == "quadratic-straight"))
             gmsh.model.mesh.setOrder(2)
@@ -210,7 +216,18 @@ def _refine(gmsh: Any, faces: list[int], smallest: float, largest: float) -> Non
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
 
 
-def _nodes(gmsh: Any, geometry: OrthogonalChannels, part: DrawnPart) -> Array:
+def _follow_gaps(gmsh: Any, geometry: PoreGeometry, largest: float) -> None:
+    """Elements as small as the gaps beside them."""
+
+    def size(dim: int, tag: int, x: float, y: float, z: float, proposed: float) -> float:
+        return min(largest, SIZE_TO_GAP * geometry.gap(x, y, z))
+
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.0)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+    gmsh.model.mesh.setSizeCallback(size)
+
+
+def _nodes(gmsh: Any, geometry: PoreGeometry, part: DrawnPart) -> Array:
     """Coordinates by tag, (largest tag + 1, 3), those on approximate faces moved onto the wall."""
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     points = np.full((int(tags.max()) + 1, 3), np.nan)
@@ -231,6 +248,8 @@ def _read(gmsh: Any, volumes: list[int], nodes: Array, element: str) -> tuple[Ar
         for kind, tags in zip(kinds, tags_of_kind, strict=True):
             per_element = {4: 4, 11: 10}[int(kind)]
             blocks.append(tags.astype(np.int64).reshape(-1, per_element))
+    if not blocks:
+        return np.empty((0, 3)), np.empty((0, 4 if element == "linear" else 10), dtype=np.int64)
     cells = np.concatenate(blocks)
     if cells.shape[1] == 10:
         cells = cells[

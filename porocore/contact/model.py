@@ -57,8 +57,8 @@ class ContactModel(Protocol):
 
 
 def contact_of(mesh: CellMesh, settings: ContactSettings) -> ContactModel | None:
-    """Of the wall of a mesh of the solid; None where the settings say so."""
-    if settings.kind == "none":
+    """Of the wall of a mesh of the solid; None where the settings say so, or where there are no pores."""
+    if settings.kind == "none" or not len(mesh.wall):
         return None
     h = facet_edge(mesh)
     stiffness = settings.stiffness / h

@@ -13,6 +13,7 @@ from porocore.cell.mesh import CellMesh, Domain
 from porocore.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
 from porocore.equilibrium.path import follow
 from porocore.equilibrium.responses import failed, respond
+from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.states import Array, CellResponse, MacroState, Status
 
@@ -37,6 +38,12 @@ class PreparedCell:
         return self._solid("whole")
 
     def _solid(self, domain: Domain) -> DiscreteSolid:
+        loose = self.cell.geometry.loose
+        if loose:
+            raise ConfigurationError(
+                f"cell.geometry: the solid of {self.cell.geometry.description} does not hang together, so it has no "
+                f"stiffness and only its conductivity can be computed: {loose}"
+            )
         return self._solver.solid(self.cell, self.cell.make_mesh("solid", domain))
 
     def solid_for(self, H: Array) -> DiscreteSolid:
@@ -46,7 +53,9 @@ class PreparedCell:
 
     @cached_property
     def conductivity(self) -> Array:
-        """K (3, 3) of the undeformed cell."""
+        """K (3, 3) of the undeformed cell; 0 without pores."""
+        if self.cell.geometry.porosity == 0:
+            return np.zeros((3, 3))
         domain: Domain = "eighth" if self.cell.symmetry == "auto" else "whole"
         K = self._solver.flow(self.cell.make_mesh("fluid", domain))
         if domain == "eighth":
@@ -113,7 +122,8 @@ def _solve_one(
         response = respond(solid, outcome.equilibrium, tangent=tangent)
     except FactorError:
         return failed(Status.not_converged, tangent=tangent), None
-    if response.fluid_volume is not None and response.fluid_volume[0] <= 0:
+    has_pores = prepared.cell.geometry.porosity > 0
+    if has_pores and response.fluid_volume is not None and response.fluid_volume[0] <= 0:
         return failed(Status.overlap, tangent=tangent), None
     field = None
     if fields:
