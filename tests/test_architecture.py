@@ -41,7 +41,7 @@ LAYERS = (
     ("work", ()),
     ("choice", ("registry", "config", "backends")),
     ("run", ("runfolder",)),
-    ("pipeline", ("pipeline", "solving", "stage_files", "summary", "crosscheck", "tune")),
+    ("pipeline", ("pipeline", "solving", "stage_files", "summary", "crosscheck", "tune", "sensitivity")),
     ("command line", ("cli",)),
 )
 WORK = [name for name, _ in LAYERS].index("work")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import partial
@@ -13,9 +11,9 @@ from typing import Any
 import h5py
 import numpy as np
 
+from porocore.csv_table import write_csv
 from porocore.equilibrium.solver import EquilibriumCellSolver, PreparedCell
 from porocore.errors import ConfigurationError, DataError
-from porocore.files import atomic_path
 from porocore.hdf5 import atomic_hdf5
 from porocore.inputs import NAMES
 from porocore.stability.inertia import WAVES
@@ -165,22 +163,11 @@ def write_tables(folder: Path, plan: MapPlan, lines: Sequence[Line]) -> tuple[Pa
             row: list[Any] = [*theta[columns], Status(int(line.status[k])).name]
             row += [line.contact_share[k], line.min_gap[k], line.acoustic[k]]
             rows.append([*row, *line.pivots[k], *line.eigenvalues[k]])
-    states = _write(folder / "states.csv", header, rows)
+    states = write_csv(folder / "states.csv", header, rows)
     leading, across = NAMES.index(plan.leading), NAMES.index(plan.across)
     header = [plan.across, *(f"{plan.leading}_{event}_{side}" for event in EVENTS for side in ("from", "to"))]
     rows = []
     for line in lines:
         span = line.goal[leading] - line.start[leading]
         rows.append([line.start[across], *(line.start[leading] + line.onsets * span).ravel()])
-    return states, _write(folder / "onsets.csv", header, rows)
-
-
-def _write(path: Path, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> Path:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    for row in rows:
-        writer.writerow([f"{x:.8g}" if isinstance(x, float) else x for x in row])
-    with atomic_path(path) as part:
-        part.write_text(text.getvalue(), encoding="utf-8")
-    return path
+    return states, write_csv(folder / "onsets.csv", header, rows)
