@@ -26,6 +26,8 @@ class Boundary(_Strict):
     """Components of u; None leaves a component free."""
     traction: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Dead traction t̄ per reference area [E]."""
+    plate: float | None = None
+    """Force along the face's axis on a rigid frictionless plate: the face moves along that axis as one [E L²]."""
     pressure: float | None = None
     """Pore pressure; None makes the face a flux boundary."""
     flux: float = 0.0
@@ -80,6 +82,17 @@ class MacroSetup(_Strict):
     boundary: dict[Face, Boundary]
     time: TimePlan = TimePlan()
     newton: NewtonSettings = NewtonSettings()
+
+    @model_validator(mode="after")
+    def _plates_are_free_to_move(self) -> MacroSetup:
+        for face, boundary in self.boundary.items():
+            i = "xyz".index(face[0])
+            if boundary.plate is not None and boundary.displacement[i] is not None:
+                raise ValueError(
+                    f"the face {face} has both a plate, which is pushed by a force, and a displacement u_{i + 1}, "
+                    "which moves it as one already; keep one"
+                )
+        return self
 
     def ramp(self, time: float) -> float:
         """Share of the load that acts at ``time``."""

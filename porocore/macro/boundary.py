@@ -22,12 +22,16 @@ class BoundaryData:
     prescribed, values : (k,)
         Unknowns that are prescribed, ascending, and their values.
     external : (unknowns,)
-        −∫ t̄ N dS of the displacements and ∫ q̄ N dS of the pressures.
+        −∫ t̄ N dS of the displacements, less the force on a plate in the first of its unknowns, and ∫ q̄ N dS of the
+        pressures.
+    plates
+        Unknowns that are one, ascending, for each rigid plate.
     """
 
     prescribed: IntArray
     values: Array
     external: Array
+    plates: tuple[IntArray, ...] = ()
 
 
 def boundary_data(mesh: BoxMesh) -> BoundaryData:
@@ -36,10 +40,12 @@ def boundary_data(mesh: BoxMesh) -> BoundaryData:
     Raises
     ------
     ConfigurationError
-        Two faces prescribe different values on their common edge, or a translation is not held.
+        Two faces prescribe different values on their common edge, one holds the edge of another's plate, or a
+        translation is not held.
     """
     values = np.full(mesh.size, np.nan)
     external = np.zeros(mesh.size)
+    plates: dict[Face, IntArray] = {}
     u, p = external[: mesh.n_u].reshape(-1, 3), external[mesh.n_u :]
     for face in FACES:
         boundary = mesh.problem.boundary.get(face, Boundary())
@@ -50,6 +56,9 @@ def boundary_data(mesh: BoxMesh) -> BoundaryData:
         _prescribe(values, mesh.n_u + p_nodes, boundary.pressure, "p", face)
         if any(boundary.traction):
             u[nodes] -= np.outer(_areas(mesh, face, nodes, (1 / 6, 4 / 6)), boundary.traction)
+        if boundary.plate is not None:
+            plates[face] = 3 * nodes + _axis(face)
+            external[plates[face][0]] -= boundary.plate
         if boundary.flux:
             p[p_nodes] += boundary.flux * _areas(mesh, face, mesh.p_nodes[p_nodes], (1 / 2, 0))
     for i in range(3):
@@ -58,8 +67,14 @@ def boundary_data(mesh: BoxMesh) -> BoundaryData:
                 f"macro.boundary: nothing holds the body in direction {i + 1}; "
                 f"prescribe u_{i + 1} on some face"
             )
+    for face, unknowns in plates.items():
+        if not np.isnan(values[unknowns]).all():
+            raise ConfigurationError(
+                f"macro.boundary.{face}: the plate moves as one, but a neighbouring face prescribes "
+                f"u_{_axis(face) + 1} on their common edge; leave that component free there"
+            )
     prescribed = np.flatnonzero(~np.isnan(values))
-    return BoundaryData(prescribed, values[prescribed], external)
+    return BoundaryData(prescribed, values[prescribed], external, tuple(plates.values()))
 
 
 def _axis(face: Face) -> int:

@@ -65,6 +65,11 @@ class Discretisation(ABC):
         Local unknowns that are prescribed, and their values under a load of 1.
     free : (f,)
         Owned unknowns that are not, ascending.
+    plates
+        For each rigid plate the places in ``free`` of its unknowns, as far as they are owned; they are all one.
+    leading : (f,) bool
+        Which of ``free`` stand for themselves: all but those of plates, of which only the first of each does, on the
+        process that owns it. As many equations are solved.
     is_force : (local unknowns,)
         Whether an unknown is a displacement.
     weights : (points,)
@@ -92,6 +97,10 @@ class Discretisation(ABC):
         self.free = np.flatnonzero(is_free[:owned])
         self.prescribed = np.flatnonzero(~is_free)
         self.values = everywhere[unknowns[self.prescribed]]
+        self.plates = tuple(np.flatnonzero(np.isin(unknowns[self.free], plate)) for plate in boundary.plates)
+        self.leading = np.ones(len(self.free), bool)
+        for places, plate in zip(self.plates, boundary.plates, strict=True):
+            self.leading[places] = unknowns[self.free[places]] == plate[0]
         self._external = np.where(np.arange(len(unknowns)) < owned, boundary.external[unknowns], 0.0)
         #: ∫ q̄ dS over the body under a load of 1.
         self.outflow = float(boundary.external[mesh.n_u :].sum())
@@ -117,11 +126,13 @@ class Discretisation(ABC):
 
     @abstractmethod
     def magnitudes(self, system: Any, x: Array) -> Array:
-        """|A| |x| in the rows of the free unknowns."""
+        """|A| |x| in the rows of the free unknowns; those of a plate may stand in the first of its rows."""
 
     @abstractmethod
     def solve(self, system: Any, right: Array, jump: Array) -> Array:
-        """The d with A d = ``right`` in the free rows and d = ``jump`` in the prescribed unknowns.
+        """The d with A d = ``right`` in the equations and d = ``jump`` in the prescribed unknowns.
+
+        The unknowns of a plate change alike.
 
         Raises
         ------
@@ -146,6 +157,17 @@ class Discretisation(ABC):
             for rows in (self.is_force, ~self.is_force)
         )
         return Residual(values, force_scale, volume_scale)
+
+    def equations(self, values: Array) -> Array:
+        """From values in the rows of all local unknowns those of the equations of this process, (leading,).
+
+        The equation of a plate is the sum over its unknowns, wherever they are.
+        """
+        values = values[self.free].copy()
+        for places in self.plates:
+            total = self.world.total(float(values[places].sum()))
+            values[places[self.leading[places]]] = total
+        return values[self.leading]
 
     def _gather(self, forces: Array, volumes: Array) -> Array:
         blocks = np.concatenate([forces, volumes], axis=1)

@@ -110,7 +110,7 @@ def _misfit(d: Discretisation, residual: Residual, round_off: tuple[float, float
 
 def _largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
     """Of the forces and of the volumes, over all processes."""
-    magnitude, is_force = np.abs(values[d.free]), d.is_force[d.free]
+    magnitude, is_force = np.abs(d.equations(values)), d.is_force[d.free[d.leading]]
     blocks = (magnitude[is_force], magnitude[~is_force])
     force, volume = (d.world.largest(float(block.max(initial=0.0))) for block in blocks)
     return force, volume

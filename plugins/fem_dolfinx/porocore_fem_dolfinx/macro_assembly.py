@@ -40,8 +40,29 @@ class Assembler(Discretisation):
         self._u, self._p = fem.Function(space.V), fem.Function(space.Q)
         self._forms = Forms(space)
         self._matrix = self._forms.new_matrix()
-        self._solver = LinearSolver(comm, petsc, self.free, self.is_force[self.free])
+        self._solver = LinearSolver(
+            comm, petsc, self.free, self.is_force[self.free[self.leading]], self._expansion(comm)
+        )
         self._try_solver()
+
+    def _expansion(self, comm: Any) -> Any:
+        """Matrix from the unknowns of the equations to the free ones; None without plates, where they are the same."""
+        if not self.plates:
+            return None
+        rows, columns = len(self.free), int(self.leading.sum())
+        first = comm.scan(columns) - columns
+        column = np.full(rows, -1, dtype=np.int64)
+        column[self.leading] = first + np.arange(columns)
+        for places in self.plates:
+            own = column[places[self.leading[places]]]
+            column[places] = self.world.total(int(own.sum()))  # one process has it, the others nothing
+        expansion = PETSc.Mat().createAIJ(
+            ((rows, None), (columns, None)),
+            csr=(np.arange(rows + 1, dtype=PETSc.IntType), column.astype(PETSc.IntType), np.ones(rows)),
+            comm=comm,
+        )
+        expansion.assemble()
+        return expansion
 
     def _try_solver(self) -> None:
         """On a body that nobody can turn, so that a fault is one of the options."""
@@ -113,5 +134,5 @@ class Assembler(Discretisation):
             moved.array = change[: self.owned]
             system.mult(moved, forces)
             right = right[: self.owned] - forces.array
-        change[self.free] = self._solver.solve(system, right[self.free])
+        change[self.free] = self._solver.solve(system, self.equations(right))
         return self._with_copies(change)

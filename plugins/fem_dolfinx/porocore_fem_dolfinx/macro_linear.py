@@ -26,7 +26,7 @@ LARGEST_RESIDUAL = 1e-5
 
 
 class LinearSolver:
-    """Solves with the free rows and columns of matrices of one pattern.
+    """Solves the equations that the free rows and columns of matrices of one pattern amount to.
 
     Parameters
     ----------
@@ -36,8 +36,10 @@ class LinearSolver:
         The user's PETSc options, which go before :data:`DEFAULTS`. A field split finds its fields as ``u`` and ``p``.
     free : (f,)
         Which of the rows of this process count, displacements first.
-    is_force : (f,)
-        Whether they are displacements.
+    is_force : (equations,)
+        Whether the unknowns of this process's equations are displacements.
+    expansion
+        Matrix T from them to the free unknowns, so that TᵀAT is solved with; None where they are the same.
 
     Raises
     ------
@@ -45,9 +47,12 @@ class LinearSolver:
         An option is of a kind that PETSc refuses at once.
     """
 
-    def __init__(self, comm: Any, petsc: Mapping[str, Any], free: Any, is_force: Any) -> None:
-        self._comm, self._free = comm, free
+    def __init__(
+        self, comm: Any, petsc: Mapping[str, Any], free: Any, is_force: Any, expansion: Any = None
+    ) -> None:
+        self._comm, self._free, self._expansion = comm, free, expansion
         self._rows: Any = None
+        self._free_matrix: Any = None
         self._matrix: Any = None
         self._options = SolverOptions(DEFAULTS, petsc, KEY)
         self._ksp = PETSc.KSP().create(comm)
@@ -85,7 +90,7 @@ class LinearSolver:
         self._options.check_used()
 
     def solve(self, matrix: Any, right: Any) -> Any:
-        """x with A x = ``right`` (f,), where A are the free rows and columns of ``matrix``.
+        """x (f,) with A x = ``right`` (equations,), where A are the free rows and columns of ``matrix``.
 
         Raises
         ------
@@ -95,7 +100,13 @@ class LinearSolver:
         if self._rows is None:
             start = matrix.getOwnershipRange()[0]
             self._rows = PETSc.IS().createGeneral((start + self._free).astype(np.int32), comm=self._comm)
-        self._matrix = matrix.createSubMatrix(self._rows, self._rows, self._matrix)
+        self._free_matrix = matrix.createSubMatrix(self._rows, self._rows, self._free_matrix)
+        if self._expansion is None:
+            self._matrix = self._free_matrix
+        elif self._matrix is None:
+            self._matrix = self._free_matrix.ptap(self._expansion)
+        else:
+            self._free_matrix.ptap(self._expansion, result=self._matrix)
         self._ksp.setOperators(self._matrix)
         x, b = self._matrix.createVecs()
         b.array = right
@@ -121,4 +132,6 @@ class LinearSolver:
                 f"PETSc's solution is off by {left / norm:.1g} of the right-hand side: the body may not be held "
                 "against rigid motions, or the solver is not for this matrix, which is not symmetric"
             )
+        if self._expansion is not None:
+            x = self._expansion * x
         return x.array.copy()

@@ -20,7 +20,9 @@ if shutil.which("mpirun") is None and not os.environ.get("CI"):
 
 from porocore.registry import registry
 from porocore.solution import History, MacroSolution, Profile
+from porocore.testing.macro_plates import squeezed
 from porocore.testing.macro_runs import STORM, TIMID
+from porocore.testing.macro_solving import NONLINEAR
 
 BEGIN = """
     import sys
@@ -142,3 +144,24 @@ def test_more_processes_than_elements_can_be_shared_among_are_refused(tmp_path):
     assert (tmp_path / "message").read_text() == (
         "macro.elements: 1 elements are too few for 2 processes; start fewer"
     )
+
+
+def test_two_processes_share_a_plate(tmp_path):
+    """Its unknowns lie on both, and its equation is the sum over both."""
+    part = """
+        from porocore.testing.macro_plates import squeezed
+        from porocore.testing.macro_solving import NONLINEAR
+        prepared = solver.prepare(squeezed({"plate": 1}))
+        assert len(prepared.plates[0])
+        solution = solver.solve(prepared, NONLINEAR)
+        if solver.world.rank == 0:
+            solution.save(folder / "solution.h5")
+    """
+    solver = registry().get("macro solver", "dolfinx")()
+    one = solver.solve(solver.prepare(squeezed({"plate": 1})), NONLINEAR)
+    done = run(2, part, tmp_path)
+    assert done.returncode == 0, done.stderr
+    two = MacroSolution.load_file(tmp_path / "solution.h5")
+    np.testing.assert_allclose(two.history.settlement, one.history.settlement, rtol=1e-9)
+    np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, rtol=0, atol=1e-10)
+    assert np.ptp(two.profiles[-1].u[two.points[:, 1] == 1, 1]) == 0

@@ -23,10 +23,10 @@ from porocore_fem_skfem.macro_space import make_reference
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """The tangent, split into free and prescribed unknowns."""
+    """The tangent, split into equations and prescribed unknowns."""
 
-    free: Any  #: scipy CSC, free × free
-    coupling: Any  #: scipy CSR, free × prescribed
+    free: Any  #: scipy CSC, equations × equations
+    coupling: Any  #: scipy CSR, equations × prescribed
 
 
 class Assembler(Discretisation):
@@ -67,7 +67,13 @@ class Assembler(Discretisation):
 
     def _build_patterns(self) -> None:
         free_slot, fixed_slot = np.full((2, self.mesh.size), -1, dtype=np.int64)
-        free_slot[self.free] = np.arange(len(self.free))
+        n, k = int(self.leading.sum()), len(self.prescribed)
+        #: Equation of each free unknown; those of a plate share one.
+        self._equation = np.empty(len(self.free), dtype=np.int64)
+        self._equation[self.leading] = np.arange(n)
+        for places in self.plates:
+            self._equation[places] = self._equation[places[0]]
+        free_slot[self.free] = self._equation
         fixed_slot[self.prescribed] = np.arange(len(self.prescribed))
         u, p = self.dofs[:, :81].reshape(-1, 3, 27), self.dofs[:, 81:]
         e = len(u)
@@ -80,7 +86,6 @@ class Assembler(Discretisation):
         self._entries = np.empty(self._ends[-1])
         row = np.concatenate([np.broadcast_to(r, s).ravel() for r, s in zip(rows, shapes, strict=True)])
         column = np.concatenate([np.broadcast_to(c, s).ravel() for c, s in zip(columns, shapes, strict=True)])
-        n, k = len(self.free), len(self.prescribed)
         self._free = _Pattern(free_slot[column], free_slot[row], (n, n))
         self._coupling = _Pattern(free_slot[row], fixed_slot[column], (n, k))
 
@@ -123,20 +128,20 @@ class Assembler(Discretisation):
 
     def magnitudes(self, system: System, x: Any) -> Any:
         """|A| |x| in the free rows."""
-        terms = np.zeros(len(x))
-        terms[self.free] = abs(system.free) @ np.abs(x[self.free])
-        terms[self.free] += abs(system.coupling) @ np.abs(x[self.prescribed])
+        terms, leading = np.zeros(len(x)), self.free[self.leading]
+        terms[leading] = abs(system.free) @ np.abs(x[leading])
+        terms[leading] += abs(system.coupling) @ np.abs(x[self.prescribed])
         return terms
 
     def solve(self, system: System, right: Any, jump: Any) -> Any:
         """By SuperLU."""
         change = np.zeros(len(right))
         change[self.prescribed] = jump
-        right = right[self.free]
+        right = self.equations(right)
         if jump.any():
             right = right - system.coupling @ jump
         try:
-            change[self.free] = splu(system.free).solve(right)
+            change[self.free] = splu(system.free).solve(right)[self._equation]
         except RuntimeError as error:
             raise StepFailed(f"{error}: the body may not be held against rigid motions") from error
         if not np.isfinite(change).all():
