@@ -14,5 +14,5 @@ class ContactSettings(BaseModel):
 
     kind: Literal["frictionless", "none"] = "frictionless"
     """none: a state whose wall has passed through itself has the status overlap, and no values."""
-    stiffness: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 10.0
+    stiffness: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 15.0
     """Of the penalty, in units of E/h with the mean edge h of the wall's facets; energy is ε/2 ⟨−gap⟩² per area."""
