@@ -41,7 +41,19 @@ LAYERS = (
     ("work", ()),
     ("choice", ("registry", "config", "backends")),
     ("run", ("runfolder",)),
-    ("pipeline", ("pipeline", "solving", "stage_files", "summary", "crosscheck", "tune", "sensitivity")),
+    (
+        "pipeline",
+        (
+            "pipeline",
+            "solving",
+            "stage_files",
+            "summary",
+            "crosscheck",
+            "tune",
+            "sensitivity",
+            "local_fields",
+        ),
+    ),
     ("command line", ("cli",)),
 )
 WORK = [name for name, _ in LAYERS].index("work")

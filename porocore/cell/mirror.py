@@ -55,3 +55,37 @@ def _merge(
     )
     merged, inverse = np.unique(all_points, axis=0, return_inverse=True)
     return merged, inverse.reshape(-1)[all_cells]
+
+
+def unfold_displacement(points: Array, u: Array, whole: Array) -> Array:
+    """A displacement of the eighth under a load that keeps its mirrors, on the whole cell, exactly.
+
+    Parameters
+    ----------
+    points : (n, 3)
+        Nodes of the eighth.
+    u : (n, 3)
+        There; u_i vanishes on the planes X_i = 0 and X_i = ½.
+    whole : (N, 3)
+        Nodes of the whole cell, images of the eighth's by :func:`eighth_to_whole`.
+
+    Returns
+    -------
+    (N, 3)
+        The component u_i is odd under the mirror of axis i and even under the others.
+
+    Raises
+    ------
+    ValueError
+        A node of the whole is no image of one of the eighth.
+    """
+    known = snap(points, [0.0, 0.5]) + 0.0
+    _, inverse = np.unique(np.concatenate([known, np.abs(whole) + 0.0]), axis=0, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    node = np.full(int(inverse.max()) + 1, -1)
+    node[inverse[: len(known)]] = np.arange(len(known))
+    image = node[inverse[len(known) :]]
+    if (image < 0).any():
+        raise ValueError("the nodes of the whole cell are no mirror images of those of the eighth")
+    unfolded: Array = np.sign(whole) * u[image]
+    return unfolded

@@ -1,15 +1,18 @@
-"""``porocore cell``: one state of the cell, solved and shown."""
+"""``porocore cell``: one state of the cell, solved and shown; ``porocore cell fields``: with its local fields."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from porocore.cli.common import ConfigArgument, FemOption, interruptible, read_config
+from porocore.cli.common import ConfigArgument, FemOption, interruptible, parse_inputs, read_config
 from porocore.errors import ConfigurationError
 from porocore.plain_data import json_ready
 
@@ -17,7 +20,26 @@ from porocore.plain_data import json_ready
 ZERO = 1e-12
 
 
-def cell(
+class _StateByDefault(TyperGroup):
+    """``porocore cell [CONFIG] …`` is short for ``porocore cell state [CONFIG] …``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if not args or (args[0] not in self.commands and args[0] not in ("-h", "--help")):
+            args = ["state", *args]
+        return super().parse_args(ctx, args)
+
+
+cell = typer.Typer(
+    cls=_StateByDefault,
+    help="One state of the cell: its responses (state, also where no command is named), or its local fields.",
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@cell.command()
+def state(
     config: ConfigArgument = None,
     fem: FemOption = None,
     grad_u: Annotated[
@@ -36,14 +58,59 @@ def cell(
     its responses are null.
     """
     _, settings = read_config(config, fem)
-    state = parse_grad_u(grad_u)
+    H = parse_grad_u(grad_u)
     if not math.isfinite(p):
         raise ConfigurationError(f"--p: expected a finite number, got {p}")
     with interruptible():
         from porocore import pipeline
 
-        result = json_ready(pipeline.solve_cell(settings, state, p))
+        result = json_ready(pipeline.solve_cell(settings, H, p))
     typer.echo(json.dumps(result, allow_nan=False) if as_json else as_text(result))
+
+
+@cell.command()
+def fields(
+    config: ConfigArgument = None,
+    at: Annotated[
+        str,
+        typer.Option("--at", metavar="NAME=VALUE,…", help="The state: H11 … H33 and p that are not zero."),
+    ] = "H22=-0.1",
+    fem: FemOption = None,
+    no_pictures: Annotated[
+        bool, typer.Option("--no-pictures", help="Only the file for ParaView; pyvista is not needed.")
+    ] = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where file and pictures go.")] = Path(
+        "runs/fields"
+    ),
+) -> None:
+    """Solve one state and write its local fields.
+
+    A .vtu file of the whole cell for ParaView with the micro displacement, F, J, the strain energy density and
+    stresses; and two pictures, the micro displacement on the deformed cell and the strain energy density on the
+    undeformed one.
+    Pictures need pyvista (pip install 'porocore[pictures]') and no display.
+    """
+    _, settings = read_config(config, fem)
+    asked = parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at)
+    with interruptible():
+        from porocore.local_fields.solve import solve_and_write
+
+        found = solve_and_write(
+            settings.cell,
+            settings.fem,
+            out,
+            asked,
+            name=re.sub(r"[^A-Za-z0-9.+-]+", "_", at.strip()),
+            pictures=not no_pictures,
+        )
+    peaks = found.response.peaks
+    assert peaks is not None
+    from porocore.states import Status
+
+    typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")
+    typer.echo(f"strain energy density: mean <Ψ>_s {peaks.energy_mean[0]:.6g}, largest {peaks.energy[0]:.6g}")
+    for path in (found.vtu, *found.pictures.values()):
+        typer.echo(path)
 
 
 def parse_grad_u(text: str) -> list[list[float]]:

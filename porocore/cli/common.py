@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -76,3 +77,24 @@ def read_config(
 def command(*words: object) -> str:
     """A command to copy into a shell; None is left out."""
     return shlex.join(["porocore", *(str(word) for word in words if word is not None)])
+
+
+def parse_inputs(option: str, what: str, text: str) -> dict[str, float]:
+    """``"H22=-0.2,p=0.1"`` → finite numbers by name.
+
+    Raises
+    ------
+    ConfigurationError
+        It is something else than ``what``; names ``option``.
+    """
+    found: dict[str, float] = {}
+    for part in text.split(","):
+        name, _, value = (word.strip() for word in part.partition("="))
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not name or name in found or not math.isfinite(number):
+            raise ConfigurationError(f"{option}: expected {what}, got '{text}'")
+        found[name] = number
+    return found

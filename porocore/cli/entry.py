@@ -12,7 +12,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from porocore.cli import cell, crosscheck, plugins, sensitivity, stability, study, tune
+from porocore.cli import cell, crosscheck, plugins, sensitivity, stability, study, tune, units
 from porocore.cli.common import Interrupted
 from porocore.errors import PorocoreError
 from porocore.parallel import launched, let_the_first_speak
@@ -53,9 +53,10 @@ app.command(rich_help_panel=_STEPS)(study.train)
 app.command(rich_help_panel=_STEPS)(study.solve)
 app.command(rich_help_panel=_STEPS)(study.report)
 app.command(rich_help_panel=_STEPS)(tune.tune)
-app.command(rich_help_panel=_LOOK)(cell.cell)
+app.add_typer(cell.cell, name="cell", rich_help_panel=_LOOK)
 app.command(rich_help_panel=_LOOK)(sensitivity.sensitivity)
 app.command(rich_help_panel=_LOOK)(stability.stability)
+app.command(rich_help_panel=_LOOK)(units.units)
 app.command(rich_help_panel=_LOOK)(plugins.plugins)
 app.command(rich_help_panel=_LOOK)(crosscheck.crosscheck)
 

@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import ConfigArgument, FemOption, command, interruptible, read_config
+from porocore.cli.common import (
+    ConfigArgument,
+    FemOption,
+    command,
+    interruptible,
+    parse_inputs,
+    read_config,
+)
 from porocore.console import Console
 from porocore.errors import ConfigurationError, RunFolderError
 
@@ -123,16 +130,7 @@ def parse_along(text: str) -> dict[str, float]:
     ConfigurationError
         It is something else.
     """
-    goals: dict[str, float] = {}
-    for part in text.split(","):
-        name, _, value = part.partition("=")
-        try:
-            goals[name.strip()] = _finite(value)
-        except ValueError:
-            raise ConfigurationError(
-                f"--along: expected goals of inputs such as H22=-0.36, with commas between, got '{text}'"
-            ) from None
-    return goals
+    return parse_inputs("--along", "goals of inputs such as H22=-0.36, with commas between", text)
 
 
 def parse_across(text: str) -> tuple[str, tuple[float, ...]]:

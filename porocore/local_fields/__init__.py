@@ -1,0 +1,1 @@
+"""The local fields of one state of the cell: as files for ParaView and as pictures."""
