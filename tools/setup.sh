@@ -10,6 +10,8 @@ libraries="libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXfixes.so.3
 library_packages="libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
 # dolfinx with PETSc; what compiles its forms; a BLAS with which MUMPS is eight times faster; mpirun.
 dolfinx_packages="python3-dolfinx-real python3-dev gcc libopenblas0-pthread mpi-default-bin"
+# What VTK draws with where there is no display.
+picture_packages="libegl1 libgl1-mesa-dri"
 
 # As in debian12.
 release=$(. /etc/os-release 2>/dev/null && echo "${ID:-}${VERSION_ID:-}") || release=unknown
@@ -57,6 +59,8 @@ if [ "$(base_of "$python")" = "$(base_of $system)" ] && command -v apt-get >/dev
     if [ "$what" = test ]; then
         # shellcheck disable=SC2086
         install "the tests run on dolfinx too" $dolfinx_packages
+        # shellcheck disable=SC2086
+        install "the tests draw pictures without a display" $picture_packages
         # Its torch comes without CUDA.
         [ "$release" != debian13 ] || install "the tests run on torch too" python3-torch
     fi
@@ -94,7 +98,7 @@ if [ "$(base_of .venv/bin/python)" = "$(base_of $system)" ]; then
     [ ! -f "constraints/$release.txt" ] || constraints="constraints/$release.txt"
 fi
 if [ "$what" = test ]; then
-    set -- -e ".[dev,benchmarks]"
+    set -- -e ".[dev,benchmarks,pictures]"
     for plugin in plugins/*/; do set -- "$@" -e "$plugin"; done
 else
     set -- -e . -e plugins/fem_skfem -e plugins/surrogate_torch

@@ -63,7 +63,7 @@ def targets(goal: float, step: float, tolerance: float) -> Generator[float, bool
             solved = value
             continue
         failed = value
-        while abs(failed - solved) > tolerance:
+        while abs(failed - solved) > tolerance * (1 + 1e-9):
             middle = (solved + failed) / 2
             if (yield middle):
                 solved = middle
