@@ -25,6 +25,7 @@ from porocore.config_errors import faults, show, unexpected
 from porocore.errors import ConfigurationError
 from porocore.inputs import InputSpace
 from porocore.problem import MacroProblem, MacroSetup
+from porocore.scales import Scales
 from porocore.yaml_document import Location, YamlDocument
 
 InputName = Literal["H11", "H12", "H13", "H21", "H22", "H23", "H31", "H32", "H33", "p"]
@@ -148,6 +149,8 @@ class RunConfig(_Section):
     surrogate: SurrogateSettings = SurrogateSettings()
     closure: str = "mean-gradient"
     macro: MacroSettings
+    scenarios: dict[str, Scales] = {}
+    """For which the report gives the main results in SI units, by name."""
 
     @field_validator("closure")
     @classmethod
@@ -194,7 +197,7 @@ class RunConfig(_Section):
     # Not a cached property: model_copy would carry the cache over to a changed configuration.
     @property
     def stages(self) -> StageIdentities:
-        """Identity of each stage; title, number of workers and macro.options belong to none."""
+        """Identity of each stage; title, scenarios, number of workers and macro.options belong to none."""
         inputs = [(name, swept.model_dump()) for name, swept in self.sampling.inputs.items()]
         cell = _hash(self.cell.model_dump(), self.fem.model_dump())
         how = self.sampling.model_dump(include={"sampler", "tolerance", "options"})

@@ -124,7 +124,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
 
     _finished(folder, folder.test_dataset, config.stages.test, _held_out(config))
     shown = with_closure(folder.written, folder.shown_closure)
-    config = shown.model_copy(update={"title": config.title})
+    config = shown.model_copy(update={"title": config.title, "scenarios": config.scenarios})
     with timed(folder.timings, "report"):
         for load in config.macro.loads:
             for law in (*folder.solved(load), LINEAR):

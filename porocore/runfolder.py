@@ -298,7 +298,7 @@ class RunFolder:
     def _check_same(self, held: RunFolder, resume: bool) -> None:
         same = with_closure(held.config, self.config.closure)
         if same.identity != self.config.identity:
-            changed = [d for d in differences(self.config, same) if not d.startswith("title ")]
+            changed = [d for d in differences(self.config, same) if not d.startswith(("title ", "scenarios"))]
             raise RunFolderError(
                 f"{self.path} holds another run; this one has {_some(changed)}; choose another --out"
             )

@@ -92,6 +92,7 @@ def gather(
         warnings=tuple(undrained(config.macro, reference.conductivity)),
         other_surrogates=tuple(summaries.values()),
         direct=direct,
+        scenarios=config.scenarios,
     )
     metrics = {
         "cell": {

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from porocore.closure_error import ClosureError
 from porocore.inputs import InputSpace
 from porocore.linear import LinearCoefficients
+from porocore.scales import Scales
 from porocore.solution import MacroSolution
 from porocore.states import Array, IntArray
 
@@ -282,6 +283,8 @@ class ReportContext:
         Those of the other closures.
     direct
         What direct FE² has cost.
+    scenarios
+        For which the main results are given in SI units.
     """
 
     title: str
@@ -296,6 +299,7 @@ class ReportContext:
     warnings: tuple[str, ...] = ()
     other_surrogates: tuple[SurrogateSummary, ...] = ()
     direct: tuple[DirectCost, ...] = ()
+    scenarios: Mapping[str, Scales] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.cases:

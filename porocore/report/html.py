@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from porocore.files import atomic_path
 from porocore.report import figures
 from porocore.report.context import Case, ReportContext, SamplingSummary, SurrogateSummary
+from porocore.report.dimensional import dimensional_rows
 from porocore.report.figures.profiles import chosen_times
 from porocore.report.format import plain
 from porocore.report.gaps import COMPARED, case_gaps
@@ -49,7 +50,7 @@ def render(context: ReportContext) -> str:
     """The page as text."""
     template = environment().get_template("template.html.j2")
     metrics = [case_metrics(case) for case in context.cases]
-    published = context.published
+    published, conductivity = context.published, context.cell.linear.conductivity
     benchmark = next((m for m in metrics if published is not None and m["load"] == published.load), None)
     return template.render(
         context=context,
@@ -60,6 +61,12 @@ def render(context: ReportContext) -> str:
             for m, case in zip(metrics, context.cases, strict=True)
         ],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
+        dimensional=[
+            dimensional_rows(m, case.nonlinear, float(conductivity[1, 1]), context.scenarios)
+            for m, case in zip(metrics, context.cases, strict=True)
+        ]
+        if context.scenarios
+        else [],
         conductivity=[conductivity_change(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
         linear_rows=linear_rows(context.cell),
