@@ -140,6 +140,7 @@ def print_ends(study: Sensitivity) -> None:
     from rich.table import Table
 
     from porocore.report.words import MEANINGS
+    from porocore.sensitivity.results import line_name
     from porocore.states import Status
 
     shown = RichConsole(width=None if sys.stdout.isatty() else 130, highlight=False)
@@ -148,7 +149,7 @@ def print_ends(study: Sensitivity) -> None:
     for heading in ("first contact", "first unstable", "last solved"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("why it ends there")
-    for line in study.lines.values():
+    for line in (study.lines[line_name(name, sign)] for name, sign, _ in study.plan.half_lines()):
         row = [f"{line.load} {'+' if line.sign > 0 else '−'}"]
         for status in (Status.contact, Status.unstable):
             there = line.values[line.response.status == status]
