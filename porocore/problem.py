@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Face = Literal["x-", "x+", "y-", "y+", "z-", "z+"]
@@ -54,6 +55,8 @@ class TimePlan(_Strict):
     """Step halving stops here."""
     profiles: tuple[Positive, ...] = (1.0, 10.0, 40.0)
     """Times at which the fields are kept."""
+    load_curve: tuple[tuple[Positive, float], ...] = ()
+    """(time, share of the load), linear in between from nothing at 0 and constant at the end; empty: the ramp."""
 
     @model_validator(mode="after")
     def _in_order(self) -> TimePlan:
@@ -64,7 +67,20 @@ class TimePlan(_Strict):
             )
         if any(t > self.end for t in self.profiles):
             raise ValueError(f"a profile time lies behind end = {self.end:g}")
+        times = [time for time, _ in self.load_curve]
+        if sorted(set(times)) != times:
+            raise ValueError("the times of load_curve do not ascend")
+        if times and times[-1] > self.end:
+            raise ValueError(f"a time of load_curve lies behind end = {self.end:g}")
         return self
+
+    def share(self, time: float) -> float:
+        """Of the load, that acts at ``time``."""
+        ramp_end = self.ramp_increments * self.ramp_step
+        if not self.load_curve:
+            return min(1.0, time / ramp_end)
+        times, shares = zip((0.0, 0.0), *self.load_curve, strict=True)
+        return float(np.interp(time, times, shares))
 
 
 class NewtonSettings(_Strict):
@@ -96,7 +112,7 @@ class MacroSetup(_Strict):
 
     def ramp(self, time: float) -> float:
         """Share of the load that acts at ``time``."""
-        return min(1.0, time / (self.time.ramp_increments * self.time.ramp_step))
+        return self.time.share(time)
 
 
 class MacroProblem(MacroSetup):

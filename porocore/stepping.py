@@ -21,7 +21,8 @@ SAME = 1e-9
 class Stepper:
     """Proposes steps and learns whether they succeeded.
 
-    Every ramp increment, every profile time and the end are hit exactly; between two such stops the steps are
+    Every ramp increment, profile time, corner of the load curve and the end are hit exactly; between two such stops the
+    steps are
     equal and at most ``plan.step`` (``plan.ramp_step`` on the ramp), divided by 2^``halvings``.
 
     Attributes
@@ -48,7 +49,8 @@ class Stepper:
         self._ramp_end = plan.ramp_increments * plan.ramp_step
         increments = (k * plan.ramp_step for k in range(1, plan.ramp_increments + 1))
         stops: list[float] = []
-        for time in sorted({*increments, *plan.profiles, plan.end}):
+        corners = (time for time, _ in plan.load_curve)
+        for time in sorted({*increments, *corners, *plan.profiles, plan.end}):
             if stops and time - stops[-1] <= SAME * plan.ramp_step:
                 stops[-1] = time
             else:

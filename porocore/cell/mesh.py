@@ -25,8 +25,9 @@ Domain = Literal["eighth", "whole"]
 LARGEST_SIZE_TO_RADIUS = 0.8
 #: Two elements, seldom three, around a fillet, whose arc is 60° to 90°; coarser ones away from it.
 SIZE_TO_FILLET, GROWTH = 0.8, 1.0
-#: Of the distance between a wall and a mirror plane: a quadratic element across it has the parabola of the flow.
-SIZE_TO_GAP = 0.8
+#: Of the distance between a wall and a mirror plane: a quadratic element across it has the parabola of the flow. Where
+#: finer elements than these are asked for, those in the gaps become finer alike.
+SIZE_TO_GAP, COARSE = 0.8, 0.2
 #: Corners of a tetrahedron between which its further nodes lie (VTK order).
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 SYSTEM_LIBRARIES = (
@@ -218,9 +219,10 @@ def _refine(gmsh: Any, faces: list[int], smallest: float, largest: float) -> Non
 
 def _follow_gaps(gmsh: Any, geometry: PoreGeometry, largest: float) -> None:
     """Elements as small as the gaps beside them."""
+    share = SIZE_TO_GAP * min(1.0, largest / COARSE)
 
     def size(dim: int, tag: int, x: float, y: float, z: float, proposed: float) -> float:
-        return min(largest, SIZE_TO_GAP * geometry.gap(x, y, z))
+        return min(largest, share * geometry.gap(x, y, z))
 
     gmsh.option.setNumber("Mesh.MeshSizeMin", 0.0)
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)

@@ -167,7 +167,8 @@ class Discretisation(ABC):
         for places in self.plates:
             total = self.world.total(float(values[places].sum()))
             values[places[self.leading[places]]] = total
-        return values[self.leading]
+        found: Array = values[self.leading]
+        return found
 
     def _gather(self, forces: Array, volumes: Array) -> Array:
         blocks = np.concatenate([forces, volumes], axis=1)

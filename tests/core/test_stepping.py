@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
+from pydantic import ValidationError
 
 from porocore.errors import SolveError
 from porocore.problem import TimePlan
@@ -92,3 +93,34 @@ def test_a_restored_stepper_continues_with_the_same_times():
     restored = Stepper(plan, stepper.time, stepper.halvings, stepper.streak)
     assert stepper.halvings > 0
     assert run(restored, fails) == [t for t in whole if t >= stepper.time]
+
+
+def test_a_load_curve_takes_the_place_of_the_ramp_and_its_corners_are_hit():
+    plan = TimePlan(
+        end=10,
+        step=4,
+        ramp_increments=1,
+        ramp_step=0.5,
+        profiles=(),
+        load_curve=((1.25, 2.0), (3, -1), (9, 0)),
+    )
+    assert {0.5, 1.25, 3, 9, 10} <= set(run(Stepper(plan)))
+    shares = {0: 0, 0.5: 0.8, 1.25: 2.0, 2.125: 0.5, 3: -1, 6: -0.5, 9: 0, 10: 0}
+    for time, share in shares.items():
+        assert plan.share(time) == pytest.approx(share, abs=1e-15)
+    assert TimePlan(ramp_increments=4, ramp_step=0.5).share(0.5) == 0.25
+    assert TimePlan(ramp_increments=4, ramp_step=0.5).share(7) == 1
+
+
+@pytest.mark.parametrize(
+    ("curve", "message"),
+    [
+        (((2, 1), (1, 1)), "do not ascend"),
+        (((1, 1), (1, 2)), "do not ascend"),
+        (((200, 1),), "lies behind end = 100"),
+        (((0, 1),), "greater than 0"),
+    ],
+)
+def test_a_load_curve_out_of_order_is_refused(curve, message):
+    with pytest.raises(ValidationError, match=message):
+        TimePlan(load_curve=curve)
