@@ -19,6 +19,19 @@ SUBDIVISION = 2
 ZOOM = 1.0
 
 
+def surface_of(grid: Any) -> Any:
+    """The boundary of a grid, curved facets in flat pieces."""
+    import pyvista
+    from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+
+    # Not by pyvista's own method, whose choice of a filter is announced to change.
+    boundary = vtkDataSetSurfaceFilter()
+    boundary.SetInputData(grid)
+    boundary.SetNonlinearSubdivisionLevel(SUBDIVISION)
+    boundary.Update()
+    return pyvista.wrap(boundary.GetOutput())
+
+
 def draw(path: str, views: list[dict[str, Any]]) -> None:
     """Every view of one file."""
     import numpy as np
@@ -30,7 +43,7 @@ def draw(path: str, views: list[dict[str, Any]]) -> None:
     halves = {False: grid, True: grid.extract_cells(np.flatnonzero(middles[:, 1] > middles[:, 1].mean()))}
     for view in views:
         shape = halves[view["cut"]]
-        surface = shape.extract_surface(nonlinear_subdivision=SUBDIVISION)
+        surface = surface_of(shape)
         if view["deformed"]:
             surface = surface.warp_by_vector("displacement")
         plotter = pyvista.Plotter(off_screen=True, window_size=view["size"])
