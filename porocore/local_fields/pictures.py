@@ -34,6 +34,8 @@ SIZE = (1000, 1000)
 SECONDS = 300.0
 #: Share of the nodes whose Ψ the colours resolve; the peak at a ridge would leave no colour for the rest.
 RESOLVED = 0.995
+#: What is less is round-off, and gets no colour.
+NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,7 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
     """
     magnitude, energy = np.linalg.norm(nodal.points.u, axis=1), nodal.energy
     tops = {"disp": float(magnitude.max()), "energy": float(np.quantile(energy, RESOLVED))}
+    tops = {kind: max(top, NOTHING) for kind, top in tops.items()}
     labels = {"disp": "$|u^1|$ [–], length of the cell 1", "energy": r"$\Psi$ [$E$]"}
     heads = {
         "disp": "Micro displacement on the deformed cell",
@@ -106,8 +109,7 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
             box, bounds = _box(nodal, deformed=kind == "disp")
             for cut in (False, True):
                 png = str(Path(scratch) / f"{kind}-{int(cut)}.png")
-                top = (0.0, max(tops[kind], 1e-12))
-                views.append(View(png, scalars, top, kind == "disp", cut, box, bounds))
+                views.append(View(png, scalars, (0.0, tops[kind]), kind == "disp", cut, box, bounds))
         _draw(vtu, views, Path(scratch))
         for kind in tops:
             images = [imread(view.png)[..., :3] for view in views if Path(view.png).name.startswith(kind)]
@@ -186,7 +188,7 @@ def _labelled(images: list[Array], title: str, label: str, top: float, beyond: f
     kept = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     figure = new_figure(9.2, 4.6)
     panels = list(figure.subplots(1, len(images)))
-    for axes, image, name in zip(panels, images, ("whole cell", "half of it, $X_2 > 0$"), strict=True):
+    for axes, image, name in zip(panels, images, ("whole cell", "its rear half along $X_2$"), strict=True):
         axes.imshow(image[kept])
         axes.set_axis_off()
         axes.set_title(name)

@@ -10,6 +10,9 @@ from porocore.cell.material import determinant
 from porocore.closures.pull_back import PulledBack
 from porocore.states import Array, CellResponse, MacroState
 
+#: Of the largest K_ii: what is less is no conductivity but round-off, as across a single channel.
+NO_FLOW = 1e-9
+
 
 def _by_component(name: str, tensors: Array) -> dict[str, Array]:
     """``name_ij…`` → (n,) of n tensors."""
@@ -35,7 +38,8 @@ def quantities(
     ``max_energy``      largest Ψ [E]
     ``J_bar``           det F̄, F̄ = I + H + <∇u¹>_s/φ_s [–]
     ``J_hat``           Ĵ = det(I + <∇u¹>_s/φ_s) [–]
-    ``Kt_ii``           (K_t)_ii/K_ii of K_t = Ḡ K F̄⁻ᵀ/det F̄, K that of the undeformed cell [–]
+    ``Kt_ii``           (K_t)_ii/K_ii of K_t = Ḡ K F̄⁻ᵀ/det F̄, K that of the undeformed cell,
+                        NaN where K_ii = 0 [–]
     ``M_ijkl``          ∂<∂u¹_i/∂Y_j>_s/∂H_kl [–]
     ``M_hat_ijkl``      Ĵ M_ijkl [–]
     ``Q_ij``            ∂<∂u¹_i/∂Y_j>_s/∂p [1/E]
@@ -60,9 +64,9 @@ def quantities(
     solid = 1 - porosity
     average = response.mean_grad / solid
     pulled = PulledBack.of(states, response.mean_grad, np.zeros((len(states), 3)), solid, conductivity)
-    normalised = (
-        np.diagonal(pulled.conductivity, axis1=1, axis2=2) / pulled.J[:, None] / np.diag(conductivity)
-    )
+    K_ii = np.diag(conductivity)
+    K_ii = np.where(K_ii > NO_FLOW * K_ii.max(), K_ii, np.nan)
+    normalised = np.diagonal(pulled.conductivity, axis1=1, axis2=2) / pulled.J[:, None] / K_ii
     J_hat = determinant(np.eye(3) + average)
     M, Q = response.tangent.mean_grad_grad_u, response.tangent.mean_grad_p
     biot = -1 / np.trace(Q, axis1=1, axis2=2)

@@ -160,6 +160,14 @@ def test_quantities_by_their_definitions():
     np.testing.assert_allclose(pulled.conductivity[0] / pulled.J[0], K_t, rtol=1e-12)
 
 
+def test_there_is_no_ratio_where_nothing_flows():
+    """Across a single channel K is round-off."""
+    response = made_up(np.zeros(1), [Status.converged])
+    found = quantities(MacroState.zeros(1), response, 0.4, np.diag([2.0, 1e-17, 0.0]))
+    assert found["Kt_11"] == pytest.approx(1.0)
+    assert np.isnan([found["Kt_22"], found["Kt_33"]]).all()
+
+
 def test_a_file_gives_back_the_study(study, tmp_path):
     path = tmp_path / "sensitivity.h5"
     save(path, study)
