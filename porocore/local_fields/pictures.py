@@ -121,6 +121,21 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
     return found
 
 
+def require() -> None:
+    """Refuse at once what could not be drawn at the end.
+
+    Raises
+    ------
+    PorocoreError
+        pyvista is not installed.
+    """
+    if find_spec("pyvista") is None:
+        raise PorocoreError(
+            "pictures of local fields need pyvista, which is not installed: pip install 'porocore[pictures]', or leave "
+            "them out with --no-pictures"
+        )
+
+
 def _box(nodal: NodalFields, *, deformed: bool) -> tuple[list[list[float]], tuple[float, ...]]:
     """Edges of the cell, moved by H alone where the cell is deformed, and bounds around all that is shown."""
     points = nodal.points.mesh.points
@@ -167,8 +182,8 @@ def _draw(vtu: Path, views: list[View], scratch: Path) -> None:
             return
         reason = reason or _reason(done)
     raise PorocoreError(
-        f"VTK cannot draw without a display here ({reason}); on Debian or Ubuntu run apt-get install "
-        f"{SYSTEM_PACKAGES}; {vtu} is written and opens in ParaView"
+        f"VTK cannot draw without a display here ({reason}); it must be 9.4 or later and find EGL: on Debian or Ubuntu "
+        f"run apt-get install {SYSTEM_PACKAGES}; {vtu} is written and opens in ParaView"
     )
 
 
