@@ -18,8 +18,8 @@ TERMS = 2000
 class Mandel:
     """A quarter 0 ≤ x ≤ a of an isotropic block in plane strain, pressed by F per length and quarter from t = 0 on.
 
-    The plates are frictionless, the sides x = ±a free and drained (Mandel 1953; Cheng & Detournay 1988). The pressure in
-    the middle rises above its first value before it falls, the Mandel–Cryer effect.
+    The plates are frictionless, the sides x = ±a free and drained (Mandel 1953; Cheng & Detournay 1988). The pressure
+    in the middle rises above its first value before it falls, the Mandel–Cryer effect.
 
     Attributes
     ----------

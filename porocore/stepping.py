@@ -22,8 +22,7 @@ class Stepper:
     """Proposes steps and learns whether they succeeded.
 
     Every ramp increment, profile time, corner of the load curve and the end are hit exactly; between two such stops the
-    steps are
-    equal and at most ``plan.step`` (``plan.ramp_step`` on the ramp), divided by 2^``halvings``.
+    steps are equal and at most ``plan.step`` (``plan.ramp_step`` on the ramp), divided by 2^``halvings``.
 
     Attributes
     ----------

@@ -29,8 +29,8 @@ CYLINDERS = {
     0.7: 13520,
     0.75: 126300,
 }
-#: Of spheres that touch: it fills the gap where no mesh resolves it, and where next to nothing flows.
-NECK = 0.1
+#: Of spheres that touch: it fills the gap where no mesh resolves it, and where next to nothing flows; short and long.
+NECKS = 0.15, 0.1
 #: Elements are not larger than this, and than 0.8 radii, on the coarsest mesh of a sequence.
 COARSE = 0.2
 ALLOWED = 0.01
@@ -66,10 +66,11 @@ def _check(quantity: str, reference: float, sizes: list[float], values: list[flo
 def channel(radius: float, solver: CellSolver, long: bool) -> Sequence[Check]:
     """K μ = π r⁴/8, and nothing across."""
     geometry = OrthogonalChannels(radius=radius, axes="z")
-    sizes, K = conductivities(solver, geometry, radius, _levels(5 if long else 3))
+    levels = _levels(5 if long else 3)
+    _, K = conductivities(solver, geometry, radius, levels)
     exact = np.pi * radius**4 / 8
     values = [float(k[2, 2]) for k in K]
-    order = observed_order(sizes, values, exact)
+    order = observed_order([1 / level for level in levels], values, exact)
     return [
         number("K μ along it", exact, values[-1], 1e-3, order=order),
         Check("K across it, of that along it", float(abs(K[-1][0, 0]) / values[-1]), 1e-5),
@@ -80,7 +81,8 @@ def spheres(concentration: float, solver: CellSolver, long: bool) -> Sequence[Ch
     """K μ = 1/(6π a 𝒦)."""
     radius = min((3 * concentration / (4 * np.pi)) ** (1 / 3), 0.5)
     touching = radius > 0.499
-    geometry = SphereArray(kind="sphere-array", radius=0.5 if touching else radius, neck=NECK * touching)
+    neck = NECKS[long] if touching else 0.0
+    geometry = SphereArray(kind="sphere-array", radius=0.5 if touching else radius, neck=neck)
     if touching:
         levels = _levels(1, first=int(long))
     elif long:
@@ -88,7 +90,7 @@ def spheres(concentration: float, solver: CellSolver, long: bool) -> Sequence[Ch
     else:
         levels = _levels(1, first=int(concentration < 0.4))
     sizes, K = conductivities(solver, geometry, radius, levels)
-    note = f"touching: a neck of radius {NECK} fills the gap" if touching else ""
+    note = f"touching: a neck of radius {neck} fills the gap" if touching else ""
     reference = 1 / (6 * np.pi * radius * SPHERES[concentration])
     return [_check("K μ", reference, sizes, [float(k[0, 0]) for k in K], note)]
 
