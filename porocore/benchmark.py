@@ -19,6 +19,11 @@ def benchmark_path() -> Path:
     return packaged(NAME)
 
 
+def as_stated_path() -> Path:
+    """The same with the radius of the channels that the paper's text gives."""
+    return packaged("dehghani2022-as-stated.yaml")
+
+
 def crosscheck_path() -> Path:
     """The small case on which backends are held against each other."""
     return packaged("crosscheck.yaml")

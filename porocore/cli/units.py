@@ -81,9 +81,7 @@ def _scenarios(
         for name, value in (*own.items(), ("--viscosity", viscosity)):
             if value is None or not (math.isfinite(value) and value > 0):
                 raise ConfigurationError(f"{name}: expected a positive number, got {value:g}")
-        found["yours"] = Scales(
-            force=force or 0, pore=pore or 0, length=length or 0, viscosity=viscosity
-        )
+        found["yours"] = Scales(force=force or 0, pore=pore or 0, length=length or 0, viscosity=viscosity)
     return found or dict(SCENARIOS)
 
 

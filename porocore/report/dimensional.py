@@ -54,7 +54,7 @@ def dimensional_rows(
         ("drained volume", "volume", found["drained_flux"]),
         ("95 % of the settlement after", "time", found["time_to_95_percent"]),
         ("99 % of the settlement after", "time", found["time_to_99_percent"]),
-        ("the same, linear", "time", metrics["linear"]["time_to_99_percent"]),
+        ("99 %, linear", "time", metrics["linear"]["time_to_99_percent"]),
         ("conductivity of the undeformed cell", "conductivity", conductivity),
     ]
     if solution.profiles:
@@ -74,4 +74,5 @@ def dimensional_rows(
 def _in_units(value: float | None, quantity: str, scales: Scales) -> str:
     if value is None:
         return number(None)
-    return f"{number(value * scales.factor(quantity), 3)} {QUANTITIES[quantity].unit}"
+    found = float(f"{value * scales.factor(quantity):.3g}")
+    return f"{number(found, 3)} {QUANTITIES[quantity].unit}"

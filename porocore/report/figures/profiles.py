@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 
 from porocore.report.figures.style import (
     DASHED,
+    DOTTED,
+    GREY,
     TIME_COLOURS,
     legend_above,
     lighter,
@@ -126,10 +128,12 @@ class Line:
 @styled
 def profile_figure(
     nonlinear: MacroSolution,
-    linear: MacroSolution,
-    quantity: str,
+    linear: MacroSolution | None,
+    quantity: str | Quantity,
     *,
+    others: Sequence[MacroSolution] = (),
     times: Sequence[float] | None = None,
+    rest: float | None = None,
 ) -> Figure:
     """One field along the column, solid for the cell's law and dashed for linear poroelasticity.
 
@@ -138,29 +142,35 @@ def profile_figure(
     Parameters
     ----------
     nonlinear, linear
-        Two solutions with profiles at the same times.
+        Two solutions with profiles at the same times; None: without the linear one.
     quantity
-        A key of :data:`QUANTITIES`.
+        A key of :data:`QUANTITIES`, or one of one's own.
+    others
+        Solutions with other closures, drawn dotted.
     times
         Which profiles to show, six at most; None: all but the closing one (if there are others).
+    rest
+        Value of the undeformed cell, drawn as a line.
 
     Raises
     ------
     ValueError
         The quantity is unknown, or a solution has no profile at one of the times.
     """
-    if quantity not in QUANTITIES:
+    if isinstance(quantity, str) and quantity not in QUANTITIES:
         raise ValueError(f"unknown quantity '{quantity}'; choose from {', '.join(QUANTITIES)}")
-    what = QUANTITIES[quantity]
+    what = QUANTITIES[quantity] if isinstance(quantity, str) else quantity
     if times is None:
         times = chosen_times(nonlinear)
     figure = new_figure(5.4, 4.0)
     axes = figure.add_subplot()
-    line, linear_line = Line.of(nonlinear), Line.of(linear)
+    line = Line.of(nonlinear)
     any_flagged = False
     for time, colour in zip(times, TIME_COLOURS, strict=False):
-        y, value, _ = linear_line.series(profile_at(linear, time), what)
-        axes.plot(y, value, color=colour, ls=DASHED, lw=1.3)
+        for solution, stroke in ((linear, DASHED), *((other, DOTTED) for other in others)):
+            if solution is not None:
+                y, value, _ = Line.of(solution).series(profile_at(solution, time), what)
+                axes.plot(y, value, color=colour, ls=stroke, lw=1.3)
         y, value, flagged = line.series(profile_at(nonlinear, time), what)
         if flagged.any():
             any_flagged = True
@@ -171,7 +181,12 @@ def profile_figure(
                 y[spots], value[spots], ls="", marker="o", ms=3.6, mfc="white", mec=lighter(colour, 0.4)
             )
         axes.plot(y, np.where(flagged, np.nan, value), color=colour, label=f"$t$ = {time:g}")
-    axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
+    if linear is not None:
+        axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
+    for other in others:
+        axes.plot([], [], color="0.35", ls=DOTTED, lw=1.3, label=f"closure {other.law}")
+    if rest is not None:
+        axes.axhline(rest, color=GREY, ls=DASHED, lw=1.0, label="undeformed cell")
     axes.set_xlabel("position along the column $X_2$ [–]")
     axes.set_ylabel(what.label)
     axes.margins(x=0.02)

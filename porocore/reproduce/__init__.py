@@ -1,0 +1,1 @@
+"""Publications recomputed: their figures, and their numbers and statements beside ours."""

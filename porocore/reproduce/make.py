@@ -1,0 +1,103 @@
+"""A reproduction as a whole: figures, claims and pages from the results."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from porocore.errors import DataError, RunFolderError
+from porocore.files import atomic_path
+from porocore.report.figures.style import png_bytes
+from porocore.reproduce import claims_cell, claims_column, claims_cost
+from porocore.reproduce.catalogue import PaperFigure
+from porocore.reproduce.claims import Row, rows
+from porocore.reproduce.page import html, markdown
+from porocore.reproduce.study import Results
+from porocore.sensitivity.figures import write_figures
+from porocore.stage_times import stage_times, timed
+
+RECORD = "reproduction.json"
+CLAIMS = {"cell": claims_cell.CLAIMS, "cost": claims_cost.CLAIMS, "column": claims_column.CLAIMS}
+
+
+def claim_folder(results: Results, *, resume: bool) -> None:
+    """Bind the folder to these configurations.
+
+    Raises
+    ------
+    RunFolderError
+        It holds another reproduction, this one without ``resume``, or something else.
+    DataError
+        Its record is damaged.
+    """
+    record = results.folder / RECORD
+    identity = {"column": results.config.identity, "as stated": results.as_stated_config.identity}
+    if record.exists():
+        try:
+            held = json.loads(record.read_text(encoding="utf-8"))["identity"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise DataError(
+                f"{record}: not the record of a reproduction ({error}); choose another --out"
+            ) from error
+        if held != identity:
+            raise RunFolderError(
+                f"{results.folder} holds a reproduction with other backends or of another version; choose another --out"
+            )
+        if not resume:
+            raise RunFolderError(
+                f"{results.folder} already holds a reproduction; add --resume to continue it, or choose another --out"
+            )
+        return
+    if results.folder.exists() and any(results.folder.iterdir()):
+        raise RunFolderError(f"{results.folder} is not empty; choose another --out")
+    with atomic_path(record) as part:
+        part.write_text(json.dumps({"identity": identity}, indent=1) + "\n", encoding="utf-8")
+
+
+def draw(results: Results, figures: Sequence[PaperFigure]) -> list[Path]:
+    """Write ``figures/figure-NNp.png`` for each; computes what they need."""
+    folder = results.folder / "figures"
+    paths = []
+    with results.console.task("figures", "figures") as task:
+        for i, figure in enumerate(figures):
+            path = folder / figure.file
+            paths.append(path)
+            if figure.stage == "fields":
+                if not results.pictures:
+                    continue
+                _ = results.fields
+                source = results.folder / "fields" / f"{figure.source}.png"
+                with atomic_path(path) as part:
+                    shutil.copyfile(source, part)
+            elif figure.stage == "sensitivity":
+                written = write_figures(results.folder / "sensitivity", results.sensitivity, [figure.source])
+                with atomic_path(path) as part:
+                    shutil.copyfile(written[figure.source], part)
+            else:
+                assert figure.draw is not None
+                with atomic_path(path) as part:
+                    part.write_bytes(png_bytes(figure.draw(results)))
+            task.update(i + 1, len(figures), detail=f"figure {figure.name}")
+    return [path for path in paths if path.exists()]
+
+
+def write_pages(results: Results, figures: Sequence[PaperFigure], command: str) -> Path:
+    """Check every claim and write ``reproduction.json``, ``reproduction.md`` and ``index.html``; returns the last."""
+    with timed(results.timings, "claims"):
+        found: dict[str, list[Row]] = {key: rows(claims, results) for key, claims in CLAIMS.items()}
+    timings = stage_times(results.timings)
+    record = results.folder / RECORD
+    document = json.loads(record.read_text(encoding="utf-8"))
+    document["claims"] = {key: [asdict(row) for row in part] for key, part in found.items()}
+    page = results.folder / "index.html"
+    for path, text in (
+        (record, json.dumps(document, indent=1, ensure_ascii=False) + "\n"),
+        (results.folder / "reproduction.md", markdown(found, command, timings)),
+        (page, html(found, figures, timings)),
+    ):
+        with atomic_path(path) as part:
+            part.write_text(text, encoding="utf-8")
+    return page
