@@ -52,6 +52,8 @@ LAYERS = (
             "tune",
             "sensitivity",
             "local_fields",
+            "verify",
+            "reproduce",
         ),
     ),
     ("command line", ("cli",)),

@@ -1,6 +1,6 @@
 """The application, and how an error becomes one message and an exit status.
 
-Exit status: 0 done, 1 a crosscheck that found a difference, 2 an error that the message explains, 130 interrupted.
+Exit status: 0 done, 1 a check that failed, 2 an error that the message explains, 130 interrupted.
 A traceback with status 1 is a bug in porocore or in a plugin.
 """
 
@@ -12,7 +12,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from porocore.cli import cell, crosscheck, plugins, sensitivity, stability, study, tune, units
+from porocore.cli import cell, crosscheck, plugins, reproduce, sensitivity, stability, study, tune, units, verify
 from porocore.cli.common import Interrupted
 from porocore.errors import PorocoreError
 from porocore.parallel import launched, let_the_first_speak
@@ -48,6 +48,7 @@ _WHOLE, _STEPS, _LOOK = (
     "Looking around",
 )
 app.command(rich_help_panel=_WHOLE)(study.run)
+app.command(rich_help_panel=_WHOLE)(reproduce.reproduce)
 app.command(rich_help_panel=_STEPS)(study.sample)
 app.command(rich_help_panel=_STEPS)(study.train)
 app.command(rich_help_panel=_STEPS)(study.solve)
@@ -59,6 +60,7 @@ app.command(rich_help_panel=_LOOK)(stability.stability)
 app.command(rich_help_panel=_LOOK)(units.units)
 app.command(rich_help_panel=_LOOK)(plugins.plugins)
 app.command(rich_help_panel=_LOOK)(crosscheck.crosscheck)
+app.command(rich_help_panel=_LOOK)(verify.verify)
 
 #: What the system says when a disk or a folder will not take a file.
 _WRITING = {
