@@ -122,7 +122,7 @@ FIGURES: tuple[PaperFigure, ...] = (
             panel,
             f"{label}{suffix}",
             f"{shows} along the column, P = {load:g}",
-            "profile",
+            "along_column",
             name,
             load,
         )
@@ -132,15 +132,15 @@ FIGURES: tuple[PaperFigure, ...] = (
         )
         for panel, load, suffix in _LOADS
     ),
-    _column(19, "", "y_dxu022", "∂u_2/∂X_2 along the column", "profile", "H22"),
-    _column(20, "a", "y_dyu122", "⟨∇u¹⟩_22 along the column", "profile", "mean_grad_22"),
-    _column(20, "b", "y_dyu111", "⟨∇u¹⟩_11 along the column", "profile", "mean_grad_11"),
-    _column(21, "a", "y_F022", "F̄_22 along the column", "profile", "F22", linear=False),
-    _column(21, "b", "y_F011", "F̄_11 along the column", "profile", "F11", linear=False),
+    _column(19, "", "y_dxu022", "∂u_2/∂X_2 along the column", "along_column", "H22"),
+    _column(20, "a", "y_dyu122", "⟨∇u¹⟩_22 along the column", "along_column", "mean_grad_22"),
+    _column(20, "b", "y_dyu111", "⟨∇u¹⟩_11 along the column", "along_column", "mean_grad_11"),
+    _column(21, "a", "y_F022", "F̄_22 along the column", "along_column", "F22", linear=False),
+    _column(21, "b", "y_F011", "F̄_11 along the column", "along_column", "F11", linear=False),
     _column(22, "a", "y_w02", "relative fluid velocity along the column", "velocity", transformed=False),
     _column(22, "b", "y_w_tr02", "relative fluid velocity and transformed one", "velocity", transformed=True),
     _column(23, "a", "y_M2222", "M_2222 along the column", "tangent", "M_2222"),
-    _column(23, "b", "y_M2211", "M_2211 along the column", "tangent", "M_2211"),
+    _column(23, "b", "y_M2211", "∂⟨∇u¹⟩_11/∂H_22 along the column", "tangent", "M_2211"),
     _column(23, "c", "y_Q22", "Q_22 along the column", "tangent", "Q_22"),
     _column(23, "d", "y_Q11", "Q_11 along the column", "tangent", "Q_11"),
 )

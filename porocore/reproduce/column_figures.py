@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -14,8 +13,8 @@ from porocore.report.figures.style import DASHED, LINEAR, NONLINEAR, legend_abov
 from porocore.report.figures.surrogate import parity_figure
 from porocore.reproduce.column import LARGE
 from porocore.reproduce.study import Results
-from porocore.solution import MacroSolution
-from porocore.states import Array, CellTangent
+from porocore.solution import MacroSolution, Profile
+from porocore.states import Array
 
 HISTORIES = {
     "settlement": r"largest settlement $\max(-u_2)$ [–]",
@@ -25,12 +24,21 @@ HISTORIES = {
 VELOCITY = Quantity(
     r"relative fluid velocity $w_2$ [–]", "relative fluid velocity", False, lambda f: fluid_velocity(f)[:, 1]
 )
-#: Index of the component and label of M and Q in the paper's figures of the tangents.
-TANGENTS: dict[str, tuple[str, Callable[[CellTangent], Array]]] = {
-    "M_2222": ("$M_{2222}$ [–]", lambda t: _given(t.mean_grad_grad_u)[:, 1, 1, 1, 1]),
-    "M_2211": ("$M_{2211}$ [–]", lambda t: _given(t.mean_grad_grad_u)[:, 1, 1, 0, 0]),
-    "Q_22": ("$Q_{22}$ [$1/E$]", lambda t: _given(t.mean_grad_p)[:, 1, 1]),
-    "Q_11": ("$Q_{11}$ [$1/E$]", lambda t: _given(t.mean_grad_p)[:, 0, 0]),
+#: Label, and field and component of the tangent, of M and Q in the paper's figures; its M_2211 is M_1122 of ours, see
+#: :mod:`porocore.reproduce.claims_profiles`.
+TANGENTS: dict[str, tuple[str, str, tuple[int, ...]]] = {
+    "M_2222": (
+        r"$\partial\langle\nabla_Y u^1\rangle_{22}/\partial H_{22}$ [–]",
+        "mean_grad_grad_u",
+        (1, 1, 1, 1),
+    ),
+    "M_2211": (
+        r"$\partial\langle\nabla_Y u^1\rangle_{11}/\partial H_{22}$ [–]",
+        "mean_grad_grad_u",
+        (0, 0, 1, 1),
+    ),
+    "Q_22": ("$Q_{22}$ [$1/E$]", "mean_grad_p", (1, 1)),
+    "Q_11": ("$Q_{11}$ [$1/E$]", "mean_grad_p", (0, 0)),
 }
 
 
@@ -66,7 +74,7 @@ def _history(
     return figure
 
 
-def profile(results: Results, quantity: str, load: float = LARGE, *, linear: bool = True) -> Figure:
+def along_column(results: Results, quantity: str, load: float = LARGE, *, linear: bool = True) -> Figure:
     """A field along the column at the early, middle and late time, with both closures."""
     case = results.column.case(load)
     return profile_figure(
@@ -123,20 +131,18 @@ def _transformed(solution: MacroSolution, times: tuple[float, ...]) -> Figure:
 
 def tangent(results: Results, name: str) -> Figure:
     """M or Q of the surrogate at the states along the column."""
-    label, component = TANGENTS[name]
-    column, linear = results.column, results.linear
-    rest = CellTangent(mean_grad_grad_u=linear.mean_grad_grad_u[None], mean_grad_p=linear.mean_grad_p[None])
-    quantity = Quantity(label, name, False, lambda f: component(column.tangent(f)))
-    return profile_figure(
-        column.case(LARGE).nonlinear, None, quantity, times=column.times, rest=float(component(rest)[0])
-    )
+    label, field, at = TANGENTS[name]
+    column = results.column
+
+    def take(profile: Profile) -> Array:
+        values: Array = getattr(column.tangent(profile), field)[:, *at]
+        return values
+
+    rest = float(getattr(results.linear, field)[at])
+    quantity = Quantity(label, name, False, take)
+    return profile_figure(column.case(LARGE).nonlinear, None, quantity, times=column.times, rest=rest)
 
 
 def network_test(results: Results) -> Figure:
     """Predicted against solved held-out states."""
     return parity_figure(results.column.context.surrogate.outputs)
-
-
-def _given(array: Array | None) -> Array:
-    assert array is not None
-    return array

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 from porocore.errors import DataError, RunFolderError
 from porocore.files import atomic_path
 from porocore.report.figures.style import png_bytes
-from porocore.reproduce import claims_cell, claims_column, claims_cost
-from porocore.reproduce.catalogue import PaperFigure
+from porocore.reproduce import claims_cell, claims_cost, claims_history, claims_profiles
+from porocore.reproduce.catalogue import PaperFigure, Stage
 from porocore.reproduce.claims import Row, rows
 from porocore.reproduce.page import html, markdown
 from porocore.reproduce.study import Results
@@ -20,7 +20,17 @@ from porocore.sensitivity.figures import write_figures
 from porocore.stage_times import stage_times, timed
 
 RECORD = "reproduction.json"
-CLAIMS = {"cell": claims_cell.CLAIMS, "cost": claims_cost.CLAIMS, "column": claims_column.CLAIMS}
+#: What computes each stage.
+STAGES: dict[Stage, Callable[[Results], object]] = {
+    "fields": lambda results: results.fields,
+    "sensitivity": lambda results: results.sensitivity,
+    "column": lambda results: (results.column, results.reference),
+}
+CLAIMS = {
+    "cell": claims_cell.CLAIMS,
+    "cost": claims_cost.CLAIMS,
+    "column": (*claims_history.CLAIMS, *claims_profiles.CLAIMS),
+}
 
 
 def claim_folder(results: Results, *, resume: bool) -> None:
@@ -59,33 +69,36 @@ def claim_folder(results: Results, *, resume: bool) -> None:
 
 def draw(results: Results, figures: Sequence[PaperFigure]) -> list[Path]:
     """Write ``figures/figure-NNp.png`` for each; computes what they need."""
+    for stage in dict.fromkeys(figure.stage for figure in figures):
+        STAGES[stage](results)
     folder = results.folder / "figures"
     paths = []
-    with results.console.task("figures", "figures") as task:
+    with timed(results.timings, "figures"), results.console.task("figures", "figures") as task:
         for i, figure in enumerate(figures):
-            path = folder / figure.file
-            paths.append(path)
-            if figure.stage == "fields":
-                if not results.pictures:
-                    continue
-                _ = results.fields
-                source = results.folder / "fields" / f"{figure.source}.png"
-                with atomic_path(path) as part:
-                    shutil.copyfile(source, part)
-            elif figure.stage == "sensitivity":
-                written = write_figures(results.folder / "sensitivity", results.sensitivity, [figure.source])
-                with atomic_path(path) as part:
-                    shutil.copyfile(written[figure.source], part)
-            else:
-                assert figure.draw is not None
-                with atomic_path(path) as part:
-                    part.write_bytes(png_bytes(figure.draw(results)))
-            task.update(i + 1, len(figures), detail=f"figure {figure.name}")
-    return [path for path in paths if path.exists()]
+            task.update(i, len(figures), detail=f"figure {figure.name}")
+            if figure.stage != "fields" or results.pictures:
+                paths.append(folder / figure.file)
+                _write(results, figure, paths[-1])
+        task.update(len(figures), len(figures))
+    return paths
+
+
+def _write(results: Results, figure: PaperFigure, path: Path) -> None:
+    source = results.folder / figure.stage / f"{figure.source}.png"
+    if figure.stage == "sensitivity":
+        write_figures(source.parent, results.sensitivity, [figure.source])
+    with atomic_path(path) as part:
+        if figure.draw is None:
+            shutil.copyfile(source, part)
+        else:
+            part.write_bytes(png_bytes(figure.draw(results)))
 
 
 def write_pages(results: Results, figures: Sequence[PaperFigure], command: str) -> Path:
     """Check every claim and write ``reproduction.json``, ``reproduction.md`` and ``index.html``; returns the last."""
+    for needed in STAGES.values():
+        needed(results)
+    _ = results.as_stated, results.calls
     with timed(results.timings, "claims"):
         found: dict[str, list[Row]] = {key: rows(claims, results) for key, claims in CLAIMS.items()}
     timings = stage_times(results.timings)
