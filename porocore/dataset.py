@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
 from porocore.dataset_file import Block, Header, read_block, read_fields, write_block
+from porocore.dataset_lock import sole_writer
 from porocore.errors import DataError, RunFolderError
 from porocore.inputs import InputSpace
 from porocore.interfaces.cell import CellField
@@ -18,6 +20,8 @@ from porocore.states import Array, CellResponse, MacroState
 
 #: Finished solves that may lie beside the file before they are merged into it.
 MOST_PARTS = 500
+#: Times that a file is read again when another process replaces it meanwhile.
+MOST_LOOKS = 5
 
 
 class Dataset:
@@ -26,7 +30,7 @@ class Dataset:
     A finished solve is first a small file of its own, written whole or not at all, in the folder
     ``NAME.parts`` beside the file. :meth:`consolidate` merges those into the file, which again is
     replaced whole, and removes them only then. Opening reads both, so nothing is lost that :meth:`append`
-    has returned from. Only one process may append at a time.
+    has returned from. Only one process can write at a time, see :meth:`writing`; any number may read.
 
     Attributes
     ----------
@@ -48,6 +52,8 @@ class Dataset:
         self._blocks: list[Block] = []
         self._where: dict[str, tuple[Block, int]] = {}
         self._provided: frozenset[str] | None = None
+        self._writing = False
+        self._seen = _stamp(path)
         for block in blocks:
             self._register(block)
 
@@ -60,17 +66,18 @@ class Dataset:
         Raises
         ------
         RunFolderError
-            The file exists, or cannot be written.
+            The file exists, another process is making it, or it cannot be written.
         """
-        if path.exists():
-            raise RunFolderError(f"{path} exists; resume its run or choose another --out")
-        header = Header(inputs, identity, dict(provenance or {}))
-        write_block(path, header, Block.empty(path, len(inputs)), [])
-        return cls.open(path, inputs=inputs, identity=identity)
+        with sole_writer(path):
+            if path.exists():
+                raise RunFolderError(f"{path} exists; resume its run or choose another --out")
+            header = Header(inputs, identity, dict(provenance or {}))
+            write_block(path, header, Block.empty(path, len(inputs)), [])
+            return cls.open(path, inputs=inputs, identity=identity)
 
     @classmethod
     def open(cls, path: Path, *, inputs: InputSpace | None = None, identity: str | None = None) -> Self:
-        """What is in the file and in the parts beside it; nothing is written.
+        """What is in the file and in the parts beside it, also while another process writes; nothing is written.
 
         Raises
         ------
@@ -78,6 +85,21 @@ class Dataset:
             A file is missing, truncated, foreign or of another version, or holds states of another
             ``identity`` or other ``inputs`` than expected.
         """
+        for _ in range(MOST_LOOKS):
+            seen = _stamp(path)
+            try:
+                dataset = cls._read(path, inputs, identity)
+            except DataError:
+                if _stamp(path) == seen:
+                    raise
+            else:
+                # Parts may have been merged between the reading of the file and that of its parts.
+                if _stamp(path)[:1] == seen[:1]:
+                    return dataset
+        raise DataError(f"{path}: is being written all the time; read it when its process is done")
+
+    @classmethod
+    def _read(cls, path: Path, inputs: InputSpace | None, identity: str | None) -> Self:
         advice = f"choose another --out, or delete it and {parts_folder(path).name} and sample again"
         header, block = read_block(path, advice)
         if identity is not None and header.identity != identity:
@@ -112,6 +134,31 @@ class Dataset:
             return cls.open(path, inputs=inputs, identity=identity)
         return cls.create(path, inputs=inputs, identity=identity, provenance=provenance)
 
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Be the only one that writes, while the block runs; what others wrote before is read first.
+
+        Raises
+        ------
+        RunFolderError
+            Another process is writing.
+        DataError
+            What others wrote is damaged, or of another identity or other inputs.
+        """
+        if self._writing:
+            yield
+            return
+        with sole_writer(self.path):
+            if _stamp(self.path) != self._seen:
+                fresh = self.open(self.path, inputs=self.inputs, identity=self.identity)
+                self._blocks, self._where, self._provided = fresh._blocks, fresh._where, fresh._provided
+            self._writing = True
+            try:
+                yield
+            finally:
+                self._writing = False
+                self._seen = _stamp(self.path)
+
     def append(self, record: Record) -> None:
         """Keep one finished solve; when this returns it is on disk.
 
@@ -122,18 +169,19 @@ class Dataset:
         PluginError
             The response has not the documented shapes, or other parts than those of the other states.
         RunFolderError
-            The disk is full or read-only.
+            The disk is full or read-only, or another process is writing.
         """
-        if record.key in self._where:
-            raise ValueError(f"state '{record.key}' is in the dataset already")
-        provided = check_record(record, self._provided)
-        name = hashlib.sha256(record.key.encode()).hexdigest()[:32]
-        block = Block.of_record(parts_folder(self.path) / f"{name}.h5", record)
-        write_block(block.path, Header(self.inputs, self.identity, {}), block, [record.field])
-        self._provided = provided
-        self._register(block)
-        if len(self._blocks) > MOST_PARTS:
-            self.consolidate()
+        with self.writing():
+            if record.key in self._where:
+                raise ValueError(f"state '{record.key}' is in the dataset already")
+            provided = check_record(record, self._provided)
+            name = hashlib.sha256(record.key.encode()).hexdigest()[:32]
+            block = Block.of_record(parts_folder(self.path) / f"{name}.h5", record)
+            write_block(block.path, Header(self.inputs, self.identity, {}), block, [record.field])
+            self._provided = provided
+            self._register(block)
+            if len(self._blocks) > MOST_PARTS:
+                self._consolidate()
 
     def consolidate(self) -> None:
         """Merge the parts into the file, rows sorted by key, and remove them.
@@ -141,10 +189,14 @@ class Dataset:
         Raises
         ------
         RunFolderError
-            The disk is full or read-only; file and parts are as they were.
+            The disk is full or read-only, or another process is writing; file and parts are as they were.
         DataError
             A part cannot be read any more.
         """
+        with self.writing():
+            self._consolidate()
+
+    def _consolidate(self) -> None:
         folder = parts_folder(self.path)
         parts = [block.path for block in self._blocks if block.path != self.path]
         if parts:
@@ -249,6 +301,19 @@ class Dataset:
 def parts_folder(path: Path) -> Path:
     """Where the finished solves lie that are not merged into ``path`` yet."""
     return path.with_name(f"{path.name}.parts")
+
+
+def _stamp(path: Path) -> tuple[tuple[int, int] | None, ...]:
+    """Changes with the file and with the parts beside it."""
+    found: list[tuple[int, int] | None] = []
+    for place in (path, parts_folder(path)):
+        try:
+            stat = place.stat()
+        except OSError:
+            found.append(None)
+        else:
+            found.append((stat.st_ino, stat.st_mtime_ns))
+    return tuple(found)
 
 
 def describe(inputs: InputSpace) -> str:

@@ -35,6 +35,8 @@ class Status(IntEnum):
     not_converged = 4
     #: In equilibrium and stable, with the pore wall pressed against itself somewhere.
     contact = 5
+    #: Nothing came back: the worker died, or was ended when the time for a state was over, twice.
+    lost = 6
 
     @property
     def has_values(self) -> bool:

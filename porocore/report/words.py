@@ -20,6 +20,7 @@ MEANINGS: dict[Status, str] = {
     "left, although every point still has J > 0; no valid data",
     Status.inverted: "no load step, however small, keeps J > 0; no data",
     Status.not_converged: "the limit of iterations or steps was reached; no data",
+    Status.lost: "twice the worker died over it or its time was over, which may not be the cell's fault; no data",
 }
 
 

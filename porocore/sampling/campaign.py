@@ -62,12 +62,16 @@ def run_campaign(
     States that the dataset holds already are told from there, so an interrupted campaign goes on where it
     was. A request names the state whose field it starts from, and that field comes from the dataset, so
     neither interruptions nor the number of workers change a result, given a solver whose answer depends on
-    nothing but the state and the start.
+    nothing but the state and the start. A state over which workers died or hung twice is kept with the status
+    ``lost``.
 
     Raises
     ------
     PorocoreError
-        The solver raised an exception or a worker died. What ran beside it is finished and kept.
+        The solver raised an exception, workers die whatever they are given, or their scheduler has gone. What ran
+        beside it is finished and kept.
+    RunFolderError
+        Another process is writing the dataset, or the disk is full.
     KeyboardInterrupt
         The same, after Ctrl-C; a second Ctrl-C does not wait.
     DataError
@@ -75,17 +79,20 @@ def run_campaign(
     PluginError
         The sampler asks for nothing although it is not done.
     """
-    campaign = _Campaign(sampler, pool, dataset, on_progress)
-    with _interrupts_noted() as interrupt:
-        try:
-            campaign.run(interrupt)
-        except Exception:
-            campaign.finish_running()
-            raise
-        if interrupt.is_set():
-            campaign.finish_running()
-            raise KeyboardInterrupt
-    dataset.consolidate()
+    with dataset.writing():
+        if pool.like is None and len(dataset):
+            pool.like = dataset.response(dataset.keys[0])
+        campaign = _Campaign(sampler, pool, dataset, on_progress)
+        with _interrupts_noted() as interrupt:
+            try:
+                campaign.run(interrupt)
+            except Exception:
+                campaign.finish_running()
+                raise
+            if interrupt.is_set():
+                campaign.finish_running()
+                raise KeyboardInterrupt
+        dataset.consolidate()
     return campaign.summary()
 
 
@@ -123,7 +130,9 @@ class _Campaign:
             if interrupt.is_set():
                 self.report(stopping=True)
                 return
-            outcome = self.pool.wait()
+            outcome = self.pool.wait_unless(interrupt.is_set)
+            if outcome is None:
+                continue
             self.keep(outcome)
             self.tell(outcome.key, outcome.response)
             self.ask()

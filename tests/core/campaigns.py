@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from fake_cell import IDENTITY, INPUTS, OPTIONS, Fake, make
 
@@ -24,9 +25,10 @@ def sample(
     workers: int = 1,
     sampler: Sampler | None = None,
     on_progress: Callable[[Progress], None] | None = None,
+    **where: Any,
 ) -> tuple[Dataset, CampaignSummary]:
     dataset = Dataset.create_or_open(path, inputs=INPUTS, identity=IDENTITY)
-    with CellPool(make, (fake or Fake(),), workers=workers) as pool:
+    with CellPool(make, (fake or Fake(),), workers=workers, **where) as pool:
         sampler = sampler or DensitySweep(INPUTS, **OPTIONS)
         return dataset, run_campaign(sampler, pool, dataset, on_progress=on_progress)
 

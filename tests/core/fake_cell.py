@@ -37,9 +37,10 @@ class Fake:
     log: str = ""
     #: Below this H22 + p there is no solution.
     edge: float = -0.27
-    #: p at which the solver raises an exception, or the process dies.
+    #: p at which the solver raises an exception, the process dies, or the solve hangs.
     raise_at: float | None = None
     die_at: float | None = None
+    hang_at: float | None = None
     nodes: int = 7
 
 
@@ -81,6 +82,8 @@ class FakeCellSolver(CellSolver):
             raise ArithmeticError("a pivot vanished")
         if prepared.die_at is not None and abs(p - prepared.die_at) < 1e-9:
             os._exit(9)
+        if prepared.hang_at is not None and abs(p - prepared.hang_at) < 1e-9:
+            time.sleep(600)
         time.sleep(prepared.sleep)
         if H22 + p < prepared.edge:
             return CellSolution(response(np.full((3, 3), np.nan), np.nan, Status.overlap), [None])
@@ -118,7 +121,8 @@ def refuse() -> tuple[FakeCellSolver, Fake]:
 
 
 if __name__ == "__main__":
-    path, log, workers, sleep = sys.argv[1:]
+    path, log, workers, sleep, *executor = sys.argv[1:]
     dataset = Dataset.create_or_open(Path(path), inputs=INPUTS, identity=IDENTITY)
-    with CellPool(make, (Fake(sleep=float(sleep), log=log),), workers=int(workers)) as pool:
+    fake = Fake(sleep=float(sleep), log=log)
+    with CellPool(make, (fake,), workers=int(workers), executor=executor[0] if executor else "auto") as pool:
         run_campaign(DensitySweep(INPUTS, **OPTIONS), pool, dataset)

@@ -8,13 +8,16 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from porocore.dataset import Dataset
 from porocore.errors import PorocoreError
 from porocore.sampling.campaign import Progress
+from porocore.states import Status
 
 sys.path.insert(0, str(Path(__file__).parent))
 from campaigns import SCRIPT, gone, sample, session_gone, solves, state_text
@@ -118,15 +121,51 @@ def test_an_interrupt_is_reported_and_the_handler_is_put_back(tmp_path: Path) ->
     assert len(Dataset.open(tmp_path / "data.h5")) == 3
 
 
-def test_a_worker_that_dies_is_named_by_its_state_and_costs_nothing_else(
-    tmp_path: Path, undisturbed: Dataset
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_worker_that_dies_twice_over_a_state_costs_that_state_only(
+    tmp_path: Path, undisturbed: Dataset, workers: int
 ) -> None:
     path, log = tmp_path / "data.h5", tmp_path / "log"
-    with pytest.raises(PorocoreError, match=r"worker process died while solving .*'p=\+0.2000000000 "):
-        sample(path, Fake(die_at=0.2, log=str(log)), workers=2)
+    dataset, summary = sample(path, Fake(die_at=0.1, log=str(log)), workers=workers, executor="processes")
+    status = dataset.responses().status
+    at_death = np.isclose(dataset.x()[:, 0], 0.1)
+    np.testing.assert_array_equal(status == Status.lost, at_death)
+    assert summary.counts[Status.lost] == at_death.sum() >= 1
+    lost = dataset.response(dataset.keys[int(np.flatnonzero(at_death)[0])])
+    assert np.isnan(lost.stress).all()
+    assert np.isnan(lost.tangent.stress_grad_u).all()
+    counts = Counter(state for _, _, state in solves(log))
+    assert all(
+        counts[state_text(dataset, key)] == 1 + dead for key, dead in zip(dataset.keys, at_death, strict=True)
+    )
     assert gone({int(pid) for pid, _, _ in solves(log)})
-    kept = len(Dataset.open(path))
-    assert kept >= 2
-    dataset, summary = sample(path)
-    assert summary.reused == kept
-    assert dataset.digest() == undisturbed.digest()
+    # What both have is the same.
+    for key in set(dataset.keys) & set(undisturbed.keys):
+        if dataset.response(key).status[0] != Status.lost:
+            np.testing.assert_array_equal(
+                dataset.response(key).mean_grad, undisturbed.response(key).mean_grad
+            )
+
+
+def test_workers_that_die_over_the_first_state_end_the_run(tmp_path: Path) -> None:
+    """Then it may not be the state's fault."""
+    path = tmp_path / "data.h5"
+    with pytest.raises(
+        PorocoreError, match=r"died twice each while solving 'p=\+0.0000000000 .* fewer workers"
+    ):
+        sample(path, Fake(die_at=0.0), workers=2)
+    assert len(Dataset.open(path)) == 0
+    assert sample(path)[1].solved > 50
+
+
+def test_a_hung_state_is_ended_twice_and_the_others_go_on(tmp_path: Path) -> None:
+    path, log = tmp_path / "data.h5", tmp_path / "log"
+    began = time.monotonic()
+    dataset, _ = sample(path, Fake(hang_at=0.1, log=str(log)), workers=2, state_seconds=0.4)
+    assert time.monotonic() - began < 60
+    hung = np.isclose(dataset.x()[:, 0], 0.1)
+    np.testing.assert_array_equal(dataset.responses().status == Status.lost, hung)
+    assert hung.any()
+    assert dataset.seconds()[hung].min() >= 0.8
+    assert len({pid for pid, _, state in solves(log) if state.startswith("+0.1")}) == 2 * hung.sum()
+    assert gone({int(pid) for pid, _, _ in solves(log)})

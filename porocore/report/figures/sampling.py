@@ -35,6 +35,7 @@ MARKERS: dict[Status, tuple[str, str, bool, float, str]] = {
     Status.overlap: ("s", VERMILLION, False, 4.6, "overlap"),
     Status.inverted: ("x", BLACK, True, 5.5, "inverted"),
     Status.not_converged: ("+", PURPLE, True, 7.0, "not converged"),
+    Status.lost: ("v", GREY, False, 5.5, "lost"),
 }
 
 
