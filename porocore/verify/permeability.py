@@ -83,12 +83,11 @@ def spheres(concentration: float, solver: CellSolver, long: bool) -> Sequence[Ch
     touching = radius > 0.499
     neck = NECKS[long] if touching else 0.0
     geometry = SphereArray(kind="sphere-array", radius=0.5 if touching else radius, neck=neck)
-    if touching:
-        levels = _levels(1, first=int(long))
-    elif long:
-        levels = _levels(4 if concentration > 0.4 else 5)
+    narrow = concentration > 0.4
+    if touching or not long:
+        levels = _levels(1, first=int(long or not narrow))
     else:
-        levels = _levels(1, first=int(concentration < 0.4))
+        levels = _levels(4 if narrow else 5)
     sizes, K = conductivities(solver, geometry, radius, levels)
     note = f"touching: a neck of radius {neck} fills the gap" if touching else ""
     reference = 1 / (6 * np.pi * radius * SPHERES[concentration])

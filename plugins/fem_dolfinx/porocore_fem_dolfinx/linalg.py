@@ -89,6 +89,10 @@ class SymmetricSolver:
         self._options.apply(ksp)
         return ksp
 
+    def destroy(self) -> None:
+        """Free the factor at once: petsc4py keeps what Python lets go of until PETSc collects its garbage."""
+        self._ksp.destroy()
+
     @property
     def is_factor(self) -> bool:
         """Whether one application is the solution, so that it may precondition the iteration for another matrix."""

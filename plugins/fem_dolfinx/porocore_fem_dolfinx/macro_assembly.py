@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping
 from typing import Any
 
@@ -43,6 +44,8 @@ class Assembler(Discretisation):
         self._solver = LinearSolver(
             comm, petsc, self.free, self.is_force[self.free[self.leading]], self._expansion(comm)
         )
+        if comm.size == 1:  # else it would have to happen on all processes together, which garbage is not
+            weakref.finalize(self, _free, self._matrix, self._solver)
         self._try_solver()
 
     def _expansion(self, comm: Any) -> Any:
@@ -136,3 +139,9 @@ class Assembler(Discretisation):
             right = right[: self.owned] - forces.array
         change[self.free] = self._solver.solve(system, self.equations(right))
         return self._with_copies(change)
+
+
+def _free(matrix: Any, solver: LinearSolver) -> None:
+    """At once: dolfinx leaves its matrices to the caller, petsc4py all others to PETSc's collection of garbage."""
+    solver.destroy()
+    matrix.destroy()

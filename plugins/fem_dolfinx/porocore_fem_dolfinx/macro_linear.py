@@ -69,6 +69,12 @@ class LinearSolver:
         p = PETSc.IS().createStride(size - n_u, start + n_u, 1, comm=self._comm)
         self._ksp.getPC().setFieldSplitIS(("u", u), ("p", p))
 
+    def destroy(self) -> None:
+        """Free the factor and the matrices; all processes must do so together."""
+        for part in (self._ksp, self._matrix, self._free_matrix, self._expansion):
+            if part is not None:
+                part.destroy()
+
     @contextmanager
     def trial(self) -> Iterator[None]:
         """Around a solve that must succeed unless the options are at fault.

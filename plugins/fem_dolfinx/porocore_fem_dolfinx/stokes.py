@@ -33,8 +33,8 @@ class StokesProblem:
         q = ufl.TestFunction(pressure)
         laplacian = compat.form(ufl.inner(ufl.grad(w), ufl.grad(v)) * domain.dx)
         divergence = compat.form(-q * ufl.div(w) * domain.dx)
-        self._A = to_scipy(compat.assemble_matrix(laplacian))
-        self._B = to_scipy(compat.assemble_matrix(divergence))
+        self._A = _taken(compat.assemble_matrix(laplacian))
+        self._B = _taken(compat.assemble_matrix(divergence))
         force = compat.constant(domain.domain, np.zeros(3))
         load = compat.form(ufl.inner(force, v) * domain.dx)
         #: ∫ v_i for each unit vector e_i, (3, velocity dofs).
@@ -81,6 +81,15 @@ def _saddle_point(A: Any, B: Any, f: Any) -> Any:
         raise PorocoreError(
             f"the Stokes cell problem cannot be solved ({error}); refine the mesh (cell.mesh.fluid_size)"
         ) from error
+    finally:
+        solver.destroy()
+
+
+def _taken(matrix: Any) -> Any:
+    """As a scipy matrix; that of PETSc is freed, which dolfinx leaves to its caller."""
+    copy = to_scipy(matrix)
+    matrix.destroy()
+    return copy
 
 
 def flow(mesh: CellMesh) -> Any:
