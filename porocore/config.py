@@ -23,6 +23,7 @@ from porocore.cell.cell import Cell
 from porocore.closures import CLOSURES
 from porocore.config_errors import faults, show, unexpected
 from porocore.errors import ConfigurationError
+from porocore.execution.choice import ExecutorName, contradiction
 from porocore.inputs import InputSpace
 from porocore.problem import MacroProblem, MacroSetup
 from porocore.scales import Scales
@@ -74,7 +75,18 @@ class SamplingSettings(_Section):
     options: dict[str, Any] = {}
     """Further options of the sampler."""
     workers: Literal["auto"] | Annotated[int, Field(ge=1)] = "auto"
+    executor: ExecutorName = "auto"
+    scheduler: str | None = None
+    """Address of a dask scheduler."""
+    state_seconds: Positive | None = None
+    """Time limit of one solve."""
     test: HeldOutSettings = HeldOutSettings()
+
+    @model_validator(mode="after")
+    def _executor_fits(self) -> SamplingSettings:
+        if fault := contradiction(self.executor, self.scheduler, self.state_seconds):
+            raise ValueError(fault)
+        return self
 
     def input_space(self) -> InputSpace:
         """The inputs and their ranges."""
@@ -95,6 +107,15 @@ class SamplingSettings(_Section):
         if self.workers != "auto":
             return self.workers
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+    def pool_options(self) -> dict[str, Any]:
+        """Keyword arguments of :class:`porocore.execution.CellPool`: who solves the cells."""
+        return {
+            "workers": self.worker_count(),
+            "executor": self.executor,
+            "scheduler": self.scheduler,
+            "state_seconds": self.state_seconds,
+        }
 
 
 class SurrogateSettings(_Section):
@@ -176,6 +197,25 @@ class RunConfig(_Section):
             update["surrogate"] = SurrogateSettings(backend=surrogate, seed=self.surrogate.seed)
         return self.model_copy(update=update)
 
+    def with_executor(self, executor: str | None = None, scheduler: str | None = None) -> RunConfig:
+        """With other workers; a scheduler alone means dask, an executor alone leaves the configured scheduler to dask.
+
+        Raises
+        ------
+        ConfigurationError
+            They do not go together.
+        """
+        if executor is None and scheduler is None:
+            return self
+        if executor is None:
+            executor = "dask"
+        elif scheduler is None and executor in ("auto", "dask"):
+            scheduler = self.sampling.scheduler
+        if fault := contradiction(executor, scheduler, self.sampling.state_seconds):
+            raise ConfigurationError(fault)
+        update = {"executor": executor, "scheduler": scheduler}
+        return self.model_copy(update={"sampling": self.sampling.model_copy(update=update)})
+
     def with_closure(self, closure: str | None = None) -> RunConfig:
         """With another closure, and the options of the surrogate as they are; see ``backends.with_closure``.
 
@@ -197,7 +237,7 @@ class RunConfig(_Section):
     # Not a cached property: model_copy would carry the cache over to a changed configuration.
     @property
     def stages(self) -> StageIdentities:
-        """Identity of each stage; title, scenarios, number of workers and macro.options belong to none."""
+        """Identity of each stage; title, scenarios, who solves the cells and macro.options belong to none."""
         inputs = [(name, swept.model_dump()) for name, swept in self.sampling.inputs.items()]
         cell = _hash(self.cell.model_dump(), self.fem.model_dump())
         how = self.sampling.model_dump(include={"sampler", "tolerance", "options"})

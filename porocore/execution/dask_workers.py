@@ -63,7 +63,10 @@ class DaskCrew(Crew):
         self._threads: dict[str, int] = {}
         self._looked = -LOOK
         self._processes: dict[str, int] = {}
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]:
+            logging.getLogger(name).setLevel(
+                logging.CRITICAL
+            )  # what matters is raised, or a warning of this crew
         if scheduler is None:
             with one_thread(), interrupts_blocked():
                 self._cluster = distributed.LocalCluster(
@@ -96,7 +99,7 @@ class DaskCrew(Crew):
         found = []
         if not self._known:
             found.append(
-                f"no worker has joined the dask scheduler at {self._address} yet; waiting for the first one"
+                f"the dask scheduler at {self._address} has no workers; waiting for the first one to join"
             )
         several = [f"{name} ({n})" for name, n in self._threads.items() if n > 1]
         if several:

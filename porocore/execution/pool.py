@@ -226,6 +226,7 @@ class CellPool:
             done, _ = wait(self._running, PATIENCE, return_when=FIRST_COMPLETED)
         else:
             done = set()
+            self._tell(self._crew.warnings)
             time.sleep(PATIENCE)
         there = {id(worker) for worker in self._crew.workers()}
         for future, (worker, task) in list(self._running.items()):
