@@ -75,13 +75,18 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
         ("held-out states", held_out, folder.test_dataset, config.stages.test),
     ]
     arguments = (config.fem.backend, config.fem.options, config.cell)
-    with CellPool(prepare_cell, arguments, workers=config.sampling.worker_count()) as pool:
+    with CellPool(prepare_cell, arguments, **config.sampling.pool_options(), on_warning=console.warn) as pool:
         for title, states, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
             with timed(folder.timings, title):
                 summary = _campaign(title, states, pool, dataset, console)
             counts = ", ".join(f"{n} {status.name.replace('_', ' ')}" for status, n in summary.counts.items())
             console.note(f"{title}: {sum(summary.counts.values())} states: {counts}")
+            if lost := summary.counts.get(Status.lost, 0):
+                console.warn(
+                    f"{title}: {lost} states were lost, each over two workers that died or whose time was over; "
+                    "they count as failed"
+                )
 
 
 def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:

@@ -46,6 +46,29 @@ LawOption = Annotated[
         show_default="surrogate and linear",
     ),
 ]
+
+
+class ExecutorName(StrEnum):
+    """Where the cells are solved."""
+
+    auto = "auto"
+    serial = "serial"
+    processes = "processes"
+    dask = "dask"
+
+
+ExecutorOption = Annotated[
+    ExecutorName | None,
+    typer.Option("--executor", help="Where the cells are solved, instead of the configured place."),
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Of a dask scheduler, such as tcp://node:8786; with --executor dask and none, workers start here.",
+    ),
+]
 RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", show_default=False)]
 
 
@@ -54,6 +77,8 @@ def run(
     fem: FemOption = None,
     surrogate: SurrogateOption = None,
     closure: ClosureOption = None,
+    executor: ExecutorOption = None,
+    scheduler: SchedulerOption = None,
     out: OutOption = None,
     resume: ResumeOption = False,
 ) -> None:
@@ -65,11 +90,13 @@ def run(
     surrogate that they need are added, and the report shows both.
     """
     path, settings = read_config(config, fem, surrogate, closure)
+    settings = settings.with_executor(executor, scheduler)
     _check_backends(path, settings, "cell solver", "macro solver", "sampler", "surrogate")
     folder = _claim(path, settings, out, resume)
     again = ["--fem", fem] if fem else []
     again += ["--surrogate", surrogate] if surrogate else []
     again += ["--closure", closure] if closure else []
+    again += _where(executor, scheduler)
     with interruptible(command("run", config, *again, "--out", folder.path, "--resume")), folder:
         from porocore import pipeline
 
@@ -82,6 +109,8 @@ def sample(
         Path, typer.Argument(metavar="CONFIG|RUN", help="Configuration, or run folder to go on with.")
     ],
     fem: FemOption = None,
+    executor: ExecutorOption = None,
+    scheduler: SchedulerOption = None,
     out: OutOption = None,
     resume: ResumeOption = False,
 ) -> None:
@@ -97,15 +126,18 @@ def sample(
                 f"{target} is a run folder, which has its backend and place; leave out --fem and --out"
             )
         folder = RunFolder.open(target)
+        settings = folder.config.with_executor(executor, scheduler)
     else:
         path, settings = read_config(target, fem)
+        settings = settings.with_executor(executor, scheduler)
         _check_backends(path, settings, "cell solver", "sampler")
         folder = _claim(path, settings, out, resume)
     console = Console()
-    with interruptible(command("sample", folder.path)), folder:
+    again = _where(executor, scheduler)
+    with interruptible(command("sample", folder.path, *again)), folder:
         from porocore import pipeline
 
-        pipeline.sample(folder, folder.config, console=console)
+        pipeline.sample(folder, settings, console=console)
     console.note(f"next: {command('train', folder.path)}")
     typer.echo(folder.dataset)
 
@@ -220,6 +252,12 @@ def _open(path: Path) -> RunFolder:
     from porocore.runfolder import RunFolder
 
     return RunFolder.open(path)
+
+
+def _where(executor: ExecutorName | None, scheduler: str | None) -> list[str]:
+    """The options of a command to go on with."""
+    words = ["--executor", str(executor)] if executor else []
+    return words + (["--scheduler", scheduler] if scheduler else [])
 
 
 def _claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> RunFolder:
