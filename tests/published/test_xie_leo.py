@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -9,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from porocore.states import MacroState
 from porocore.verify.xie_leo import PUBLISHED, ClayLaw, XieLeo
 
+EXAMPLE = Path(__file__).parents[2] / "examples" / "xie_leo.py"
 LAYER = XieLeo()
 LAW = ClayLaw(LAYER)
 
@@ -102,3 +107,12 @@ def test_where_nothing_can_be_there_is_no_value():
     flat = MacroState.single(np.diag([0.0, -1.0, 0.0]), 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         assert np.isnan(LAW.respond(flat, np.zeros((1, 3)), LAW.initial(1)).stress).all()
+
+
+@pytest.mark.slow
+def test_the_example_prints_what_it_says():
+    done = subprocess.run([sys.executable, EXAMPLE], capture_output=True, text=True, check=True)
+    rows = np.array([[float(word) for word in line.split()] for line in done.stdout.splitlines()[2:]])
+    assert rows[:, 0].tolist() == [5, 10, 20, 40, 80]
+    np.testing.assert_allclose(rows[:, 1], rows[:, 2], rtol=0.01)
+    np.testing.assert_allclose(rows[:, 3], rows[:, 4], rtol=0.01)
