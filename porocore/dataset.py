@@ -269,6 +269,15 @@ class Dataset:
         """u¹ of one state, read from the disk; None where it was not kept."""
         return next(read_fields([self._where[key]]))
 
+    def rows(self) -> list[tuple[Block, int]]:
+        """Where each state lies, in the order of :attr:`keys`; for :func:`porocore.dataset_file.read_fields`."""
+        return [self._where[key] for key in self.keys]
+
+    @property
+    def unmerged(self) -> int:
+        """Solves that lie in a file of their own."""
+        return sum(block.path != self.path for block in self._blocks)
+
     def digest(self) -> str:
         """SHA-256 of all contents except the times and the provenance: equal for bit-identical results."""
         rows = self._joined()

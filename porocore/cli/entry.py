@@ -12,7 +12,19 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from porocore.cli import cell, crosscheck, plugins, reproduce, sensitivity, stability, study, tune, units, verify
+from porocore.cli import (
+    cell,
+    crosscheck,
+    data,
+    plugins,
+    reproduce,
+    sensitivity,
+    stability,
+    study,
+    tune,
+    units,
+    verify,
+)
 from porocore.cli.common import Interrupted
 from porocore.errors import PorocoreError
 from porocore.parallel import launched, let_the_first_speak
@@ -55,6 +67,7 @@ app.command(rich_help_panel=_STEPS)(study.solve)
 app.command(rich_help_panel=_STEPS)(study.report)
 app.command(rich_help_panel=_STEPS)(tune.tune)
 app.add_typer(cell.cell, name="cell", rich_help_panel=_LOOK)
+app.add_typer(data.data, name="data", rich_help_panel=_LOOK)
 app.command(rich_help_panel=_LOOK)(sensitivity.sensitivity)
 app.command(rich_help_panel=_LOOK)(stability.stability)
 app.command(rich_help_panel=_LOOK)(units.units)
