@@ -156,10 +156,21 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
 
 
 def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
-    """One state of the cell with everything that a solve returns, as nested dictionaries of arrays."""
+    """One state of the cell with everything that a solve returns, as nested dictionaries of arrays.
+
+    Where the solid does not hang together, porosity and conductivity of the cell at rest.
+    """
     began = time.perf_counter()
     solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
     conductivity = solver.conductivity(prepared)
+    geometry = config.cell.geometry
+    if geometry.loose and p == 0 and not np.any(grad_u):
+        return {
+            "porosity": geometry.porosity,
+            "conductivity": conductivity,
+            "solid": f"loose: {geometry.loose}",
+            "seconds": {"set_up": time.perf_counter() - began},
+        }
     rest = solver.solve(prepared, MacroState.zeros(1), tangent=False).response
     ready = time.perf_counter()
     response = solver.solve_one(prepared, grad_u, p)
