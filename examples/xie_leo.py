@@ -1,14 +1,16 @@
 """A law of one's own in the macro solver: large-strain consolidation of clay (Xie & Leo 2004).
 
 Run it with ``python examples/xie_leo.py [BACKEND]``. A macroscopic law derives ``porocore.laws.MacroLaw`` and answers
-with stress, storage, flux and their exact derivatives; ``ClayLaw`` in ``porocore/verify/xie_leo.py`` is one, and
+with stress, storage, flux and their exact derivatives; ``ClayLaw`` in ``porocore/verify/clay_law.py`` is one, and
 ``porocore verify --case xie-leo`` holds it against the published numbers.
 """
 
 import sys
 
 from porocore.registry import get
-from porocore.verify.xie_leo import ClayLaw, XieLeo, column, mean_pressure
+from porocore.verify.clay_law import ClayLaw
+from porocore.verify.xie_leo import column, mean_pressure
+from porocore.xie_leo import XieLeo
 
 YEAR = 365.25 * 86400.0
 

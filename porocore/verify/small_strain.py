@@ -19,7 +19,7 @@ from porocore.testing import potential_cell
 from porocore.testing.synthetic import CONDUCTIVITY, SOLID_FRACTION, confined_column, cubic_reference
 from porocore.verify.case import Case, Check, observed_order
 
-#: Of the column's settlement, pressure and drained volume; the largest moves the top by a tenth of the height.
+#: The largest moves the top by a tenth of the height.
 LOADS = (0.04, 0.02, 0.01, 0.005)
 QUANTITIES = {
     "settlement": "settlement",

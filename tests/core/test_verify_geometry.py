@@ -16,6 +16,7 @@ from porocore.cell.quadrature import tetrahedron_rule
 from porocore.config import load_config
 from porocore.equilibrium.solver import PreparedCell
 from porocore.errors import ConfigurationError
+from porocore.pipeline import solve_cell
 from porocore.reference import CellReference
 from porocore.summary import _is_the_benchmark
 
@@ -189,3 +190,16 @@ def test_only_the_papers_cell_is_the_benchmark():
     assert _is_the_benchmark(config)
     other = config.cell.model_copy(update={"geometry": NECKS})
     assert not _is_the_benchmark(config.model_copy(update={"cell": other}))
+
+
+def test_of_a_loose_cell_the_command_shows_what_there_is():
+    pytest.importorskip("porocore_fem_skfem")
+    config = load_config(EXAMPLE)
+    cell = Cell(geometry=SPHERES, mesh=COARSE, viscosity=1.0)
+    config = config.model_copy(update={"cell": cell})
+    found = solve_cell(config, np.zeros((3, 3)), 0.0)
+    assert found["porosity"] == SPHERES.porosity
+    assert found["conductivity"][0, 0] == pytest.approx(1 / (6 * np.pi * 0.4 * 10.2), rel=0.05)  # c = 0.268
+    assert found["solid"].startswith("loose: its spheres do not touch")
+    with pytest.raises(ConfigurationError, match="does not hang together"):
+        solve_cell(config, np.zeros((3, 3)), 0.1)

@@ -11,7 +11,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from porocore.states import MacroState
-from porocore.verify.xie_leo import PUBLISHED, ClayLaw, XieLeo
+from porocore.verify.clay_law import ClayLaw
+from porocore.verify.xie_leo import PUBLISHED
+from porocore.xie_leo import XieLeo
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "xie_leo.py"
 LAYER = XieLeo()
