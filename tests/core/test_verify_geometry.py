@@ -199,7 +199,8 @@ def test_of_a_loose_cell_the_command_shows_what_there_is():
     config = config.model_copy(update={"cell": cell})
     found = solve_cell(config, np.zeros((3, 3)), 0.0)
     assert found["porosity"] == SPHERES.porosity
-    assert found["conductivity"][0, 0] == pytest.approx(1 / (6 * np.pi * 0.4 * 10.2), rel=0.05)  # c = 0.268
+    drag = 1 / (6 * np.pi * SPHERES.radius * found["conductivity"][0, 0])
+    assert 7.442 < drag < 15.4  # Zick & Homsy's at concentrations of 0.216 and 0.343; this is 0.268
     assert found["solid"].startswith("loose: its spheres do not touch")
     with pytest.raises(ConfigurationError, match="does not hang together"):
         solve_cell(config, np.zeros((3, 3)), 0.1)
