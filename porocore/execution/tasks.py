@@ -5,6 +5,7 @@ The functions here are what an executor is given to call. Every exception travel
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import socket
@@ -81,6 +82,8 @@ class Unprepared:
 
 _cells: OrderedDict[tuple[str, int], tuple[CellSolver, Any, Recipe]] = OrderedDict()
 _lock = threading.Lock()
+# Prepared cells may hold memory of a library, which must be given back before that library is taken down.
+atexit.register(_cells.clear)
 
 
 def prepare(recipe: Recipe, place: int = 0) -> Ready | Failure:
