@@ -54,7 +54,8 @@ class DaskCrew(Crew):
             distributed = import_module("distributed")
         except ImportError as error:
             raise PluginError(
-                "executor 'dask' needs dask.distributed, which is not installed; pip install 'porocore[dask]'"
+                f"executor 'dask' needs dask.distributed, which cannot be imported here ({error}); pip install "
+                "'porocore[dask]'"
             ) from error
         self._cluster: Any = None
         self._address = scheduler or ""
