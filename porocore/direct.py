@@ -49,6 +49,11 @@ class DirectWork:
         """Of these, without values."""
         return sum(n for status, n in self.counts.items() if not status.has_values)
 
+    def numbers(self) -> dict[str, float]:
+        """To be kept beside the solution."""
+        statuses = {status.name: self.counts[status] for status in Status if self.counts[status]}
+        return {"points": self.points, "solves": self.solves, "seconds": self.seconds, **statuses}
+
 
 @dataclass(frozen=True, eq=False)
 class _Solved:

@@ -1,4 +1,4 @@
-"""What direct FE² has cost, added up over all the processes that worked on a solution."""
+"""What cells solved on the way have cost, added up over all the processes that worked on a macro solution."""
 
 from __future__ import annotations
 
@@ -6,19 +6,24 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-from porocore.direct import DirectWork
 from porocore.errors import DataError
 from porocore.files import atomic_path, noted_afterwards
-from porocore.states import Status
 
 #: By name of the solution: points, solves, seconds, and solves by status.
 DirectRecords = dict[str, dict[str, float]]
 
 
+class Work(Protocol):
+    """What has been done so far."""
+
+    def numbers(self) -> dict[str, float]:
+        """By name; each only grows."""
+
+
 @contextmanager
-def noted(path: Path, solution: str, work: DirectWork) -> Iterator[None]:
+def noted(path: Path, solution: str, work: Work) -> Iterator[None]:
     """Add to ``solution`` what ``work`` grows by during the block, also when the block is interrupted.
 
     Raises
@@ -29,11 +34,11 @@ def noted(path: Path, solution: str, work: DirectWork) -> Iterator[None]:
         The disk is full or read-only.
     """
     records = direct_records(path)
-    before = _flat(work)
+    before = work.numbers()
 
     def note() -> None:
         known = records.get(solution, {})
-        now = _flat(work)
+        now = work.numbers()
         gained = {name: value - before.get(name, 0) for name, value in now.items()}
         records[solution] = {name: known.get(name, 0) + gained.get(name, 0) for name in {**known, **gained}}
         with atomic_path(path) as part:
@@ -63,11 +68,6 @@ def direct_records(path: Path) -> DirectRecords:
         raise DataError(
             f"{path}: not a record of direct solves ({error}); delete it, it is not needed"
         ) from error
-
-
-def _flat(work: DirectWork) -> dict[str, float]:
-    statuses = {status.name: work.counts[status] for status in Status if work.counts[status]}
-    return {"points": work.points, "solves": work.solves, "seconds": work.seconds, **statuses}
 
 
 def _number(value: Any) -> float:

@@ -94,6 +94,14 @@ class MacroLaw(ABC):
     ) -> MacroResponse:
         """Response at n points; ``grad_p`` is ∇_X p (n, 3)."""
 
+    def reconsider(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
+        """Asked with the response of a converged step, and the memory that it began from, before it is accepted.
+
+        None accepts it, as every law does that does not change. A law that has changed returns the memory of the last
+        accepted time by what it is now, and the step is solved again.
+        """
+        return None
+
 
 def fingerprint(*parts: str | float | Array) -> str:
     """Hash of texts, numbers and arrays, for :attr:`MacroLaw.identity`."""

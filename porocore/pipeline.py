@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,23 +20,24 @@ from porocore.config import RunConfig
 from porocore.console import Console
 from porocore.dataset import Dataset
 from porocore.drainage import undrained
-from porocore.errors import DataError
 from porocore.execution import CellPool
 from porocore.files import atomic_path
 from porocore.interfaces.sampler import Sampler
-from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
+from porocore.interfaces.surrogate import Surrogate, TrainingProgress
 from porocore.reference import CellReference
 from porocore.registry import registry
 from porocore.runfolder import LINEAR, RunFolder, versions
-from porocore.sampling.campaign import CampaignSummary, Progress, is_complete, run_campaign
+from porocore.sampling.campaign import CampaignSummary, Progress, run_campaign
 from porocore.sampling.random_states import RandomStates
-from porocore.solving import solve
+from porocore.solving import USUAL_LAWS, LawKind, solve
 from porocore.stage_files import (
+    finished,
     linear_coefficients,
     load_reference,
     load_solution,
     load_surrogate,
     prepare_cell,
+    training_set,
 )
 from porocore.stage_times import stage_times, timed
 from porocore.states import MacroState, Status
@@ -44,13 +46,15 @@ from porocore.training_curve import TrainingCurveFile
 __all__ = ["prepare_cell", "report", "run", "sample", "solve", "solve_cell", "train", "training_set"]
 
 
-def run(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
+def run(
+    folder: RunFolder, config: RunConfig, *, console: Console, laws: Sequence[LawKind] = USUAL_LAWS
+) -> Path:
     """All stages; returns the path of the report."""
     if not folder.surrogate_of(config).exists():
         registry().get("surrogate", config.surrogate.backend).load_libraries()
     sample(folder, config, console=console)
     train(folder, config, console=console)
-    solve(folder, config, console=console)
+    solve(folder, config, console=console, laws=laws)
     return report(folder, config, console=console)
 
 
@@ -127,7 +131,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     from porocore.summary import gather
     from porocore.vtk import write_vtu_series
 
-    _finished(folder, folder.test_dataset, config.stages.test, _held_out(config))
+    finished(folder, folder.test_dataset, config.stages.test, _held_out(config))
     shown = with_closure(folder.written, folder.shown_closure)
     config = shown.model_copy(update={"title": config.title, "scenarios": config.scenarios})
     with timed(folder.timings, "report"):
@@ -191,46 +195,9 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
     }
 
 
-def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
-    """The stable states of the run, in contact or not.
-
-    Raises
-    ------
-    DataError
-        Sampling is not finished, or there are too few of them.
-    """
-    sampler: Sampler = make_backend("sampler", config)
-    dataset = _finished(folder, folder.dataset, config.stages.sampling, sampler)
-    responses = dataset.responses()
-    good = np.flatnonzero(responses.stable)
-    if len(good) <= 2 * len(dataset.inputs) + 1:
-        raise DataError(
-            f"{folder.dataset}: only {len(good)} of {len(dataset)} states are stable, too few to train on; "
-            "widen the ranges or refine the steps in sampling.inputs"
-        )
-    return TrainingSet(
-        dataset.states()[good],
-        responses[good],
-        dataset.inputs,
-        load_reference(folder, config).response,
-        config.stages.cell,
-        versions(),
-    )
-
-
 def _held_out(config: RunConfig) -> RandomStates:
     test = config.sampling.test
     return RandomStates(config.sampling.input_space(), count=test.count, seed=test.seed)
-
-
-def _finished(folder: RunFolder, path: Path, identity: str, sampler: Sampler) -> Dataset:
-    """The dataset at ``path`` if it holds every state that its sampler asks for."""
-    dataset = Dataset.open(path, inputs=folder.config.sampling.input_space(), identity=identity)
-    if not is_complete(sampler, dataset):
-        raise DataError(
-            f"{path}: sampling was interrupted and is not finished; run porocore sample {folder.path}"
-        )
-    return dataset
 
 
 def _campaign(

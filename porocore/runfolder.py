@@ -257,9 +257,9 @@ class RunFolder:
         return [self.solution(law, load) for load in self.config.macro.loads for law in laws]
 
     def solved(self, load: float) -> list[str]:
-        """Names of the nonlinear laws with a solution under ``load``: the first closure, other closures, direct FE²."""
+        """Names of the nonlinear laws with a solution under ``load``: closures, with fallback, direct FE²."""
         closures = dict.fromkeys((self.written.closure, *CLOSURES))
-        laws = (*closures, *(direct_law(closure) for closure in closures))
+        laws = (*closures, *map(fallback_law, closures), *map(direct_law, closures))
         return [law for law in laws if self.solution(law, load).exists()]
 
     @property
@@ -274,6 +274,16 @@ class RunFolder:
     def direct_work(self) -> Path:
         """How many cells direct FE² has solved, and in what time."""
         return self.path / "direct.json"
+
+    @property
+    def fallback(self) -> Path:
+        """States that macro solves with a fallback needed outside the sampled range."""
+        return self.path / "fallback.h5"
+
+    @property
+    def fallback_work(self) -> Path:
+        """How many cells the fallback has solved, and in what time."""
+        return self.path / "fallback.json"
 
     @property
     def fields(self) -> Path:
@@ -332,6 +342,11 @@ class RunFolder:
 def direct_law(closure: str) -> str:
     """Name of the law of direct FE² with a closure."""
     return f"direct-{closure}"
+
+
+def fallback_law(closure: str) -> str:
+    """Name of the law of a closure whose surrogate learns on the way."""
+    return f"{closure}-fallback"
 
 
 def versions() -> dict[str, str]:

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
 from porocore.backends import make_backend
-from porocore.closures import CLOSURES, ClosedLaw
+from porocore.closures import CLOSURES, ClosedLaw, LearningLaw
 from porocore.config import RunConfig
 from porocore.console import Console
+from porocore.dataset import Dataset
 from porocore.direct import DirectCellLaw
 from porocore.direct_record import noted
 from porocore.execution import CellPool
+from porocore.fallback import Fallback
 from porocore.interfaces.macro import MacroSolver
 from porocore.laws import MacroLaw
 from porocore.linear import LinearPoroelasticity
 from porocore.reference import CellReference
-from porocore.runfolder import LINEAR, RunFolder, direct_law
+from porocore.runfolder import LINEAR, RunFolder, direct_law, fallback_law, versions
 from porocore.solution import StepReport
 from porocore.stage_files import (
     linear_coefficients,
@@ -27,10 +29,11 @@ from porocore.stage_files import (
     load_solution,
     load_surrogate,
     prepare_cell,
+    training_set,
 )
 from porocore.stage_times import timed
 
-LawKind = Literal["surrogate", "linear", "direct"]
+LawKind = Literal["surrogate", "linear", "direct", "fallback"]
 #: What is solved unless something else is asked for.
 USUAL_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
 
@@ -60,9 +63,16 @@ def solve(
         return list(chosen)
 
 
+def with_fallback(laws: Sequence[LawKind], fallback: str) -> tuple[LawKind, ...]:
+    """``laws``, and the one that learns on the way unless ``fallback`` is ``none``."""
+    more: tuple[LawKind, ...] = () if fallback == "none" else ("fallback",)
+    return (*laws, *more)
+
+
 def law_names(config: RunConfig, laws: Sequence[LawKind], direct_closure: str) -> list[str]:
     """Under which names :func:`solve` keeps the solutions."""
     names = {"surrogate": config.closure, "linear": LINEAR, "direct": direct_law(direct_closure)}
+    names["fallback"] = fallback_law(config.closure)
     return [names[kind] for kind in dict.fromkeys(laws)]
 
 
@@ -86,16 +96,46 @@ def macro_laws(
             laws[config.closure] = law
         elif kind == "linear":
             laws[LINEAR] = LinearPoroelasticity(linear_coefficients(reference, config))
+        elif kind == "fallback":
+            name = fallback_law(config.closure)
+            laws[name] = _learning(folder, config, stack.enter_context(_pool(config)), reference, name)
         else:
-            pool = CellPool(
-                prepare_cell,
-                (config.fem.backend, config.fem.options, config.cell),
-                workers=config.sampling.worker_count(),
-            )
-            cells = DirectCellLaw(stack.enter_context(pool), reference.response, config.stages.cell)
+            cells = DirectCellLaw(stack.enter_context(_pool(config)), reference.response, config.stages.cell)
             name = direct_law(direct_closure)
             laws[name] = ClosedLaw(cells, _closure(config, direct_closure, reference), name=name)
     return laws
+
+
+def _pool(config: RunConfig) -> CellPool:
+    arguments = (config.fem.backend, config.fem.options, config.cell)
+    return CellPool(prepare_cell, arguments, **config.sampling.pool_options())
+
+
+def _learning(
+    folder: RunFolder, config: RunConfig, pool: CellPool, reference: CellReference, name: str
+) -> LearningLaw:
+    """The closure of a run with a surrogate that learns where the run takes it."""
+    surrogate = load_surrogate(folder, config)
+    dataset = Dataset.create_or_open(
+        folder.fallback,
+        inputs=config.sampling.input_space(),
+        identity=config.stages.sampling,
+        provenance=versions(),
+    )
+    extend = Fallback(
+        pool,
+        dataset,
+        training_set(folder, config),
+        partial(make_backend, "surrogate", config),
+        config.surrogate.seed,
+    )
+    return LearningLaw(
+        extend.known(surrogate),
+        _closure(config, config.closure, reference),
+        extend,
+        identity=f"{config.stages.training} with fallback",
+        name=name,
+    )
 
 
 def _closure(config: RunConfig, name: str, reference: CellReference) -> Any:
@@ -121,7 +161,12 @@ def _solve_load(
         checkpoint = folder.macro_checkpoint(name, load)
         cells = law.cell_law if isinstance(law, ClosedLaw) else None
         direct = cells if isinstance(cells, DirectCellLaw) else None
-        record = noted(folder.direct_work, path.stem, direct.work) if direct else nullcontext()
+        fallback = law.extend if isinstance(law, LearningLaw) and isinstance(law.extend, Fallback) else None
+        record: AbstractContextManager[None] = nullcontext()
+        if direct is not None:
+            record = noted(folder.direct_work, path.stem, direct.work)
+        elif fallback is not None:
+            record = noted(folder.fallback_work, path.stem, fallback.work)
         with (
             world.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
             record,
@@ -139,6 +184,12 @@ def _solve_load(
                     task.update(*reached, detail=f"cell {done} of {total} of this iteration")
 
                 direct.on_solved = tell
+            if fallback is not None:
+
+                def say(text: str, task: Any = task, reached: list[float] = reached) -> None:
+                    task.update(*reached, detail=text)
+
+                fallback.on_work = say
             solution = solver.solve(prepared, law, checkpoint=checkpoint, on_step=show)
             solution = replace(solution, backend=backend or config.fem.backend)
             world.first(partial(solution.save, path))
@@ -148,6 +199,8 @@ def _solve_load(
                 f"{path.stem}: {work.solves} cells solved in this session ({work.failed} without solution), "
                 f"{work.seconds:.1f} s in all processes together, for {work.points} responses"
             )
+        if fallback is not None:
+            console.note(f"{path.stem}: {fallback.work.in_words()}")
         world.first(partial(checkpoint.unlink, missing_ok=True))
 
 

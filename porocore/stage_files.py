@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from porocore.backends import make_backend
 from porocore.cell.cell import Cell
 from porocore.config import RunConfig
-from porocore.dataset import describe
+from porocore.dataset import Dataset, describe
 from porocore.errors import DataError
 from porocore.interfaces.cell import CellSolver
-from porocore.interfaces.surrogate import Surrogate
+from porocore.interfaces.sampler import Sampler
+from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.linear import LinearCoefficients
 from porocore.reference import CellReference
 from porocore.registry import registry
-from porocore.runfolder import RunFolder
+from porocore.runfolder import RunFolder, versions
+from porocore.sampling.campaign import is_complete
 from porocore.solution import MacroSolution
 
 
@@ -83,3 +89,46 @@ def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
             f"'{law}' under {load:g}; delete it and run porocore solve {folder.path}"
         )
     return solution
+
+
+def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
+    """The stable states of the run, in contact or not.
+
+    Raises
+    ------
+    DataError
+        Sampling is not finished, or there are too few of them.
+    """
+    sampler: Sampler = make_backend("sampler", config)
+    dataset = finished(folder, folder.dataset, config.stages.sampling, sampler)
+    responses = dataset.responses()
+    good = np.flatnonzero(responses.stable)
+    if len(good) <= 2 * len(dataset.inputs) + 1:
+        raise DataError(
+            f"{folder.dataset}: only {len(good)} of {len(dataset)} states are stable, too few to train on; "
+            "widen the ranges or refine the steps in sampling.inputs"
+        )
+    return TrainingSet(
+        dataset.states()[good],
+        responses[good],
+        dataset.inputs,
+        load_reference(folder, config).response,
+        config.stages.cell,
+        versions(),
+    )
+
+
+def finished(folder: RunFolder, path: Path, identity: str, sampler: Sampler) -> Dataset:
+    """The dataset at ``path`` if it holds every state that its sampler asks for.
+
+    Raises
+    ------
+    DataError
+        It does not.
+    """
+    dataset = Dataset.open(path, inputs=folder.config.sampling.input_space(), identity=identity)
+    if not is_complete(sampler, dataset):
+        raise DataError(
+            f"{path}: sampling was interrupted and is not finished; run porocore sample {folder.path}"
+        )
+    return dataset

@@ -23,6 +23,7 @@ from porocore.report.context import (
     Case,
     CellSummary,
     DirectCost,
+    FallbackDone,
     OutputCheck,
     ReportContext,
     SamplingSummary,
@@ -33,7 +34,7 @@ from porocore.report.context import (
 from porocore.report.gaps import case_gaps
 from porocore.report.metrics import report_metrics, rms_percent, worst_percent
 from porocore.report.statuses import solved_shares, visited_shares
-from porocore.runfolder import LINEAR, RunFolder, direct_law, versions
+from porocore.runfolder import LINEAR, RunFolder, direct_law, fallback_law, versions
 from porocore.sampled_range import SampledRange
 from porocore.solution import MacroSolution
 from porocore.states import Status
@@ -93,6 +94,7 @@ def gather(
         other_surrogates=tuple(summaries.values()),
         direct=direct,
         scenarios=config.scenarios,
+        fallbacks=(fallbacks := fallbacks_done(folder, config)),
     )
     metrics = {
         "cell": {
@@ -131,6 +133,8 @@ def gather(
     }
     if summaries:
         metrics["other_surrogates"] = {name: _errors(summary) for name, summary in summaries.items()}
+    if fallbacks:
+        metrics["fallback"] = [asdict(done) for done in fallbacks]
     if direct:
         metrics["direct"] = [asdict(cost) | {"speed_up": cost.speed_up} for cost in direct]
     return context, metrics
@@ -188,6 +192,22 @@ def direct_costs(folder: RunFolder, config: RunConfig, timings: dict[str, float]
                     timings.get(f"macro, {closure}, load {load:g}"),
                 )
             )
+    return tuple(found)
+
+
+def fallbacks_done(folder: RunFolder, config: RunConfig) -> tuple[FallbackDone, ...]:
+    """Of every solution with a fallback."""
+    records, found = direct_records(folder.fallback_work), []
+    for load in config.macro.loads:
+        for law in map(fallback_law, CLOSURES):
+            path = folder.solution(law, load)
+            work = records.get(path.stem)
+            if work is not None and path.exists():
+                solves, failed, learned, refits = (
+                    int(work[name]) for name in ("solves", "failed", "learned", "refits")
+                )
+                seconds = work["solve_seconds"], work["fit_seconds"]
+                found.append(FallbackDone(law, load, solves, failed, learned, refits, *seconds))
     return tuple(found)
 
 

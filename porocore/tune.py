@@ -25,8 +25,8 @@ from porocore.dataset import Dataset
 from porocore.errors import ConfigurationError, DataError
 from porocore.files import atomic_path
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
-from porocore.pipeline import training_set
 from porocore.runfolder import RunFolder
+from porocore.stage_files import training_set
 from porocore.states import Array, CellResponse, MacroState
 from porocore.tune_workers import Task, run_tasks
 

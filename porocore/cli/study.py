@@ -37,6 +37,21 @@ class Law(StrEnum):
     direct = "direct"
 
 
+class FallbackKind(StrEnum):
+    """What a macro run does where it leaves the sampled range."""
+
+    none = "none"
+    direct = "direct"
+
+
+FallbackOption = Annotated[
+    FallbackKind,
+    typer.Option(
+        "--fallback",
+        help="direct: where the body leaves the sampled states, solve the cell there, learn from it and go on; "
+        "a law of its own beside the others.",
+    ),
+]
 LawOption = Annotated[
     list[Law] | None,
     typer.Option(
@@ -77,6 +92,7 @@ def run(
     fem: FemOption = None,
     surrogate: SurrogateOption = None,
     closure: ClosureOption = None,
+    fallback: FallbackOption = FallbackKind.none,
     executor: ExecutorOption = None,
     scheduler: SchedulerOption = None,
     out: OutOption = None,
@@ -97,10 +113,13 @@ def run(
     again += ["--surrogate", surrogate] if surrogate else []
     again += ["--closure", closure] if closure else []
     again += _where(executor, scheduler)
+    again += ["--fallback", fallback] if fallback is not FallbackKind.none else []
     with interruptible(command("run", config, *again, "--out", folder.path, "--resume")), folder:
         from porocore import pipeline
+        from porocore.solving import USUAL_LAWS, with_fallback
 
-        report_path = pipeline.run(folder, settings, console=Console())
+        laws = with_fallback(USUAL_LAWS, fallback)
+        report_path = pipeline.run(folder, settings, console=Console(), laws=laws)
     typer.echo(report_path)
 
 
@@ -165,7 +184,11 @@ def train(run: RunArgument, closure: ClosureOption = None) -> None:
 
 
 def solve(
-    run: RunArgument, fem: FemOption = None, closure: ClosureOption = None, law: LawOption = None
+    run: RunArgument,
+    fem: FemOption = None,
+    closure: ClosureOption = None,
+    law: LawOption = None,
+    fallback: FallbackOption = FallbackKind.none,
 ) -> None:
     """Solve the macroscopic problem, with the surrogate and linearly.
 
@@ -178,15 +201,15 @@ def solve(
     """
     from porocore import backends, parallel
     from porocore.registry import registry
-    from porocore.solving import USUAL_LAWS, LawKind, law_names
+    from porocore.solving import USUAL_LAWS, law_names, with_fallback
     from porocore.stage_files import train_command
 
     folder = _open(run)
     folder.require(folder.dataset, "sample")
-    laws: tuple[LawKind, ...] = tuple(kind.value for kind in law) if law else USUAL_LAWS
+    laws = with_fallback(tuple(kind.value for kind in law) if law else USUAL_LAWS, fallback)
     own = backends.with_closure(folder.config, closure)
     direct_closure = closure or "potential"
-    if "surrogate" in laws:
+    if "surrogate" in laws or "fallback" in laws:
         folder.require(folder.surrogate_of(own), train_command(folder, own))
     config = own.with_backends(fem)
     rank, size = parallel.launched()
@@ -195,8 +218,10 @@ def solve(
             f"macro solver '{config.fem.backend}' cannot share its work among {size} MPI processes; "
             "start it without mpirun, or choose one that can, such as --fem dolfinx"
         )
-    if size > 1 and "direct" in laws:
-        raise PluginError("--law direct shares its cells among processes itself; start it without mpirun")
+    if size > 1 and ("direct" in laws or "fallback" in laws):
+        raise PluginError(
+            "--law direct and --fallback direct share their cells among processes themselves; start it without mpirun"
+        )
     solver = backends.make_backend("macro solver", config)
     if solver.world.size != size:
         raise PluginError(
@@ -208,6 +233,7 @@ def solve(
         again = ["--fem", fem] if fem else []
         again += ["--closure", closure] if closure else []
         again += [word for kind in law or () for word in ("--law", kind)]
+        again += ["--fallback", fallback] if fallback is not FallbackKind.none else []
         with interruptible(command("solve", run, *again)), solver.world.holding(folder):
             from porocore import pipeline
 

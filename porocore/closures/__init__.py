@@ -7,6 +7,7 @@ cell solver itself, the linear limit: whatever predicts the responses of a batch
 
 from porocore.closures.closed_law import ClosedLaw, PathCellLaw
 from porocore.closures.closure import CellLaw, Closure
+from porocore.closures.learning_law import LearningLaw
 from porocore.closures.linear_cell import LinearCellLaw, reference_tangents
 from porocore.closures.mean_gradient import MeanGradientClosure
 from porocore.closures.potential import PotentialClosure
@@ -21,6 +22,7 @@ __all__ = [
     "CellLaw",
     "ClosedLaw",
     "Closure",
+    "LearningLaw",
     "LinearCellLaw",
     "MeanGradientClosure",
     "PathCellLaw",

@@ -56,6 +56,10 @@ def march(
         except StepFailed as failure:
             stepper.reject(str(failure))
             continue
+        changed = law.reconsider(step.response, memory)
+        if changed is not None:
+            memory = changed
+            continue
         x, memory = step.x, step.response.memory
         record.add_step(d, step, time, dt, ramp)
         if stepper.is_profile(time):

@@ -251,6 +251,32 @@ class DirectCost:
 
 
 @dataclass(frozen=True)
+class FallbackDone:
+    """What a solution with a fallback needed beyond the sampled states.
+
+    Attributes
+    ----------
+    law, load
+        Of the solution.
+    solves, failed, learned
+        Cells solved outside the sampled range, how many of them had no solution, and how many were learned from.
+    refits
+        How often it was fitted again.
+    solve_seconds, fit_seconds
+        Spent in the solves, added up over the processes, and in the fits.
+    """
+
+    law: str
+    load: float
+    solves: int
+    failed: int
+    learned: int
+    refits: int
+    solve_seconds: float
+    fit_seconds: float
+
+
+@dataclass(frozen=True)
 class Stage:
     """Wall time of one stage of the run."""
 
@@ -285,6 +311,8 @@ class ReportContext:
         What direct FE² has cost.
     scenarios
         For which the main results are given in SI units.
+    fallbacks
+        What solutions with a fallback needed.
     """
 
     title: str
@@ -300,6 +328,7 @@ class ReportContext:
     other_surrogates: tuple[SurrogateSummary, ...] = ()
     direct: tuple[DirectCost, ...] = ()
     scenarios: Mapping[str, Scales] = field(default_factory=dict)
+    fallbacks: tuple[FallbackDone, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.cases:

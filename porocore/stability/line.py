@@ -160,10 +160,10 @@ def _check_symmetric(prepared: PreparedCell, start: Array, goal: Array) -> None:
         raise ConfigurationError(
             "stability is examined on the eighth of the cell, so H must be diagonal; expected only H11, H22, H33 and p"
         )
-    if prepared.cell.symmetry != "auto":
+    if not prepared.cell.mirrored:
         raise ConfigurationError(
-            "cell.symmetry: stability is examined on the eighth of the cell; expected auto, got "
-            f"'{prepared.cell.symmetry}'"
+            "stability is examined on the eighth of the cell; expected cell.symmetry: auto and no cell.supercell, got "
+            f"'{prepared.cell.symmetry}' and {list(prepared.cell.supercell)}"
         )
 
 
