@@ -20,8 +20,10 @@ from porocore.dataset import Dataset
 from porocore.execution import CellPool
 from porocore.inputs import InputSpace
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
+from porocore.interfaces.sampler import Request, Sampler
 from porocore.sampling.campaign import run_campaign
 from porocore.sampling.density import DensitySweep
+from porocore.sampling.random_states import random_requests
 from porocore.states import CellPeaks, CellResponse, CellTangent, MacroState, Status
 
 INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))
@@ -115,14 +117,53 @@ def make(fake: Fake) -> tuple[FakeCellSolver, Fake]:
     return solver, solver.prepare(None)
 
 
+def make_noted(fake: Fake, notes: str) -> tuple[FakeCellSolver, Fake]:
+    """The same, and a line for each preparation."""
+    with open(notes, "a") as file:
+        file.write(f"{os.getpid()}\n")
+    return make(fake)
+
+
 def refuse() -> tuple[FakeCellSolver, Fake]:
     """A factory whose cell cannot be meshed."""
     raise ValueError("no mesh of such a cell")
 
 
+class Tree(Sampler):
+    """``count`` states, random in the box of the inputs, each from the field of another one that was solved before."""
+
+    def __init__(self, inputs: InputSpace, count: int = 200, seed: int = 3) -> None:
+        self.requests = [
+            Request(request.key, request.x, f"test-{(k - 1) // 2:03d}" if k else None)
+            for k, request in enumerate(random_requests(inputs, count, seed))
+        ]
+        self.known: set[str] = set()
+        self.asked: set[str] = set()
+
+    def ask(self) -> list[Request]:
+        ready = [
+            r for r in self.requests if r.key not in self.asked and (not r.start or r.start in self.known)
+        ]
+        self.asked |= {request.key for request in ready}
+        return ready
+
+    def tell(self, key: str, response: CellResponse) -> None:
+        self.known.add(key)
+
+    @property
+    def done(self) -> bool:
+        return len(self.known) == len(self.requests)
+
+    @property
+    def expected(self) -> int:
+        return len(self.requests)
+
+
 if __name__ == "__main__":
-    path, log, workers, sleep, *executor = sys.argv[1:]
+    path, log, workers, sleep, *more = sys.argv[1:]
+    executor, count = more[0] if more else "auto", int(more[1]) if len(more) > 1 else 0
     dataset = Dataset.create_or_open(Path(path), inputs=INPUTS, identity=IDENTITY)
     fake = Fake(sleep=float(sleep), log=log)
-    with CellPool(make, (fake,), workers=int(workers), executor=executor[0] if executor else "auto") as pool:
-        run_campaign(DensitySweep(INPUTS, **OPTIONS), pool, dataset)
+    sampler = Tree(INPUTS, count) if count else DensitySweep(INPUTS, **OPTIONS)
+    with CellPool(make, (fake,), workers=int(workers), executor=executor) as pool:
+        run_campaign(sampler, pool, dataset)

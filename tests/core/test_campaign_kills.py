@@ -121,7 +121,7 @@ def test_an_interrupt_is_reported_and_the_handler_is_put_back(tmp_path: Path) ->
     assert len(Dataset.open(tmp_path / "data.h5")) == 3
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_worker_that_dies_twice_over_a_state_costs_that_state_only(
     tmp_path: Path, undisturbed: Dataset, workers: int
 ) -> None:

@@ -1,0 +1,158 @@
+"""Who solves the states is no matter to what comes out: this process, processes, dask, any executor."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import porocore.execution.dask_workers as dask_workers
+from porocore.config import SamplingSettings
+from porocore.dataset import Dataset
+from porocore.errors import ConfigurationError, PluginError, PorocoreError
+from porocore.execution import CellPool
+from porocore.inputs import InputSpace
+from porocore.sampling.campaign import run_campaign
+from porocore.states import MacroState, Status
+
+sys.path.insert(0, str(Path(__file__).parent))
+from campaigns import gone, sample, solves, state_text
+from fake_cell import IDENTITY, Fake, Tree, make, make_noted
+
+SEVEN = InputSpace(
+    ("H11", "H22", "H33", "H12", "H13", "H23", "p"),
+    (-0.2, -0.3, -0.2, -0.1, -0.1, -0.1, -0.1),
+    (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2),
+)
+
+
+def solve_tree(folder: Path, count: int = 200, **where: Any) -> tuple[Dataset, set[str], list[str]]:
+    """States of seven inputs; the processes that solved them, and those that prepared the cell."""
+    log, notes = folder / "log", folder / "notes"
+    dataset = Dataset.create(folder / "data.h5", inputs=SEVEN, identity=IDENTITY)
+    fake = Fake(log=str(log), sleep=0.002)
+    with CellPool(make_noted, (fake, str(notes)), **where) as pool:
+        summary = run_campaign(Tree(SEVEN, count), pool, dataset)
+    assert summary.solved == count
+    assert len(solves(log)) == count
+    return dataset, {process for process, _, _ in solves(log)}, notes.read_text().split()
+
+
+@pytest.fixture(scope="module")
+def serial(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """The judge."""
+    dataset, processes, prepared = solve_tree(tmp_path_factory.mktemp("serial"), executor="serial")
+    assert processes == {str(os.getpid())} == set(prepared)
+    assert len(prepared) == 1
+    statuses = set(dataset.responses().status)
+    assert statuses == {Status.converged, Status.overlap}
+    return dataset
+
+
+@pytest.mark.parametrize("executor", ["processes", "dask"])
+def test_two_workers_give_the_same_bits_and_prepare_the_cell_once_each(
+    tmp_path: Path, serial: Dataset, executor: str
+) -> None:
+    before = dict(os.environ)
+    dataset, processes, prepared = solve_tree(tmp_path, workers=2, executor=executor)
+    assert dataset.digest() == serial.digest()
+    assert len(processes) == 2
+    assert str(os.getpid()) not in processes
+    assert sorted(prepared) == sorted(processes)
+    assert {threads for _, threads, _ in solves(tmp_path / "log")} == {"1"}
+    assert gone({int(process) for process in processes})
+    assert before.items() <= os.environ.items()  # dask leaves marks of its own
+
+
+def test_an_executor_that_is_handed_in(tmp_path: Path, serial: Dataset) -> None:
+    with ThreadPoolExecutor(3) as executor:
+        dataset, _, prepared = solve_tree(tmp_path, 30, workers=3, executor=executor)
+        assert executor.submit(len, "abc").result() == 3  # not shut down
+    for key in dataset.keys:
+        np.testing.assert_array_equal(dataset.response(key).potential, serial.response(key).potential)
+    assert 1 <= len(prepared) <= 3  # at most once a thread
+
+
+@pytest.mark.slow
+def test_dask_workers_that_die_are_replaced(tmp_path: Path) -> None:
+    path, log = tmp_path / "data.h5", tmp_path / "log"
+    dataset, _ = sample(path, Fake(die_at=0.1, log=str(log)), workers=2, executor="dask")
+    at_death = np.isclose(dataset.x()[:, 0], 0.1)
+    np.testing.assert_array_equal(dataset.responses().status == Status.lost, at_death)
+    begun = [state for _, _, state in solves(log)]
+    for key, dead in zip(dataset.keys, at_death, strict=True):
+        assert begun.count(state_text(dataset, key)) == 1 + dead
+    assert gone({int(pid) for pid, _, _ in solves(log)})
+
+
+def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask_workers, "REACH", 0.5)
+    with pytest.raises(
+        PorocoreError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:1 .*dask scheduler"
+    ):
+        CellPool(make, (Fake(),), scheduler="tcp://127.0.0.1:1")
+
+
+def test_without_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(PluginError, match=r"needs dask\.distributed.*pip install 'porocore\[dask\]'"):
+        CellPool(make, (Fake(),), executor="dask")
+
+
+@contextmanager
+def refused(message: str) -> Iterator[None]:
+    with pytest.raises(ConfigurationError, match=message):
+        yield
+
+
+def test_what_does_not_go_together() -> None:
+    with refused("'processes' has no scheduler"):
+        CellPool(make, (Fake(),), executor="processes", scheduler="tcp://a:1")
+    with refused("'serial' cannot end a solve"):
+        CellPool(make, (Fake(),), executor="serial", state_seconds=1.0)
+    with ThreadPoolExecutor(1) as executor, refused("cannot be ended from here"):
+        CellPool(make, (Fake(),), executor=executor, state_seconds=1.0)
+    with refused("unknown executor 'slurm'; the executors are auto, serial, processes, dask"):
+        CellPool(make, (Fake(),), executor="slurm")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="'serial' cannot end a solve"):
+        SamplingSettings(inputs={"p": {"range": (0, 1)}}, executor="serial", state_seconds=2)
+
+
+def test_one_worker_with_a_time_limit_is_a_process(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    sample(tmp_path / "data.h5", Fake(log=str(log)), workers=1, state_seconds=60)
+    (process,) = {process for process, _, _ in solves(log)}
+    assert process != str(os.getpid())
+
+
+def test_who_solves_belongs_to_no_identity() -> None:
+    from porocore.benchmark import benchmark_path
+    from porocore.config import load_config
+
+    config = load_config(benchmark_path())
+    for change in (("processes", None), ("dask", None), (None, "tcp://a:1")):
+        other = config.with_executor(*change)
+        assert other.identity == config.identity
+        assert other.sampling.pool_options()["executor"] == (change[0] or "dask")
+    with refused("'serial' has no scheduler"):
+        config.with_executor("serial", "tcp://a:1")
+
+
+def test_waiting_for_nothing_is_a_mistake() -> None:
+    with CellPool(make, (Fake(),)) as pool, pytest.raises(ValueError, match="no state was submitted"):
+        pool.wait()
+
+
+def test_wait_unless_gives_up_when_it_is_told(tmp_path: Path) -> None:
+    with CellPool(make, (Fake(sleep=1.0),), workers=2) as pool:
+        pool.submit("a", MacroState.zeros(1))
+        assert pool.wait_unless(lambda: True) is None
+        assert pool.pending == 1
+        assert pool.wait().key == "a"
