@@ -21,6 +21,8 @@ BATCH = 4
 #: How much farther out than they lie a second state is solved, by the distance to what is known; and the least of
 #: these distances, as a share of the inputs' ranges. So a path that leaves the range is not followed inch by inch.
 AHEAD, LEAST = 1.0, 0.04
+#: So close to a cell that was not stable, by the same measure, none is solved any more.
+HOPELESS = 0.15
 
 
 @dataclass
@@ -136,11 +138,18 @@ class Fallback:
         return surrogate
 
     def _chosen(self, x: Array) -> list[Array]:
-        """Inputs (d,) of the cells to solve: :data:`BATCH` of ``x`` (n, d), and as many beyond them."""
+        """Inputs (d,) of the cells to solve: :data:`BATCH` of ``x`` (n, d), and as many beyond them.
+
+        None close to one that was not stable: the next step would ask for it again, and so on.
+        """
         inputs = self.base.inputs
         low, span = np.array(inputs.lower), np.array(inputs.upper) - np.array(inputs.lower)
         here = (x - low) / span
-        known = (np.concatenate([inputs.gather(self.base.states), self.dataset.x()]) - low) / span
+        solved = (self.dataset.x() - low) / span
+        known = np.concatenate([(inputs.gather(self.base.states) - low) / span, solved])
+        useless = solved[~self.dataset.responses().stable] if len(solved) else solved
+        if len(useless):
+            here = here[cKDTree(useless).query(here)[0] > HOPELESS]
         chosen: list[Array] = []
         for _ in range(min(BATCH, len(here))):
             distance, nearest = cKDTree(known).query(here)
