@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
@@ -16,7 +16,7 @@ from porocore.errors import DataError, RunFolderError
 from porocore.inputs import InputSpace
 from porocore.interfaces.cell import CellField
 from porocore.records import Record, check_record, flatten_response
-from porocore.states import Array, CellResponse, MacroState
+from porocore.states import Array, CellResponse, MacroState, Status
 
 #: Finished solves that may lie beside the file before they are merged into it.
 MOST_PARTS = 500
@@ -196,11 +196,17 @@ class Dataset:
         with self.writing():
             self._consolidate()
 
-    def _consolidate(self) -> None:
+    def drop(self, keys: Iterable[str]) -> None:
+        """Forget these states and what they gave; errors as in :meth:`consolidate`."""
+        with self.writing():
+            if dropped := self._where.keys() & set(keys):
+                self._consolidate(dropped)
+
+    def _consolidate(self, dropped: Set[str] = frozenset()) -> None:
         folder = parts_folder(self.path)
         parts = [block.path for block in self._blocks if block.path != self.path]
-        if parts:
-            rows = [self._where[key] for key in self.keys]
+        if parts or dropped:
+            rows = [self._where[key] for key in self.keys if key not in dropped]
             merged = Block.join(self.path, rows, len(self.inputs))
             header = Header(self.inputs, self.identity, self.provenance)
             write_block(self.path, header, merged, read_fields(rows))
@@ -268,6 +274,12 @@ class Dataset:
     def field(self, key: str) -> CellField | None:
         """u¹ of one state, read from the disk; None where it was not kept."""
         return next(read_fields([self._where[key]]))
+
+    def ended(self, status: Status) -> list[str]:
+        """Keys of the states that ended so."""
+        if not self._where:
+            return []
+        return [key for key, found in zip(self.keys, self.responses().status, strict=True) if found == status]
 
     def rows(self) -> list[tuple[Block, int]]:
         """Where each state lies, in the order of :attr:`keys`; for :func:`porocore.dataset_file.read_fields`."""

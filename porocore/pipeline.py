@@ -58,8 +58,11 @@ def run(
     return report(folder, config, console=console)
 
 
-def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
-    """Solve the undeformed cell, the sampler's states, and the held-out random states."""
+def sample(folder: RunFolder, config: RunConfig, *, console: Console, retry_lost: bool = False) -> None:
+    """Solve the undeformed cell, the sampler's states, and the held-out random states.
+
+    With ``retry_lost``, states over which workers died or hung in an earlier session are solved again.
+    """
     solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
     inputs = config.sampling.input_space()
     sampler: Sampler = make_backend("sampler", config)
@@ -82,6 +85,8 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
     with CellPool(prepare_cell, arguments, **config.sampling.pool_options(), on_warning=console.warn) as pool:
         for title, states, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
+            if retry_lost:
+                dataset.drop(dataset.ended(Status.lost))
             with timed(folder.timings, title):
                 summary = _campaign(title, states, pool, dataset, console)
             counts = ", ".join(f"{n} {status.name.replace('_', ' ')}" for status, n in summary.counts.items())
@@ -89,7 +94,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
             if lost := summary.counts.get(Status.lost, 0):
                 console.warn(
                     f"{title}: {lost} states were lost, each over two workers that died or whose time was over; "
-                    "they count as failed"
+                    f"they count as failed; to try them again: porocore sample {folder.path} --retry-lost"
                 )
 
 

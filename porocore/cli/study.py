@@ -130,6 +130,12 @@ def sample(
     fem: FemOption = None,
     executor: ExecutorOption = None,
     scheduler: SchedulerOption = None,
+    retry_lost: Annotated[
+        bool,
+        typer.Option(
+            "--retry-lost", help="Solve states again over which workers died or their time was over."
+        ),
+    ] = False,
     out: OutOption = None,
     resume: ResumeOption = False,
 ) -> None:
@@ -156,7 +162,7 @@ def sample(
     with interruptible(command("sample", folder.path, *again)), folder:
         from porocore import pipeline
 
-        pipeline.sample(folder, settings, console=console)
+        pipeline.sample(folder, settings, console=console, retry_lost=retry_lost)
     console.note(f"next: {command('train', folder.path)}")
     typer.echo(folder.dataset)
 

@@ -139,6 +139,15 @@ def test_a_worker_that_dies_twice_over_a_state_costs_that_state_only(
         counts[state_text(dataset, key)] == 1 + dead for key, dead in zip(dataset.keys, at_death, strict=True)
     )
     assert gone({int(pid) for pid, _, _ in solves(log)})
+    # They stay so, until they are asked for again.
+    assert sample(path)[1].solved == 0
+    dataset = Dataset.open(path)
+    lost_keys = dataset.ended(Status.lost)
+    again = Dataset.open(path)
+    again.drop(lost_keys)
+    assert sorted([*Dataset.open(path).keys, *lost_keys]) == dataset.keys
+    assert all(again.field(key) is not None for key in again.ended(Status.converged))
+    assert sample(path)[1].counts.get(Status.lost) is None
     # What both have is the same.
     for key in set(dataset.keys) & set(undisturbed.keys):
         if dataset.response(key).status[0] != Status.lost:
