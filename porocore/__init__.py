@@ -27,8 +27,11 @@ if TYPE_CHECKING:
     from porocore.interfaces.cell import CellSolution as CellSolution
     from porocore.interfaces.cell import CellSolver as CellSolver
     from porocore.interfaces.macro import MacroSolver as MacroSolver
+    from porocore.interfaces.sampler import Exploration as Exploration
     from porocore.interfaces.sampler import Request as Request
     from porocore.interfaces.sampler import Sampler as Sampler
+    from porocore.interfaces.sampler import Study as Study
+    from porocore.interfaces.sampler import StudySampler as StudySampler
     from porocore.interfaces.surrogate import Surrogate as Surrogate
     from porocore.interfaces.surrogate import TrainingProgress as TrainingProgress
     from porocore.interfaces.surrogate import TrainingSet as TrainingSet
@@ -64,7 +67,7 @@ _HOMES = {
     "porocore.inputs": ["InputSpace"],
     "porocore.interfaces.cell": ["CellField", "CellSolution", "CellSolver"],
     "porocore.interfaces.macro": ["MacroSolver"],
-    "porocore.interfaces.sampler": ["Request", "Sampler"],
+    "porocore.interfaces.sampler": ["Exploration", "Request", "Sampler", "Study", "StudySampler"],
     "porocore.interfaces.surrogate": ["Surrogate", "TrainingProgress", "TrainingSet"],
     "porocore.laws": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
     "porocore.problem": ["MacroProblem"],

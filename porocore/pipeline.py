@@ -21,6 +21,7 @@ from porocore.console import Console
 from porocore.dataset import Dataset
 from porocore.drainage import undrained
 from porocore.execution import CellPool
+from porocore.exploration import inform
 from porocore.files import atomic_path
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress
@@ -71,6 +72,8 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console, retry_lost
             reference = CellReference.compute(solver, prepared, config.cell, config.stages.cell)
             reference.save(folder.reference)
     reference = load_reference(folder, config)
+    # Another closure than the one that the run began with learns from the same states.
+    inform(sampler, folder.written, reference)
     diagonal = ", ".join(f"{k:.4g}" for k in np.diag(reference.conductivity))
     console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
     for warning in undrained(config.macro, reference.conductivity):

@@ -12,6 +12,7 @@ from porocore.cell.cell import Cell
 from porocore.config import RunConfig
 from porocore.dataset import Dataset, describe
 from porocore.errors import DataError
+from porocore.exploration import inform
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
@@ -100,6 +101,8 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
         Sampling is not finished, or there are too few of them.
     """
     sampler: Sampler = make_backend("sampler", config)
+    reference = load_reference(folder, config)
+    inform(sampler, folder.written, reference)
     dataset = finished(folder, folder.dataset, config.stages.sampling, sampler)
     responses = dataset.responses()
     good = np.flatnonzero(responses.stable)
@@ -112,7 +115,7 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
         dataset.states()[good],
         responses[good],
         dataset.inputs,
-        load_reference(folder, config).response,
+        reference.response,
         config.stages.cell,
         versions(),
     )

@@ -47,6 +47,7 @@ LAYERS = (
             "pipeline",
             "solving",
             "stage_files",
+            "exploration",
             "summary",
             "crosscheck",
             "tune",

@@ -20,6 +20,7 @@ from porocore.crosscheck.comparison import HELD_OUT, SPREAD, Comparison
 from porocore.dataset import Dataset
 from porocore.errors import DataError
 from porocore.execution import CellPool
+from porocore.exploration import inform
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 from porocore.pipeline import prepare_cell
@@ -104,6 +105,7 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> Samples:
     solver, prepared = prepare_cell(*arguments)
     reference = CellReference.compute(solver, prepared, settings.cell, settings.stages.cell)
     sampler: Sampler = make_backend("sampler", settings)
+    inform(sampler, settings, reference)
     held_out = RandomStates(inputs, count=settings.sampling.test.count, seed=settings.sampling.test.seed)
     datasets: list[tuple[MacroState, CellResponse]] = []
     seconds = 0.0

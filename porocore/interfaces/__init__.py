@@ -2,16 +2,20 @@
 
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.sampler import Request, Sampler
+from porocore.interfaces.sampler import Exploration, Explore, Request, Sampler, Study, StudySampler
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 
 __all__ = [
     "CellField",
     "CellSolution",
     "CellSolver",
+    "Exploration",
+    "Explore",
     "MacroSolver",
     "Request",
     "Sampler",
+    "Study",
+    "StudySampler",
     "Surrogate",
     "TrainingProgress",
     "TrainingSet",

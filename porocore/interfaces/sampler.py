@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from porocore.inputs import InputSpace
-from porocore.states import CellResponse
+from porocore.interfaces.surrogate import TrainingSet
+from porocore.states import CellResponse, MacroState
 
 
 @dataclass(frozen=True)
@@ -56,3 +57,56 @@ class Sampler(ABC):
     @abstractmethod
     def expected(self) -> int:
         """An estimate of how many states there will be in all, for the progress display."""
+
+
+@dataclass(frozen=True, eq=False)
+class Exploration:
+    """Where macro runs go with what is known so far.
+
+    Attributes
+    ----------
+    states
+        Macroscopic states that they visit, (n).
+    results
+        What the runs are made for, such as settlements and pressures; NaN where a run did not reach its end.
+    """
+
+    states: MacroState
+    results: tuple[float, ...]
+
+
+class Explore(Protocol):
+    """Fits a surrogate and runs the macro problem with it; the same data give the same exploration."""
+
+    def __call__(self, data: TrainingSet, *, elements: int, steps: int) -> Exploration:
+        """With at most ``elements`` along each axis of the body, and about ``steps`` time steps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """What a sampler may know of the study that it samples for.
+
+    Attributes
+    ----------
+    reference
+        Response of the undeformed cell with its tangent, one row.
+    identity
+        Hash of the cell.
+    responses
+        Fields of :class:`CellResponse` that the closure asks of a surrogate.
+    explore
+        Runs the study's macro problem.
+    """
+
+    reference: CellResponse
+    identity: str
+    responses: tuple[str, ...]
+    explore: Explore
+
+
+class StudySampler(Sampler):
+    """A sampler that learns while it samples, and so has to know what for."""
+
+    @abstractmethod
+    def inform(self, study: Study) -> None:
+        """Called once, before the first :meth:`ask`."""

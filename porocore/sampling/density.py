@@ -10,6 +10,7 @@ from porocore.errors import ConfigurationError
 from porocore.inputs import InputSpace
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.sampling.line import Line, LinePoint, grid_values
+from porocore.sampling.options import positive, refuse_unknown
 from porocore.states import CellResponse, Status
 
 #: Values closer than this would share a key.
@@ -54,14 +55,10 @@ class DensitySweep(Sampler):
         smallest: float = 0.125,
         **unknown: Any,
     ) -> None:
-        if unknown:
-            raise ConfigurationError(
-                f"sampling.options: unknown option {', '.join(map(repr, sorted(unknown)))} of density-sweep; "
-                "the options are step, tolerance and smallest"
-            )
+        refuse_unknown("density-sweep", ("smallest",), unknown)
         self.inputs = inputs
-        self.tolerance = _positive("sampling.tolerance", tolerance)
-        self.smallest = _positive("sampling.options.smallest", smallest)
+        self.tolerance = positive("sampling.tolerance", tolerance)
+        self.smallest = positive("sampling.options.smallest", smallest)
         if self.smallest > 1:
             raise ConfigurationError(
                 f"sampling.options.smallest: must be a fraction of the step in (0, 1], got {smallest!r}"
@@ -161,12 +158,6 @@ def state_key(inputs: InputSpace, x: tuple[float, ...]) -> str:
     return " ".join(f"{name}={value:+.10f}" for name, value in zip(inputs.names, x, strict=True))
 
 
-def _positive(option: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-        raise ConfigurationError(f"{option}: must be a positive number, got {value!r}")
-    return float(value)
-
-
 def _checked_steps(inputs: InputSpace, step: Mapping[str, float], smallest: float) -> tuple[float, ...]:
     for name in step:
         if name not in inputs.names:
@@ -179,7 +170,7 @@ def _checked_steps(inputs: InputSpace, step: Mapping[str, float], smallest: floa
             raise ConfigurationError(
                 f"sampling.inputs.{name}.step: missing, and density-sweep needs it; give the default step of '{name}'"
             )
-        size = _positive(f"sampling.inputs.{name}.step", step[name])
+        size = positive(f"sampling.inputs.{name}.step", step[name])
         if size * smallest < SMALLEST_INTERVAL:
             raise ConfigurationError(
                 f"sampling.inputs.{name}.step: {size:g} with smallest = {smallest:g} allows intervals below "

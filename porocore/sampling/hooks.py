@@ -13,13 +13,53 @@ def _density_sweep() -> type[Any]:
     return DensitySweep
 
 
+def _sobol() -> type[Any]:
+    from porocore.sampling.designs import SobolDesign
+
+    return SobolDesign
+
+
+def _latin_hypercube() -> type[Any]:
+    from porocore.sampling.designs import LatinHypercube
+
+    return LatinHypercube
+
+
+def _active() -> type[Any]:
+    from porocore.sampling.active import Active
+
+    return Active
+
+
+def _macro_driven() -> type[Any]:
+    from porocore.sampling.macro_driven import MacroDriven
+
+    return MacroDriven
+
+
 @hookimpl
 def porocore_samplers() -> list[Offer]:
-    """One-factor-at-a-time sweeps with a check of the output density."""
+    """Sweeps, designs that fill the box, and two samplers that learn while they sample."""
     return [
         Offer(
             name="density-sweep",
             load=_density_sweep,
             summary="one input at a time; the step is halved where <∇u¹> bends (Dehghani & Zilian)",
-        )
+        ),
+        Offer(name="sobol", load=_sobol, summary="a scrambled Sobol sequence, with or without the corners"),
+        Offer(
+            name="latin-hypercube",
+            load=_latin_hypercube,
+            summary="each input takes as many values as there are states",
+        ),
+        Offer(
+            name="active",
+            load=_active,
+            summary="round by round where a committee of surrogates disagrees",
+        ),
+        Offer(
+            name="macro-driven",
+            load=_macro_driven,
+            summary="where macro runs with the present surrogate go, until their results stay",
+        ),
     ]

@@ -1,0 +1,159 @@
+"""Sampling where a committee of surrogates disagrees (query by committee)."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from porocore.inputs import InputSpace
+from porocore.interfaces.sampler import Study, StudySampler
+from porocore.interfaces.surrogate import TrainingSet
+from porocore.sampling.candidates import (
+    BoolArray,
+    Pool,
+    distances,
+    farthest_points,
+    most_worth,
+    spacing,
+    spread_out,
+)
+from porocore.sampling.committee import Judgement, committee
+from porocore.sampling.options import positive, refuse_unknown, whole
+from porocore.sampling.rounds import RoundSampler, from_unit
+from porocore.states import Array, CellResponse
+
+#: A round asks for at least this share of the states that are known, so that the cost for each state stays the same.
+GROWTH = 0.1
+#: States of :class:`Active` are at least this share of their mean spacing apart.
+APART = 0.5
+
+
+class Learning(RoundSampler, StudySampler):
+    """Rounds that are chosen from what is known of the responses: the beginning of :class:`Active` and its kin."""
+
+    _study: Study | None = None
+
+    def inform(self, study: Study) -> None:
+        """See :class:`StudySampler`."""
+        self._study = study
+
+    @property
+    def study(self) -> Study:
+        """What :meth:`inform` was told.
+
+        Raises
+        ------
+        RuntimeError
+            It was not called.
+        """
+        if self._study is None:
+            raise RuntimeError(
+                f"{type(self).__name__} has to know the undeformed cell; call inform before ask"
+            )
+        return self._study
+
+    def training_set(self) -> TrainingSet | None:
+        """All stable states so far in the order of asking; None if they are fewer than two."""
+        good = self.stable
+        if good.sum() < 2:
+            return None
+        rows = [response for response, kept in zip(self.told, good, strict=True) if kept]
+        states = self.inputs.scatter(from_unit(self.inputs, self.points[good]))
+        study = self.study
+        return TrainingSet(
+            states, CellResponse.concatenate(rows), self.inputs, study.reference, study.identity, {}
+        )
+
+    def judge(self, unit: Array) -> Judgement | None:
+        """What the committee says of points (m, d) of the unit box; None while fewer than two states are known."""
+        data = self.training_set()
+        if data is None:
+            return None
+        members = committee(data, self.study.responses)
+        return members.judge(self.inputs.scatter(from_unit(self.inputs, unit)))
+
+    @property
+    def stable(self) -> BoolArray:
+        """Which of the states so far a surrogate may learn from, (n,) bool."""
+        return np.array([bool(response.stable[0]) for response in self.told], dtype=bool)
+
+    def reachable(self, candidates: Array) -> BoolArray:
+        """Candidates whose nearest known state is stable, (m,): what lies around failed states is left alone."""
+        _, nearest = distances(candidates, self.points)
+        reachable: BoolArray = self.stable[nearest]
+        return reachable
+
+
+class Active(Learning):
+    """A design that fills the box, then rounds of the states where a committee of polynomials disagrees most.
+
+    The members of the :func:`~porocore.sampling.committee.committee` learn what the closure needs: W with its
+    slopes, or <∇u¹>. The states of a round are those that tell most of the places where the members disagree, as a
+    share of the response's range; each is chosen in the knowledge of those before it. Candidates come from a Sobol
+    sequence. States that failed or are unstable are not learned from; candidates nearer to one of them than to any
+    stable state are passed over.
+
+    Parameters
+    ----------
+    inputs
+        The box.
+    count
+        The budget of states.
+    initial
+        Size of the design at the beginning: the corners of a box of up to four inputs, then farthest points. By default
+        the corners and one state for each input, at least six.
+    batch
+        States in a round; more where a tenth of what is known is more.
+    candidates
+        States to choose a round from; the next power of two is taken.
+    tolerance
+        Sampling ends when the largest disagreement is below this share of the range; None: when the budget is used up.
+    seed
+        Of the design and of the candidates.
+
+    Raises
+    ------
+    ConfigurationError
+        An option is unknown or of no use; the message begins with its key in a configuration.
+    """
+
+    def __init__(
+        self,
+        inputs: InputSpace,
+        count: int = 100,
+        initial: int | None = None,
+        batch: int = 4,
+        candidates: int = 1024,
+        tolerance: float | None = None,
+        seed: int = 0,
+        **unknown: Any,
+    ) -> None:
+        refuse_unknown("active", ("count", "initial", "batch", "candidates", "seed"), unknown)
+        super().__init__(inputs, whole("sampling.options.count", count, 2))
+        d = len(inputs)
+        corners = 2**d if d <= 4 else 0
+        usual = max(6, corners + d)
+        self.initial = usual if initial is None else whole("sampling.options.initial", initial, 2)
+        self.batch = whole("sampling.options.batch", batch, 1)
+        self.tolerance = None if tolerance is None else positive("sampling.tolerance", tolerance)
+        self.seed = whole("sampling.options.seed", seed, 0)
+        self._pool = Pool(d, whole("sampling.options.candidates", candidates, 16), self.seed + 1)
+
+    def next_round(self, room: int) -> Array:
+        """The design, or the states of most worth among the next candidates."""
+        if not len(self.points):
+            return farthest_points(len(self.inputs), min(self.initial, room), self.seed)
+        unit = self._pool.draw()
+        size = min(room, max(self.batch, ceil(GROWTH * len(self.points))))
+        reachable = self.reachable(unit)
+        judgement = self.judge(unit)
+        if judgement is None or not judgement.disagreement.any():
+            # Too little is known for anybody to disagree.
+            return unit[spread_out(unit, reachable.astype(float), self.points, size)]
+        if self.tolerance is not None and judgement.disagreement.max() < self.tolerance:
+            return unit[:0]
+        apart = APART * spacing(len(self.points) + size, len(self.inputs))
+        chosen = most_worth(unit, judgement, reachable, self.points, size, apart)
+        return unit[chosen or spread_out(unit, reachable.astype(float), self.points, size)]

@@ -1,0 +1,129 @@
+"""Sampling where the macro runs of a study go."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from porocore.inputs import InputSpace
+from porocore.sampling.active import GROWTH, Learning
+from porocore.sampling.candidates import distances, farthest_points, most_worth, spacing, spread_out
+from porocore.sampling.options import positive, refuse_unknown, whole
+from porocore.sampling.rounds import to_unit
+from porocore.states import Array
+
+#: Visited states are put on a lattice of so many steps for each input: near ones are one, and round-off moves none.
+LATTICE = 500
+#: More visited states than this are thinned out before a round is chosen from them.
+MOST_CANDIDATES = 1024
+#: Visited states nearer to a known one than this share of the mean spacing of the known ones are taken as known.
+APART = 0.25
+
+
+class MacroDriven(Learning):
+    """Solve a few states, fit a surrogate, run the macro problem with it, solve where it went, and so on.
+
+    It ends when a round has changed no result of the macro runs (final settlement and largest pressure under each load)
+    by more than ``tolerance``, twice in a row, or with the budget. One half of a round are the visited states that are
+    farthest from all known ones; the other are those that tell most about all visited states, weighted by how much
+    a committee of polynomials disagrees there (as in :class:`~porocore.sampling.active.Active`). Visited states outside
+    the box are moved to its faces. Of a macro run that does not reach its end, the states until there count;
+    where nothing new was visited, the round fills the box.
+
+    Parameters
+    ----------
+    inputs
+        The box.
+    count
+        The budget of states.
+    initial
+        Size of the design at the beginning: the corners of a box of up to four inputs, then farthest points. By default
+        the corners and two states for each input, at least eight.
+    batch
+        States in a round; more where a tenth of what is known is more.
+    tolerance
+        Largest change of a macro result that counts as none, relative.
+    elements, steps
+        Of the macro runs: at most so many elements along each axis, and about so many time steps.
+    seed
+        Of the design.
+
+    Raises
+    ------
+    ConfigurationError
+        An option is unknown or of no use; the message begins with its key in a configuration.
+    """
+
+    def __init__(
+        self,
+        inputs: InputSpace,
+        count: int = 60,
+        initial: int | None = None,
+        batch: int = 6,
+        tolerance: float = 0.001,
+        elements: int = 20,
+        steps: int = 60,
+        seed: int = 0,
+        **unknown: Any,
+    ) -> None:
+        refuse_unknown("macro-driven", ("count", "initial", "batch", "elements", "steps", "seed"), unknown)
+        super().__init__(inputs, whole("sampling.options.count", count, 2))
+        d = len(inputs)
+        usual = max(8, (2**d if d <= 4 else 0) + 2 * d)
+        self.initial = usual if initial is None else whole("sampling.options.initial", initial, 2)
+        self.batch = whole("sampling.options.batch", batch, 1)
+        self.tolerance = positive("sampling.tolerance", tolerance)
+        self.elements = whole("sampling.options.elements", elements, 1)
+        self.steps = whole("sampling.options.steps", steps, 2)
+        self.seed = whole("sampling.options.seed", seed, 0)
+        #: Results of the macro runs after each round.
+        self.results: list[Array] = []
+
+    def next_round(self, room: int) -> Array:
+        """The design, or the most telling of the visited states."""
+        d = len(self.inputs)
+        if not len(self.points):
+            return farthest_points(d, min(self.initial, room), self.seed)
+        data = self.training_set()
+        size = min(room, max(self.batch, ceil(GROWTH * len(self.points))))
+        if data is None:
+            return self._filling(size)
+        found = self.study.explore(data, elements=self.elements, steps=self.steps)
+        self.results.append(np.array(found.results))
+        if self.settled:
+            return self.points[:0]
+        visited = self._lattice(self.inputs.gather(found.states))
+        distance, _ = distances(visited, self.points)
+        apart = APART * spacing(len(self.points) + size, d)
+        allowed = self.reachable(visited) & (distance > apart)
+        if not allowed.any():
+            return self._filling(size)
+        far = spread_out(visited, allowed.astype(float), self.points, size // 2)
+        judgement = self.judge(visited)
+        if judgement is None or not judgement.disagreement.any():
+            return visited[spread_out(visited, allowed.astype(float), self.points, size)]
+        for candidate in far:
+            judgement.take(candidate)
+        known = np.concatenate([self.points, visited[far]])
+        return visited[far + most_worth(visited, judgement, allowed, known, size - len(far), apart)]
+
+    @property
+    def settled(self) -> bool:
+        """Whether the last two rounds have changed no result."""
+        if len(self.results) < 3:
+            return False
+        last = np.stack(self.results[-3:])
+        return bool((np.abs(np.diff(last, axis=0)) <= self.tolerance * np.abs(last[1:])).all())
+
+    def _filling(self, size: int) -> Array:
+        """Farthest points of the box: nothing was visited that is not known."""
+        cloud = farthest_points(len(self.inputs), 256, self.seed + len(self.points))
+        return cloud[spread_out(cloud, self.reachable(cloud).astype(float), self.points, size)]
+
+    def _lattice(self, x: Array) -> Array:
+        """Different visited states in the unit box, (m, d)."""
+        unit: Array = np.unique(np.round(np.clip(to_unit(self.inputs, x), 0, 1) * LATTICE), axis=0) / LATTICE
+        kept: Array = unit[:: ceil(len(unit) / MOST_CANDIDATES)]
+        return kept

@@ -1,0 +1,52 @@
+"""Options of samplers: checked once, with the key of the configuration in the message."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from porocore.errors import ConfigurationError
+
+
+def positive(key: str, value: Any) -> float:
+    """A finite number above zero."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        raise ConfigurationError(f"{key}: must be a positive number, got {value!r}")
+    return float(value)
+
+
+def whole(key: str, value: Any, least: int) -> int:
+    """A whole number of at least ``least``."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise ConfigurationError(f"{key}: must be a whole number of at least {least}, got {value!r}")
+    return value
+
+
+def yes_or_no(key: str, value: Any) -> bool:
+    """True or false."""
+    if not isinstance(value, bool):
+        raise ConfigurationError(f"{key}: must be true or false, got {value!r}")
+    return value
+
+
+def refuse_unknown(sampler: str, known: tuple[str, ...], unknown: Mapping[str, Any]) -> None:
+    """Options that the sampler has not; ``step`` and ``tolerance`` stand elsewhere in a configuration.
+
+    Raises
+    ------
+    ConfigurationError
+        There are some.
+    """
+    if not unknown:
+        return
+    if "step" in unknown:
+        raise ConfigurationError(
+            f"sampling.inputs.{next(iter(unknown['step']), 'NAME')}.step: {sampler} takes no steps; remove it"
+        )
+    if "tolerance" in unknown:
+        raise ConfigurationError(f"sampling.tolerance: {sampler} takes no tolerance; remove it")
+    raise ConfigurationError(
+        f"sampling.options: unknown option {', '.join(map(repr, sorted(unknown)))} of {sampler}; "
+        f"the options are {', '.join(known)}"
+    )
