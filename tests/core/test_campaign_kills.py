@@ -21,7 +21,7 @@ from porocore.states import Status
 
 sys.path.insert(0, str(Path(__file__).parent))
 from campaigns import SCRIPT, gone, sample, session_gone, solves, state_text
-from fake_cell import Fake
+from fake_cell import INPUTS, Fake, Tree
 
 
 @pytest.fixture(scope="module")
@@ -121,60 +121,60 @@ def test_an_interrupt_is_reported_and_the_handler_is_put_back(tmp_path: Path) ->
     assert len(Dataset.open(tmp_path / "data.h5")) == 3
 
 
+#: A leaf of the tree, so that nothing starts from it.
+LEAF = 7
+
+
+def leaf_p() -> float:
+    return Tree(INPUTS, LEAF + 1).requests[LEAF].x[0]
+
+
 @pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
-def test_a_worker_that_dies_twice_over_a_state_costs_that_state_only(
-    tmp_path: Path, undisturbed: Dataset, workers: int
-) -> None:
+def test_a_worker_that_dies_twice_over_a_state_costs_that_state_only(tmp_path: Path, workers: int) -> None:
     path, log = tmp_path / "data.h5", tmp_path / "log"
-    dataset, summary = sample(path, Fake(die_at=0.1, log=str(log)), workers=workers, executor="processes")
-    status = dataset.responses().status
-    at_death = np.isclose(dataset.x()[:, 0], 0.1)
-    np.testing.assert_array_equal(status == Status.lost, at_death)
-    assert summary.counts[Status.lost] == at_death.sum() >= 1
-    lost = dataset.response(dataset.keys[int(np.flatnonzero(at_death)[0])])
+    fake = Fake(die_at=leaf_p(), log=str(log))
+    tree = Tree(INPUTS, LEAF + 1)
+    dataset, summary = sample(path, fake, workers=workers, executor="processes", sampler=tree)
+    (dead,) = dataset.ended(Status.lost)
+    assert dead == tree.requests[LEAF].key
+    assert summary.counts[Status.lost] == 1
+    lost = dataset.response(dead)
     assert np.isnan(lost.stress).all()
     assert np.isnan(lost.tangent.stress_grad_u).all()
     counts = Counter(state for _, _, state in solves(log))
-    assert all(
-        counts[state_text(dataset, key)] == 1 + dead for key, dead in zip(dataset.keys, at_death, strict=True)
-    )
+    assert all(counts[state_text(dataset, key)] == 1 + (key == dead) for key in dataset.keys)
     assert gone({int(pid) for pid, _, _ in solves(log)})
-    # They stay so, until they are asked for again.
-    assert sample(path)[1].solved == 0
+    # It stays so, until it is asked for again.
+    assert sample(path, sampler=Tree(INPUTS, LEAF + 1))[1].solved == 0
     dataset = Dataset.open(path)
-    lost_keys = dataset.ended(Status.lost)
-    again = Dataset.open(path)
-    again.drop(lost_keys)
-    assert sorted([*Dataset.open(path).keys, *lost_keys]) == dataset.keys
-    assert all(again.field(key) is not None for key in again.ended(Status.converged))
-    assert sample(path)[1].counts.get(Status.lost) is None
-    # What both have is the same.
-    for key in set(dataset.keys) & set(undisturbed.keys):
-        if dataset.response(key).status[0] != Status.lost:
-            np.testing.assert_array_equal(
-                dataset.response(key).mean_grad, undisturbed.response(key).mean_grad
-            )
+    dataset.drop([dead])
+    assert dead not in Dataset.open(path)
+    assert len(Dataset.open(path)) == LEAF
+    assert sample(path, sampler=Tree(INPUTS, LEAF + 1))[1].solved == 1
+    judge, _ = sample(tmp_path / "judge.h5", sampler=Tree(INPUTS, LEAF + 1))
+    assert Dataset.open(path).digest() == judge.digest()
 
 
 def test_workers_that_die_over_the_first_state_end_the_run(tmp_path: Path) -> None:
     """Then it may not be the state's fault."""
-    path = tmp_path / "data.h5"
-    with pytest.raises(
-        PorocoreError, match=r"died twice each while solving 'p=\+0.0000000000 .* fewer workers"
-    ):
-        sample(path, Fake(die_at=0.0), workers=2)
+    path, tree = tmp_path / "data.h5", Tree(INPUTS, 4)
+    first = tree.requests[0]
+    with pytest.raises(PorocoreError, match=rf"died twice each while solving '{first.key}'.* fewer workers"):
+        sample(path, Fake(die_at=first.x[0]), workers=2, sampler=tree)
     assert len(Dataset.open(path)) == 0
-    assert sample(path)[1].solved > 50
+    assert sample(path, sampler=Tree(INPUTS, 4))[1].solved == 4
 
 
 def test_a_hung_state_is_ended_twice_and_the_others_go_on(tmp_path: Path) -> None:
     path, log = tmp_path / "data.h5", tmp_path / "log"
+    tree = Tree(INPUTS, LEAF + 1)
     began = time.monotonic()
-    dataset, _ = sample(path, Fake(hang_at=0.1, log=str(log)), workers=2, state_seconds=0.4)
+    dataset, _ = sample(
+        path, Fake(hang_at=leaf_p(), log=str(log)), workers=2, state_seconds=0.4, sampler=tree
+    )
     assert time.monotonic() - began < 60
-    hung = np.isclose(dataset.x()[:, 0], 0.1)
-    np.testing.assert_array_equal(dataset.responses().status == Status.lost, hung)
-    assert hung.any()
-    assert dataset.seconds()[hung].min() >= 0.8
-    assert len({pid for pid, _, state in solves(log) if state.startswith("+0.1")}) == 2 * hung.sum()
+    assert dataset.ended(Status.lost) == [tree.requests[LEAF].key]
+    assert dataset.seconds()[dataset.keys.index(tree.requests[LEAF].key)] >= 0.8
+    hung = {pid for pid, _, state in solves(log) if state == state_text(dataset, tree.requests[LEAF].key)}
+    assert len(hung) == 2
     assert gone({int(pid) for pid, _, _ in solves(log)})

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from porocore.states import MacroState, Status
 
 sys.path.insert(0, str(Path(__file__).parent))
 from campaigns import gone, sample, solves, state_text
-from fake_cell import IDENTITY, Fake, Tree, make, make_noted
+from fake_cell import IDENTITY, INPUTS, Fake, Tree, make, make_noted
 
 SEVEN = InputSpace(
     ("H11", "H22", "H33", "H12", "H13", "H23", "p"),
@@ -33,11 +34,11 @@ SEVEN = InputSpace(
 )
 
 
-def solve_tree(folder: Path, count: int = 200, **where: Any) -> tuple[Dataset, set[str], list[str]]:
+def solve_tree(folder: Path, count: int, **where: Any) -> tuple[Dataset, set[str], list[str]]:
     """States of seven inputs; the processes that solved them, and those that prepared the cell."""
     log, notes = folder / "log", folder / "notes"
     dataset = Dataset.create(folder / "data.h5", inputs=SEVEN, identity=IDENTITY)
-    fake = Fake(log=str(log), sleep=0.002)
+    fake = Fake(log=str(log), sleep=2 / count)  # long enough for both workers to begin
     with CellPool(make_noted, (fake, str(notes)), **where) as pool:
         summary = run_campaign(Tree(SEVEN, count), pool, dataset)
     assert summary.solved == count
@@ -46,23 +47,29 @@ def solve_tree(folder: Path, count: int = 200, **where: Any) -> tuple[Dataset, s
 
 
 @pytest.fixture(scope="module")
-def serial(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    """The judge."""
-    dataset, processes, prepared = solve_tree(tmp_path_factory.mktemp("serial"), executor="serial")
-    assert processes == {str(os.getpid())} == set(prepared)
-    assert len(prepared) == 1
-    statuses = set(dataset.responses().status)
-    assert statuses == {Status.converged, Status.overlap}
-    return dataset
+def serial(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Dataset]:
+    """The judge: so many states, solved in this process."""
+
+    @cache
+    def solved(count: int) -> Dataset:
+        folder = tmp_path_factory.mktemp("serial")
+        dataset, processes, prepared = solve_tree(folder, count, executor="serial")
+        assert processes == {str(os.getpid())} == set(prepared)
+        assert len(prepared) == 1
+        assert set(dataset.responses().status) == {Status.converged, Status.overlap}
+        return dataset
+
+    return solved
 
 
 @pytest.mark.parametrize("executor", ["processes", "dask"])
+@pytest.mark.parametrize("count", [40, pytest.param(200, marks=pytest.mark.slow)])
 def test_two_workers_give_the_same_bits_and_prepare_the_cell_once_each(
-    tmp_path: Path, serial: Dataset, executor: str
+    tmp_path: Path, serial: Callable[[int], Dataset], executor: str, count: int
 ) -> None:
     before = dict(os.environ)
-    dataset, processes, prepared = solve_tree(tmp_path, workers=2, executor=executor)
-    assert dataset.digest() == serial.digest()
+    dataset, processes, prepared = solve_tree(tmp_path, count, workers=2, executor=executor)
+    assert dataset.digest() == serial(count).digest()
     assert len(processes) == 2
     assert str(os.getpid()) not in processes
     assert sorted(prepared) == sorted(processes)
@@ -71,12 +78,11 @@ def test_two_workers_give_the_same_bits_and_prepare_the_cell_once_each(
     assert before.items() <= os.environ.items()  # dask leaves marks of its own
 
 
-def test_an_executor_that_is_handed_in(tmp_path: Path, serial: Dataset) -> None:
+def test_an_executor_that_is_handed_in(tmp_path: Path, serial: Callable[[int], Dataset]) -> None:
     with ThreadPoolExecutor(3) as executor:
-        dataset, _, prepared = solve_tree(tmp_path, 30, workers=3, executor=executor)
+        dataset, _, prepared = solve_tree(tmp_path, 40, workers=3, executor=executor)
         assert executor.submit(len, "abc").result() == 3  # not shut down
-    for key in dataset.keys:
-        np.testing.assert_array_equal(dataset.response(key).potential, serial.response(key).potential)
+    assert dataset.digest() == serial(40).digest()
     assert 1 <= len(prepared) <= 3  # at most once a thread
 
 
@@ -127,7 +133,7 @@ def test_what_does_not_go_together() -> None:
 
 def test_one_worker_with_a_time_limit_is_a_process(tmp_path: Path) -> None:
     log = tmp_path / "log"
-    sample(tmp_path / "data.h5", Fake(log=str(log)), workers=1, state_seconds=60)
+    sample(tmp_path / "data.h5", Fake(log=str(log)), sampler=Tree(INPUTS, 2), state_seconds=60)
     (process,) = {process for process, _, _ in solves(log)}
     assert process != str(os.getpid())
 
@@ -151,8 +157,36 @@ def test_waiting_for_nothing_is_a_mistake() -> None:
 
 
 def test_wait_unless_gives_up_when_it_is_told(tmp_path: Path) -> None:
-    with CellPool(make, (Fake(sleep=1.0),), workers=2) as pool:
+    with ThreadPoolExecutor(1) as executor, CellPool(make, (Fake(sleep=0.5),), executor=executor) as pool:
         pool.submit("a", MacroState.zeros(1))
         assert pool.wait_unless(lambda: True) is None
         assert pool.pending == 1
         assert pool.wait().key == "a"
+
+
+def test_the_options_of_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from typer.testing import CliRunner
+
+    from porocore import pipeline
+    from porocore.benchmark import benchmark_path
+    from porocore.cli.common import Interrupted
+    from porocore.cli.entry import app
+
+    out = tmp_path / "run"
+    words = ["sample", str(benchmark_path()), "--out", str(out)]
+    with refused("'serial' has no scheduler"):
+        raise CliRunner().invoke(app, [*words, "--executor", "serial", "--scheduler", "tcp://a:1"]).exception
+    assert not out.exists()
+    asked = []
+
+    def interrupted(folder: Any, config: Any, **how: Any) -> None:
+        asked.append((config.sampling.executor, config.sampling.scheduler, how["retry_lost"]))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pipeline, "sample", interrupted)
+    for more in ([*words], ["sample", str(out)]):
+        more = [*more, "--scheduler", "tcp://a:1", "--retry-lost"]
+        result = CliRunner().invoke(app, more)
+        assert isinstance(result.exception, Interrupted)
+        assert f"porocore sample {out} --scheduler tcp://a:1" in str(result.exception)
+    assert asked == [("dask", "tcp://a:1", True)] * 2

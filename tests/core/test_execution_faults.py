@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import signal
@@ -10,13 +11,17 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from porocore.dataset import Dataset
-from porocore.errors import PorocoreError
+from porocore.errors import PluginError, PorocoreError
 from porocore.execution import CellPool
+from porocore.execution.dask_workers import DaskCrew
+from porocore.execution.tasks import Ready
 from porocore.sampling.campaign import Progress, run_campaign
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -175,8 +180,6 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, dict[str, subprocess.Popen[by
             time.sleep(0.05)
         words = ["--scheduler-file", str(file), "--local-directory", str(tmp_path)]
         started["workers"] = subprocess.Popen([*worker, *words], **common)
-        import json
-
         yield json.loads(file.read_text())["address"], started
     finally:
         for process in started.values():
@@ -225,3 +228,18 @@ def test_workers_that_join_late(tmp_path: Path, cluster) -> None:
         run_campaign(Tree(INPUTS, 10), pool, dataset)
     assert len(dataset) == 10
     assert told == [f"the dask scheduler at {address} has no workers; waiting for the first one to join"]
+
+
+def test_what_is_asked_of_a_worker(cluster) -> None:
+    """The same porocore, and one thread."""
+    address, _ = cluster
+    crew = DaskCrew(address, 1)
+    try:
+        fit = Ready(1, "node", version("porocore"), ("1", "1", "1", None))
+        assert crew.check(fit) == []
+        (warning,) = crew.check(replace(fit, threads=(None,) * 4))
+        assert "OMP_NUM_THREADS=1" in warning
+        with pytest.raises(PluginError, match=r"on node have porocore 0\.0\.1, this process has"):
+            crew.check(replace(fit, version="0.0.1"))
+    finally:
+        crew.close()
