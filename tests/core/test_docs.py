@@ -278,15 +278,15 @@ def test_every_hook_is_listed():
 
 
 @pytest.fixture
-def sobol(tmp_path):
+def halton(tmp_path):
     """The files of docs/plugins.md, installed by hand; returns a function that runs Python with them."""
     text = page("docs/plugins.md")
     project = tomllib.loads(blocks(text, "toml")[0])
-    package = tmp_path / "porocore_sampler_sobol"
+    package = tmp_path / "porocore_sampler_halton"
     package.mkdir()
     (package / "__init__.py").touch()
     named = re.findall(
-        r"^`porocore_sampler_sobol/(\w+\.py)`.*?^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL
+        r"^`porocore_sampler_halton/(\w+\.py)`.*?^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL
     )
     assert [name for name, _ in named] == ["hooks.py", "sampler.py"]
     for name, code in named:
@@ -314,12 +314,14 @@ def sobol(tmp_path):
     return python
 
 
-def test_the_example_plugin_is_found(sobol):
-    out = sobol("-c", "import sys; sys.argv = ['porocore', 'plugins']; from porocore.cli import main; main()")
-    assert re.search(r"^sampler +sobol +ready +porocore-sampler-sobol 0\.1\.0", out, re.MULTILINE)
+def test_the_example_plugin_is_found(halton):
+    out = halton(
+        "-c", "import sys; sys.argv = ['porocore', 'plugins']; from porocore.cli import main; main()"
+    )
+    assert re.search(r"^sampler +halton +ready +porocore-sampler-halton 0\.1\.0", out, re.MULTILINE)
 
 
-def test_the_example_plugin_samples(sobol, tmp_path):
+def test_the_example_plugin_samples(halton, tmp_path):
     config = yaml.safe_load(benchmark_path().read_text(encoding="utf-8"))
     config |= yaml.safe_load(blocks(page("docs/plugins.md"), "yaml")[0])
     study = tmp_path / "my.yaml"
@@ -348,5 +350,5 @@ def test_the_example_plugin_samples(sobol, tmp_path):
         except ConfigurationError as error:
             print(error)
     """
-    out = sobol("-W", "ignore", "-c", textwrap.dedent(code))
+    out = halton("-W", "ignore", "-c", textwrap.dedent(code))
     assert "unknown option 'number'" in out
