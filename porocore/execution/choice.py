@@ -28,10 +28,16 @@ def contradiction(executor: str, scheduler: str | None, state_seconds: float | N
     return None
 
 
-def make_crew(
-    executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None, token: str
-) -> Crew:
-    """The workers of a pool, see :class:`porocore.execution.CellPool`."""
+def check_choice(
+    executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None
+) -> None:
+    """Refuse what cannot be.
+
+    Raises
+    ------
+    ConfigurationError
+        The executor is unknown, these do not go together, or this system knows no time limits.
+    """
     if workers < 1:
         raise ValueError(f"expected at least one worker, got {workers}")
     if state_seconds is not None and not hasattr(signal, "setitimer"):
@@ -42,11 +48,18 @@ def make_crew(
                 "an executor that is handed in has its own workers, whose solves cannot be ended from here: leave "
                 "out scheduler and state_seconds"
             )
-        return FuturesCrew(executor, workers, token)
-    if executor not in EXECUTORS:
+    elif executor not in EXECUTORS:
         raise ConfigurationError(f"unknown executor '{executor}'; the executors are {', '.join(EXECUTORS)}")
-    if fault := contradiction(executor, scheduler, state_seconds):
+    elif fault := contradiction(executor, scheduler, state_seconds):
         raise ConfigurationError(fault)
+
+
+def make_crew(
+    executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None, token: str
+) -> Crew:
+    """The workers of a pool, of a choice that was checked; see :class:`porocore.execution.CellPool`."""
+    if not isinstance(executor, str):
+        return FuturesCrew(executor, workers, token)
     if executor == "dask" or scheduler is not None:
         from porocore.execution.dask_workers import DaskCrew
 

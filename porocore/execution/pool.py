@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from dataclasses import dataclass, field
+from functools import partial
 from types import TracebackType
 from typing import Any, Self
 from uuid import uuid4
@@ -16,7 +17,7 @@ import numpy as np
 from porocore import errors
 from porocore.errors import PorocoreError
 from porocore.execution import tasks
-from porocore.execution.choice import ExecutorChoice, make_crew
+from porocore.execution.choice import ExecutorChoice, check_choice, make_crew
 from porocore.execution.crew import Crew, Worker
 from porocore.execution.tasks import Factory, Failure, Outcome, Ready, Recipe, Unprepared
 from porocore.interfaces.cell import CellField
@@ -67,11 +68,8 @@ class CellPool:
     Raises
     ------
     ConfigurationError
-        These do not go together.
-    PluginError
-        dask.distributed is missing.
-    PorocoreError
-        The scheduler cannot be reached.
+        These do not go together. That dask is missing, or its scheduler out of reach, shows when the first state is
+        handed in: workers are started only then.
     """
 
     def __init__(
@@ -100,8 +98,17 @@ class CellPool:
         self._doubtful: list[_Task] = []
         self._lost_preparations = 0
         self._finishing = False
-        self._crew: Crew = make_crew(executor, workers, scheduler, state_seconds, self._recipe.token)
-        self._tell(self._crew.warnings)
+        check_choice(executor, workers, scheduler, state_seconds)
+        self._make_crew = partial(make_crew, executor, workers, scheduler, state_seconds, self._recipe.token)
+        self._made: Crew | None = None
+
+    @property
+    def _crew(self) -> Crew:
+        """Called together when there is something to do."""
+        if self._made is None:
+            self._made = self._make_crew()
+            self._tell(self._made.warnings)
+        return self._made
 
     @property
     def pending(self) -> int:
@@ -114,7 +121,15 @@ class CellPool:
         return self.pending - len(self._doubtful) < self._crew.slots + self._crew.ahead
 
     def submit(self, key: str, state: MacroState, start: CellField | None = None) -> None:
-        """Hand in one state (one row) with the field to start from."""
+        """Hand in one state (one row) with the field to start from.
+
+        Raises
+        ------
+        PluginError
+            dask.distributed is missing.
+        PorocoreError
+            The scheduler cannot be reached.
+        """
         self._waiting.append(_Task(key, state, start))
         if self._crew.eager:
             self._dispatch()
@@ -169,7 +184,8 @@ class CellPool:
 
     def close(self) -> None:
         """Finish what runs and let go of the workers."""
-        self._crew.close()
+        if self._made is not None:
+            self._made.close()
 
     def __enter__(self) -> Self:
         return self
@@ -208,8 +224,10 @@ class CellPool:
     def _begin(self, worker: Worker, task: _Task | None, call: Callable[..., Any], *args: Any) -> None:
         try:
             self._running[worker.submit(call, *args)] = worker, task
-        except BrokenExecutor:
-            self._died(worker, task)
+        except BrokenExecutor:  # it died while it had nothing to do: no state is to blame
+            self._crew.lost(worker)
+            if task is not None:
+                self._waiting.appendleft(task)
 
     def _next_for(self, worker: Worker) -> _Task:
         """The first in the queue; a second try goes to another machine if one is idle or will be."""

@@ -165,13 +165,13 @@ def test_workers_that_die_over_the_first_state_end_the_run(tmp_path: Path) -> No
     assert sample(path, sampler=Tree(INPUTS, 4))[1].solved == 4
 
 
-def test_a_hung_state_is_ended_twice_and_the_others_go_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("executor", ["auto", pytest.param("dask", marks=pytest.mark.slow)])
+def test_a_hung_state_is_ended_twice_and_the_others_go_on(tmp_path: Path, executor: str) -> None:
     path, log = tmp_path / "data.h5", tmp_path / "log"
     tree = Tree(INPUTS, LEAF + 1)
     began = time.monotonic()
-    dataset, _ = sample(
-        path, Fake(hang_at=leaf_p(), log=str(log)), workers=2, state_seconds=0.4, sampler=tree
-    )
+    fake = Fake(hang_at=leaf_p(), log=str(log))
+    dataset, _ = sample(path, fake, workers=2, executor=executor, state_seconds=0.4, sampler=tree)
     assert time.monotonic() - began < 60
     assert dataset.ended(Status.lost) == [tree.requests[LEAF].key]
     assert dataset.seconds()[dataset.keys.index(tree.requests[LEAF].key)] >= 0.8

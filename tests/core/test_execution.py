@@ -99,17 +99,23 @@ def test_dask_workers_that_die_are_replaced(tmp_path: Path) -> None:
 
 
 def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which is no matter as long as there is nothing to solve."""
     monkeypatch.setattr(dask_workers, "REACH", 0.5)
-    with pytest.raises(
-        PorocoreError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:1 .*dask scheduler"
-    ):
-        CellPool(make, (Fake(),), scheduler="tcp://127.0.0.1:1")
+    with CellPool(make, (Fake(),), scheduler="tcp://127.0.0.1:1") as pool:
+        assert pool.pending == 0
+        with pytest.raises(
+            PorocoreError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:1 .*dask scheduler"
+        ):
+            pool.submit("a", MacroState.zeros(1))
 
 
 def test_without_dask(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(PluginError, match=r"needs dask\.distributed.*pip install 'porocore\[dask\]'"):
-        CellPool(make, (Fake(),), executor="dask")
+    with (
+        CellPool(make, (Fake(),), executor="dask") as pool,
+        pytest.raises(PluginError, match=r"needs dask\.distributed.*pip install 'porocore\[dask\]'"),
+    ):
+        pool.submit("a", MacroState.zeros(1))
 
 
 @contextmanager
