@@ -146,6 +146,7 @@ def test_more_processes_than_elements_can_be_shared_among_are_refused(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_two_processes_share_a_plate(tmp_path):
     """Its unknowns lie on both, and its equation is the sum over both."""
     part = """
