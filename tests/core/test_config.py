@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from porocore import benchmark
-from porocore.benchmark import NAME, benchmark_path, crosscheck_path
+from porocore.benchmark import NAME, as_stated_path, benchmark_path, crosscheck_path
 from porocore.config import InputName, RunConfig, differences, load_config
 from porocore.errors import ConfigurationError
 from porocore.inputs import NAMES
@@ -74,9 +74,10 @@ def test_the_packaged_benchmark_is_the_example():
     assert load_config(benchmark_path()) == load_config(BENCHMARK)
     build = tomllib.loads((EXAMPLES.parent / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]
     packaged = build["build"]["targets"]["wheel"]["force-include"]
-    names = (NAME, crosscheck_path().name)
+    names = (NAME, as_stated_path().name, crosscheck_path().name)
     assert packaged == {f"examples/{name}": f"porocore/data/{name}" for name in names}
     assert crosscheck_path().is_file()
+    assert as_stated_path().is_file()
 
 
 def test_an_installed_package_uses_its_own_copy(tmp_path, monkeypatch):
