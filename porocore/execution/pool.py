@@ -177,7 +177,7 @@ class CellPool:
                     try:
                         self._collect()
                     except PorocoreError:  # those who are asked have gone
-                        return
+                        self._running.clear()
         finally:
             self._finishing = False
             self._failures.clear()
@@ -246,12 +246,11 @@ class CellPool:
             done = set()
             self._tell(self._crew.warnings)
             time.sleep(PATIENCE)
+        for future in done:
+            self._take(future, *self._running.pop(future))
         there = {id(worker) for worker in self._crew.workers()}
         for future, (worker, task) in list(self._running.items()):
-            if future in done:
-                del self._running[future]
-                self._take(future, worker, task)
-            elif id(worker) not in there:
+            if id(worker) not in there:
                 del self._running[future]
                 future.cancel()
                 self._died(worker, task)
