@@ -74,7 +74,7 @@ class DaskCrew(Crew):
                     n_workers=count,
                     threads_per_worker=1,
                     memory_limit=0,
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",
                     silence_logs=logging.CRITICAL,
                 )
             self._address = self._cluster.scheduler_address

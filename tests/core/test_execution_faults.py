@@ -52,14 +52,14 @@ class Shooting:
         self.kept: list[tuple[set[str], int]] = []
 
     def start(self) -> None:
-        words = [str(self.path), str(self.log), str(WORKERS), "0.03", self.executor, str(STATES)]
+        words = [str(self.path), str(self.log), str(WORKERS), "0.05", self.executor, str(STATES)]
         self.process = subprocess.Popen([sys.executable, SCRIPT, *words], start_new_session=True)
         self.hit = set()
 
     def kill_once(self) -> bool:
         """At a random moment, the main process or a worker; False: the run ended before."""
         assert self.process is not None
-        target = len(solves(self.log)) + self.random.randint(1, 10)
+        target = len(solves(self.log)) + self.random.randint(1, 6)
         while len(solves(self.log)) < target:
             if self.process.poll() is not None:
                 return False
