@@ -11,11 +11,12 @@ from porocore.inputs import InputSpace
 from porocore.interfaces.sampler import Study, StudySampler
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.sampling.candidates import (
+    MOST_CORNER_INPUTS,
     BoolArray,
-    Pool,
+    Stream,
     distances,
-    farthest_points,
     most_worth,
+    opening,
     spacing,
     spread_out,
 )
@@ -26,6 +27,8 @@ from porocore.states import Array, CellResponse
 
 #: A round asks for at least this share of the states that are known, so that the cost for each state stays the same.
 GROWTH = 0.1
+#: A round of :class:`Active` is chosen from so many candidates at most, but for two for each state.
+MOST_CANDIDATES = 512
 #: States of :class:`Active` are at least this share of their mean spacing apart.
 APART = 0.5
 
@@ -102,12 +105,13 @@ class Active(Learning):
     count
         The budget of states.
     initial
-        Size of the design at the beginning: the corners of a box of up to four inputs, then farthest points. By default
-        the corners and one state for each input, at least six.
+        Size of the design at the beginning: the corners of a box of up to four inputs and farthest points, or a Sobol
+        sequence. By default the corners and one state for each input, at least six.
     batch
         States in a round; more where a tenth of what is known is more.
     candidates
-        States to choose a round from; the next power of two is taken.
+        Candidates for each state of a round. Few keep close to an even design, which serves the error on average; many
+        go to the faces and corners of the box, which serves the largest error.
     tolerance
         Sampling ends when the largest disagreement is below this share of the range; None: when the budget is used up.
     seed
@@ -125,7 +129,7 @@ class Active(Learning):
         count: int = 100,
         initial: int | None = None,
         batch: int = 4,
-        candidates: int = 1024,
+        candidates: int = 8,
         tolerance: float | None = None,
         seed: int = 0,
         **unknown: Any,
@@ -139,14 +143,16 @@ class Active(Learning):
         self.batch = whole("sampling.options.batch", batch, 1)
         self.tolerance = None if tolerance is None else positive("sampling.tolerance", tolerance)
         self.seed = whole("sampling.options.seed", seed, 0)
-        self._pool = Pool(d, whole("sampling.options.candidates", candidates, 16), self.seed + 1)
+        self.candidates = whole("sampling.options.candidates", candidates, 2)
+        self._stream = Stream(d, self.seed)
 
     def next_round(self, room: int) -> Array:
         """The design, or the states of most worth among the next candidates."""
         if not len(self.points):
-            return farthest_points(len(self.inputs), min(self.initial, room), self.seed)
-        unit = self._pool.draw()
+            d, first = len(self.inputs), min(self.initial, room)
+            return opening(d, first, self.seed) if d <= MOST_CORNER_INPUTS else self._stream.take(first)
         size = min(room, max(self.batch, ceil(GROWTH * len(self.points))))
+        unit = self._stream.take(max(min(self.candidates * size, MOST_CANDIDATES), 2 * size))
         reachable = self.reachable(unit)
         judgement = self.judge(unit)
         if judgement is None or not judgement.disagreement.any():

@@ -9,40 +9,40 @@ import numpy.typing as npt
 from scipy.stats import qmc
 
 from porocore.sampling.committee import Judgement
-from porocore.sampling.designs import box_corners
+from porocore.sampling.designs import box_corners, sobol_points
 from porocore.states import Array
 
 BoolArray = npt.NDArray[np.bool_]
 #: A round looks so many times at what its first states leave to be learned.
-MOST_UPDATES = 16
+MOST_UPDATES = 8
 
-#: Up to so many inputs the corners of the box are always candidates.
-MOST_CORNER_INPUTS = 6
+#: Up to so many inputs a sampling begins with the corners of the box.
+MOST_CORNER_INPUTS = 4
+BLOCK = 10
 
 
-class Pool:
-    """Ever new candidates from one scrambled Sobol sequence; round-off cannot move them.
+class Stream:
+    """Ever new points of one scrambled Sobol sequence; round-off cannot move them.
 
     Parameters
     ----------
     d
         Number of inputs.
-    size
-        Candidates at a time.
     seed
         Of the scrambling.
     """
 
-    def __init__(self, d: int, size: int, seed: int) -> None:
-        self._size = size
-        self._corners = box_corners(d) if d <= MOST_CORNER_INPUTS else np.empty((0, d))
+    def __init__(self, d: int, seed: int) -> None:
         self._sequence = qmc.Sobol(d, seed=seed)
+        self._ready: Array = np.empty((0, d))
 
-    def draw(self) -> Array:
-        """The next candidates (m, d) in the unit box."""
-        # In powers of two a Sobol sequence is balanced.
-        power = int(np.ceil(np.log2(self._size)))
-        return np.concatenate([self._corners, self._sequence.random(2**power)])
+    def take(self, count: int) -> Array:
+        """The next points (count, d) in the unit box."""
+        while len(self._ready) < count:
+            # In powers of two a Sobol sequence is balanced.
+            self._ready = np.concatenate([self._ready, self._sequence.random(2**BLOCK)])
+        points, self._ready = self._ready[:count], self._ready[count:]
+        return points
 
 
 def distances(candidates: Array, known: Array) -> tuple[Array, Array]:
@@ -79,7 +79,8 @@ def most_worth(
     """At most ``count`` of the ``allowed`` candidates (m, d), as indices; each counts with those before it.
 
     They are ``apart`` from the ``known`` points (n, d) and from one another at least: a cell that is solved twice tells
-    nothing new, whatever a committee believes. Of more than :data:`MOST_UPDATES`, several are chosen at a time.
+    nothing new, whatever a committee believes. Of more than :data:`MOST_UPDATES` several are chosen at a time, of which
+    the best stands for those around it.
     """
     chosen: list[int] = []
     distance, _ = distances(candidates, known)
@@ -90,8 +91,8 @@ def most_worth(
         if not new:
             break
         chosen += new
+        judgement.take(new[0])
         for candidate in new:
-            judgement.take(candidate)
             distance = np.minimum(distance, np.linalg.norm(candidates - candidates[candidate], axis=1))
     return chosen
 
@@ -106,10 +107,15 @@ def spacing(points: int, d: int) -> float:
     return float(max(points, 1) ** (-1 / d))
 
 
-def farthest_points(d: int, count: int, seed: int) -> Array:
-    """The corners of a box of up to four inputs, then always the point farthest from all before, (count, d)."""
-    cloud = Pool(d, 1024, seed).draw()
-    begin = box_corners(d) if d <= 4 else np.full((1, d), 0.5)
-    begin = begin[:count]
+def opening(d: int, count: int, seed: int) -> Array:
+    """What a sampling begins with when nothing is known, (count, d) in the unit box.
+
+    In a box of up to four inputs the corners, then always the point farthest from all before. Of more inputs, where
+    farthest points all lie on the faces, a Sobol sequence.
+    """
+    if d > MOST_CORNER_INPUTS:
+        return sobol_points(d, count, seed)
+    begin = box_corners(d)[:count]
+    cloud = sobol_points(d, 2**BLOCK, seed)
     rest = spread_out(cloud, np.ones(len(cloud)), begin, count - len(begin))
     return np.concatenate([begin, cloud[rest]])

@@ -9,7 +9,7 @@ import numpy as np
 
 from porocore.inputs import InputSpace
 from porocore.sampling.active import GROWTH, Learning
-from porocore.sampling.candidates import distances, farthest_points, most_worth, spacing, spread_out
+from porocore.sampling.candidates import distances, most_worth, opening, spacing, spread_out
 from porocore.sampling.options import positive, refuse_unknown, whole
 from porocore.sampling.rounds import to_unit
 from porocore.states import Array
@@ -39,8 +39,8 @@ class MacroDriven(Learning):
     count
         The budget of states.
     initial
-        Size of the design at the beginning: the corners of a box of up to four inputs, then farthest points. By default
-        the corners and two states for each input, at least eight.
+        Size of the design at the beginning: the corners of a box of up to four inputs and farthest points, or a Sobol
+        sequence. By default the corners and two states for each input, at least eight.
     batch
         States in a round; more where a tenth of what is known is more.
     tolerance
@@ -85,7 +85,7 @@ class MacroDriven(Learning):
         """The design, or the most telling of the visited states."""
         d = len(self.inputs)
         if not len(self.points):
-            return farthest_points(d, min(self.initial, room), self.seed)
+            return opening(d, min(self.initial, room), self.seed)
         data = self.training_set()
         size = min(room, max(self.batch, ceil(GROWTH * len(self.points))))
         if data is None:
@@ -96,8 +96,11 @@ class MacroDriven(Learning):
             return self.points[:0]
         visited = self._lattice(self.inputs.gather(found.states))
         distance, _ = distances(visited, self.points)
-        apart = APART * spacing(len(self.points) + size, d)
-        allowed = self.reachable(visited) & (distance > apart)
+        reachable, apart = self.reachable(visited), APART * spacing(len(self.points) + size, d)
+        # Where the states on the way are that dense already, they are made denser.
+        while (reachable & (distance > apart)).sum() < size and apart > 2 / LATTICE:
+            apart /= 2
+        allowed = reachable & (distance > apart)
         if not allowed.any():
             return self._filling(size)
         far = spread_out(visited, allowed.astype(float), self.points, size // 2)
@@ -119,7 +122,7 @@ class MacroDriven(Learning):
 
     def _filling(self, size: int) -> Array:
         """Farthest points of the box: nothing was visited that is not known."""
-        cloud = farthest_points(len(self.inputs), 256, self.seed + len(self.points))
+        cloud = opening(len(self.inputs), 256, self.seed + len(self.points))
         return cloud[spread_out(cloud, self.reachable(cloud).astype(float), self.points, size)]
 
     def _lattice(self, x: Array) -> Array:
