@@ -69,7 +69,10 @@ class DaskCrew(Crew):
                 logging.CRITICAL
             )  # what matters is raised, or a warning of this crew
         if scheduler is None:
-            with one_thread(), interrupts_blocked():
+            # Without dask's setting of malloc, which makes every larger array anew from the system.
+            environment = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_VARIABLES, "1")}
+            settings = import_module("dask").config.set(environment)
+            with settings, one_thread(), interrupts_blocked():
                 self._cluster = distributed.LocalCluster(
                     n_workers=count,
                     threads_per_worker=1,
