@@ -15,12 +15,7 @@ from porocore.laws import LawMemory, MacroLaw, MacroResponse
 from porocore.problem import MacroProblem
 from porocore.reference import CellReference
 from porocore.states import Array, MacroState
-from porocore.surrogates.polynomial import MOST_PLAIN
 from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-
-#: Of the polynomial in problems of few inputs, as far as the states determine one: by default it would stop at 4, too
-#: coarse for a cell whose pore wall touches itself.
-DEGREE = 8
 
 
 def inform(sampler: Sampler, config: RunConfig, reference: CellReference) -> None:
@@ -56,8 +51,7 @@ class MacroExplorer:
         closure = CLOSURES[self.config.closure](
             self.reference.solid_fraction, self.config.cell.material, self.reference.conductivity
         )
-        degree = DEGREE if len(data.inputs) <= MOST_PLAIN else None
-        cells = PolynomialSurrogate(degree=degree).fit(data, seed=0)
+        cells = PolynomialSurrogate().fit(data, seed=0)
         visited: list[MacroState] = []
         results: list[float] = []
         for load in self.config.macro.loads:

@@ -1,0 +1,93 @@
+"""Macro runs on the way: which states they visit, and what they say of the study."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from porocore.benchmark import benchmark_path
+from porocore.config import RunConfig, load_config
+from porocore.errors import SolveError
+from porocore.exploration import MacroExplorer, coarse_problem, inform
+from porocore.interfaces.macro import MacroSolver
+from porocore.laws import MacroLaw
+from porocore.reference import CellReference
+from porocore.sampling.designs import SobolDesign
+from porocore.sampling.macro_driven import MacroDriven
+from porocore.states import MacroState
+from porocore.testing import synthetic_cell
+from porocore.testing.synthetic_cell import INPUTS, synthetic_training_set
+
+pytest.importorskip("porocore_fem_skfem")
+
+
+@pytest.fixture(scope="module")
+def config() -> RunConfig:
+    whole = load_config(benchmark_path())
+    macro = whole.macro.model_copy(update={"loads": (-0.05, -0.02)})
+    return whole.model_copy(update={"macro": macro, "closure": "potential"})
+
+
+@pytest.fixture(scope="module")
+def reference() -> CellReference:
+    return CellReference("made up", synthetic_cell.respond(MacroState.zeros(1)), np.eye(3), {})
+
+
+def test_a_coarse_problem_is_the_same_problem(config: RunConfig) -> None:
+    problem = config.macro.problem(-0.05)
+    coarse = coarse_problem(problem, 8, 20)
+    assert coarse.elements == (1, 8, 1)
+    assert coarse.time.step == pytest.approx((150 - 0.75) / 20)
+    assert (coarse.load, coarse.size, coarse.boundary) == (problem.load, problem.size, problem.boundary)
+    # What is coarse already stays.
+    assert coarse_problem(problem, 200, 10**6).elements == problem.elements
+    assert coarse_problem(problem, 200, 10**6).time.step == problem.time.step
+
+
+def test_an_exploration_visits_what_the_column_goes_through(
+    config: RunConfig, reference: CellReference
+) -> None:
+    explore = MacroExplorer(config, reference)
+    data = synthetic_training_set(40)
+    found = explore(data, elements=4, steps=8)
+    assert found.states.grad_u.shape[1:] == (3, 3)
+    H22, p = found.states.grad_u[:, 1, 1], found.states.p
+    # The column is drained in the end, so that its settlement is that of its most compressed points.
+    assert found.results[0] == pytest.approx(-7.5 * H22.min(), rel=0.01)
+    assert found.results[1] == pytest.approx(p.max(), rel=0.2)
+    assert 0 < found.results[2] < found.results[0]
+    assert np.abs(found.states.grad_u).sum(axis=(1, 2)) == pytest.approx(np.abs(H22), abs=1e-9)
+    again = explore(data, elements=4, steps=8)
+    assert again.results == found.results
+    assert (again.states.grad_u == found.states.grad_u).all()
+
+
+def test_a_macro_run_that_fails_gives_what_it_visited(config: RunConfig, reference: CellReference) -> None:
+    class Failing(MacroSolver):
+        def prepare(self, problem: object) -> None:
+            return None
+
+        def solve(self, prepared: object, law: MacroLaw, **_: object) -> object:  # type: ignore[override]
+            memory = law.initial(2)
+            H = np.zeros((2, 3, 3))
+            H[:, 1, 1] = -0.01
+            response = law.respond(MacroState(H, np.zeros(2)), np.zeros((2, 3)), memory)
+            assert law.reconsider(response, memory) is None
+            raise SolveError("no step is small enough")
+
+    explore = MacroExplorer(config, reference)
+    explore._solver = Failing()
+    found = explore(synthetic_training_set(12), elements=4, steps=8)
+    assert np.isnan(found.results).all()
+    assert len(found.results) == 4
+    assert sorted(set(found.states.grad_u[:, 1, 1])) == [-0.01, 0.0]
+
+
+def test_only_who_wants_to_know_is_informed(config: RunConfig, reference: CellReference) -> None:
+    inform(SobolDesign(INPUTS), config, reference)
+    sampler = MacroDriven(INPUTS)
+    inform(sampler, config, reference)
+    assert sampler.study.responses == ("mean_grad", "stress", "fluid_volume")
+    assert sampler.study.identity == config.stages.cell
+    assert sampler.study.reference is reference.response
+    assert isinstance(sampler.study.explore, MacroExplorer)
