@@ -98,7 +98,7 @@ def macro_laws(
             laws[LINEAR] = LinearPoroelasticity(linear_coefficients(reference, config))
         elif kind == "fallback":
             name = fallback_law(config.closure)
-            laws[name] = _learning(folder, config, stack.enter_context(_pool(config)), reference, name)
+            laws[name] = _learning(folder, config, stack, reference, name)
         else:
             cells = DirectCellLaw(stack.enter_context(_pool(config)), reference.response, config.stages.cell)
             name = direct_law(direct_closure)
@@ -112,7 +112,7 @@ def _pool(config: RunConfig) -> CellPool:
 
 
 def _learning(
-    folder: RunFolder, config: RunConfig, pool: CellPool, reference: CellReference, name: str
+    folder: RunFolder, config: RunConfig, stack: ExitStack, reference: CellReference, name: str
 ) -> LearningLaw:
     """The closure of a run with a surrogate that learns where the run takes it."""
     surrogate = load_surrogate(folder, config)
@@ -122,8 +122,9 @@ def _learning(
         identity=config.stages.sampling,
         provenance=versions(),
     )
+    stack.enter_context(dataset.writing())
     extend = Fallback(
-        pool,
+        stack.enter_context(_pool(config)),
         dataset,
         training_set(folder, config),
         partial(make_backend, "surrogate", config),
