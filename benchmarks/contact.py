@@ -35,7 +35,9 @@ def solve_each(
 ) -> list[tuple[str, float]]:
     found = []
     for h in path:
-        response = solver.solve(prepared, MacroState.single(np.diag([0.0, h, 0.0]), p), tangent=False).response
+        response = solver.solve(
+            prepared, MacroState.single(np.diag([0.0, h, 0.0]), p), tangent=False
+        ).response
         found.append((Status(int(response.status[0])).name, float(response.stress[0, 1, 1])))
     return found
 

@@ -7,7 +7,16 @@ import subprocess
 import sys
 from pathlib import Path
 
-SCRIPTS = ("felupe_newton", "elements", "paper_size", "surrogate_calls", "backends", "direct_fe2", "contact", "executors")
+SCRIPTS = (
+    "felupe_newton",
+    "elements",
+    "paper_size",
+    "surrogate_calls",
+    "backends",
+    "direct_fe2",
+    "contact",
+    "executors",
+)
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 
 
