@@ -23,7 +23,7 @@ from porocore.sampling.candidates import (
 from porocore.sampling.committee import Judgement, committee
 from porocore.sampling.options import positive, refuse_unknown, whole
 from porocore.sampling.rounds import RoundSampler, from_unit
-from porocore.states import Array, CellResponse
+from porocore.states import Array, CellResponse, Status
 
 #: A round asks for at least this share of the states that are known, so that the cost for each state stays the same.
 GROWTH = 0.1
@@ -80,7 +80,7 @@ class Learning(RoundSampler, StudySampler):
     @property
     def stable(self) -> BoolArray:
         """Which of the states so far a surrogate may learn from, (n,) bool."""
-        return np.array([bool(response.stable[0]) for response in self.told], dtype=bool)
+        return np.array([Status(int(response.status[0])).stable for response in self.told], dtype=bool)
 
     def reachable(self, candidates: Array) -> BoolArray:
         """Candidates whose nearest known state is stable, (m,): what lies around failed states is left alone."""

@@ -146,7 +146,7 @@ class Judgement:
 
     def worth(self) -> Array:
         """Of each candidate, (m,), after those that were taken."""
-        taken = np.einsum("kcm,kdm->mcd", self._known, self._reach)
+        taken = _each(self._known, self._reach)
         worth: Array = np.trace(np.linalg.solve(self._own(slice(None)), taken), axis1=1, axis2=2)
         return worth
 
@@ -161,8 +161,13 @@ class Judgement:
 
     def _own(self, which: slice) -> Array:
         rows, known = self._rows[:, :, which], self._known[:, :, which]
-        own: Array = np.einsum("kcm,kdm->mcd", rows, known) + np.eye(rows.shape[1])
-        return own
+        return _each(rows, known) + np.eye(rows.shape[1])
+
+
+def _each(a: Array, b: Array) -> Array:
+    """Σ_k a_kcm b_kdm for each candidate, (m, c, d); as products of matrices, several times as fast as einsum."""
+    product: Array = np.ascontiguousarray(a.transpose(2, 1, 0)) @ np.ascontiguousarray(b.transpose(2, 0, 1))
+    return product
 
 
 def committee(data: TrainingSet, responses: tuple[str, ...]) -> Committee:

@@ -19,7 +19,7 @@ class RoundSampler(Sampler):
     """Asks for the points of :meth:`next_round` until there are none or ``count`` states have been asked for.
 
     Every state is solved from the undeformed cell: measured on designs of two and of seven inputs, the field of the
-    nearest known state saves nothing (:doc:`docs/sampling.md`). Keys are ``state-00000``, ``state-00001``, …
+    nearest known state saves nothing worth waiting for. Keys are ``state-00000``, ``state-00001``, …
 
     Attributes
     ----------

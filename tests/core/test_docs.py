@@ -22,7 +22,7 @@ from pydantic_core import PydanticUndefined
 from porocore.benchmark import benchmark_path
 from porocore.cli.entry import app
 from porocore.config import RunConfig, load_config
-from porocore.registry import HOOKS
+from porocore.registry import HOOKS, registry
 from porocore.report.words import MEANINGS
 from porocore.sampling.density import DensitySweep
 from porocore.states import Status
@@ -156,6 +156,27 @@ def test_the_options_of_the_density_sweep():
     assert found.pop("tolerance") == "`0.05`"
     assert "(0.05 for `density-sweep`)" in page("docs/configuration.md")
     assert options_below("option of `density-sweep` beside") == found
+
+
+@pytest.mark.parametrize(
+    ("heading", "name"),
+    [
+        ("Options of `sobol` and", "sobol"),
+        ("Options of `sobol` and", "latin-hypercube"),
+        ("Options of `active`; with", "active"),
+        ("Options of `macro-driven`; `sampling.tolerance`", "macro-driven"),
+    ],
+)
+def test_the_options_of_the_other_samplers(heading, name):
+    parameters = inspect.signature(registry().get("sampler", name)).parameters.values()
+    found = {
+        p.name: shown(p.default)
+        for p in parameters
+        if p.kind is not p.VAR_KEYWORD and p.default is not p.empty
+    }
+    tolerance = found.pop("tolerance", None)
+    assert tolerance in (None, "`null`") or f"{tolerance.strip('`')} by default" in page("docs/configuration.md")
+    assert options_below(heading) == found
 
 
 # ---- commands -----------------------------------------------------------------------------------
