@@ -175,7 +175,9 @@ def test_the_options_of_the_other_samplers(heading, name):
         if p.kind is not p.VAR_KEYWORD and p.default is not p.empty
     }
     tolerance = found.pop("tolerance", None)
-    assert tolerance in (None, "`null`") or f"{tolerance.strip('`')} by default" in page("docs/configuration.md")
+    assert tolerance in (None, "`null`") or f"{tolerance.strip('`')} by default" in page(
+        "docs/configuration.md"
+    )
     assert options_below(heading) == found
 
 
