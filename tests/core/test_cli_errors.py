@@ -190,7 +190,7 @@ def test_what_only_a_backend_can_tell_has_its_line_too(porocore_command, tmp_pat
 
 
 def test_an_error_of_a_stage_is_one_message(porocore_command, pipeline, tmp_path):
-    def fail(folder, config, *, console):
+    def fail(folder, config, **how):
         raise SolveError("Newton's iteration fails at t = 1; take a smaller macro.time.step")
 
     pipeline.run = fail
@@ -203,7 +203,7 @@ def test_an_error_of_a_stage_is_one_message(porocore_command, pipeline, tmp_path
     ("code", "advice"), [(errno.ENOSPC, "make room"), (errno.EROFS, "--out"), (errno.EACCES, "--out")]
 )
 def test_a_disk_that_takes_no_more_is_explained(porocore_command, pipeline, tmp_path, code, advice):
-    def fail(folder, config, *, console):
+    def fail(folder, config, **how):
         raise OSError(code, "the system's words", str(folder.dataset))
 
     pipeline.run = fail
@@ -215,7 +215,7 @@ def test_a_disk_that_takes_no_more_is_explained(porocore_command, pipeline, tmp_
 
 
 def test_a_bug_keeps_its_traceback(porocore_command, pipeline, tmp_path, monkeypatch):
-    def fail(folder, config, *, console):
+    def fail(folder, config, **how):
         raise ZeroDivisionError("a bug")
 
     pipeline.run = fail
@@ -232,7 +232,7 @@ def test_a_bug_keeps_its_traceback(porocore_command, pipeline, tmp_path, monkeyp
     ],
 )
 def test_an_interruption_says_how_to_go_on(porocore_command, pipeline, tmp_path, words, advice):
-    def interrupt(folder, config, *, console):
+    def interrupt(folder, config, **how):
         raise KeyboardInterrupt
 
     pipeline.run = pipeline.sample = interrupt

@@ -169,6 +169,6 @@ def test_direct_solves_are_not_started_by_mpirun(tmp_path, config, monkeypatch, 
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    assert "--law direct shares its cells among processes itself; start it without mpirun" in (
+    assert "share their cells among processes themselves; start it without mpirun" in (
         capsys.readouterr().err
     )

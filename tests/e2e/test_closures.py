@@ -107,6 +107,7 @@ def test_the_steps_add_a_closure_too(paper, both, tmp_path):
     np.testing.assert_array_equal(settlement(run, EXACT), settlement(both, EXACT))
 
 
+@pytest.mark.slow
 def test_a_direct_solve_that_was_interrupted_goes_on(paper, both, tmp_path):
     run = tmp_path / "run"
     shutil.copytree(paper, run)

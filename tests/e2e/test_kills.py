@@ -102,6 +102,7 @@ def test_a_run_killed_in_every_stage_ends_with_the_same_numbers(
     assert_tidy(run)
 
 
+@pytest.mark.slow
 def test_workers_end_when_only_the_main_process_is_killed(
     finished, two_workers, one_worker, tmp_path, launch
 ):

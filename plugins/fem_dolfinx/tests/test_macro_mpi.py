@@ -100,7 +100,7 @@ def whole():
     [
         pytest.param((2, "dolfinx"), (1, "dolfinx"), marks=pytest.mark.slow, id="two to one process"),
         pytest.param((1, "skfem"), (2, "dolfinx"), marks=pytest.mark.slow, id="scikit-fem to two processes"),
-        pytest.param((2, "dolfinx"), (1, "skfem"), id="two processes to scikit-fem"),
+        pytest.param((2, "dolfinx"), (1, "skfem"), marks=pytest.mark.slow, id="two processes to scikit-fem"),
     ],
 )
 def test_a_checkpoint_is_continued_by_any_backend_on_any_number_of_processes(
