@@ -82,9 +82,9 @@ class PoreGeometry(BaseModel, ABC):
         return float("inf")
 
     def onto_fillet(self, points: Array) -> Array:
-        """Points (n, 3) of the drawn part near a fillet, moved onto it; only for a part with fillets."""
-        raise NotImplementedError
+        """Points (n, 3) of the drawn part near a fillet, moved onto it; as they are where there is none."""
+        return points
 
     def onto_channel(self, points: Array) -> Array:
-        """Points (n, 3) of the drawn part near a channel's wall, moved onto it; only for a part with such faces."""
-        raise NotImplementedError
+        """Points (n, 3) of the drawn part near a channel's wall, moved onto it; as they are where there is none."""
+        return points

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
@@ -69,9 +70,9 @@ class Design(RoundSampler):
         filling = self.filling(room - len(first)) if room > len(first) else first[:0]
         return np.concatenate([first, filling])
 
+    @abstractmethod
     def filling(self, count: int) -> Array:
         """``count`` points (n, d) of the unit box."""
-        raise NotImplementedError
 
 
 class SobolDesign(Design):
