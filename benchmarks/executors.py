@@ -60,7 +60,7 @@ def main() -> None:
     if len(digests) != 2:
         raise SystemExit("the data sets differ")
     header = ["executor", "one worker, s per state", "two workers", "times as fast"]
-    print(table(f"(j) Two workers, {STATES} states of seven inputs on a coarse whole cell", header, rows))
+    print(table(f"(k) Two workers, {STATES} states of seven inputs on a coarse whole cell", header, rows))
 
 
 if __name__ == "__main__":
