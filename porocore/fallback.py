@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from porocore.dataset import Dataset
 from porocore.execution import CellPool
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.records import Record
+from porocore.sampling.candidates import distances
 from porocore.states import Array, CellResponse, MacroState, Status
 
 #: States outside that are solved at a time, the farthest apart.
@@ -131,10 +131,11 @@ class Fallback:
     def fitted(self) -> Surrogate:
         """A surrogate of all that is known."""
         began = time.perf_counter()
-        surrogate = self.make().fit(self._training_set(), seed=self.seed)
+        data = self._training_set()
+        surrogate = self.make().fit(data, seed=self.seed)
         self.work.refits += 1
         self.work.fit_seconds += time.perf_counter() - began
-        self.on_work(f"fitted again to {len(self._training_set().states)} states")
+        self.on_work(f"fitted again to {len(data.states)} states")
         return surrogate
 
     def _chosen(self, x: Array) -> list[Array]:
@@ -144,15 +145,14 @@ class Fallback:
         """
         inputs = self.base.inputs
         low, span = np.array(inputs.lower), np.array(inputs.upper) - np.array(inputs.lower)
-        here = (x - low) / span
-        solved = (self.dataset.x() - low) / span
-        known = np.concatenate([(inputs.gather(self.base.states) - low) / span, solved])
+        here, solved = inputs.to_unit(x), inputs.to_unit(self.dataset.x())
+        known = np.concatenate([inputs.to_unit(inputs.gather(self.base.states)), solved])
         useless = solved[~self.dataset.responses().stable] if len(solved) else solved
         if len(useless):
-            here = here[cKDTree(useless).query(here)[0] > HOPELESS]
+            here = here[distances(here, useless)[0] > HOPELESS]
         chosen: list[Array] = []
         for _ in range(min(BATCH, len(here))):
-            distance, nearest = cKDTree(known).query(here)
+            distance, nearest = distances(here, known)
             k = int(np.argmax(distance))
             if distance[k] < 1e-6:
                 break

@@ -59,6 +59,12 @@ class InputSpace:
         """The inputs of n states, (n, d)."""
         return components(states)[list(self.columns)].T
 
+    def to_unit(self, x: Array) -> Array:
+        """Inputs (n, d) by their ranges: the box becomes the unit box."""
+        low, high = np.array(self.lower), np.array(self.upper)
+        unit: Array = (x - low) / (high - low)
+        return unit
+
     def scatter(self, x: npt.ArrayLike) -> MacroState:
         """States (n) from inputs (n, d), all other components zero."""
         rows: Array = np.atleast_2d(np.asarray(x, dtype=float))

@@ -37,7 +37,7 @@ class SampledRange:
     @classmethod
     def around(cls, inputs: InputSpace, points: npt.ArrayLike) -> SampledRange:
         """Hull of ``points`` (n, d); their bounding box if they do not span the space or d is large."""
-        points = cls._scaled(inputs, np.asarray(points, dtype=float))
+        points = inputs.to_unit(np.asarray(points, dtype=float))
         d = len(inputs)
         if 2 <= d <= MOST_HULL_INPUTS and len(points) > d:
             try:
@@ -49,12 +49,6 @@ class SampledRange:
         return cls(
             inputs, np.concatenate([unit, -unit]), np.concatenate([points.max(axis=0), -points.min(axis=0)])
         )
-
-    @staticmethod
-    def _scaled(inputs: InputSpace, x: Array) -> Array:
-        low, high = np.array(inputs.lower), np.array(inputs.upper)
-        scaled: Array = (x - low) / (high - low)
-        return scaled
 
     def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
         """Which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""

@@ -11,7 +11,6 @@ from porocore.inputs import InputSpace
 from porocore.sampling.active import GROWTH, Learning
 from porocore.sampling.candidates import distances, most_worth, opening, spacing, spread_out
 from porocore.sampling.options import positive, refuse_unknown, whole
-from porocore.sampling.rounds import to_unit
 from porocore.states import Array
 
 #: Visited states are put on a lattice of so many steps for each input: near ones are one, and round-off moves none.
@@ -127,6 +126,6 @@ class MacroDriven(Learning):
 
     def _lattice(self, x: Array) -> Array:
         """Different visited states in the unit box, (m, d)."""
-        unit: Array = np.unique(np.round(np.clip(to_unit(self.inputs, x), 0, 1) * LATTICE), axis=0) / LATTICE
+        unit: Array = np.unique(np.round(np.clip(self.inputs.to_unit(x), 0, 1) * LATTICE), axis=0) / LATTICE
         kept: Array = unit[:: ceil(len(unit) / MOST_CANDIDATES)]
         return kept

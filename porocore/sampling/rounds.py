@@ -92,10 +92,3 @@ def from_unit(inputs: InputSpace, unit: Array) -> Array:
     low, high = np.array(inputs.lower), np.array(inputs.upper)
     scaled: Array = np.clip(low + (high - low) * unit, low, high)
     return scaled
-
-
-def to_unit(inputs: InputSpace, x: Array) -> Array:
-    """The inverse, for any values of the inputs (n, d)."""
-    low, high = np.array(inputs.lower), np.array(inputs.upper)
-    unit: Array = (x - low) / (high - low)
-    return unit

@@ -16,7 +16,7 @@ from porocore.sampling.candidates import most_worth, spread_out
 from porocore.sampling.committee import committee
 from porocore.sampling.designs import LatinHypercube, SobolDesign, sobol_points
 from porocore.sampling.macro_driven import MacroDriven
-from porocore.sampling.rounds import from_unit, to_unit
+from porocore.sampling.rounds import from_unit
 from porocore.states import MacroState, Status
 from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
 from porocore.testing import potential_cell, synthetic_cell
@@ -160,7 +160,7 @@ def test_the_neighbourhood_of_unstable_states_is_left_alone() -> None:
     active.inform(column_study())
     asked = solve_all(active, COLUMN, synthetic_cell, bad)
     # Half of the box is unstable: an even design would put 30 states there.
-    deep = to_unit(COLUMN, asked)[:, 0] < 0.3
+    deep = COLUMN.to_unit(asked)[:, 0] < 0.3
     assert len(asked) == 60
     assert deep.sum() <= 6
     assert bad(asked).sum() <= 18
@@ -252,7 +252,7 @@ def test_macro_runs_that_do_not_reach_their_end_never_settle() -> None:
     assert len(x) == 26
     assert not sampler.settled
     # At rest alone nothing is new: the box is filled instead.
-    unit = to_unit(COLUMN, x)
+    unit = COLUMN.to_unit(x)
     gaps = np.linalg.norm(unit[:, None] - unit, axis=2) + 9 * np.eye(26)
     assert gaps.min() > 0.05
 
