@@ -14,6 +14,7 @@ from porocore.sampling.candidates import (
     MOST_CORNER_INPUTS,
     BoolArray,
     Stream,
+    corner_count,
     distances,
     most_worth,
     opening,
@@ -34,9 +35,33 @@ APART = 0.5
 
 
 class Learning(RoundSampler, StudySampler):
-    """Rounds that are chosen from what is known of the responses: the beginning of :class:`Active` and its kin."""
+    """Rounds that are chosen from what is known of the responses: the beginning of :class:`Active` and its kin.
+
+    Parameters
+    ----------
+    inputs, count
+        The box, and the budget of states.
+    initial, usual
+        Size of the design at the beginning, and what it is where that is None.
+    batch
+        States in a round; more where a share :data:`GROWTH` of what is known is more.
+    seed
+        Of everything random.
+    """
 
     _study: Study | None = None
+
+    def __init__(
+        self, inputs: InputSpace, count: int, initial: int | None, usual: int, batch: int, seed: int
+    ) -> None:
+        super().__init__(inputs, whole("sampling.options.count", count, 2))
+        self.initial = usual if initial is None else whole("sampling.options.initial", initial, 2)
+        self.batch = whole("sampling.options.batch", batch, 1)
+        self.seed = whole("sampling.options.seed", seed, 0)
+
+    def round_size(self, room: int) -> int:
+        """Of the next round."""
+        return min(room, max(self.batch, ceil(GROWTH * len(self.points))))
 
     def inform(self, study: Study) -> None:
         """See :class:`StudySampler`."""
@@ -135,14 +160,10 @@ class Active(Learning):
         **unknown: Any,
     ) -> None:
         refuse_unknown("active", ("count", "initial", "batch", "candidates", "seed"), unknown)
-        super().__init__(inputs, whole("sampling.options.count", count, 2))
         d = len(inputs)
-        corners = 2**d if d <= 4 else 0
-        usual = max(6, corners + d)
-        self.initial = usual if initial is None else whole("sampling.options.initial", initial, 2)
-        self.batch = whole("sampling.options.batch", batch, 1)
+        usual = max(6, corner_count(d) + d)
+        super().__init__(inputs, count, initial, usual, batch, seed)
         self.tolerance = None if tolerance is None else positive("sampling.tolerance", tolerance)
-        self.seed = whole("sampling.options.seed", seed, 0)
         self.candidates = whole("sampling.options.candidates", candidates, 2)
         self._stream = Stream(d, self.seed)
 
@@ -151,7 +172,7 @@ class Active(Learning):
         if not len(self.points):
             d, first = len(self.inputs), min(self.initial, room)
             return opening(d, first, self.seed) if d <= MOST_CORNER_INPUTS else self._stream.take(first)
-        size = min(room, max(self.batch, ceil(GROWTH * len(self.points))))
+        size = self.round_size(room)
         unit = self._stream.take(max(min(self.candidates * size, MOST_CANDIDATES), 2 * size))
         reachable = self.reachable(unit)
         judgement = self.judge(unit)

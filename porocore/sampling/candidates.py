@@ -21,6 +21,11 @@ MOST_CORNER_INPUTS = 4
 BLOCK = 10
 
 
+def corner_count(d: int) -> int:
+    """Corners of the box of d inputs with which a sampling begins."""
+    return 2**d if d <= MOST_CORNER_INPUTS else 0
+
+
 class Stream:
     """Ever new points of one scrambled Sobol sequence; round-off cannot move them.
 

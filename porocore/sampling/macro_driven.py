@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from porocore.inputs import InputSpace
-from porocore.sampling.active import GROWTH, Learning
-from porocore.sampling.candidates import distances, most_worth, opening, spacing, spread_out
+from porocore.sampling.active import Learning
+from porocore.sampling.candidates import corner_count, distances, most_worth, opening, spacing, spread_out
 from porocore.sampling.options import positive, refuse_unknown, whole
 from porocore.states import Array
 
@@ -68,15 +68,12 @@ class MacroDriven(Learning):
         **unknown: Any,
     ) -> None:
         refuse_unknown("macro-driven", ("count", "initial", "batch", "elements", "steps", "seed"), unknown)
-        super().__init__(inputs, whole("sampling.options.count", count, 2))
         d = len(inputs)
-        usual = max(8, (2**d if d <= 4 else 0) + 2 * d)
-        self.initial = usual if initial is None else whole("sampling.options.initial", initial, 2)
-        self.batch = whole("sampling.options.batch", batch, 1)
+        usual = max(8, corner_count(d) + 2 * d)
+        super().__init__(inputs, count, initial, usual, batch, seed)
         self.tolerance = positive("sampling.tolerance", tolerance)
         self.elements = whole("sampling.options.elements", elements, 1)
         self.steps = whole("sampling.options.steps", steps, 2)
-        self.seed = whole("sampling.options.seed", seed, 0)
         #: Results of the macro runs after each round.
         self.results: list[Array] = []
 
@@ -86,7 +83,7 @@ class MacroDriven(Learning):
         if not len(self.points):
             return opening(d, min(self.initial, room), self.seed)
         data = self.training_set()
-        size = min(room, max(self.batch, ceil(GROWTH * len(self.points))))
+        size = self.round_size(room)
         if data is None:
             return self._filling(size)
         found = self.study.explore(data, elements=self.elements, steps=self.steps)
