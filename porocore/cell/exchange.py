@@ -52,8 +52,8 @@ def _exchange(mesh: CellMesh, i: int, j: int) -> IntArray | None:
         return None
     order = np.empty(len(points), dtype=np.int64)
     order[here] = there
-    cells = np.sort(mesh.cells, axis=1)
-    image = np.sort(order[mesh.cells], axis=1)
+    cells = np.column_stack([np.sort(mesh.cells, axis=1), mesh.regions])
+    image = np.column_stack([np.sort(order[mesh.cells], axis=1), mesh.regions])
     if not np.array_equal(cells[np.lexsort(cells.T)], image[np.lexsort(image.T)]):
         return None
     return order

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from porocore.cell.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.part import PoreGeometry
 from porocore.errors import PorocoreError
-from porocore.states import Array
+from porocore.states import Array, IntArray
 
 if TYPE_CHECKING:
     from porocore.cell.part import DrawnPart
@@ -61,6 +61,15 @@ class CellMesh:
         Linear or quadratic tetrahedra in VTK order, positively oriented.
     periods
         Whole cells along each axis; a block extends from −½ to periods − ½ and is of the domain "whole".
+    regions : (M,)
+        Index of each element into ``region_names``; all 0 where none are given.
+    region_names
+        Parts of the phase that may differ in material; one, named like the phase, where none are given.
+
+    Raises
+    ------
+    ValueError
+        The regions are not one for each element, or lie outside the names.
     """
 
     phase: Phase
@@ -68,6 +77,20 @@ class CellMesh:
     points: Array
     cells: npt.NDArray[np.int64]
     periods: tuple[int, int, int] = (1, 1, 1)
+    regions: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    region_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.region_names:
+            object.__setattr__(self, "region_names", (self.phase,))
+            object.__setattr__(self, "regions", np.zeros(len(self.cells), dtype=np.int64))
+        if (
+            self.regions.shape != (len(self.cells),)
+            or not np.isin(self.regions, np.arange(len(self.region_names))).all()
+        ):
+            raise ValueError(
+                f"regions: expected {len(self.cells)} indices into {self.region_names}, got shape {self.regions.shape}"
+            )
 
     @property
     def order(self) -> int:
@@ -129,8 +152,10 @@ class CellMesh:
 
     @cached_property
     def hash(self) -> str:
-        """Of points and cells."""
+        """Of points and cells, and of the regions where there are several."""
         digest = hashlib.sha256(self.points.round(12).tobytes() + self.cells.tobytes())
+        if len(self.region_names) > 1:
+            digest.update(self.regions.tobytes() + "\0".join(self.region_names).encode())
         return digest.hexdigest()[:16]
 
 
@@ -145,7 +170,10 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
     """
     if domain == "whole":
         eighth = make_mesh(geometry, settings, phase, "eighth")
-        return CellMesh(phase, domain, *eighth_to_whole(eighth.points, eighth.cells))
+        points, cells = eighth_to_whole(eighth.points, eighth.cells)
+        return CellMesh(
+            phase, domain, points, cells, regions=np.tile(eighth.regions, 8), region_names=eighth.region_names
+        )
     size = settings.size if phase == "solid" else settings.fluid_size
     points, cells = _mesh_part(geometry, size, settings.element)[phase]
     if geometry.unfolding == "wedge":

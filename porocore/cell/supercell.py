@@ -34,7 +34,8 @@ def block(mesh: CellMesh, periods: Periods) -> CellMesh:
     points = (mesh.points[None] + shifts[:, None]).reshape(-1, 3)[first]
     n = len(mesh.points)
     cells = np.concatenate([inverse[mesh.cells + k * n] for k in range(len(shifts))])
-    return CellMesh(mesh.phase, "whole", points, cells, periods)
+    regions = np.tile(mesh.regions, len(shifts))
+    return CellMesh(mesh.phase, "whole", points, cells, periods, regions, mesh.region_names)
 
 
 def tiled(mesh: CellMesh, u: Array, periods: Periods, signs: tuple[int, int, int] = (1, 1, 1)) -> Array:
