@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from porocore.cell.cell import Cell as Cell
-    from porocore.cell.material import NeoHookean as NeoHookean
     from porocore.config import RunConfig as RunConfig
     from porocore.config import load_config as load_config
     from porocore.errors import ConfigurationError as ConfigurationError
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
     from porocore.laws import MacroLaw as MacroLaw
     from porocore.laws import MacroResponse as MacroResponse
     from porocore.laws import MacroTangent as MacroTangent
+    from porocore.materials.neo_hookean import NeoHookean as NeoHookean
     from porocore.problem import MacroProblem as MacroProblem
     from porocore.sampled_range import SampledRange as SampledRange
     from porocore.solution import History as History
@@ -53,7 +53,6 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "porocore.cell.cell": ["Cell"],
-    "porocore.cell.material": ["NeoHookean"],
     "porocore.config": ["RunConfig", "load_config"],
     "porocore.errors": [
         "ConfigurationError",
@@ -70,6 +69,7 @@ _HOMES = {
     "porocore.interfaces.sampler": ["Exploration", "Request", "Sampler", "Study", "StudySampler"],
     "porocore.interfaces.surrogate": ["Surrogate", "TrainingProgress", "TrainingSet"],
     "porocore.laws": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
+    "porocore.materials.neo_hookean": ["NeoHookean"],
     "porocore.problem": ["MacroProblem"],
     "porocore.sampled_range": ["SampledRange"],
     "porocore.solution": ["History", "MacroSolution", "Profile", "StepReport"],

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porocore.cell.material import NeoHookean
 from porocore.closures import reference_tangents
 from porocore.laws import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import Array, CellResponse, MacroState
 
 

@@ -28,6 +28,8 @@ LAYERS = (
             "states",
             "inputs",
             "sampled_range",
+            "tensors",
+            "materials",
             "cell",
             "laws",
             "problem",

@@ -9,9 +9,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import Geometry, OrthogonalChannels
-from porocore.cell.material import NeoHookean
 from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.supercell import block
+from porocore.materials.neo_hookean import NeoHookean
 
 Cells = Annotated[int, Field(ge=1, le=8)]
 

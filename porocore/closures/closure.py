@@ -7,9 +7,9 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from porocore.cell.material import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.laws import LawMemory, MacroResponse, fingerprint
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import Array, CellResponse, MacroState
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.cell.material import cofactor_tangent
 from porocore.closures.closure import Closure
 from porocore.closures.pull_back import PulledBack, deformation_slopes
 from porocore.laws import LawMemory, MacroResponse, MacroTangent
 from porocore.states import Array, CellResponse, CellTangent, MacroState
+from porocore.tensors.cofactors import cofactor_tangent
 
 
 class MeanGradientClosure(Closure):

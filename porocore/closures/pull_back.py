@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porocore.cell.material import cofactor, cofactor_tangent, determinant
 from porocore.states import Array, CellTangent, MacroState
+from porocore.tensors.cofactors import cofactor, cofactor_tangent, determinant
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.mass import lumped_mass
-from porocore.cell.material import NeoHookean
 from porocore.cell.mesh import CellMesh
 from porocore.contact.model import ContactModel, Touching
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import Array, Status
 
 

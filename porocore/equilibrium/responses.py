@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.exchange import exchanged_axes, images
-from porocore.cell.material import cofactor, cofactor_tangent, determinant
 from porocore.cell.parity import UNIT_LOADS, classes, visible
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate
 from porocore.equilibrium.path import gap
 from porocore.states import Array, CellPeaks, CellResponse, CellTangent, Status
+from porocore.tensors.cofactors import cofactor, cofactor_tangent, determinant
 
 
 def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResponse:

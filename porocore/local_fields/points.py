@@ -9,12 +9,13 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.mass import shape_functions
-from porocore.cell.material import NeoHookean, determinant
 from porocore.cell.mesh import CellMesh
 from porocore.cell.mirror import unfold_displacement
 from porocore.cell.quadrature import tetrahedron_rule
 from porocore.interfaces.cell import CellField
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import Array
+from porocore.tensors.cofactors import determinant
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,9 @@ from itertools import product
 
 import numpy as np
 
-from porocore.cell.material import determinant
 from porocore.closures.pull_back import PulledBack
 from porocore.states import Array, CellResponse, MacroState
+from porocore.tensors.cofactors import determinant
 
 #: Of the largest K_ii: what is less is no conductivity but round-off, as across a single channel.
 NO_FLOW = 1e-9

@@ -23,7 +23,7 @@ from porocore.surrogates.components import COMPONENT, PAIRS, PLACES, SHARE
 from porocore.surrogates.curvature_terms import CURVATURE
 from porocore.surrogates.diagonal_stretch import Slopes
 from porocore.surrogates.divided_differences import of_three, of_two
-from porocore.surrogates.symmetric_eigen import symmetric_eigen
+from porocore.tensors.symmetric_eigen import symmetric_eigen
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,8 @@ import porocore.cell_identities as identities
 from porocore.cell.cell import Cell
 from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import OrthogonalChannels
-from porocore.cell.material import NeoHookean
 from porocore.interfaces.cell import CellSolver
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import CellTangent, MacroState, Status
 from porocore.testing.cell_suite import CellSuite
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.cell.material import NeoHookean
 from porocore.closures import LinearCellLaw
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.solution import History
 from porocore.states import MacroState
 from porocore.testing.macro_solving import (

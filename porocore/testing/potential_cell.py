@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.cell.material import NeoHookean, cofactor, cofactor_tangent, determinant
 from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import TrainingSet
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
+from porocore.tensors.cofactors import cofactor, cofactor_tangent, determinant
 
 #: All nine components of H and p.
 INPUTS = InputSpace.from_ranges(

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.material import NeoHookean
 from porocore.closures import ClosedLaw, LinearCellLaw, MeanGradientClosure
 from porocore.laws import LawMemory, MacroLaw, MacroResponse
 from porocore.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.problem import Boundary, MacroProblem
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 

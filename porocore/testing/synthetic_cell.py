@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.cell.material import NeoHookean, cofactor, cofactor_tangent, determinant
 from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import TrainingSet
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
+from porocore.tensors.cofactors import cofactor, cofactor_tangent, determinant
 from porocore.testing.synthetic import cubic_reference
 
 #: Confined compression: the range of the two inputs that a synthetic training set samples.

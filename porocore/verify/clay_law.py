@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.cell.material import cofactor, cofactor_tangent, determinant
 from porocore.laws import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
 from porocore.states import Array, MacroState
+from porocore.tensors.cofactors import cofactor, cofactor_tangent, determinant
 from porocore.xie_leo import XieLeo
 
 

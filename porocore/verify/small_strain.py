@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.material import NeoHookean
 from porocore.closures import ClosedLaw, LinearCellLaw, MeanGradientClosure, PotentialClosure
 from porocore.interfaces.macro import MacroSolver
 from porocore.laws import MacroLaw, fingerprint
 from porocore.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.solution import History
 from porocore.states import CellResponse, MacroState
 from porocore.testing import potential_cell

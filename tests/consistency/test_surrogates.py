@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from porocore.cell.material import NeoHookean
 from porocore.closures import CLOSURES, ClosedLaw
 from porocore.crosscheck.comparison import HELD_OUT, SPREAD
 from porocore.errors import ConfigurationError
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import MacroState
 from porocore.testing.compare import RESPONSES, provided
 from porocore.testing.synthetic import CONDUCTIVITY, SOLID_FRACTION

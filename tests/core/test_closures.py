@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.cell.material import NeoHookean
 from porocore.closures import CLOSURES, ClosedLaw, LinearCellLaw, MeanGradientClosure
 from porocore.errors import ConfigurationError
 from porocore.laws import LawMemory
 from porocore.linear import LinearCoefficients
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import CellResponse, CellTangent, MacroState
 from porocore.testing.synthetic import cubic_reference
 

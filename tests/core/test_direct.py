@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from porocore.cell.material import NeoHookean
 from porocore.closures import ClosedLaw, MeanGradientClosure, PathCellLaw, PotentialClosure
 from porocore.direct import GRID, DirectCellLaw
 from porocore.errors import PorocoreError
 from porocore.execution import CellPool
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import CellResponse, MacroState, Status
 from porocore.testing.synthetic import CONDUCTIVITY
 from porocore.testing.synthetic_cell import SOLID_FRACTION, respond

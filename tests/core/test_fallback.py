@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.cell.material import NeoHookean
 from porocore.closures import ClosedLaw, LearningLaw, MeanGradientClosure, PotentialClosure
 from porocore.dataset import Dataset
 from porocore.execution import CellPool
@@ -13,6 +12,7 @@ from porocore.fallback import Fallback
 from porocore.inputs import InputSpace
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.surrogate import TrainingSet
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.problem import TimePlan
 from porocore.states import MacroState, Status
 from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate

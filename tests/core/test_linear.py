@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.cell.material import NeoHookean
 from porocore.laws import LawMemory
 from porocore.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import CellResponse, CellTangent, MacroState
 from porocore.testing.synthetic import cubic_reference
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.cell.material import NeoHookean
 from porocore.closure_error import closure_error
 from porocore.closures import CLOSURES, ClosedLaw, MeanGradientClosure, PotentialClosure
 from porocore.errors import ConfigurationError
 from porocore.laws import LawMemory
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import MacroState
 from porocore.surrogates.polynomial import polynomial_model
 from porocore.testing.synthetic import mean_gradient_law

@@ -15,11 +15,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from porocore.cell.material import NeoHookean
 from porocore.closure_error import ClosureError
 from porocore.errors import RunFolderError
 from porocore.inputs import InputSpace
 from porocore.linear import LinearCoefficients
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.report.context import (
     DEHGHANI_ZILIAN,
     Case,

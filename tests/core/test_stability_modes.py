@@ -12,11 +12,11 @@ from porocore.cell.contact import ContactSettings
 from porocore.cell.exchange import exchanged_axes, images
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.cell.mass import lumped_mass
-from porocore.cell.material import NeoHookean
 from porocore.cell.mesh import MeshSettings
 from porocore.cell.parity import CLASSES, bloch_classes, held_displacements, odd_axes
 from porocore.equilibrium.path import follow
 from porocore.equilibrium.responses import respond
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.stability.inertia import FAMILIES, WAVES, negative_pivots
 from porocore.stability.modes import folded, lowest_eigenvalues, lowest_mode, lowest_of_class
 from porocore.states import Status

@@ -9,7 +9,7 @@ from scipy.linalg import logm, polar
 from porocore.surrogates.components import PLACES
 from porocore.surrogates.divided_differences import of_three, of_two
 from porocore.surrogates.stretch import LogStretch
-from porocore.surrogates.symmetric_eigen import symmetric_eigen
+from porocore.tensors.symmetric_eigen import symmetric_eigen
 
 N = 24
 

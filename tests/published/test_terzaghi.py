@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.cell.material import NeoHookean
 from porocore.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.terzaghi import Terzaghi
 from porocore.testing.synthetic import confined_column, cubic_reference
 from porocore_fem_skfem.macro import SkfemMacroSolver

@@ -6,7 +6,7 @@ from typing import Any
 
 import ufl
 
-from porocore.cell.material import NeoHookean
+from porocore.materials.neo_hookean import NeoHookean
 from porocore_fem_dolfinx import compat
 
 

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.material import NeoHookean, cofactor, determinant
 from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import UNIT_LOADS, held_displacements
 from porocore.contact.model import ContactModel
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate, Sensitivities, Sums
+from porocore.materials.neo_hookean import NeoHookean
+from porocore.tensors.cofactors import cofactor, determinant
 from porocore_fem_skfem import solves
 from porocore_fem_skfem.constraints import Constraints
 from porocore_fem_skfem.operators import Operators, Scatter

@@ -1,4 +1,4 @@
-"""Strain energies of the solid."""
+"""The compressible neo-Hookean solid, in closed form."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from porocore.states import Array
+from porocore.tensors.cofactors import cofactor, determinant
 
 
 class NeoHookean(BaseModel):
@@ -66,39 +67,3 @@ class NeoHookean(BaseModel):
         )
         tangent += self.mu * np.eye(9).reshape(3, 3, 3, 3)
         return tangent
-
-
-def determinant(F: Array) -> Array:
-    """det F of (..., 3, 3), in closed form."""
-    det: Array = (
-        F[..., 0, 0] * (F[..., 1, 1] * F[..., 2, 2] - F[..., 1, 2] * F[..., 2, 1])
-        + F[..., 0, 1] * (F[..., 1, 2] * F[..., 2, 0] - F[..., 1, 0] * F[..., 2, 2])
-        + F[..., 0, 2] * (F[..., 1, 0] * F[..., 2, 1] - F[..., 1, 1] * F[..., 2, 0])
-    )
-    return det
-
-
-def cofactor(F: Array) -> Array:
-    """cof F = J F⁻ᵀ of (..., 3, 3), in closed form; ∂J/∂F."""
-    cof = np.moveaxis(
-        np.empty((3, 3, *F.shape[:-2])), (0, 1), (-2, -1)
-    )  # component-first in memory: fast slices
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        for m in range(3):
-            n, o = (m + 1) % 3, (m + 2) % 3
-            cof[..., i, m] = F[..., j, n] * F[..., k, o] - F[..., j, o] * F[..., k, n]
-    return cof
-
-
-def cofactor_tangent(F: Array) -> Array:
-    """∂cof F_ij / ∂F_kl = ε_ikm ε_jln F_mn, (..., 3, 3, 3, 3)."""
-    tangent = np.zeros((*F.shape[:-2], 3, 3, 3, 3))
-    for i, k, m, row in _PERMUTATIONS:
-        for j, l, n, column in _PERMUTATIONS:
-            tangent[..., i, j, k, l] = row * column * F[..., m, n]
-    return tangent
-
-
-#: (i, j, k, ε_ijk) wherever ε is not zero.
-_PERMUTATIONS = [(0, 1, 2, 1), (1, 2, 0, 1), (2, 0, 1, 1), (0, 2, 1, -1), (2, 1, 0, -1), (1, 0, 2, -1)]

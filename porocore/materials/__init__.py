@@ -1,0 +1,1 @@
+"""Strain energies of the solid, by the ``kind`` that the user writes."""

@@ -1,0 +1,1 @@
+"""Algebra of many 3 × 3 tensors at once."""
