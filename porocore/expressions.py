@@ -1,0 +1,151 @@
+"""Formulas that a user writes as text, read without executing anything: numbers, names, arithmetic and functions."""
+
+from __future__ import annotations
+
+import ast
+import difflib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+#: What may be called, all of one argument.
+FUNCTIONS: dict[str, Callable[[Any], Any]] = {
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "exp": np.exp,
+    "log": np.log,
+    "sqrt": np.sqrt,
+    "sinh": np.sinh,
+    "cosh": np.cosh,
+    "tanh": np.tanh,
+    "abs": np.abs,
+}
+CONSTANTS = {"pi": float(np.pi)}
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: lambda a, b: a + b,
+    ast.Sub: lambda a, b: a - b,
+    ast.Mult: lambda a, b: a * b,
+    ast.Div: lambda a, b: a / b,
+    ast.Pow: lambda a, b: a**b,
+}
+#: Longer texts, deeper trees and larger powers are a mistake or an attack.
+LONGEST, LARGEST_POWER = 2000, 100
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A formula in given names; call it with their values, numbers or arrays alike."""
+
+    text: str
+    tree: ast.expr
+
+    @classmethod
+    def parse(cls, text: str, names: Iterable[str], functions: Iterable[str] = FUNCTIONS) -> Expression:
+        """Read ``text``.
+
+        Raises
+        ------
+        ValueError
+            It is no formula, or holds anything but numbers, these names and functions, + − * / ** and brackets; the
+            message says what and where.
+        """
+        return _parse(text, tuple(names), tuple(functions))
+
+    @property
+    def names(self) -> set[str]:
+        """Those that occur, constants left out."""
+        found = {node.id for node in ast.walk(self.tree) if isinstance(node, ast.Name)}
+        return found - set(FUNCTIONS) - set(CONSTANTS)
+
+    def __call__(self, **values: Any) -> Any:
+        """Its value."""
+        return self.convert(lambda name: CONSTANTS[name] if name in CONSTANTS else values[name], FUNCTIONS)
+
+    def convert(
+        self,
+        name: Callable[[str], Any],
+        functions: dict[str, Callable[[Any], Any]],
+        number: Callable[[float], Any] = float,
+    ) -> Any:
+        """The formula in any algebra with + − * / **: by what stands for names, functions and numbers."""
+
+        def visit(node: ast.expr) -> Any:
+            match node:
+                case ast.Constant():
+                    return number(node.value)  # type: ignore[arg-type]
+                case ast.Name():
+                    return name(node.id)
+                case ast.UnaryOp():
+                    operand = visit(node.operand)
+                    return -operand if isinstance(node.op, ast.USub) else operand
+                case ast.BinOp():
+                    return _BINARY[type(node.op)](visit(node.left), visit(node.right))
+                case ast.Call(func=ast.Name() as function):
+                    return functions[function.id](visit(node.args[0]))
+            raise AssertionError(node)
+
+        return visit(self.tree)
+
+
+@lru_cache(maxsize=256)
+def _parse(text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> Expression:
+    if len(text) > LONGEST:
+        raise ValueError(f"the formula has {len(text)} characters; at most {LONGEST} are read")
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+        _check(tree, text.strip(), names, functions)
+    except SyntaxError as error:
+        raise ValueError(
+            f"'{text}' is no formula: {error.msg} at character {error.offset or 1}; write for example 2*x**2 - exp(-x)"
+        ) from None
+    except (RecursionError, MemoryError):
+        raise ValueError("the formula is nested too deeply") from None
+    return Expression(text, tree)
+
+
+def _check(node: ast.AST, text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> None:
+    def refuse(why: str) -> ValueError:
+        piece = ast.get_source_segment(text, node) or text  # type: ignore[arg-type]
+        where = getattr(node, "col_offset", 0) + 1
+        return ValueError(f"'{piece}' at character {where} of '{text}': {why}")
+
+    match node:
+        case ast.Constant(value=value):
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise refuse("only numbers, names and formulas of them may stand here")
+        case ast.Name(id=name):
+            if name not in (*names, *CONSTANTS):
+                close = difflib.get_close_matches(name, [*names, *CONSTANTS, *functions], n=1)
+                hint = f"did you mean '{close[0]}'? " if close else ""
+                raise refuse(f"unknown name; {hint}there are {', '.join([*names, *CONSTANTS])}")
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
+            _check(operand, text, names, functions)
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+            _check(left, text, names, functions)
+            _check(right, text, names, functions)
+            if isinstance(op, ast.Pow) and abs(_number(right) or 0.0) > LARGEST_POWER:
+                raise refuse(f"powers beyond {LARGEST_POWER} are refused")
+        case ast.BinOp(op=ast.BitXor()):
+            raise refuse("write a power as **")
+        case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
+            if name not in functions:
+                raise refuse(f"unknown function; there are {', '.join(functions)}, each of one argument")
+            _check(argument, text, names, functions)
+        case ast.Call(func=ast.Name(id=name)) if name in functions:
+            raise refuse(f"{name} takes one argument")
+        case _:
+            raise refuse(
+                "only numbers, names, + - * / **, brackets and functions of one argument may stand here"
+            )
+
+
+def _number(node: ast.AST) -> float | None:
+    """Of a constant, signs included; None for anything else."""
+    if isinstance(node, ast.UnaryOp):
+        inner = _number(node.operand)
+        return None if inner is None else -inner
+    return float(node.value) if isinstance(node, ast.Constant) else None  # type: ignore[arg-type]
