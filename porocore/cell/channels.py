@@ -8,9 +8,10 @@ import numpy as np
 from pydantic import Field, field_validator
 from pydantic_core.core_schema import ValidationInfo
 
+from porocore.cell.cad import DrawnGeometry, DrawnPart
 from porocore.cell.drawing import eighth, split, wedge
 from porocore.cell.fillet import onto_fillet, opened_volume
-from porocore.cell.part import DrawnPart, PoreGeometry, Unfolding
+from porocore.cell.part import Unfolding
 from porocore.cell.rounded_wedge import draw_wedge
 from porocore.states import Array
 
@@ -18,7 +19,7 @@ from porocore.states import Array
 SMALLEST_FILLET = 0.005
 
 
-class OrthogonalChannels(PoreGeometry):
+class OrthogonalChannels(DrawnGeometry):
     """Straight circular channels along coordinate axes that meet in the middle of the cell.
 
     With all three axes this is the cell of Dehghani & Zilian: a cube from which three cylinders are subtracted.

@@ -1,7 +1,7 @@
 """Pore geometries in the unit cube [−½, ½]³, by the ``kind`` that the user writes.
 
-A geometry names its smallest part that mirror planes unfold into the whole cell and draws that part with
-the OpenCASCADE kernel of gmsh; :mod:`porocore.cell.mirror` unfolds the mesh.
+A geometry names its smallest part that mirror planes unfold into the whole cell and meshes that part;
+:mod:`porocore.cell.mirror` unfolds the mesh.
 """
 
 from __future__ import annotations

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from porocore.cell.mesh import CellMesh
 from porocore.cell.quadrature import tetrahedron_rule
 from porocore.states import Array
+
+if TYPE_CHECKING:
+    from porocore.cell.mesh import CellMesh
 
 #: Of the rule: it integrates the square of a quadratic shape function on a straight tetrahedron.
 DEGREE = 4

@@ -1,11 +1,11 @@
-"""Meshes of the solid and of the fluid, made by gmsh and unfolded by symmetry."""
+"""Meshes of the solid and of the fluid, unfolded by symmetry where a geometry meshes a part of the cell only."""
 
 from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,26 +13,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from porocore.cell.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.part import PoreGeometry
-from porocore.errors import PorocoreError
+from porocore.cell.tetrahedra import Element, Phase, Tetrahedra, with_middles
 from porocore.states import Array, IntArray
 
-if TYPE_CHECKING:
-    from porocore.cell.part import DrawnPart
+__all__ = ["CellMesh", "Domain", "MeshSettings", "Phase", "make_mesh"]
 
-Phase = Literal["solid", "fluid"]
 Domain = Literal["eighth", "whole"]
-#: A narrow channel needs at least some ten elements around it, however coarse the rest may be.
-LARGEST_SIZE_TO_RADIUS = 0.8
-#: Two elements, seldom three, around a fillet, whose arc is 60° to 90°; coarser ones away from it.
-SIZE_TO_FILLET, GROWTH = 0.8, 1.0
-#: Of the distance between a wall and a mirror plane: a quadratic element across it has the parabola of the flow. Where
-#: finer elements than these are asked for, those in the gaps become finer alike.
-SIZE_TO_GAP, COARSE = 0.8, 0.2
-#: Corners of a tetrahedron between which its further nodes lie (VTK order).
-EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
-SYSTEM_LIBRARIES = (
-    "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
-)
 
 
 class MeshSettings(BaseModel):
@@ -44,7 +30,7 @@ class MeshSettings(BaseModel):
     """Of the solid's elements; narrow channels are meshed finer where they need it."""
     fluid_size: Annotated[float, Field(ge=0.01, le=0.5)] = 0.07
     """Of the fluid's; Stokes flow around the sharp ridges converges slowly, and it is solved only once."""
-    element: Literal["linear", "quadratic-straight", "quadratic-curved"] = "quadratic-curved"
+    element: Element = "quadratic-curved"
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,11 +93,8 @@ class CellMesh:
         """The same tetrahedra with a node in the middle of each edge, where they have none yet."""
         if self.order == 2:
             return self
-        pairs = self.cells[:, EDGES].reshape(-1, 2)
-        unique, inverse = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
-        middles = self.points[unique].mean(axis=1)
-        cells = np.concatenate([self.cells, inverse.reshape(-1, 6) + len(self.points)], axis=1)
-        return replace(self, points=np.concatenate([self.points, middles]), cells=cells)
+        points, cells, _ = with_middles(self.points, self.cells)
+        return replace(self, points=points, cells=cells)
 
     @cached_property
     def boundary(self) -> npt.NDArray[np.int64]:
@@ -166,132 +149,29 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
     Raises
     ------
     PorocoreError
-        gmsh cannot be imported or fails.
+        The geometry cannot be meshed.
+    ValueError
+        The eighth of a cell without mirrors is asked for.
     """
-    if domain == "whole":
+    if geometry.unfolding == "whole" and domain == "eighth":
+        raise ValueError(f"{geometry.description}: the cell has no mirrors, and so no eighth")
+    if geometry.unfolding != "whole" and domain == "whole":
         eighth = make_mesh(geometry, settings, phase, "eighth")
         points, cells = eighth_to_whole(eighth.points, eighth.cells)
         return CellMesh(
             phase, domain, points, cells, regions=np.tile(eighth.regions, 8), region_names=eighth.region_names
         )
     size = settings.size if phase == "solid" else settings.fluid_size
-    points, cells = _mesh_part(geometry, size, settings.element)[phase]
+    part = _part(geometry, size, settings.element)[phase]
+    points, cells, regions = part.points, part.cells, part.regions
     if geometry.unfolding == "wedge":
         points, cells = wedge_to_eighth(points, cells)
-    else:
+        regions = np.tile(regions, 6)
+    elif geometry.unfolding == "eighth":
         points = snap(points, [0.0, 0.5])
-    return CellMesh(phase, domain, points, cells)
-
-
-def _import_gmsh() -> Any:
-    try:
-        import gmsh
-    except (ImportError, OSError) as error:
-        raise PorocoreError(
-            f"gmsh cannot be loaded ({error}); it needs some system libraries: on Debian or Ubuntu run "
-            f"apt-get install {SYSTEM_LIBRARIES}"
-        ) from error
-    return gmsh
+    return CellMesh(phase, domain, points, cells, regions=regions, region_names=part.region_names)
 
 
 @lru_cache(maxsize=4)
-def _mesh_part(
-    geometry: PoreGeometry, size: float, element: str
-) -> dict[Phase, tuple[Array, npt.NDArray[np.int64]]]:
-    gmsh = _import_gmsh()
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("General.NumThreads", 1)
-        size = min(size, LARGEST_SIZE_TO_RADIUS * geometry.narrowest)
-        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-        gmsh.model.add("cell")
-        part = geometry.draw(gmsh)
-        if part.fillets:
-            _refine(gmsh, part.fillets, min(size, SIZE_TO_FILLET * geometry.finest_fillet), size)
-        elif type(geometry).gap is not PoreGeometry.gap:
-            _follow_gaps(gmsh, geometry, size)
-        gmsh.model.mesh.generate(3)
-        if not part.extruded:
-            gmsh.model.mesh.optimize("Netgen")
-        if element != "linear":
-            gmsh.option.setNumber("Mesh.SecondOrderLinear", float(element == "quadratic-straight"))
-            gmsh.model.mesh.setOrder(2)
-        nodes = _nodes(gmsh, geometry, part)
-        return {
-            "solid": _read(gmsh, part.solid, nodes, element),
-            "fluid": _read(gmsh, part.fluid, nodes, element),
-        }
-    except Exception as error:  # gmsh raises plain Exception
-        raise PorocoreError(f"gmsh could not mesh {geometry!r} at size {size:g}: {error}") from error
-    finally:
-        gmsh.finalize()
-
-
-def _refine(gmsh: Any, faces: list[int], smallest: float, largest: float) -> None:
-    """Elements of the smallest size on the faces, growing with the distance from them."""
-    fields = gmsh.model.mesh.field
-    distance, size = fields.add("Distance"), fields.add("Threshold")
-    fields.setNumbers(distance, "SurfacesList", faces)
-    fields.setNumber(distance, "Sampling", 40)
-    fields.setNumber(size, "InField", distance)
-    fields.setNumber(size, "SizeMin", smallest)
-    fields.setNumber(size, "SizeMax", largest)
-    fields.setNumber(size, "DistMin", smallest)
-    fields.setNumber(size, "DistMax", smallest + (largest - smallest) / GROWTH)
-    fields.setAsBackgroundMesh(size)
-    gmsh.option.setNumber("Mesh.MeshSizeMin", smallest)
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-
-
-def _follow_gaps(gmsh: Any, geometry: PoreGeometry, largest: float) -> None:
-    """Elements as small as the gaps beside them."""
-    share = SIZE_TO_GAP * min(1.0, largest / COARSE)
-
-    def size(dim: int, tag: int, x: float, y: float, z: float, proposed: float) -> float:
-        return min(largest, share * geometry.gap(x, y, z))
-
-    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.0)
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-    gmsh.model.mesh.setSizeCallback(size)
-
-
-def _nodes(gmsh: Any, geometry: PoreGeometry, part: DrawnPart) -> Array:
-    """Coordinates by tag, (largest tag + 1, 3), those on approximate faces moved onto the wall."""
-    tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    points = np.full((int(tags.max()) + 1, 3), np.nan)
-    points[tags.astype(np.int64)] = coordinates.reshape(-1, 3)
-    # The fillet's ends are also the channel's: last what is the more curved.
-    for faces, onto in ((part.channels, geometry.onto_channel), (part.fillets, geometry.onto_fillet)):
-        for face in faces:
-            on_face = gmsh.model.mesh.getNodes(2, face, includeBoundary=True)[0].astype(np.int64)
-            points[on_face] = onto(points[on_face])
-    return points
-
-
-def _read(gmsh: Any, volumes: list[int], nodes: Array, element: str) -> tuple[Array, npt.NDArray[np.int64]]:
-    """Points and tetrahedra (VTK order) of the given volumes, numbered from 0."""
-    blocks = []
-    for volume in volumes:
-        kinds, _, tags_of_kind = gmsh.model.mesh.getElements(3, volume)
-        for kind, tags in zip(kinds, tags_of_kind, strict=True):
-            per_element = {4: 4, 11: 10}[int(kind)]
-            blocks.append(tags.astype(np.int64).reshape(-1, per_element))
-    if not blocks:
-        return np.empty((0, 3)), np.empty((0, 4 if element == "linear" else 10), dtype=np.int64)
-    cells = np.concatenate(blocks)
-    if cells.shape[1] == 10:
-        cells = cells[
-            :, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
-        ]  # gmsh numbers the last two edges the other way round
-    used, cells = np.unique(cells, return_inverse=True)
-    cells = cells.reshape(-1, blocks[0].shape[1])
-    points = nodes[used]
-    if element == "quadratic-straight":
-        points[cells[:, 4:]] = points[cells[:, EDGES]].mean(axis=2)
-    corners = points[cells[:, :4]]
-    edges = corners[:, 1:] - corners[:, :1]
-    if not (np.linalg.det(edges) > 0).all():
-        raise ValueError("inverted tetrahedra")
-    return points, cells
+def _part(geometry: PoreGeometry, size: float, element: Element) -> dict[Phase, Tetrahedra]:
+    return geometry.tetrahedra(size, element)

@@ -7,14 +7,15 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from porocore.cell.cad import DrawnGeometry, DrawnPart
 from porocore.cell.drawing import split, wedge
-from porocore.cell.part import DrawnPart, PoreGeometry, Unfolding
+from porocore.cell.part import Unfolding
 
 #: Neighbours with less than this between them have a gap that no mesh resolves.
 SMALLEST_GAP = 0.002
 
 
-class SphereArray(PoreGeometry):
+class SphereArray(DrawnGeometry):
     """Equal spheres on a simple cubic lattice, one in the middle of each cell (Zick & Homsy 1982)."""
 
     kind: Literal["sphere-array"]
@@ -77,7 +78,7 @@ class SphereArray(PoreGeometry):
         return DrawnPart(*split(occ, (3, wedge(occ)), solid))
 
 
-class CylinderArray(PoreGeometry):
+class CylinderArray(DrawnGeometry):
     """Equal cylinders along z on a square lattice (Sangani & Acrivos 1982)."""
 
     kind: Literal["cylinder-array"]
@@ -139,7 +140,7 @@ class CylinderArray(PoreGeometry):
         return DrawnPart(solid, fluid, extruded=True)
 
 
-class NoPores(PoreGeometry):
+class NoPores(DrawnGeometry):
     """A cell that is all solid, for checks: its response is that of the material."""
 
     kind: Literal["no-pores"]
