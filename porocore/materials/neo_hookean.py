@@ -5,20 +5,19 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from porocore.states import Array
+from porocore.materials.material import Material
+from porocore.states import Array, IntArray
 from porocore.tensors.cofactors import cofactor, determinant
 
 
-class NeoHookean(BaseModel):
+class NeoHookean(Material):
     """Compressible neo-Hookean solid with E = 1.
 
     Ψ = μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)², μ = 1/(2(1+ν)), λ = ν/((1+ν)(1−2ν))
     (Dehghani & Zilian, eq. Neo_Hookean). All methods work on arrays (..., 3, 3).
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: Literal["neo-hookean"] = "neo-hookean"
     poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5)] = 0.35
@@ -33,6 +32,25 @@ class NeoHookean(BaseModel):
         """First Lamé constant λ [E]."""
         return self.poisson_ratio / ((1 + self.poisson_ratio) * (1 - 2 * self.poisson_ratio))
 
+    @property
+    def isotropic(self) -> bool:
+        """It is."""
+        return True
+
+    @property
+    def mirrored(self) -> bool:
+        """It is."""
+        return True
+
+    @property
+    def description(self) -> str:
+        """Kind and Poisson's ratio."""
+        return f"{self.kind} solid with Poisson's ratio {self.poisson_ratio:g}"
+
+    def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
+        """E = 1 and μ, the same everywhere."""
+        return 1.0, self.mu
+
     def volumetric(self, log_J: Array) -> tuple[Array, Array, Array]:
         """U = −μ ln J + λ/2 (ln J)² and its first and second derivative with respect to ln J."""
         return (
@@ -41,7 +59,7 @@ class NeoHookean(BaseModel):
             np.full_like(log_J, self.lam),
         )
 
-    def energy(self, F: Array) -> Array:
+    def energy_density(self, F: Array) -> Array:
         """Ψ (...) [E]."""
         energy: Array = (
             self.mu / 2 * ((F * F).sum(axis=(-2, -1)) - 3) + self.volumetric(np.log(determinant(F)))[0]

@@ -50,7 +50,7 @@ def respond(states: MacroState) -> CellResponse:
     return CellResponse(
         mean_grad=G,
         status=np.full(n, int(Status.converged), dtype=np.int64),
-        potential=solid * material.energy(F) - fluid * p * J - STORAGE / 2 * p**2 + value,
+        potential=solid * material.energy_density(F) - fluid * p * J - STORAGE / 2 * p**2 + value,
         stress=stress,
         fluid_volume=fluid * J + STORAGE * p - BEND[1] * (off**2).sum(axis=1),
         tangent=CellTangent(

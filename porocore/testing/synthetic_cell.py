@@ -49,7 +49,7 @@ def respond(states: MacroState) -> CellResponse:
     return CellResponse(
         mean_grad=G,
         status=np.full(n, int(Status.converged), dtype=np.int64),
-        potential=solid * material.energy(F) - fluid_p * J - STORAGE / 2 * p**2,
+        potential=solid * material.energy_density(F) - fluid_p * J - STORAGE / 2 * p**2,
         stress=solid * material.stress(F) - fluid_p[:, None, None] * cof,
         fluid_volume=fluid * J + STORAGE * p,
         tangent=tangent,

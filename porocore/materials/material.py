@@ -1,0 +1,80 @@
+"""What every strain energy of the solid offers, and what a configured one must obey."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, model_validator
+
+from porocore.materials.moduli import check_reference, voigt_moduli
+from porocore.states import Array, IntArray
+
+
+class StrainEnergy(ABC):
+    """A hyperelastic solid, Ψ(F) at many points.
+
+    F_ij = ∂x_i/∂X_j has the shape (..., 3, 3); where materials differ from element to element it is led by the
+    elements of the mesh, (elements, points, 3, 3). All stresses and moduli are in units of E, the reference modulus of the study.
+    """
+
+    @property
+    @abstractmethod
+    def isotropic(self) -> bool:
+        """Whether the response is the same along all directions of the reference configuration, everywhere."""
+
+    @property
+    @abstractmethod
+    def mirrored(self) -> bool:
+        """Whether the mirrors of the three axes leave the response alone, as the eighth of a cell asks for."""
+
+    @abstractmethod
+    def energy_density(self, F: Array) -> Array:
+        """Ψ (...) per undeformed volume [E]; 0 at F = I."""
+
+    @abstractmethod
+    def stress(self, F: Array) -> Array:
+        """P = ∂Ψ/∂F (..., 3, 3), first Piola–Kirchhoff, tension positive [E]."""
+
+    @abstractmethod
+    def tangent(self, F: Array) -> Array:
+        """A_ijkl = ∂P_ij/∂F_kl (..., 3, 3, 3, 3) [E]."""
+
+    @abstractmethod
+    def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
+        """Young's modulus and shear modulus of small strains [E], averaged over directions and over elements (all)."""
+
+
+class Material(BaseModel, StrainEnergy):
+    """A homogeneous solid as it stands in the configuration.
+
+    A new kind derives this class, has a field ``kind`` with one allowed text, and stands in
+    :data:`porocore.materials.choice.AnyMaterial`.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @property
+    @abstractmethod
+    def description(self) -> str:
+        """A few words for a reader, such as ``neo-hookean solid with Poisson's ratio 0.35``."""
+
+    @property
+    def elasticity(self) -> Array:
+        """C (3, 3, 3, 3) of small strains, A at F = I [E]."""
+        return self.tangent(np.eye(3))
+
+    def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
+        """See :class:`StrainEnergy`; Voigt's average over directions, exact where the solid is isotropic."""
+        return voigt_moduli(self.elasticity)
+
+    def stress_hint(self) -> str:
+        """What a user may change where the undeformed solid is not free of stress."""
+        return ""
+
+    @model_validator(mode="after")
+    def _sound(self) -> Self:
+        rest = np.eye(3)
+        check_reference(self.energy_density(rest), self.stress(rest), self.elasticity, self.stress_hint)
+        return self

@@ -1,0 +1,46 @@
+"""The compressible Mooney–Rivlin solid."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from porocore.materials.by_invariants import BASIC, VOLUMETRIC, InvariantMaterial
+from porocore.materials.invariants import Invariant
+
+
+class MooneyRivlin(InvariantMaterial):
+    """Mooney–Rivlin solid with a separate response to changes of volume.
+
+    Ψ = c₁₀ (J^(−2/3) I₁ − 3) + c₀₁ (J^(−4/3) I₂ − 3) + K/4 (J² − 1 − 2 ln J); initial shear modulus 2 (c₁₀ + c₀₁), bulk
+    modulus K (Rivlin 1948, Phil. Trans. R. Soc. A 241; the split of Flory 1961).
+    """
+
+    kind: Literal["mooney-rivlin"]
+    c10: float
+    """[E]; c10 + c01 is half the shear modulus."""
+    c01: float
+    """[E]; 0 is a neo-Hookean solid of another volumetric energy than that of the kind neo-hookean."""
+    bulk_modulus: Annotated[float, Field(gt=0)]
+    """K [E]."""
+
+    @property
+    def description(self) -> str:
+        """Kind and moduli."""
+        return f"{self.kind} solid, c10 = {self.c10:g}, c01 = {self.c01:g}, K = {self.bulk_modulus:g}"
+
+    @property
+    def invariants(self) -> dict[str, Invariant]:
+        """I1, I2 and J."""
+        return BASIC
+
+    @property
+    def formula(self) -> str:
+        """See the class."""
+        return f"c10*(J**(-2/3)*I1 - 3) + c01*(J**(-4/3)*I2 - 3) + {VOLUMETRIC}"
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """c10, c01 and K."""
+        return {"c10": self.c10, "c01": self.c01, "K": self.bulk_modulus}
