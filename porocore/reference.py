@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.cell.mesh import Domain
 from porocore.errors import ConfigurationError, DataError, PorocoreError
 from porocore.files import atomic_path
 from porocore.interfaces.cell import CellSolver
@@ -71,12 +72,14 @@ class CellReference:
                 f"the undeformed cell ended with status '{Status(response.status[0]).name}'; "
                 "refine the mesh (cell.mesh.size) or try another backend (--fem)"
             )
-        solid, fluid = cell.make_mesh("solid", "eighth"), cell.make_mesh("fluid", "eighth")
+        # Of a cell that has an eighth it is told whether the states are solved there or not.
+        part: Domain = "whole" if cell.geometry.unfolding == "whole" else "eighth"
+        solid, fluid = cell.make_mesh("solid", part), cell.make_mesh("fluid", part)
         mesh = {
             "element": cell.mesh.element,
-            "solid tetrahedra in the eighth": f"{len(solid.cells):,}",
-            "solid nodes in the eighth": f"{len(solid.points):,}",
-            "fluid tetrahedra in the eighth": f"{len(fluid.cells):,}",
+            f"solid tetrahedra in the {part}": f"{len(solid.cells):,}",
+            f"solid nodes in the {part}": f"{len(solid.points):,}",
+            f"fluid tetrahedra in the {part}": f"{len(fluid.cells):,}",
             "solid mesh hash": solid.hash,
             "fluid mesh hash": fluid.hash,
         }

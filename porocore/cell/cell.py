@@ -28,14 +28,19 @@ class Cell(BaseModel):
     mesh: MeshSettings = MeshSettings()
     contact: ContactSettings = ContactSettings()
     symmetry: Literal["auto", "none"] = "auto"
-    """auto: the eighth of the cell wherever geometry and load are mirror-symmetric; none: always the whole cell."""
+    """auto: the eighth of the cell wherever pores and load are mirror-symmetric; none: always the whole cell."""
     supercell: tuple[Cells, Cells, Cells] = (1, 1, 1)
     """Whole cells along each axis that are solved as one; more than one leaves the mirror symmetry out."""
 
     @property
+    def symmetric(self) -> bool:
+        """Whether the pores have mirrors that may be made use of; the flow is then solved on the eighth."""
+        return self.symmetry == "auto" and self.geometry.unfolding != "whole"
+
+    @property
     def mirrored(self) -> bool:
         """Whether states without shear are solved on the eighth."""
-        return self.symmetry == "auto" and self.supercell == (1, 1, 1)
+        return self.symmetric and self.supercell == (1, 1, 1)
 
     @property
     def identity(self) -> str:

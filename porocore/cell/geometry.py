@@ -13,8 +13,17 @@ from pydantic import Discriminator, Tag
 from porocore.cell.channels import OrthogonalChannels
 from porocore.cell.obstacles import CylinderArray, NoPores, SphereArray
 from porocore.cell.part import PoreGeometry
+from porocore.cell.tpms import TriplyPeriodic
 
-__all__ = ["CylinderArray", "Geometry", "NoPores", "OrthogonalChannels", "PoreGeometry", "SphereArray"]
+__all__ = [
+    "CylinderArray",
+    "Geometry",
+    "NoPores",
+    "OrthogonalChannels",
+    "PoreGeometry",
+    "SphereArray",
+    "TriplyPeriodic",
+]
 
 DEFAULT = "orthogonal-channels"
 
@@ -30,6 +39,7 @@ Geometry = Annotated[
     Annotated[OrthogonalChannels, Tag(DEFAULT)]
     | Annotated[SphereArray, Tag("sphere-array")]
     | Annotated[CylinderArray, Tag("cylinder-array")]
-    | Annotated[NoPores, Tag("no-pores")],
+    | Annotated[NoPores, Tag("no-pores")]
+    | Annotated[TriplyPeriodic, Tag("tpms")],
     Discriminator(_kind),
 ]

@@ -111,13 +111,21 @@ class CellMesh:
 
     @cached_property
     def wall(self) -> npt.NDArray[np.int64]:
-        """Facets of the pore wall Γ, outward from this phase; the rest of the boundary lies on the cell's planes."""
-        corners = self.points[self.boundary[:, :3]]
-        planes = (0.0, self._last) if self.domain == "eighth" else (-0.5, self._last)
-        on_plane = np.zeros(len(corners), dtype=bool)
-        for plane in planes:
-            on_plane |= (corners == plane).all(axis=1).any(axis=1)
-        return self.boundary[~on_plane]
+        """Facets of the pore wall Γ, outward from this phase.
+
+        The rest of the boundary of an eighth lies on its mirror planes, that of a whole cell on opposite facets of
+        the same phase.
+        """
+        if self.domain == "eighth":
+            corners = self.points[self.boundary[:, :3]]
+            on_plane = np.zeros(len(corners), dtype=bool)
+            for plane in (0.0, 0.5):
+                on_plane |= (corners == plane).all(axis=1).any(axis=1)
+            return self.boundary[~on_plane]
+        facets = np.sort(self.periodic_class[self.boundary[:, :3]], axis=1)
+        _, inverse, count = np.unique(facets, axis=0, return_inverse=True, return_counts=True)
+        wall: npt.NDArray[np.int64] = self.boundary[count[inverse.reshape(-1)] == 1]
+        return wall
 
     @property
     def _last(self) -> Array:

@@ -97,7 +97,10 @@ def held_velocities(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
     The flow under e_j is odd under the mirror of j and even under the others.
     """
     held = np.zeros((len(mesh.points), 3), dtype=bool)
-    held[mesh.wall.ravel()] = True
+    # A node may be on the wall while the facets there belong to a periodic image of it.
+    on_wall = np.zeros(int(mesh.periodic_class.max(initial=-1)) + 1, dtype=bool)
+    on_wall[mesh.periodic_class[mesh.wall]] = True
+    held[on_wall[mesh.periodic_class]] = True
     if mesh.domain == "eighth":
         on_plane = _on_plane(mesh)
         for i in range(3):

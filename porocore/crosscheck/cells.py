@@ -71,7 +71,7 @@ def make_meshes(config: RunConfig) -> None:
     PorocoreError
         The cell cannot be meshed.
     """
-    domains = {"whole"} if config.cell.symmetry == "none" else {"eighth", "whole"}
+    domains = {"eighth", "whole"} if config.cell.symmetric else {"whole"}
     for domain in sorted(domains):
         config.cell.make_mesh("solid", domain)  # type: ignore[arg-type]
     config.cell.make_mesh("fluid", min(domains))  # type: ignore[arg-type]

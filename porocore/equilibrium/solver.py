@@ -56,7 +56,7 @@ class PreparedCell:
         """K (3, 3) of the undeformed cell; 0 without pores."""
         if self.cell.geometry.porosity == 0:
             return np.zeros((3, 3))
-        domain: Domain = "eighth" if self.cell.symmetry == "auto" else "whole"
+        domain: Domain = "eighth" if self.cell.symmetric else "whole"
         K = self._solver.flow(self.cell.make_mesh("fluid", domain))
         if domain == "eighth":
             K = 8 * np.diag(np.diag(K))

@@ -160,6 +160,11 @@ def _check_symmetric(prepared: PreparedCell, start: Array, goal: Array) -> None:
         raise ConfigurationError(
             "stability is examined on the eighth of the cell, so H must be diagonal; expected only H11, H22, H33 and p"
         )
+    if prepared.cell.geometry.unfolding == "whole":
+        raise ConfigurationError(
+            f"stability is examined on the eighth of a cell with mirrors, which {prepared.cell.geometry.description} "
+            "does not have"
+        )
     if not prepared.cell.mirrored:
         raise ConfigurationError(
             "stability is examined on the eighth of the cell; expected cell.symmetry: auto and no cell.supercell, got "
