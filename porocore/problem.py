@@ -1,16 +1,21 @@
-"""The macroscale problem: a box of poroelastic material, what is done to its faces, and when."""
+"""The macroscale problem: a body of poroelastic material, what is done to its surface, and when."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Annotated
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-Face = Literal["x-", "x+", "y-", "y+", "z-", "z+"]
-FACES: tuple[Face, ...] = ("x-", "x+", "y-", "y+", "z-", "z+")
+from porocore.body.kinds import AnyBody, Box
+from porocore.body.surfaces import Patch
+from porocore.courses import Course, Value
+
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
+Row = tuple[float, float, float]
+NO_GRADIENT: tuple[Row, Row, Row] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 class _Strict(BaseModel):
@@ -18,20 +23,25 @@ class _Strict(BaseModel):
 
 
 class Boundary(_Strict):
-    """What is prescribed on one face; what is left out is free of traction and impermeable.
+    """What is prescribed on one surface; what is left out is free of traction and impermeable.
 
-    Non-zero values are multiplied by the load and by the ramp of the time plan.
+    A number is multiplied by the load and by the ramp of the time plan, a :class:`~porocore.courses.Course` by the load
+    alone.
     """
 
-    displacement: tuple[float | None, float | None, float | None] = (None, None, None)
+    displacement: tuple[Value | None, Value | None, Value | None] = (None, None, None)
     """Components of u; None leaves a component free."""
-    traction: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    normal: Value | None = None
+    """Displacement along the outward normal of a plane surface, which slides freely along itself."""
+    traction: tuple[Value, Value, Value] = (0.0, 0.0, 0.0)
     """Dead traction t̄ per reference area [E]."""
-    plate: float | None = None
-    """Force along the face's axis on a rigid frictionless plate: the face moves along that axis as one [E L²]."""
-    pressure: float | None = None
-    """Pore pressure; None makes the face a flux boundary."""
-    flux: float = 0.0
+    follower: Value = 0.0
+    """Pressure on the deformed surface, along its current inward normal [E]."""
+    plate: Value | None = None
+    """Force along the axis of a plane surface on a rigid frictionless plate: it moves along that axis as one [E L²]."""
+    pressure: Value | None = None
+    """Pore pressure; None makes the surface a flux boundary."""
+    flux: Value = 0.0
     """Outward flux q̄ per reference area where the pressure is free."""
 
     @model_validator(mode="after")
@@ -39,9 +49,29 @@ class Boundary(_Strict):
         for i, (u, t) in enumerate(zip(self.displacement, self.traction, strict=True)):
             if u is not None and t != 0:
                 raise ValueError(f"component {i + 1} has both a displacement and a traction; keep one")
+        if self.normal is not None and any(u is not None for u in self.displacement):
+            raise ValueError("a surface has both a normal displacement and components of it; keep one")
+        if self.plate is not None and self.normal is not None:
+            raise ValueError(
+                "a surface has both a plate, which is pushed, and a normal displacement; keep one"
+            )
         if self.pressure is not None and self.flux != 0:
-            raise ValueError("a face has both a pressure and a flux; keep one")
+            raise ValueError("a surface has both a pressure and a flux; keep one")
         return self
+
+    @property
+    def courses(self) -> Iterator[Course]:
+        """Those of its values that have one."""
+        values = (
+            *self.displacement,
+            self.normal,
+            *self.traction,
+            self.follower,
+            self.plate,
+            self.pressure,
+            self.flux,
+        )
+        return (value for value in values if isinstance(value, Course))
 
 
 class TimePlan(_Strict):
@@ -53,6 +83,9 @@ class TimePlan(_Strict):
     ramp_step: Positive = 0.05
     smallest_step: Positive = 1e-6
     """Step halving stops here."""
+    tolerance: Positive | None = None
+    """Error of one step, as a share of the largest displacement and of the largest pressure so far, by which steps are
+    chosen; ``step`` is then the largest. None: all are ``step`` long."""
     profiles: tuple[Positive, ...] = (1.0, 10.0, 40.0)
     """Times at which the fields are kept."""
     load_curve: tuple[tuple[Positive, float], ...] = ()
@@ -90,29 +123,57 @@ class NewtonSettings(_Strict):
     iterations: Count = 25
 
 
-class MacroSetup(_Strict):
-    """Confined compression and its relatives on a box [0, a] × [0, b] × [0, c] of hexahedra, for any load."""
+class InitialState(_Strict):
+    """What the body begins with, from which storage and time are counted; it need not be in equilibrium."""
 
-    size: tuple[Positive, Positive, Positive] = (0.1, 7.5, 0.1)
-    elements: tuple[Count, Count, Count] = (1, 106, 1)
-    boundary: dict[Face, Boundary]
+    pressure: float = 0.0
+    """The same everywhere [E]."""
+    gradient: tuple[Row, Row, Row] = NO_GRADIENT
+    """Displacement gradient H, the same everywhere: u = H X."""
+
+
+class MacroSetup(_Strict):
+    """A body, its supports and its drains, for any load."""
+
+    body: AnyBody = Box()
+    surfaces: dict[str, Patch] = {}
+    """Parts of the body's named surfaces with names of their own."""
+    boundary: dict[str, Boundary]
+    """By the surface."""
+    body_force: tuple[Value, Value, Value] = (0.0, 0.0, 0.0)
+    """Per reference volume of the mixture [E/L]."""
+    initial: InitialState = InitialState()
+    probes: dict[str, tuple[float, float, float]] = {}
+    """Material points X whose displacement and pressure the history keeps, by name."""
     time: TimePlan = TimePlan()
     newton: NewtonSettings = NewtonSettings()
 
     @model_validator(mode="after")
     def _plates_are_free_to_move(self) -> MacroSetup:
-        for face, boundary in self.boundary.items():
-            i = "xyz".index(face[0])
-            if boundary.plate is not None and boundary.displacement[i] is not None:
+        for name, boundary in self.boundary.items():
+            axis = "xyz".find(name[0]) if name[1:] in ("-", "+") else -1
+            if axis >= 0 and boundary.plate is not None and boundary.displacement[axis] is not None:
                 raise ValueError(
-                    f"the face {face} has both a plate, which is pushed by a force, and a displacement u_{i + 1}, "
-                    "which moves it as one already; keep one"
+                    f"the face {name} has both a plate, which is pushed by a force, and a displacement "
+                    f"u_{axis + 1}, which moves it as one already; keep one"
                 )
         return self
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Times at which a prescribed value bends."""
+        courses = [course for boundary in self.boundary.values() for course in boundary.courses]
+        courses += [value for value in self.body_force if isinstance(value, Course)]
+        times = {t for course in courses for t in course.corners} | {t for t, _ in self.time.load_curve}
+        return tuple(sorted(t for t in times if 0 < t <= self.time.end))
 
     def ramp(self, time: float) -> float:
         """Share of the load that acts at ``time``."""
         return self.time.share(time)
+
+    def factor(self, value: Value, time: float) -> float:
+        """Of a prescribed value at ``time``, without the load: a number's is the ramp, a course's its own value."""
+        return value.at(time) if isinstance(value, Course) else self.ramp(time)
 
 
 class MacroProblem(MacroSetup):

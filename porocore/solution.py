@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,9 @@ import numpy.typing as npt
 from porocore.errors import DataError
 from porocore.hdf5 import atomic_hdf5
 from porocore.states import Array
+
+#: Fields of a solution that map names to values against time.
+SERIES = ("probes", "reactions", "inflow")
 
 
 @dataclass(frozen=True)
@@ -77,10 +81,17 @@ class MacroSolution:
         Factor of the prescribed values.
     points : (nodes, 3)
         Nodes of the quadratic mesh.
-    cells : (elements, 27)
-        Triquadratic hexahedra in VTK order.
+    cells : (elements, 27 or 10)
+        Triquadratic hexahedra or quadratic tetrahedra in VTK order.
     backend
         Name of the macro solver, where it is known.
+    probes : name → (steps, 4)
+        u_1, u_2, u_3 and p of each probe against the history's time.
+    reactions : name → (steps, 3)
+        Force on each surface that is held or moved, from outside on the body; what two of them share counts half for
+        each.
+    inflow : name → (steps,)
+        Rate of fluid that enters through each surface with a prescribed pressure, the mean over the step.
     """
 
     law: str
@@ -90,6 +101,9 @@ class MacroSolution:
     history: History
     profiles: tuple[Profile, ...]
     backend: str = ""
+    probes: Mapping[str, Array] = field(default_factory=dict)
+    reactions: Mapping[str, Array] = field(default_factory=dict)
+    inflow: Mapping[str, Array] = field(default_factory=dict)
 
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically."""
@@ -99,6 +113,9 @@ class MacroSolution:
             file["points"], file["cells"] = self.points, self.cells
             for f in fields(History):
                 file[f"history/{f.name}"] = getattr(self.history, f.name)
+            for kind in SERIES:
+                for name, values in getattr(self, kind).items():
+                    file[f"{kind}/{name}"] = values
             for i, profile in enumerate(self.profiles):
                 for f in fields(Profile):
                     file[f"profiles/{i}/{f.name}"] = getattr(profile, f.name)
@@ -128,6 +145,7 @@ class MacroSolution:
                     History(**{f.name: np.asarray(file[f"history/{f.name}"]) for f in fields(History)}),
                     tuple(profiles),
                     str(file.attrs.get("backend", "")),
+                    **{kind: {name: np.asarray(v) for name, v in file.get(kind, {}).items()} for kind in SERIES},
                 )
         except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
             raise DataError(

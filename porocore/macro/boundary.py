@@ -1,114 +1,291 @@
-"""What is prescribed at which node of the box, and what loads and flows through its faces amount to there."""
+"""What is prescribed at which unknown of the body, and what loads and flows through its surface amount to there."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
+from porocore.body.mesh import BodyMesh
+from porocore.body.surfaces import Facets
+from porocore.courses import Course, Value
 from porocore.errors import ConfigurationError
-from porocore.macro.mesh import BoxMesh
-from porocore.problem import FACES, Boundary, Face
+from porocore.macro.frames import Constraint, in_frames
+from porocore.problem import Boundary, MacroProblem
 from porocore.states import Array, IntArray
 
 
 @dataclass(frozen=True, eq=False)
 class BoundaryData:
-    """Under a load of 1, by the unknowns' numbers in the mesh.
+    """By the unknowns' numbers in the mesh, for a unit of each course.
 
     Attributes
     ----------
-    prescribed, values : (k,)
-        Unknowns that are prescribed, ascending, and their values.
-    external : (unknowns,)
-        −∫ t̄ N dS of the displacements, less the force on a plate in the first of its unknowns, and ∫ q̄ N dS of the
-        pressures.
+    courses
+        1.0 for the common ramp, then every other course that occurs.
+    prescribed : (k,)
+        Unknowns that are prescribed, ascending.
+    values : (k, courses)
+        Their values.
+    external : (courses, unknowns)
+        −∫ t̄ N dS − ∫ b N dX of the displacements, less the force on a plate in the first of its unknowns, and
+        ∫ q̄ N dS of the pressures.
     plates
         Unknowns that are one, ascending, for each rigid plate.
+    followers
+        Course, its factor and the facets of each pressure that follows the surface.
+    rotation
+        (unknowns, unknowns) orthogonal matrix Q from Cartesian unknowns to those that are solved for, which differ
+        at nodes of oblique surfaces; None where all are Cartesian.
+    supports : name → (3, unknowns)
+        By which the reactions at all unknowns are summed up to the force on each surface that is held or moved.
+    drains : name → (unknowns,)
+        The same for the fluid that enters through each surface with a prescribed pressure.
     """
 
+    courses: tuple[Value, ...]
     prescribed: IntArray
     values: Array
     external: Array
     plates: tuple[IntArray, ...] = ()
+    followers: tuple[tuple[int, float, Facets], ...] = ()
+    rotation: Any = None
+    supports: Mapping[str, Any] = field(default_factory=dict)
+    drains: Mapping[str, Any] = field(default_factory=dict)
+
+    def amplitudes(self, problem: MacroProblem, time: float) -> Array:
+        """(courses,) what acts at ``time``, the load included."""
+        return problem.load * np.array([problem.factor(course, time) for course in self.courses])
 
 
-def boundary_data(mesh: BoxMesh) -> BoundaryData:
-    """From the problem's faces.
+def boundary_data(mesh: BodyMesh, problem: MacroProblem) -> BoundaryData:
+    """From the problem's surfaces.
 
     Raises
     ------
     ConfigurationError
-        Two faces prescribe different values on their common edge, one holds the edge of another's plate, or a
-        translation is not held.
+        There is no such surface, two surfaces prescribe different values where they meet, one holds the edge of
+        another's plate, a plate or a normal displacement is on a curved surface, or a translation is not held.
     """
-    values = np.full(mesh.size, np.nan)
-    external = np.zeros(mesh.size)
-    plates: dict[Face, IntArray] = {}
-    u, p = external[: mesh.n_u].reshape(-1, 3), external[mesh.n_u :]
-    for face in FACES:
-        boundary = mesh.problem.boundary.get(face, Boundary())
-        on_face = _on_face(mesh, face)
-        nodes, p_nodes = np.flatnonzero(on_face), np.flatnonzero(on_face[mesh.p_nodes])
-        for i, value in enumerate(boundary.displacement):
-            _prescribe(values, 3 * nodes + i, value, f"u_{i + 1}", face)
-        _prescribe(values, mesh.n_u + p_nodes, boundary.pressure, "p", face)
-        if any(boundary.traction):
-            u[nodes] -= np.outer(_areas(mesh, face, nodes, (1 / 6, 4 / 6)), boundary.traction)
-        if boundary.plate is not None:
-            plates[face] = 3 * nodes + _axis(face)
-            external[plates[face][0]] -= boundary.plate
-        if boundary.flux:
-            p[p_nodes] += boundary.flux * _areas(mesh, face, mesh.p_nodes[p_nodes], (1 / 2, 0))
-    for i in range(3):
-        if np.isnan(values[i : mesh.n_u : 3]).all():
-            raise ConfigurationError(
-                f"macro.boundary: nothing holds the body in direction {i + 1}; "
-                f"prescribe u_{i + 1} on some face"
-            )
-    for face, unknowns in plates.items():
-        if not np.isnan(values[unknowns]).all():
-            raise ConfigurationError(
-                f"macro.boundary.{face}: the plate moves as one, but a neighbouring face prescribes "
-                f"u_{_axis(face) + 1} on their common edge; leave that component free there"
-            )
-    prescribed = np.flatnonzero(~np.isnan(values))
-    return BoundaryData(prescribed, values[prescribed], external, tuple(plates.values()))
+    return _Collector(mesh, problem).result()
 
 
-def _axis(face: Face) -> int:
-    return "xyz".index(face[0])
+class _Collector:
+    def __init__(self, mesh: BodyMesh, problem: MacroProblem) -> None:
+        self.mesh, self.problem = mesh, problem
+        self.courses: list[Value] = [1.0]
+        #: Course and factor of each prescribed unknown; −1 where nothing is.
+        self.course = np.full(mesh.size, -1)
+        self.factor = np.zeros(mesh.size)
+        self.external: dict[int, Array] = {}
+        self.oblique: dict[int, list[Constraint]] = {}
+        self.plates: dict[str, IntArray] = {}
+        self.followers: list[tuple[int, float, Facets]] = []
+        #: (components, nodes) of each surface that holds the body, and nodes of each with a pressure.
+        self.held: dict[str, IntArray] = {}
+        self.drains: dict[str, IntArray] = {}
 
-
-def _on_face(mesh: BoxMesh, face: Face) -> Any:
-    axis = _axis(face)
-    side = mesh.problem.size[axis] if face[1] == "+" else 0.0
-    return np.abs(mesh.points[:, axis] - side) < 1e-6 * mesh.edges[axis]
-
-
-def _prescribe(values: Any, unknowns: Any, value: float | None, name: str, face: Face) -> None:
-    if value is None:
-        return
-    before = values[unknowns]
-    clash = before[~np.isnan(before) & (before != value)]
-    if clash.size:
-        raise ConfigurationError(
-            f"macro.boundary.{face}: {name} = {value:g} contradicts {name} = {clash[0]:g} of a "
-            "neighbouring face on their common edge; prescribe it on one of them only"
+    def result(self) -> BoundaryData:
+        for name, boundary in self.problem.boundary.items():
+            key = f"macro.boundary.{name}"
+            facets = Facets(self.mesh, self.mesh.surface(name, key))
+            if len(facets.nodes):
+                _Surface(self, name, key, facets, boundary).collect()
+        self._body_force()
+        rotation, oblique = in_frames(self.mesh, self.oblique, self._cartesian_constraints, len(self.courses))
+        self._check(oblique)
+        plain = np.flatnonzero(self.course >= 0)
+        plain = plain[~np.isin(plain // 3, list(self.oblique)) | (plain >= self.mesh.n_u)]
+        values = np.zeros((self.mesh.size, len(self.courses)))
+        values[plain, self.course[plain]] = self.factor[plain]
+        unknowns, rows = oblique
+        values[unknowns] = rows
+        prescribed = np.union1d(plain, unknowns).astype(np.int64)
+        external = np.zeros((len(self.courses), self.mesh.size))
+        for course, force in self.external.items():
+            external[course] += force
+        return BoundaryData(
+            tuple(self.courses),
+            prescribed,
+            values[prescribed],
+            external,
+            tuple(self.plates.values()),
+            tuple(self.followers),
+            rotation,
+            self._sums(self.held, 3),
+            self._sums(self.drains, 1),
         )
-    values[unknowns] = value
+
+    def split(self, value: Value) -> tuple[int, float]:
+        """Number of its course, and the factor on that."""
+        if not isinstance(value, Course):
+            return 0, float(value)
+        if value not in self.courses:
+            self.courses.append(value)
+        return self.courses.index(value), 1.0
+
+    def load(self, value: Value, force: Array) -> None:
+        """Add ``force`` (unknowns,) times the value."""
+        course, factor = self.split(value)
+        if factor:
+            self.external[course] = self.external.get(course, np.zeros(self.mesh.size)) + factor * force
+
+    def prescribe(self, unknowns: IntArray, value: Value, name: str, key: str) -> None:
+        course, factor = self.split(value)
+        known = self.course[unknowns] >= 0
+        clash = known & ((self.course[unknowns] != course) | (self.factor[unknowns] != factor))
+        clash &= ~(known & (self.factor[unknowns] == 0) & (factor == 0))
+        if clash.any():
+            other = unknowns[clash][0]
+            before = self.courses[self.course[other]] if self.course[other] else self.factor[other]
+            raise ConfigurationError(
+                f"{key}: {name} = {_show(value)} contradicts {name} = {_show(before)} of a "
+                "neighbouring surface where they meet; prescribe it on one of them only"
+            )
+        self.course[unknowns], self.factor[unknowns] = course, factor
+
+    def _body_force(self) -> None:
+        element = self.mesh.element
+        local = self.mesh.weights @ element.values(element.points)
+        volumes = np.bincount(self.mesh.cells.ravel(), local.ravel(), len(self.mesh.points))
+        for i, value in enumerate(self.problem.body_force):
+            if value != 0:
+                force = np.zeros(self.mesh.size)
+                force[i : self.mesh.n_u : 3] = -volumes
+                self.load(value, force)
+
+    def _cartesian_constraints(self, node: int) -> list[Constraint]:
+        """What components of a node are prescribed."""
+        found = []
+        for i in range(3):
+            course = self.course[3 * node + i]
+            if course >= 0:
+                found.append((np.eye(3)[i], int(course), float(self.factor[3 * node + i])))
+        return found
+
+    def _check(self, oblique: tuple[IntArray, Array]) -> None:
+        held = [bool((self.course[i : self.mesh.n_u : 3] >= 0).any()) for i in range(3)]
+        normals = [normal for constraints in self.oblique.values() for normal, _, _ in constraints]
+        for i in range(3):
+            if not held[i] and not any(abs(normal[i]) > 1e-6 for normal in normals):
+                raise ConfigurationError(
+                    f"macro.boundary: nothing holds the body in direction {i + 1}; "
+                    f"prescribe u_{i + 1} on some surface"
+                )
+        for name, unknowns in self.plates.items():
+            if (self.course[unknowns] >= 0).any() or np.isin(unknowns // 3, list(self.oblique)).any():
+                raise ConfigurationError(
+                    f"macro.boundary.{name}: the plate moves as one, but a neighbouring surface prescribes "
+                    f"u_{unknowns[0] % 3 + 1} on their common edge; leave that component free there"
+                )
+
+    def _sums(self, groups: dict[str, IntArray], components: int) -> dict[str, Any]:
+        """What two surfaces share counts half for each."""
+        count = np.zeros(self.mesh.size)
+        for unknowns in groups.values():
+            count[unknowns] += 1
+        sums = {}
+        for name, unknowns in groups.items():
+            rows = unknowns % 3 if components == 3 else np.zeros(len(unknowns), dtype=int)
+            sums[name] = sparse.csr_matrix(
+                (1 / count[unknowns], (rows, unknowns)), shape=(components, self.mesh.size)
+            )
+        return sums
 
 
-def _areas(mesh: BoxMesh, face: Face, nodes: Any, shares: tuple[float, float]) -> Any:
-    """∫ N dS over the face for some of its nodes.
+@dataclass(frozen=True)
+class _Surface:
+    """One surface, as it adds itself to the collection."""
 
-    Shape functions are products of those along the edges, whose integrals are ``shares`` (end, middle) of an
-    edge's length: 1/6 and 4/6 for quadratic ones, 1/2 for linear ones, which have no middle node.
-    """
-    areas = np.ones(len(nodes))
-    for axis in {0, 1, 2} - {_axis(face)}:
-        halves = np.rint(2 * mesh.points[nodes, axis] / mesh.edges[axis]).astype(int)
-        inner = (halves > 0) & (halves < 2 * mesh.problem.elements[axis])
-        areas *= mesh.edges[axis] * np.where(halves % 2, shares[1], shares[0] * np.where(inner, 2, 1))
-    return areas
+    to: _Collector
+    name: str
+    key: str
+    facets: Facets
+    boundary: Boundary
+
+    def collect(self) -> None:
+        self._displacements()
+        self._plate()
+        self._loads()
+        self._fluid()
+
+    @cached_property
+    def nodes(self) -> IntArray:
+        return np.unique(self.facets.nodes)
+
+    def _displacements(self) -> None:
+        held = []
+        for i, value in enumerate(self.boundary.displacement):
+            if value is not None:
+                self.to.prescribe(3 * self.nodes + i, value, f"u_{i + 1}", self.key)
+                held.append(3 * self.nodes + i)
+        if self.boundary.normal is not None:
+            held += self._normal(self.boundary.normal)
+        if held:
+            self.to.held[self.name] = np.sort(np.concatenate(held))
+
+    def _normal(self, value: Value) -> list[IntArray]:
+        normal = self.facets.plane(f"{self.key}.normal")
+        axis = int(np.abs(normal).argmax())
+        if abs(normal[axis]) > 1 - 1e-9:
+            signed = value if normal[axis] > 0 else _opposite(value, self.key)
+            self.to.prescribe(3 * self.nodes + axis, signed, f"u_{axis + 1}", self.key)
+            return [3 * self.nodes + axis]
+        course, factor = self.to.split(value)
+        for node in self.nodes:
+            self.to.oblique.setdefault(int(node), []).append((normal, course, factor))
+        return [3 * self.nodes + i for i in range(3)]
+
+    def _plate(self) -> None:
+        if self.boundary.plate is None:
+            return
+        normal = self.facets.plane(f"{self.key}.plate")
+        axis = int(np.abs(normal).argmax())
+        if abs(normal[axis]) < 1 - 1e-9:
+            raise ConfigurationError(
+                f"{self.key}.plate: this surface is oblique; a plate moves along x, y or z, on a surface across it"
+            )
+        unknowns = 3 * self.nodes + axis
+        force = np.zeros(self.to.mesh.size)
+        force[unknowns[0]] = -1.0
+        self.to.plates[self.name] = unknowns
+        self.to.load(self.boundary.plate, force)
+
+    def _loads(self) -> None:
+        n_u = self.to.mesh.n_u
+        if any(value != 0 for value in self.boundary.traction):
+            areas = self.facets.shares(self.to.mesh.element.facet.values)
+            for i, value in enumerate(self.boundary.traction):
+                force = np.zeros(self.to.mesh.size)
+                force[i:n_u:3] = -areas
+                self.to.load(value, force)
+        if self.boundary.follower != 0:
+            self.to.followers.append((*self.to.split(self.boundary.follower), self.facets))
+
+    def _fluid(self) -> None:
+        mesh = self.to.mesh
+        places = np.searchsorted(mesh.p_nodes, self.nodes[np.isin(self.nodes, mesh.p_nodes)])
+        if self.boundary.pressure is not None:
+            self.to.prescribe(mesh.n_u + places, self.boundary.pressure, "p", self.key)
+            self.to.drains[self.name] = mesh.n_u + places
+        if self.boundary.flux != 0:
+            force = np.zeros(mesh.size)
+            force[mesh.n_u :] = self.facets.shares(mesh.element.facet.corner_values)[mesh.p_nodes]
+            self.to.load(self.boundary.flux, force)
+
+
+def _opposite(value: Value, key: str) -> Value:
+    if isinstance(value, Course):
+        raise ConfigurationError(
+            f"{key}.normal: the outward normal is against an axis here, and a course cannot be turned round; "
+            "prescribe the component of the displacement"
+        )
+    return -value
+
+
+def _show(value: Value) -> str:
+    return "a function of time" if isinstance(value, Course) else f"{value:g}"

@@ -17,15 +17,17 @@ import numpy as np
 from porocore.errors import DataError
 from porocore.hdf5 import atomic_hdf5
 from porocore.laws import LawMemory, MacroLaw
+from porocore.macro.adaptive import ErrorControl
 from porocore.macro.discretisation import Discretisation
-from porocore.macro.mesh import POINTS
-from porocore.macro.record import HISTORY, PROFILE, Record
+from porocore.macro.record import PROFILE, Record
 from porocore.problem import MacroProblem
 from porocore.solution import Profile
 from porocore.states import Array
 from porocore.stepping import Stepper
 
-FORMAT, VERSION = "porocore-macro-checkpoint", 1
+FORMAT, VERSION = "porocore-macro-checkpoint", 2
+#: What is kept of the time stepping.
+STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "proposed": float}
 #: A law whose answers moved by more than this is another one; machines differ by round-off only.
 SAME_LAW = 1e-8
 
@@ -37,17 +39,28 @@ def identity(problem: MacroProblem, law: MacroLaw) -> str:
 
 
 def save(
-    path: Path, owner: str, stepper: Stepper, d: Discretisation, x: Array, memory: LawMemory, record: Record
+    path: Path,
+    owner: str,
+    stepper: Stepper,
+    control: ErrorControl,
+    d: Discretisation,
+    x: Array,
+    memory: LawMemory,
+    record: Record,
 ) -> None:
     """Write the state after an accepted step, atomically; ``owner`` is :func:`identity`."""
-    whole = d.to_mesh(x)
+    whole = d.gathered(x)
+    rate = None if control.rate is None else d.gathered(control.rate)
     memories = [(name, d.points_to_mesh(value)) for name, value in _arrays(memory, "memory")]
 
     def write() -> None:
         with atomic_hdf5(path) as file:
             file.attrs.update(format=FORMAT, version=VERSION, identity=owner)
-            file.attrs.update(time=stepper.time, halvings=stepper.halvings, streak=stepper.streak)
+            file.attrs.update({name: getattr(stepper, name) for name in STEPPER})
+            file.attrs.update(length=control.length, scales=control.scales)
             file["x"] = whole
+            if rate is not None:
+                file["rate"] = rate
             for name, value in memories:
                 file[name] = value
             file["history"] = np.array(record.rows)
@@ -59,9 +72,9 @@ def save(
 
 
 def load(
-    path: Path, owner: str, stepper: Stepper, d: Discretisation, law: MacroLaw
+    path: Path, owner: str, stepper: Stepper, control: ErrorControl, d: Discretisation, law: MacroLaw
 ) -> tuple[Array, LawMemory, Record]:
-    """Read what :func:`save` wrote: unknowns, memory and record; sets ``stepper``.
+    """Read what :func:`save` wrote: unknowns, memory and record; sets ``stepper`` and ``control``.
 
     Raises
     ------
@@ -69,7 +82,7 @@ def load(
         The file is truncated or foreign, or belongs to another problem or law.
     """
     again = "remove it to start anew"
-    points = POINTS * len(d.mesh.cells)
+    points, record = d.mesh.weights.size, Record(d)
 
     def read() -> tuple[Any, ...]:
         try:
@@ -85,18 +98,19 @@ def load(
                     name: _read(file, name, (points, *value.shape[1:]))
                     for name, value in _arrays(law.initial(1), "memory")
                 }
-                rows = _read(file, "history", (None, len(HISTORY)))
+                rows = _read(file, "history", (None, len(record.columns)))
                 groups = sorted(file.get("profiles", {}).items(), key=lambda item: int(item[0]))
-                step = (
-                    float(file.attrs["time"]),
-                    int(file.attrs["halvings"]),
-                    int(file.attrs["streak"]),
-                )
-                return whole, memories, rows, [_profile(group) for _, group in groups], step
+                rate = _read(file, "rate", (d.mesh.size,)) if "rate" in file else None
+                step = {name: kind(file.attrs[name]) for name, kind in STEPPER.items()}
+                before = (float(file.attrs["length"]), tuple(map(float, file.attrs["scales"])))
+                return whole, memories, rows, [_profile(group) for _, group in groups], step, rate, before
         except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
             raise DataError(f"{path}: not a complete macro checkpoint ({error}); {again}") from error
 
-    whole, memories, rows, profiles, (stepper.time, stepper.halvings, stepper.streak) = d.world.first(read)
+    whole, memories, rows, profiles, step, rate, (control.length, control.scales) = d.world.first(read)
+    control.rate = None if rate is None else rate[d.unknowns]
+    for name, value in step.items():
+        setattr(stepper, name, value)
     memory = _filled(law.initial(1), {name: d.points_from_mesh(v) for name, v in memories.items()}, "memory")
     answer = law.respond(memory.states, np.zeros((d.n_points, 3)), memory, tangent=False).memory.mean_grad
     scale = max(float(np.abs(memories["memory/mean_grad"]).max()), 1.0)
@@ -105,7 +119,8 @@ def load(
         raise DataError(
             f"{path}: the law '{law.name}' answers differently from when this was written; {again}"
         )
-    return d.from_mesh(whole), memory, Record([tuple(map(float, row)) for row in rows], profiles)
+    record.rows, record.profiles = [tuple(map(float, row)) for row in rows], profiles
+    return whole[d.unknowns], memory, record
 
 
 def _profile(group: Any) -> Profile:

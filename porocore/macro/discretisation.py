@@ -1,7 +1,8 @@
 """What the time loop needs of a backend: states at quadrature points, residuals, and linear solves.
 
 A process holds *local* unknowns: first those that it owns, then copies of others that its elements touch. A
-backend that does not distribute owns all. Vectors here are numpy arrays over the local unknowns.
+backend that does not distribute owns all. Vectors here are numpy arrays over the local unknowns; at nodes of oblique
+surfaces these are components in a frame of the node, see :mod:`porocore.macro.frames`.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from porocore.body.mesh import BodyMesh
 from porocore.laws import MacroResponse, MacroTangent
+from porocore.macro import followers
 from porocore.macro.boundary import BoundaryData
-from porocore.macro.mesh import POINTS, BoxMesh
 from porocore.parallel import World
+from porocore.problem import MacroProblem
 from porocore.states import Array, IntArray, MacroState
 
 
@@ -41,12 +44,31 @@ class Residual:
     volume_scale: float
 
 
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """What is prescribed at one time.
+
+    Attributes
+    ----------
+    values : (k,)
+        Of the prescribed unknowns.
+    external : (local unknowns,)
+        Dead loads and rates of prescribed fluxes, where owned.
+    pressures
+        Of each surface with a pressure that follows it.
+    """
+
+    values: Array
+    external: Array
+    pressures: tuple[float, ...] = ()
+
+
 class Discretisation(ABC):
     """The u–p problem on a mesh, as far as it does not change from one iteration to the next.
 
     Parameters
     ----------
-    mesh, boundary
+    problem, mesh, boundary
         From the core.
     unknowns : (local unknowns,)
         Number of each in the mesh's order.
@@ -54,15 +76,15 @@ class Discretisation(ABC):
         How many of them, from the first, belong to this process.
     elements : (local elements,)
         Number of each in the mesh's order; an element belongs to one process.
-    dofs : (local elements, 81 + 8)
+    dofs : (local elements, 81 + 8 or 30 + 4)
         Local unknowns of each element in the order of :meth:`contributions`.
     world
         The processes.
 
     Attributes
     ----------
-    prescribed, values : (k,)
-        Local unknowns that are prescribed, and their values under a load of 1.
+    prescribed : (k,)
+        Local unknowns that are prescribed.
     free : (f,)
         Owned unknowns that are not, ascending.
     plates
@@ -74,11 +96,14 @@ class Discretisation(ABC):
         Whether an unknown is a displacement.
     weights : (points,)
         Volume of each quadrature point.
+    rotation
+        Sparse (local unknowns, local unknowns), from Cartesian ones; None where all are Cartesian.
     """
 
     def __init__(
         self,
-        mesh: BoxMesh,
+        problem: MacroProblem,
+        mesh: BodyMesh,
         boundary: BoundaryData,
         *,
         unknowns: IntArray,
@@ -87,52 +112,80 @@ class Discretisation(ABC):
         dofs: IntArray,
         world: World | None = None,
     ) -> None:
-        self.mesh, self.problem = mesh, mesh.problem
+        self.problem, self.mesh, self.boundary = problem, mesh, boundary
         self.world = World() if world is None else world
         self.unknowns, self.owned, self.elements, self.dofs = unknowns, owned, elements, dofs
         self.is_force = unknowns < mesh.n_u
-        everywhere = np.full(mesh.size, np.nan)
-        everywhere[boundary.prescribed] = boundary.values
-        is_free = np.isnan(everywhere[unknowns])
+        place = np.full(mesh.size, -1)
+        place[boundary.prescribed] = np.arange(len(boundary.prescribed))
+        is_free = place[unknowns] < 0
         self.free = np.flatnonzero(is_free[:owned])
         self.prescribed = np.flatnonzero(~is_free)
-        self.values = everywhere[unknowns[self.prescribed]]
+        self._values = boundary.values[place[unknowns[self.prescribed]]]
         self.plates = tuple(np.flatnonzero(np.isin(unknowns[self.free], plate)) for plate in boundary.plates)
         self.leading = np.ones(len(self.free), bool)
         for places, plate in zip(self.plates, boundary.plates, strict=True):
             self.leading[places] = unknowns[self.free[places]] == plate[0]
-        self._external = np.where(np.arange(len(unknowns)) < owned, boundary.external[unknowns], 0.0)
-        #: ∫ q̄ dS over the body under a load of 1.
-        self.outflow = float(boundary.external[mesh.n_u :].sum())
-        self.weights = np.tile(mesh.weights, len(elements))
+        self._external = np.where(np.arange(len(unknowns)) < owned, boundary.external[:, unknowns], 0.0)
+        self.rotation = None if boundary.rotation is None else boundary.rotation[unknowns][:, unknowns].tocsr()
+        if self.rotation is not None:
+            self._external = self._external @ self.rotation.T
+        self.weights = mesh.weights[elements].ravel()
         self.stretch = mesh.stretch
 
     @property
     def n_points(self) -> int:
         """Quadrature points of this process."""
-        return POINTS * len(self.elements)
+        return len(self.weights)
 
-    @abstractmethod
+    @property
+    def n_u(self) -> int:
+        """Displacements of an element, which come first in ``dofs``."""
+        return 3 * self.mesh.cells.shape[1]
+
+    def loads(self, amplitudes: Array | float) -> Loads:
+        """From what acts of each course, (courses,); a single number is that of the common ramp."""
+        amplitudes = np.atleast_1d(np.asarray(amplitudes, dtype=float))
+        pressures = (float(factor * amplitudes[course]) for course, factor, _ in self.boundary.followers)
+        return Loads(self._values @ amplitudes, amplitudes @ self._external, tuple(pressures))
+
+    def outflow(self, amplitudes: Array) -> float:
+        """Rate of all prescribed fluxes out of the body, ∫ q̄ dS."""
+        return float(amplitudes @ self.boundary.external[:, self.mesh.n_u :].sum(axis=1))
+
+    def cartesian(self, x: Array) -> Array:
+        """Local unknowns in Cartesian components."""
+        return x if self.rotation is None else np.asarray(self.rotation.T @ x)
+
     def states(self, x: Array) -> tuple[MacroState, Array]:
         """H, p and ∇p (points, 3) at the quadrature points, by element and then in the mesh's order."""
+        return self.states_of(self.cartesian(x))
+
+    @abstractmethod
+    def states_of(self, x: Array) -> tuple[MacroState, Array]:
+        """The same from Cartesian unknowns."""
 
     @abstractmethod
     def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
-        """∫ P_E:∇N (elements, 81), ∫ Δstorage N and ∫ q·∇N (elements, 8), not yet summed over elements."""
+        """∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4), not yet summed over elements."""
 
     @abstractmethod
-    def system(self, tangent: MacroTangent, dt: float) -> Any:
-        """The derivative of the residual by all unknowns, as the other methods want it."""
+    def system(self, tangent: MacroTangent, dt: float, follower: Any = None) -> Any:
+        """The derivative of the residual by all unknowns, as the other methods want it.
+
+        ``follower`` is to be added, from :meth:`follower_tangent`. With a :attr:`rotation` Q it is Q A Qᵀ.
+        """
 
     @abstractmethod
     def magnitudes(self, system: Any, x: Array) -> Array:
         """|A| |x| in the rows of the free unknowns; those of a plate may stand in the first of its rows."""
 
     @abstractmethod
-    def solve(self, system: Any, right: Array, jump: Array) -> Array:
+    def solve(self, system: Any, right: Array, jump: Array, *, again: bool = False) -> Array:
         """The d with A d = ``right`` in the equations and d = ``jump`` in the prescribed unknowns.
 
-        The unknowns of a plate change alike.
+        The unknowns of a plate change alike. ``again`` says that the system is close to the one before, so that a factor
+        of that one may serve as a preconditioner.
 
         Raises
         ------
@@ -144,12 +197,15 @@ class Discretisation(ABC):
         """Add the entries of copies to those of their owners; a backend that distributes overrides this."""
         return values
 
-    def residual(self, response: MacroResponse, dt: float, factor: float) -> Residual:
-        """With the load at ``factor`` (load × ramp)."""
+    def residual(self, response: MacroResponse, dt: float, loads: Loads, x: Array | None = None) -> Residual:
+        """Under ``loads``; where a pressure follows the surface, at the unknowns ``x``."""
         forces, stored, moved = self.contributions(response)
         moved = -dt * moved
-        external = np.where(self.is_force, factor, dt * factor) * self._external
-        values = self._gather(forces, stored + moved) + external
+        external = np.where(self.is_force, 1.0, dt) * loads.external
+        if any(loads.pressures):
+            assert x is not None
+            external = external + self._following(x, loads.pressures)
+        values = self._rotated(self._gather(forces, stored + moved)) + external
         scales = self._gather(np.abs(forces), np.abs(stored) + np.abs(moved)) + np.abs(external)
         own = np.arange(len(scales)) < self.owned
         force_scale, volume_scale = (
@@ -157,6 +213,28 @@ class Discretisation(ABC):
             for rows in (self.is_force, ~self.is_force)
         )
         return Residual(values, force_scale, volume_scale)
+
+    def follower_tangent(self, x: Array, loads: Loads) -> Any:
+        """Derivative of the forces of pressures that follow the surface, sparse in the mesh's numbers, Cartesian.
+
+        None where there are none.
+        """
+        if not any(loads.pressures):
+            return None
+        u = self.to_mesh(x)[: self.mesh.n_u].reshape(-1, 3)
+        parts = zip(self.boundary.followers, loads.pressures, strict=True)
+        return sum(followers.tangent(facets, u, pressure) for (_, _, facets), pressure in parts)
+
+    def _following(self, x: Array, pressures: tuple[float, ...]) -> Array:
+        u = self.to_mesh(x)[: self.mesh.n_u].reshape(-1, 3)
+        force = np.zeros(self.mesh.size)
+        for (_, _, facets), pressure in zip(self.boundary.followers, pressures, strict=True):
+            force[: self.mesh.n_u] += followers.forces(facets, u, pressure).ravel()
+        local = np.where(np.arange(len(self.unknowns)) < self.owned, force[self.unknowns], 0.0)
+        return self._rotated(local)
+
+    def _rotated(self, values: Array) -> Array:
+        return values if self.rotation is None else np.asarray(self.rotation @ values)
 
     def equations(self, values: Array) -> Array:
         """From values in the rows of all local unknowns those of the equations of this process, (leading,).
@@ -177,31 +255,35 @@ class Discretisation(ABC):
         )
 
     def to_mesh(self, x: Array) -> Array:
-        """(mesh.size,) all unknowns in the mesh's order, on every process."""
-        whole = np.zeros(self.mesh.size)
-        whole[self.unknowns[: self.owned]] = x[: self.owned]
-        return np.asarray(self.world.total(whole))
+        """(mesh.size,) all unknowns in the mesh's order, Cartesian, on every process."""
+        return self.gathered(self.cartesian(x))
 
     def from_mesh(self, whole: Array) -> Array:
         """The local unknowns from all."""
-        return whole[self.unknowns]
+        return self._rotated(whole[self.unknowns])
+
+    def gathered(self, values: Array) -> Array:
+        """(mesh.size,) values of all local unknowns in the mesh's order, as they are, on every process."""
+        whole = np.zeros(self.mesh.size)
+        whole[self.unknowns[: self.owned]] = values[: self.owned]
+        return np.asarray(self.world.total(whole))
 
     def points_to_mesh(self, values: Array) -> Array:
         """Values at all quadrature points (all points, ...), from those of this process (points, ...)."""
-        whole = np.zeros((len(self.mesh.cells), POINTS, *values.shape[1:]))
-        whole[self.elements] = values.reshape(len(self.elements), POINTS, *values.shape[1:])
+        whole = np.zeros((*self.mesh.weights.shape, *values.shape[1:]))
+        whole[self.elements] = self._by_element(values)
         return np.asarray(self.world.total(whole)).reshape(-1, *values.shape[1:])
 
     def points_from_mesh(self, whole: Array) -> Array:
         """Those of this process from values at all quadrature points."""
-        by_element = whole.reshape(len(self.mesh.cells), POINTS, *whole.shape[1:])
+        by_element = whole.reshape(*self.mesh.weights.shape, *whole.shape[1:])
         return by_element[self.elements].reshape(-1, *whole.shape[1:])
 
     def means(self, values: Array) -> Array:
         """Means over the elements of this process (elements, ...) of values at its points (points, ...)."""
-        weights = self.mesh.weights
-        values = values.reshape(len(self.elements), POINTS, *values.shape[1:])
-        return np.asarray(np.einsum("q,eq...->e...", weights / weights.sum(), values))
+        weights = self.mesh.weights[self.elements]
+        shares = weights / weights.sum(axis=1, keepdims=True)
+        return np.asarray(np.einsum("eq,eq...->e...", shares, self._by_element(values)))
 
     def all_means(self, values: Array) -> Array:
         """The same over all elements, in the mesh's order and on every process."""
@@ -209,3 +291,6 @@ class Discretisation(ABC):
         whole = np.zeros((len(self.mesh.cells), *means.shape[1:]))
         whole[self.elements] = means
         return np.asarray(self.world.total(whole))
+
+    def _by_element(self, values: Array) -> Array:
+        return values.reshape(len(self.elements), -1, *values.shape[1:])

@@ -11,10 +11,12 @@ import numpy as np
 
 from porocore.laws import MacroLaw
 from porocore.macro import checkpoint as checkpoints
+from porocore.macro.adaptive import ErrorControl
 from porocore.macro.discretisation import Discretisation, StepFailed
 from porocore.macro.newton import newton_step
 from porocore.macro.record import Record
 from porocore.solution import MacroSolution, StepReport
+from porocore.states import Array
 from porocore.stepping import Stepper
 
 
@@ -39,20 +41,22 @@ def march(
         The checkpoint is damaged, or belongs to another problem or law.
     """
     world, problem = d.world, d.problem
-    stepper, x = Stepper(problem.time), np.zeros(len(d.unknowns))
+    stepper, control = Stepper(problem.time, problem.corners), ErrorControl()
     owner = checkpoints.identity(problem, law)
     if checkpoint is not None and world.first(checkpoint.exists):
-        x, memory, record = checkpoints.load(checkpoint, owner, stepper, d, law)
+        x, memory, record = checkpoints.load(checkpoint, owner, stepper, control, d, law)
     else:
-        memory, record = law.initial(d.n_points), Record()
+        x, record = _initial(d), Record(d)
         states, grad_p = d.states(x)
-        record.add_rest(d, law.respond(states, grad_p, memory, tangent=False))
+        response = law.respond(states, grad_p, law.initial(d.n_points), tangent=False)
+        memory = response.memory
+        record.add_start(x, response)
     written = monotonic()
     while not stepper.done:
         time = stepper.next()
-        dt, ramp = time - stepper.time, problem.ramp(time)
+        dt, amplitudes = time - stepper.time, d.boundary.amplitudes(problem, time)
         try:
-            step = newton_step(d, law, memory, x, dt, problem.load * ramp, problem.newton)
+            step = newton_step(d, law, memory, x, dt, d.loads(amplitudes), problem.newton)
         except StepFailed as failure:
             stepper.reject(str(failure))
             continue
@@ -60,21 +64,36 @@ def march(
         if changed is not None:
             memory = changed
             continue
+        error = control.error(d, x, step.x, dt)
+        if not stepper.tolerates(error):
+            continue
+        control.accept(x, step.x, dt)
         x, memory = step.x, step.response.memory
-        record.add_step(d, step, time, dt, ramp)
+        record.add_step(step, time, dt, amplitudes)
         if stepper.is_profile(time):
-            record.add_profile(d, step, time)
-        stepper.accept()
+            record.add_profile(step, time)
+        stepper.accept(error)
+        if stepper.at_corner:
+            control.forget()
         if checkpoint is not None:
             # The clocks of two processes differ, so one of them decides.
             late = world.first(partial(_is_late, written + checkpoint_seconds))
             if stepper.done or late:
-                checkpoints.save(checkpoint, owner, stepper, d, x, memory, record)
+                checkpoints.save(checkpoint, owner, stepper, control, d, x, memory, record)
                 written = monotonic()
         if on_step is not None:
             settlement = float(record.column("settlement")[-1])
             on_step(StepReport(time, problem.time.end, step.iterations, settlement))
-    return record.solution(d, law.name)
+    return record.solution(law.name)
+
+
+def _initial(d: Discretisation) -> Array:
+    """Unknowns of the initial state."""
+    start, mesh = d.problem.initial, d.mesh
+    whole = np.concatenate(
+        [(mesh.points @ np.array(start.gradient).T).ravel(), np.full(len(mesh.p_nodes), start.pressure)]
+    )
+    return d.from_mesh(whole)
 
 
 def _is_late(due: float) -> bool:

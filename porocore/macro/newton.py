@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from porocore.laws import LawMemory, MacroLaw, MacroResponse
-from porocore.macro.discretisation import Discretisation, Residual, StepFailed
+from porocore.macro.discretisation import Discretisation, Loads, Residual, StepFailed
 from porocore.problem import NewtonSettings
 from porocore.states import Array
 
@@ -47,10 +47,10 @@ def newton_step(
     memory: LawMemory,
     x: Array,
     dt: float,
-    factor: float,
+    loads: Loads,
     settings: NewtonSettings,
 ) -> Step:
-    """Solve one backward Euler step of length ``dt`` under ``factor`` (load × ramp) from the unknowns ``x``.
+    """Solve one backward Euler step of length ``dt`` under ``loads`` from the unknowns ``x``.
 
     The first iteration linearises at the old state and moves prescribed values as part of the linear system,
     so that a jump at the boundary does not fold the elements beside it.
@@ -63,25 +63,25 @@ def newton_step(
     x = x.copy()
     misfits: list[float] = []
     for iteration in range(settings.iterations + 1):
-        jump = factor * d.values - x[d.prescribed]
+        jump = loads.values - x[d.prescribed]
         moving = d.world.largest(float(jump.any())) > 0
         states, grad_p = d.states(x)
         response = law.respond(states, grad_p, memory)
         _refuse_missing_values(d, response)
-        residual = d.residual(response, dt, factor)
+        residual = d.residual(response, dt, loads, x)
         # A first guess within the tolerance is improved all the same: over many steps its errors add up.
         allowed = settings.tolerance if iteration else 0.0
         misfit, system = _misfit(d, residual), None
         if misfit > allowed or moving:
             assert response.tangent is not None
-            system = d.system(response.tangent, dt)
+            system = d.system(response.tangent, dt, d.follower_tangent(x, loads))
             misfit = _misfit(d, residual, _round_off(d, system, x, response, max(ROUND_OFF, law.noise)))
         misfits.append(misfit)
         if system is None or (misfit <= allowed and not moving):
             return Step(x, response, residual, iteration, misfits)
         if iteration < settings.iterations:
-            x -= d.solve(system, residual.values, -jump)
-            x[d.prescribed] = factor * d.values
+            x -= d.solve(system, residual.values, -jump, again=iteration > 0)
+            x[d.prescribed] = loads.values
     raise StepFailed(
         f"Newton's iteration stood at {misfits[-1]:.2g} of the force and volume scale after "
         f"{settings.iterations} iterations (newton.tolerance = {settings.tolerance:g})"

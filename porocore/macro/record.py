@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import fields
 
 import numpy as np
 
 from porocore.laws import MacroResponse
 from porocore.macro.discretisation import Discretisation
 from porocore.macro.newton import Step
+from porocore.macro.probes import interpolation
 from porocore.solution import History, MacroSolution, Profile
 from porocore.states import Array
 
@@ -16,57 +17,82 @@ HISTORY = tuple(f.name for f in fields(History))
 PROFILE = tuple(f.name for f in fields(Profile))
 
 
-@dataclass
 class Record:
     """History and profiles so far, the same on every process.
 
+    Parameters
+    ----------
+    d
+        Of what is recorded.
+
     Attributes
     ----------
+    columns
+        The fields of :class:`porocore.solution.History`, then those of probes, reactions and inflows, by name.
     rows
-        Values in the order of the fields of :class:`porocore.solution.History`.
+        Values in this order.
     profiles
         In the order of time.
     """
 
-    rows: list[tuple[float, ...]] = field(default_factory=list)
-    profiles: list[Profile] = field(default_factory=list)
+    def __init__(self, d: Discretisation) -> None:
+        self.d = d
+        self.rows: list[tuple[float, ...]] = []
+        self.profiles: list[Profile] = []
+        self._probe = interpolation(d.mesh, d.problem.probes)
+        self._groups = (
+            *((f"probes/{name}", 4) for name in d.problem.probes),
+            *((f"reactions/{name}", 3) for name in d.boundary.supports),
+            *((f"inflow/{name}", 1) for name in d.boundary.drains),
+        )
+        self.columns = (*HISTORY, *(f"{name}/{i}" for name, width in self._groups for i in range(width)))
 
     def column(self, name: str) -> Array:
         """One quantity against time, (steps,)."""
-        return np.array([row[HISTORY.index(name)] for row in self.rows])
+        return np.array([row[self.columns.index(name)] for row in self.rows])
 
-    def add_rest(self, d: Discretisation, response: MacroResponse) -> None:
-        """The state at rest, t = 0."""
+    def add_start(self, x: Array, response: MacroResponse) -> None:
+        """The initial state, t = 0."""
+        d, whole = self.d, self.d.to_mesh(x)
         start = dict.fromkeys(HISTORY, 0.0)
         start |= {"outside": _outside(d, response), "stress_spread": _spread(d, response)}
-        self.rows.append(tuple(start[name] for name in HISTORY))
+        start |= self._extremes(whole)
+        sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains))
+        self.rows.append((*(start[name] for name in HISTORY), *(self._probe @ whole), *sums))
 
-    def add_step(self, d: Discretisation, step: Step, time: float, dt: float, ramp: float) -> None:
+    def add_step(self, step: Step, time: float, dt: float, amplitudes: Array) -> None:
         """An accepted step that ended at ``time``."""
-        response = step.response
-        last = dict(zip(HISTORY, self.rows[-1], strict=True))
+        d, response = self.d, step.response
+        last = dict(zip(HISTORY, self.rows[-1], strict=False))
         # In the rows of prescribed pressure the residual is what has flowed in through the boundary.
         held = d.prescribed[~d.is_force[d.prescribed] & (d.prescribed < d.owned)]
         inflow = float(d.world.total(float(step.residual.values[held].sum())))
-        outflow = dt * d.problem.load * ramp * d.outflow - inflow
+        outflow = dt * d.outflow(amplitudes) - inflow
         squeezed = -float(d.world.total(float(d.weights @ (response.storage / response.volume_ratio))))
         x = d.to_mesh(step.x)
         row = {
             "time": time,
-            "ramp": ramp,
-            "settlement": float((-x[1 : d.mesh.n_u : 3]).max()),
-            "pressure_max": float(x[d.mesh.n_u :].max()),
+            "ramp": d.problem.ramp(time),
             "drained": last["drained"] + squeezed,
             "drained_flux": last["drained_flux"] + outflow,
             "outside": _outside(d, response),
             "stress_spread": _spread(d, response),
             "iterations": float(step.iterations),
         }
-        self.rows.append(tuple(row[name] for name in HISTORY))
+        row |= self._extremes(x)
+        residual = d.to_mesh(step.residual.values)
+        forces = [matrix @ residual for matrix in d.boundary.supports.values()]
+        flows = [matrix @ residual / dt for matrix in d.boundary.drains.values()]
+        extra = np.concatenate([self._probe @ x, *forces, *flows])
+        self.rows.append((*(row[name] for name in HISTORY), *map(float, extra)))
 
-    def add_profile(self, d: Discretisation, step: Step, time: float) -> None:
+    def _extremes(self, x: Array) -> dict[str, float]:
+        n_u = self.d.mesh.n_u
+        return {"settlement": float((-x[1:n_u:3]).max()), "pressure_max": float(x[n_u:].max())}
+
+    def add_profile(self, step: Step, time: float) -> None:
         """Fields at ``time``: nodal, and means over the elements."""
-        response = step.response
+        d, response = self.d, step.response
         x = d.to_mesh(step.x)
         states = response.memory.states
         self.profiles.append(
@@ -85,11 +111,25 @@ class Record:
             )
         )
 
-    def solution(self, d: Discretisation, law: str) -> MacroSolution:
+    def solution(self, law: str) -> MacroSolution:
         """All of it, with the mesh."""
+        mesh = self.d.mesh
         history = History(**{name: self.column(name) for name in HISTORY})
-        mesh = d.mesh
-        return MacroSolution(law, d.problem.load, mesh.points, mesh.cells, history, tuple(self.profiles))
+        series: dict[str, dict[str, Array]] = {"probes": {}, "reactions": {}, "inflow": {}}
+        for path, width in self._groups:
+            kind, _, name = path.partition("/")
+            series[kind][name] = np.stack([self.column(f"{path}/{i}") for i in range(width)], axis=1)
+        return MacroSolution(
+            law,
+            self.d.problem.load,
+            mesh.points,
+            mesh.cells,
+            history,
+            tuple(self.profiles),
+            probes=series["probes"],
+            reactions=series["reactions"],
+            inflow={name: values[:, 0] for name, values in series["inflow"].items()},
+        )
 
 
 def _outside(d: Discretisation, response: MacroResponse) -> float:
@@ -99,6 +139,7 @@ def _outside(d: Discretisation, response: MacroResponse) -> float:
 
 def _spread(d: Discretisation, response: MacroResponse) -> float:
     """Largest deviation of the element means of P_E,22 from the body's mean."""
-    means = d.means(response.stress[:, 1, 1])
-    mean = d.world.total(float(means.sum())) / len(d.mesh.cells)
+    means, volumes = d.means(response.stress[:, 1, 1]), d.mesh.weights[d.elements].sum(axis=1)
+    weighted, volume = d.world.total(np.array([volumes @ means, volumes.sum()]))
+    mean = weighted / volume
     return d.world.largest(float(np.abs(means - mean).max(initial=0.0)))

@@ -44,7 +44,7 @@ class KnownStates(Solving):
         def residual(x: Any) -> Any:
             states, grad_p = d.states(x)
             response = NONLINEAR.respond(states, grad_p, memory)
-            return d.residual(response, 0.3, -0.2).values, response
+            return d.residual(response, 0.3, d.loads(-0.2), x).values, response
 
         tangent = residual(x)[1].tangent
         direction, h = rng.standard_normal(d.mesh.size), 1e-5
@@ -111,7 +111,7 @@ class KnownStates(Solving):
         law = LinearCellLaw(cubic_reference())
         mean = law.predict(MacroState.single(H[0])).mean_grad[0]
         F, h = np.eye(3) + H[0] + mean / PHI_S, 1e-5
-        energy = [NeoHookean().energy(F + s * h * np.diag(e)) for e in np.eye(3) for s in (1, -1)]
+        energy = [NeoHookean().energy_density(F + s * h * np.diag(e)) for e in np.eye(3) for s in (1, -1)]
         stress = PHI_S * (np.array(energy[::2]) - np.array(energy[1::2])) / (2 * h)
         np.testing.assert_allclose(np.diag(profile.stress[0]), stress, atol=1e-9)
         assert abs(stress[2]) < 1e-8 < abs(stress[1])

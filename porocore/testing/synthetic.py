@@ -53,7 +53,8 @@ def confined_column(
     faces = {face: side for face in ("x-", "x+", "z-", "z+")}
     bottom, top = Boundary(displacement=(0, 0, 0)), Boundary(traction=(0, 1, 0), pressure=0)
     counts = (1, elements, 1) if isinstance(elements, int) else elements
-    data = {"elements": counts, "boundary": {**faces, "y-": bottom, "y+": top}, "load": load}
+    body = {"kind": "box", "elements": counts, "size": settings.pop("size", (0.1, 7.5, 0.1))}
+    data = {"body": body, "boundary": {**faces, "y-": bottom, "y+": top}, "load": load}
     return MacroProblem.model_validate(data | settings)
 
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from porocore.errors import ConfigurationError
+from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
-from porocore.macro.mesh import BoxMesh
 from porocore.macro.solver import MarchingMacroSolver
 from porocore.parallel import World
 from porocore.problem import MacroProblem
@@ -17,7 +17,7 @@ from porocore_fem_dolfinx.macro_world import MPI, MpiWorld
 
 
 class DolfinxMacroSolver(MarchingMacroSolver):
-    """Boxes of hexahedra (27-node displacement, 8-node pressure, 3 × 3 × 3 Gauss points) as UFL forms.
+    """Triquadratic hexahedra or quadratic tetrahedra with linear pressure, as UFL forms.
 
     The processes of MPI's world share the elements among them.
 
@@ -52,8 +52,8 @@ class DolfinxMacroSolver(MarchingMacroSolver):
         Raises
         ------
         ConfigurationError
-            Two faces contradict each other, a translation is not held, there are fewer elements than
-            processes, or PETSc cannot use the options.
+            Two surfaces contradict each other, a translation is not held, the body cannot be meshed, there are
+            fewer elements than processes, or PETSc cannot use the options.
         """
-        mesh = BoxMesh.make(problem)
-        return Assembler(mesh, boundary_data(mesh), self._comm, self.world, self.petsc)
+        mesh = body_mesh(problem)
+        return Assembler(problem, mesh, boundary_data(mesh, problem), self._comm, self.world, self.petsc)

@@ -10,11 +10,12 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
+from porocore.body.mesh import BodyMesh
 from porocore.laws import MacroResponse, MacroTangent
 from porocore.macro.boundary import BoundaryData
 from porocore.macro.discretisation import Discretisation
-from porocore.macro.mesh import BoxMesh
 from porocore.parallel import World
+from porocore.problem import MacroProblem
 from porocore.states import MacroState
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.macro_forms import Forms
@@ -26,10 +27,17 @@ class Assembler(Discretisation):
     """Forms, matrix and linear solver of one problem."""
 
     def __init__(
-        self, mesh: BoxMesh, boundary: BoundaryData, comm: Any, world: World, petsc: Mapping[str, Any]
+        self,
+        problem: MacroProblem,
+        mesh: BodyMesh,
+        boundary: BoundaryData,
+        comm: Any,
+        world: World,
+        petsc: Mapping[str, Any],
     ) -> None:
         self.space = space = make_space(mesh, comm)
         super().__init__(
+            problem,
             mesh,
             boundary,
             unknowns=space.unknowns,
@@ -41,6 +49,8 @@ class Assembler(Discretisation):
         self._u, self._p = fem.Function(space.V), fem.Function(space.Q)
         self._forms = Forms(space)
         self._matrix = self._forms.new_matrix()
+        self._comm, self._in_frames = comm, None
+        self._to_frames = self._rotation(comm)
         self._solver = LinearSolver(
             comm, petsc, self.free, self.is_force[self.free[self.leading]], self._expansion(comm)
         )
@@ -82,7 +92,19 @@ class Assembler(Discretisation):
         with self._solver.trial():
             self.solve(self.system(tangent, 1.0), np.ones(len(self.unknowns)), np.zeros(len(self.prescribed)))
 
-    def states(self, x: Any) -> tuple[MacroState, Any]:
+    def _rotation(self, comm: Any) -> Any:
+        """Qᵀ as a PETSc matrix; None where all unknowns are Cartesian."""
+        if self.rotation is None:
+            return None
+        owned = self.rotation[: self.owned, : self.owned].T.tocsr()
+        first = comm.scan(self.owned) - self.owned
+        sizes = ((self.owned, None), (self.owned, None))
+        entries = (owned.indptr, (owned.indices + first).astype(PETSc.IntType), owned.data)
+        matrix = PETSc.Mat().createAIJ(sizes, csr=entries, comm=comm)
+        matrix.assemble()
+        return matrix
+
+    def states_of(self, x: Any) -> tuple[MacroState, Any]:
         """See :class:`~porocore.macro.discretisation.Discretisation`."""
         return self._forms.states(x)
 
@@ -114,10 +136,28 @@ class Assembler(Discretisation):
             whole[of] = function.x.array
         return whole
 
-    def system(self, tangent: MacroTangent, dt: float) -> Any:
+    def system(self, tangent: MacroTangent, dt: float, follower: Any = None) -> Any:
         """A PETSc matrix; the next call overwrites it."""
         self._forms.assemble(tangent, dt, self._matrix)
-        return self._matrix
+        if follower is not None:
+            self._add(follower)
+        if self._to_frames is None:
+            return self._matrix
+        self._in_frames = self._matrix.ptap(self._to_frames, result=self._in_frames)
+        return self._in_frames
+
+    def _add(self, follower: Any) -> None:
+        """Its entries couple nodes of one element, so that the matrix has places for them."""
+        first = self._comm.scan(self.owned) - self.owned
+        number = np.zeros(self.mesh.size)
+        number[self.unknowns[: self.owned]] = first + np.arange(self.owned)
+        number = np.rint(self.world.total(number)).astype(PETSc.IntType)
+        for row in self.unknowns[: self.owned]:
+            if row < self.mesh.n_u and follower.indptr[row] < follower.indptr[row + 1]:
+                part = slice(follower.indptr[row], follower.indptr[row + 1])
+                columns = number[follower.indices[part]]
+                self._matrix.setValues([number[row]], columns, follower.data[part], PETSc.InsertMode.ADD_VALUES)
+        self._matrix.assemble()
 
     def magnitudes(self, system: Any, x: Any) -> Any:
         """|A| |x| where owned."""
@@ -128,7 +168,7 @@ class Assembler(Discretisation):
         terms[: self.owned] = np.add.reduceat(np.abs(values) * sizes[columns], starts[:-1])
         return terms
 
-    def solve(self, system: Any, right: Any, jump: Any) -> Any:
+    def solve(self, system: Any, right: Any, jump: Any, *, again: bool = False) -> Any:
         """By the configured solver, on the free unknowns."""
         change = np.zeros(len(self.unknowns))
         change[self.prescribed] = jump

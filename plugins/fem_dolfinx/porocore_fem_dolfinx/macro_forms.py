@@ -10,10 +10,9 @@ import ufl
 from dolfinx import fem
 
 from porocore.laws import MacroResponse, MacroTangent
-from porocore.macro.mesh import DEGREE
 from porocore.states import MacroState
 from porocore_fem_dolfinx import compat
-from porocore_fem_dolfinx.macro_space import CELL, Space
+from porocore_fem_dolfinx.macro_space import Space
 
 _RESPONSE = {"stress": (3, 3), "storage": (), "flux": (3,)}
 _TANGENT: dict[str, tuple[int, ...]] = {
@@ -35,7 +34,8 @@ class Forms:
         self._space, domain = space, space.domain
         self._slots = None
         self._functions = {name: self._at_points(shape) for name, shape in {**_RESPONSE, **_TANGENT}.items()}
-        dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": DEGREE, "quadrature_rule": "default"})
+        degree = space.element.degree
+        dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": degree, "quadrature_rule": "default"})
         self._u, self._p = fem.Function(space.V), fem.Function(space.Q)
         self._build_states()
         self._build_residual(dx)
@@ -44,8 +44,9 @@ class Forms:
     def _at_points(self, shape: tuple[int, ...]) -> Any:
         """A function with values at the quadrature points; UFL takes tensors of rank 3 and 4 as matrices."""
         flat = shape if len(shape) < 3 else (int(np.prod(shape[:-2])), 9)
-        space = self._space
-        points = compat.function_space(space.domain, compat.quadrature_element(CELL, DEGREE, flat))
+        space, element = self._space, self._space.element
+        at_points = compat.quadrature_element(element.shape, element.degree, flat)
+        points = compat.function_space(space.domain, at_points)
         if self._slots is None:
             # The same for all shapes: dofmaps of these spaces count points.
             self._slots = compat.cell_dofs(points.dofmap)[: len(space.cells)][:, space.order].ravel()
@@ -55,14 +56,15 @@ class Forms:
         u, p = self._u, self._p
         grad_u, grad_p = ufl.grad(u), ufl.grad(p)
         components = [*(grad_u[i, j] for i in range(3) for j in range(3)), p, *(grad_p[i] for i in range(3))]
-        points = compat.quadrature_points(CELL, DEGREE)[self._space.order]
+        element = self._space.element
+        points = compat.quadrature_points(element.shape, element.degree)[self._space.order]
         self._states = compat.expression(ufl.as_vector(components), points)
 
     def _build_residual(self, dx: Any) -> None:
         """Tested with functions that are not joined between elements, so that each element's share is seen."""
-        domain, f = self._space.domain, self._functions
-        v = ufl.TestFunction(compat.function_space(domain, compat.broken_element(CELL, 2, (3,))))
-        s = ufl.TestFunction(compat.function_space(domain, compat.broken_element(CELL, 1)))
+        domain, f, cell = self._space.domain, self._functions, self._space.element.shape
+        v = ufl.TestFunction(compat.function_space(domain, compat.broken_element(cell, 2, (3,))))
+        s = ufl.TestFunction(compat.function_space(domain, compat.broken_element(cell, 1)))
         self._residual = [
             compat.form(ufl.inner(f["stress"], ufl.grad(v)) * dx),
             compat.form(f["storage"] * s * dx),
@@ -104,7 +106,7 @@ class Forms:
         return MacroState(grad_u, values[:, 9].copy()), values[:, 10:].copy()
 
     def contributions(self, response: MacroResponse) -> tuple[Any, Any, Any]:
-        """∫ P_E:∇N (elements, 81), ∫ Δstorage N and ∫ q·∇N (elements, 8)."""
+        """∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4)."""
         for name in _RESPONSE:
             self._fill(name, getattr(response, name))
         forces, stored, moved = (

@@ -1,4 +1,4 @@
-"""The core's box as a dolfinx mesh: function spaces, and whose number each of their unknowns has in the core."""
+"""The core's body as a dolfinx mesh: function spaces, and whose number each of their unknowns has in the core."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from porocore.errors import ConfigurationError
-from porocore.macro.mesh import DEGREE, BoxMesh, gauss_points
-from porocore_fem_dolfinx import compat
+from scipy.spatial import cKDTree
 
-CELL = "hexahedron"
+from porocore.body.element import ReferenceElement
+from porocore.body.mesh import BodyMesh
+from porocore.errors import ConfigurationError
+from porocore_fem_dolfinx import compat
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,8 @@ class Space:
 
     Attributes
     ----------
+    element
+        Of the core's mesh.
     domain
         dolfinx mesh.
     cells : (elements,)
@@ -34,12 +37,13 @@ class Space:
         Owned displacements and pressures.
     unknowns, elements
         Numbers in the core's order of the local unknowns and elements.
-    dofs : (elements, 81 + 8)
+    dofs : (elements, 81 + 8 or 30 + 4)
         Local unknowns of each element, displacements by node.
-    order : (27,)
+    order : (q,)
         For each quadrature point of the core's order its number in dolfinx's.
     """
 
+    element: ReferenceElement
     domain: Any
     cells: Any
     V: Any
@@ -54,7 +58,7 @@ class Space:
     order: Any
 
 
-def make_space(mesh: BoxMesh, comm: Any) -> Space:
+def make_space(mesh: BodyMesh, comm: Any) -> Space:
     """Distribute the core's mesh over the processes.
 
     Raises
@@ -62,18 +66,21 @@ def make_space(mesh: BoxMesh, comm: Any) -> Space:
     ConfigurationError
         There are more processes than the elements can be shared among.
     """
-    first = comm.rank == 0
-    cells = mesh.p_cells[:, compat.from_vtk(CELL, 8)]
+    first, element = comm.rank == 0, mesh.element
+    cell, corners = element.shape, element.corners
+    # Straight elements need no more than their corners, and their forms are simpler.
+    points, nodes = (mesh.points[mesh.p_nodes], mesh.p_cells) if mesh.straight else (mesh.points, mesh.cells)
+    nodes = nodes[:, compat.from_vtk(cell, nodes.shape[1])]
     domain = compat.make_mesh(
-        comm, CELL, 1, mesh.points[mesh.p_nodes] if first else np.empty((0, 3)), cells if first else cells[:0]
+        comm, cell, 1 if mesh.straight else 2, points if first else np.empty((0, 3)), nodes if first else nodes[:0]
     )
     count = domain.topology.index_map(3).size_local
     if min(comm.allgather(count)) == 0:
         raise ConfigurationError(
-            f"macro.elements: {len(mesh.cells)} elements are too few for {comm.size} processes; start fewer"
+            f"macro.body: {len(mesh.cells)} elements are too few for {comm.size} processes; start fewer"
         )
-    V = compat.function_space(domain, compat.lagrange_element(CELL, 2, (3,)))
-    Q = compat.function_space(domain, compat.lagrange_element(CELL, 1))
+    V = compat.function_space(domain, compat.lagrange_element(cell, 2, (3,)))
+    Q = compat.function_space(domain, compat.lagrange_element(cell, 1))
     owned_u, copied_u = (3 * n for n in _sizes(V))
     owned_p, copied_p = _sizes(Q)
     owned = owned_u + owned_p
@@ -82,14 +89,16 @@ def make_space(mesh: BoxMesh, comm: Any) -> Space:
     unknowns = np.empty(owned + copied_u + copied_p, dtype=np.int64)
     nodes = mesh.node_at(V.tabulate_dof_coordinates())
     unknowns[of_u] = (3 * nodes[:, None] + np.arange(3)).ravel()
-    corners = mesh.node_at(Q.tabulate_dof_coordinates())
-    unknowns[of_p] = mesh.n_u + np.searchsorted(mesh.p_nodes, corners)
+    p_nodes = mesh.node_at(Q.tabulate_dof_coordinates())
+    unknowns[of_p] = mesh.n_u + np.searchsorted(mesh.p_nodes, p_nodes)
     u_cells = 3 * compat.cell_dofs(V.dofmap)[:count, :, None] + np.arange(3)
     dofs = np.concatenate(
-        [of_u[u_cells.reshape(count, 81)], of_p[compat.cell_dofs(Q.dofmap)[:count]]], axis=1
+        [of_u[u_cells.reshape(count, -1)], of_p[compat.cell_dofs(Q.dofmap)[:count]]], axis=1
     )
-    middles = domain.geometry.x[compat.geometry_dofs(domain)[:count]].mean(axis=1)
+    middles = domain.geometry.x[compat.geometry_dofs(domain)[:count, :corners]].mean(axis=1)
+    theirs = cKDTree(mesh.points[mesh.cells[:, :corners]].mean(axis=1))
     return Space(
+        element,
         domain,
         np.arange(count, dtype=np.int32),
         V,
@@ -99,9 +108,9 @@ def make_space(mesh: BoxMesh, comm: Any) -> Space:
         owned_u,
         owned_p,
         unknowns,
-        np.searchsorted(mesh.cells[:, 26], mesh.node_at(middles)),
+        np.asarray(theirs.query(middles)[1], dtype=np.int64),
         dofs,
-        _quadrature_order(),
+        _quadrature_order(element),
     )
 
 
@@ -110,8 +119,9 @@ def _sizes(space: Any) -> tuple[int, int]:
     return index_map.size_local, index_map.num_ghosts
 
 
-def _quadrature_order() -> Any:
-    """The elements lie along the axes, so it is the same in all."""
-    theirs = compat.quadrature_points(CELL, DEGREE)
-    distance = np.abs(theirs[None] - gauss_points()[:, None]).max(axis=2)
+def _quadrature_order(element: ReferenceElement) -> Any:
+    """Both number the corners of an element alike, so it is the same in all."""
+    theirs = compat.quadrature_points(element.shape, element.degree)
+    distance = np.abs(theirs[None] - element.points[:, None]).max(axis=2)
+    assert distance.min(axis=1).max() < 1e-12
     return distance.argmin(axis=1)

@@ -1,16 +1,16 @@
-"""The macro solver on scikit-fem: the core's time loop on scikit-fem's shape functions and SciPy's SuperLU."""
+"""The macro solver on scikit-fem: the core's time loop on scikit-fem's shape functions and direct factors."""
 
 from __future__ import annotations
 
+from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
-from porocore.macro.mesh import BoxMesh
 from porocore.macro.solver import MarchingMacroSolver
 from porocore.problem import MacroProblem
 from porocore_fem_skfem.macro_assembly import Assembler
 
 
 class SkfemMacroSolver(MarchingMacroSolver):
-    """Boxes of hexahedra (27-node displacement, 8-node pressure, 3 × 3 × 3 Gauss points), solved directly.
+    """Triquadratic hexahedra or quadratic tetrahedra with linear pressure, solved by PARDISO or SuperLU.
 
     Parameters
     ----------
@@ -23,12 +23,12 @@ class SkfemMacroSolver(MarchingMacroSolver):
         self.checkpoint_seconds = checkpoint_seconds
 
     def prepare(self, problem: MacroProblem) -> Assembler:
-        """Boundary data, constant matrices and sparsity.
+        """Mesh, boundary data, shape functions and sparsity.
 
         Raises
         ------
         ConfigurationError
-            Two faces contradict each other, or a translation is not held.
+            Two surfaces contradict each other, a translation is not held, or the body cannot be meshed.
         """
-        mesh = BoxMesh.make(problem)
-        return Assembler(mesh, boundary_data(mesh))
+        mesh = body_mesh(problem)
+        return Assembler(problem, mesh, boundary_data(mesh, problem))

@@ -1,7 +1,6 @@
 """Residual, tangent and linear solve of the u–p problem from the law's response at all quadrature points.
 
-All elements are congruent, so an integral over an element is a product with a constant matrix and the
-assembly is a handful of large matrix products followed by one product with a sparse matrix of zeros and ones.
+An integral over an element is a product of matrices: values at its points times shape functions at its points.
 """
 
 from __future__ import annotations
@@ -11,29 +10,35 @@ from typing import Any
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
+from porocore.body.mesh import BodyMesh
 from porocore.laws import MacroResponse, MacroTangent
 from porocore.macro.boundary import BoundaryData
 from porocore.macro.discretisation import Discretisation, StepFailed
-from porocore.macro.mesh import BoxMesh
+from porocore.problem import MacroProblem
 from porocore.states import MacroState
-from porocore_fem_skfem.macro_space import make_reference
+from porocore_fem_skfem.macro_linear import LinearSolver
+from porocore_fem_skfem.macro_space import make_shapes
+
+__all__ = ["Assembler", "StepFailed", "System"]
+#: Numbers in the intermediate products of as many elements as are treated at once.
+CACHED = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class System:
     """The tangent, split into equations and prescribed unknowns."""
 
-    free: Any  #: scipy CSC, equations × equations
+    free: Any  #: scipy CSR, equations × equations
     coupling: Any  #: scipy CSR, equations × prescribed
 
 
 class Assembler(Discretisation):
-    """Constant matrices and sparsity; local node a of u_i has column 27 i + a, then come the pressures."""
+    """Shape functions and sparsity; local node a of u_i has column n_u i / 3 + a, then come the pressures."""
 
-    def __init__(self, mesh: BoxMesh, boundary: BoundaryData) -> None:
+    def __init__(self, problem: MacroProblem, mesh: BodyMesh, boundary: BoundaryData) -> None:
         super().__init__(
+            problem,
             mesh,
             boundary,
             unknowns=np.arange(mesh.size),
@@ -41,90 +46,135 @@ class Assembler(Discretisation):
             elements=np.arange(len(mesh.cells)),
             dofs=np.concatenate([*(3 * mesh.cells + i for i in range(3)), mesh.n_u + mesh.p_cells], axis=1),
         )
-        self.reference = ref = make_reference(mesh)
-        w, g, N, gp = ref.weights, ref.grad_u, ref.p, ref.grad_p
-        q = len(w)
-        wg, wN, wgp = w[:, None, None] * g, w[:, None] * N, w[:, None, None] * gp
-        # Rows run over (q, tensor indices), columns over local nodes (test before trial).
-        self._force = wg.transpose(0, 2, 1).reshape(3 * q, 27)
-        self._volume, self._flow = wN, wgp.transpose(0, 2, 1).reshape(3 * q, 8)
-        self._uu = np.einsum("qaj,qbl->qjlab", wg, g).reshape(9 * q, -1)
-        self._up = np.einsum("qaj,qb->qjab", wg, N).reshape(3 * q, -1)
-        self._pu = np.concatenate(
-            [
-                np.einsum("qb,qal->qlba", wN, g).reshape(3 * q, -1),
-                np.einsum("qbm,qal->qmlba", wgp, g).reshape(9 * q, -1),
-            ]
-        )
-        self._pp = np.concatenate(
-            [
-                np.einsum("qb,qc->qbc", wN, N).reshape(q, -1),
-                np.einsum("qbm,qc->qmbc", wgp, N).reshape(3 * q, -1),
-                np.einsum("qbm,qcn->qmnbc", wgp, gp).reshape(9 * q, -1),
-            ]
-        )
+        self.shapes = s = make_shapes(mesh)
+        e, q, a, _ = s.grad_u.shape
+        #: (elements, a, q · 3), by which a stress with rows (q, j) is integrated against ∇N_a.
+        self._by_grad = np.ascontiguousarray(s.grad_u.transpose(0, 2, 1, 3)).reshape(e, a, 3 * q)
+        #: (elements, c, q · 4): N and its gradient at each point, by which storage and flux are integrated.
+        N = np.broadcast_to(s.p.T[None, :, :, None], (e, s.p.shape[1], q, 1))
+        by_p = np.concatenate([N, s.grad_p.transpose(0, 2, 1, 3)], axis=3)
+        self._by_p = np.ascontiguousarray(by_p).reshape(e, -1, 4 * q)
+        self._linear = LinearSolver()
         self._build_patterns()
 
     def _build_patterns(self) -> None:
-        free_slot, fixed_slot = np.full((2, self.mesh.size), -1, dtype=np.int64)
-        n, k = int(self.leading.sum()), len(self.prescribed)
         #: Equation of each free unknown; those of a plate share one.
-        self._equation = np.empty(len(self.free), dtype=np.int64)
-        self._equation[self.leading] = np.arange(n)
+        equation = np.full(self.mesh.size, -1, dtype=np.int64)
+        n = int(self.leading.sum())
+        of_free = np.empty(len(self.free), dtype=np.int64)
+        of_free[self.leading] = np.arange(n)
         for places in self.plates:
-            self._equation[places] = self._equation[places[0]]
-        free_slot[self.free] = self._equation
-        fixed_slot[self.prescribed] = np.arange(len(self.prescribed))
-        u, p = self.dofs[:, :81].reshape(-1, 3, 27), self.dofs[:, 81:]
-        e = len(u)
-        # Blocks in the order in which the products leave them:
-        # (e, i, k, a, b), (e, i, a, b), (e, k, b, a), (e, b, c).
-        shapes = [(e, 3, 3, 27, 27), (e, 3, 27, 8), (e, 3, 8, 27), (e, 8, 8)]
-        rows = [u[:, :, None, :, None], u[:, :, :, None], p[:, None, :, None], p[:, :, None]]
-        columns = [u[:, None, :, None, :], p[:, None, None, :], u[:, :, None, :], p[:, None, :]]
+            of_free[places] = of_free[places[0]]
+        equation[self.free] = of_free
+        self._of_free, self._equations = of_free, n
+        fixed = np.full(self.mesh.size, -1, dtype=np.int64)
+        fixed[self.prescribed] = np.arange(len(self.prescribed))
+        u, p = self.dofs[:, : self.n_u].reshape(len(self.dofs), 3, -1), self.dofs[:, self.n_u :]
+        e, _, a = u.shape
+        c = p.shape[1]
+        # Blocks in the order in which the products leave them: (e, a, i, k, b), (e, a, i, c), (e, c, k, b), (e, c, d).
+        u = u.swapaxes(1, 2)
+        shapes = [(e, a, 3, 3, a), (e, a, 3, c), (e, c, 3, a), (e, c, c)]
+        v = u.swapaxes(1, 2)
+        rows = [u[:, :, :, None, None], u[:, :, :, None], p[:, :, None, None], p[:, :, None]]
+        columns = [v[:, None, None], p[:, None, None], v[:, None], p[:, None]]
         self._ends = np.cumsum([0, *(int(np.prod(s)) for s in shapes)])
         self._entries = np.empty(self._ends[-1])
-        row = np.concatenate([np.broadcast_to(r, s).ravel() for r, s in zip(rows, shapes, strict=True)])
-        column = np.concatenate([np.broadcast_to(c, s).ravel() for c, s in zip(columns, shapes, strict=True)])
-        self._free = _Pattern(free_slot[column], free_slot[row], (n, n))
-        self._coupling = _Pattern(free_slot[row], fixed_slot[column], (n, k))
+        row, column = (
+            np.concatenate([np.broadcast_to(x, s).ravel() for x, s in zip(which, shapes, strict=True)])
+            for which in (rows, columns)
+        )
+        if self.rotation is not None:
+            self._all = _Pattern(row, column, (self.mesh.size, self.mesh.size))
+            return
+        self._free = _Pattern(equation[row], equation[column], (n, n))
+        self._coupling = _Pattern(equation[row], fixed[column], (n, len(self.prescribed)))
 
-    def states(self, x: Any) -> tuple[MacroState, Any]:
+    def states_of(self, x: Any) -> tuple[MacroState, Any]:
         """See :class:`~porocore.macro.discretisation.Discretisation`."""
-        ref, elements = self.reference, len(self.elements)
-        local = x[self.dofs]
-        q = len(ref.weights)
-        grad_u = local[:, :81].reshape(elements * 3, 27) @ ref.grad_u.transpose(1, 0, 2).reshape(27, -1)
-        grad_u = grad_u.reshape(elements, 3, q, 3).swapaxes(1, 2).reshape(-1, 3, 3)
-        p = local[:, 81:] @ ref.p.T
-        grad_p = local[:, 81:] @ ref.grad_p.transpose(1, 0, 2).reshape(8, -1)
-        return MacroState(grad_u, p.ravel()), grad_p.reshape(-1, 3)
+        s, local = self.shapes, x[self.dofs]
+        e = len(local)
+        u, p = local[:, : self.n_u].reshape(e, 1, 3, -1), local[:, self.n_u :]
+        grad_u = np.matmul(u, s.grad_u).reshape(-1, 3, 3)
+        grad_p = np.matmul(p[:, None, None, :], s.grad_p).reshape(-1, 3)
+        return MacroState(grad_u, (p @ s.p.T).ravel()), grad_p
 
     def contributions(self, response: MacroResponse) -> tuple[Any, Any, Any]:
         """See :class:`~porocore.macro.discretisation.Discretisation`."""
-        e = len(self.elements)
-        stress = response.stress.reshape(e, -1, 3, 3).swapaxes(1, 2).reshape(3 * e, -1)
-        stored = response.storage.reshape(e, -1) @ self._volume
-        return (stress @ self._force).reshape(e, 81), stored, response.flux.reshape(e, -1) @ self._flow
-
-    def system(self, tangent: MacroTangent, dt: float) -> System:
-        """Assembled."""
-        e = len(self.elements)
-        out = [self._entries[a:b] for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
-        stiffness = tangent.stress_grad_u.reshape(e, -1, 3, 3, 3, 3).transpose(0, 2, 4, 1, 3, 5)
-        np.matmul(stiffness.reshape(9 * e, -1), self._uu, out=out[0].reshape(9 * e, -1))
-        stress_p = tangent.stress_p.reshape(e, -1, 3, 3).swapaxes(1, 2)
-        np.matmul(stress_p.reshape(3 * e, -1), self._up, out=out[1].reshape(3 * e, -1))
-        storage = tangent.storage_grad_u.reshape(e, -1, 3, 3).swapaxes(1, 2).reshape(3 * e, -1)
-        flux = tangent.flux_grad_u.reshape(e, -1, 3, 3, 3).transpose(0, 3, 1, 2, 4).reshape(3 * e, -1)
-        np.matmul(np.concatenate([storage, -dt * flux], axis=1), self._pu, out=out[2].reshape(3 * e, -1))
-        by_p = [tangent.storage_p, -dt * tangent.flux_p, -dt * tangent.flux_grad_p]
-        rows = np.concatenate([part.reshape(e, -1) for part in by_p], axis=1)
-        np.matmul(rows, self._pp, out=out[3].reshape(e, -1))
-        return System(
-            self._free.matrix(self._entries, sparse.csc_matrix),
-            self._coupling.matrix(self._entries, sparse.csr_matrix),
+        w = self.shapes.weights
+        e, q = w.shape
+        stress = (
+            (response.stress.reshape(e, q, 3, 3) * w[:, :, None, None]).swapaxes(2, 3).reshape(e, 3 * q, 3)
         )
+        forces = np.matmul(self._by_grad, stress).swapaxes(1, 2).reshape(e, -1)
+        stored = (response.storage.reshape(e, q) * w) @ self.shapes.p
+        flux = response.flux.reshape(e, q, 1, 3) * w[:, :, None, None]
+        moved = np.matmul(flux, self.shapes.grad_p.swapaxes(2, 3)).sum(axis=1).reshape(e, -1)
+        return forces, stored, moved
+
+    def system(self, tangent: MacroTangent, dt: float, follower: Any = None) -> System:
+        """Assembled."""
+        e, q, a, _ = self.shapes.grad_u.shape
+        chunk = max(1, CACHED // (27 * q * a))
+        for first in range(0, e, chunk):
+            self._integrate(tangent, dt, slice(first, min(first + chunk, e)))
+        if self.rotation is not None:
+            whole = self._all.matrix(self._entries)
+            if follower is not None:
+                whole[: self.mesh.n_u, : self.mesh.n_u] += follower
+            return self._split(self.rotation @ whole @ self.rotation.T)
+        system = System(self._free.matrix(self._entries), self._coupling.matrix(self._entries))
+        if follower is None:
+            return system
+        whole = sparse.csr_matrix(
+            (follower.data, follower.indices, _extended(follower.indptr, self.mesh.size)),
+            shape=(self.mesh.size, self.mesh.size),
+        )
+        added = self._split(whole)
+        return System(system.free + added.free, system.coupling + added.coupling)
+
+    def _integrate(self, tangent: MacroTangent, dt: float, part: slice) -> None:
+        """The blocks of some elements."""
+        s, total = self.shapes, len(self.elements)
+        w, g, gp = s.weights[part], s.grad_u[part], s.grad_p[part]
+        e, q, a, _ = g.shape
+        c = gp.shape[2]
+        by_grad, by_p = self._by_grad[part], self._by_p[part]
+        out = [
+            self._entries[first:last].reshape(total, -1)[part]
+            for first, last in zip(self._ends[:-1], self._ends[1:], strict=True)
+        ]
+
+        def at_points(values: Any, *shape: int) -> Any:
+            values = values.reshape(total, q, *shape)[part]
+            return values * w.reshape(e, q, *(1 for _ in shape))
+
+        # (e, q, j, i, k, l) times ∇N_b: rows (q, j), columns (i, k, b).
+        stiffness = at_points(tangent.stress_grad_u, 3, 3, 3, 3).swapaxes(2, 3).reshape(e, q, 27, 3)
+        slopes = np.matmul(stiffness, g.swapaxes(2, 3)).reshape(e, 3 * q, 9 * a)
+        np.matmul(by_grad, slopes, out=out[0].reshape(e, a, 9 * a))
+        stress_p = at_points(tangent.stress_p, 3, 3).swapaxes(2, 3)[..., None] * s.p[:, None, None, :]
+        np.matmul(by_grad, stress_p.reshape(e, 3 * q, 3 * c), out=out[1].reshape(e, a, 3 * c))
+        # Rows (q, 0) for the storage, (q, 1 … 3) for the flux.
+        by_u = np.concatenate(
+            [at_points(tangent.storage_grad_u, 1, 3, 3), -dt * at_points(tangent.flux_grad_u, 3, 3, 3)],
+            axis=2,
+        ).reshape(e, q, 12, 3)
+        by_u = np.matmul(by_u, g.swapaxes(2, 3)).reshape(e, 4 * q, 3 * a)
+        np.matmul(by_p, by_u, out=out[2].reshape(e, c, 3 * a))
+        by_value = np.concatenate(
+            [at_points(tangent.storage_p, 1), -dt * at_points(tangent.flux_p, 3)], axis=2
+        )
+        by_pressure = by_value[..., None] * s.p[:, None, :]
+        by_pressure[:, :, 1:] -= dt * np.matmul(at_points(tangent.flux_grad_p, 3, 3), gp.swapaxes(2, 3))
+        np.matmul(by_p, by_pressure.reshape(e, 4 * q, c), out=out[3].reshape(e, c, c))
+
+    def _split(self, whole: Any) -> System:
+        """Rows and columns of equations and of prescribed unknowns, those of plates summed."""
+        n, free = self._equations, self.free
+        gather = sparse.csr_matrix((np.ones(len(free)), (self._of_free, free)), shape=(n, self.mesh.size))
+        rows = gather @ whole
+        return System((rows @ gather.T).tocsr(), rows[:, self.prescribed])
 
     def magnitudes(self, system: System, x: Any) -> Any:
         """|A| |x| in the free rows."""
@@ -133,39 +183,39 @@ class Assembler(Discretisation):
         terms[leading] += abs(system.coupling) @ np.abs(x[self.prescribed])
         return terms
 
-    def solve(self, system: System, right: Any, jump: Any) -> Any:
-        """By SuperLU."""
+    def solve(self, system: System, right: Any, jump: Any, *, again: bool = False) -> Any:
+        """By a factor, see :class:`~porocore_fem_skfem.macro_linear.LinearSolver`."""
         change = np.zeros(len(right))
         change[self.prescribed] = jump
         right = self.equations(right)
         if jump.any():
             right = right - system.coupling @ jump
-        try:
-            change[self.free] = splu(system.free).solve(right)[self._equation]
-        except RuntimeError as error:
-            raise StepFailed(f"{error}: the body may not be held against rigid motions") from error
-        if not np.isfinite(change).all():
-            raise StepFailed("the tangent is singular: the body may not be held against rigid motions")
+        change[self.free] = self._linear.solve(system.free, right, again=again)[self._of_free]
         return change
 
 
-class _Pattern:
-    """Sums entries at (major, minor) into compressed storage; a negative index leaves an entry out."""
+def _extended(indptr: Any, rows: int) -> Any:
+    """Row pointers of a matrix with further empty rows."""
+    return np.concatenate([indptr, np.full(rows + 1 - len(indptr), indptr[-1])])
 
-    def __init__(self, major: Any, minor: Any, shape: tuple[int, int]) -> None:
-        kept = np.flatnonzero((major >= 0) & (minor >= 0))
-        width = max(int(minor[kept].max(initial=0)) + 1, 1)
-        unique, slot = np.unique(major[kept] * width + minor[kept], return_inverse=True)
-        majors = int(shape[0])
+
+class _Pattern:
+    """Sums entries at (row, column) into compressed rows; a negative index leaves an entry out."""
+
+    def __init__(self, row: Any, column: Any, shape: tuple[int, int]) -> None:
+        kept = np.flatnonzero((row >= 0) & (column >= 0))
+        width = max(shape[1], 1)
+        unique, slot = np.unique(row[kept] * width + column[kept], return_inverse=True)
+        slot = slot.ravel()
         self._shape = shape
         self._indices = (unique % width).astype(np.int32)
-        self._indptr = np.searchsorted(unique // width, np.arange(majors + 1)).astype(np.int32)
-        order = np.argsort(slot.ravel(), kind="stable")
-        starts = np.searchsorted(slot.ravel()[order], np.arange(len(unique) + 1))
+        self._indptr = np.searchsorted(unique // width, np.arange(shape[0] + 1)).astype(np.int32)
+        order = np.argsort(slot, kind="stable")
+        starts = np.searchsorted(slot[order], np.arange(len(unique) + 1))
         self._sum = sparse.csr_matrix(
-            (np.ones(len(kept)), kept[order], starts), shape=(len(unique), len(major))
+            (np.ones(len(kept)), kept[order], starts), shape=(len(unique), len(row))
         )
 
-    def matrix(self, entries: Any, kind: Any) -> Any:
-        """Compressed by columns (major = column; square) or by rows (major = row)."""
-        return kind((self._sum @ entries, self._indices, self._indptr), shape=self._shape)
+    def matrix(self, entries: Any) -> Any:
+        """The matrix in CSR."""
+        return sparse.csr_matrix((self._sum @ entries, self._indices, self._indptr), shape=self._shape)

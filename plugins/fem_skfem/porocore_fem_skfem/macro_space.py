@@ -1,4 +1,4 @@
-"""scikit-fem's shape functions on one element of the box; all elements are congruent, so one stands for all."""
+"""scikit-fem's shape functions on the elements of the body."""
 
 from __future__ import annotations
 
@@ -6,23 +6,28 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from skfem import Basis, ElementHex1, ElementHex2, MeshHex
+from skfem import ElementHex1, ElementHex2, ElementTetP1, ElementTetP2
 
-from porocore.macro.mesh import VTK_NODES, BoxMesh, gauss_points, gauss_weights
+from porocore.body.mesh import BodyMesh
+
+#: Of the displacement and of the pressure.
+PAIRS = {"hexahedron": (ElementHex2(), ElementHex1()), "tetrahedron": (ElementTetP2(), ElementTetP1())}
 
 
 @dataclass(frozen=True, eq=False)
-class Reference:
+class Shapes:
     """Shape functions at the quadrature points, in the mesh's order of points and of an element's nodes.
 
     Attributes
     ----------
-    weights : (q,)
-        Of the quadrature, with the element's volume in them.
-    grad_u : (q, 27, 3)
-        ∇N of the quadratic displacement.
-    p, grad_p : (q, 8), (q, 8, 3)
-        N and ∇N of the linear pressure.
+    weights : (elements, q)
+        Volume of each point.
+    grad_u : (elements, q, a, 3)
+        ∇N of the displacement.
+    p : (q, c)
+        N of the pressure.
+    grad_p : (elements, q, c, 3)
+        ∇N of the pressure.
     """
 
     weights: Any
@@ -31,24 +36,28 @@ class Reference:
     grad_p: Any
 
 
-def make_reference(mesh: BoxMesh) -> Reference:
-    """Of the elements of ``mesh``."""
-    corner, far = np.zeros(3), mesh.edges
-    vertices = np.where(MeshHex.elem.refdom.p.T > 0, far, corner)
-    element = MeshHex(vertices.T, np.arange(8)[:, None])
-    rule = (gauss_points().T, gauss_weights())
-    u_basis = Basis(element, ElementHex2(), quadrature=rule)
-    p_basis = Basis(element, ElementHex1(), quadrature=rule)
-    u_order, p_order = _in_vtk_order(ElementHex2(), 27), _in_vtk_order(ElementHex1(), 8)
-    return Reference(
-        weights=u_basis.dx[0].copy(),
-        grad_u=np.stack([u_basis.basis[a][0].grad[:, 0].T for a in u_order], axis=1),
-        p=np.stack([np.asarray(p_basis.basis[a][0])[0] for a in p_order], axis=1),
-        grad_p=np.stack([p_basis.basis[a][0].grad[:, 0].T for a in p_order], axis=1),
+def make_shapes(mesh: BodyMesh) -> Shapes:
+    """Of the elements of ``mesh``, on their isoparametric geometry."""
+    reference = mesh.element
+    u, p = PAIRS[reference.shape]
+    xi, nodes = reference.points.T, 2 * reference.nodes
+    _, slopes = _tabulate(u, xi, nodes)
+    values, corner_slopes = _tabulate(p, xi, nodes[: reference.corners])
+    jacobian = np.einsum("eai,aqj->eqij", mesh.points[mesh.cells], slopes, optimize=True)
+    inverse = np.linalg.inv(jacobian)
+    return Shapes(
+        weights=np.linalg.det(jacobian) * reference.weights,
+        grad_u=np.einsum("aqj,eqji->eqai", slopes, inverse, optimize=True),
+        p=np.ascontiguousarray(values.T),
+        grad_p=np.einsum("cqj,eqji->eqci", corner_slopes, inverse, optimize=True),
     )
 
 
-def _in_vtk_order(element: Any, nodes: int) -> list[int]:
-    """For each node of VTK's order its number in scikit-fem's, by where they lie."""
+def _tabulate(element: Any, xi: Any, nodes: Any) -> tuple[Any, Any]:
+    """Values (a, q) and slopes (a, q, 3) of the functions of ``nodes``, given in half edges."""
     places = [tuple(place) for place in np.rint(2 * element.doflocs).astype(int)]
-    return [places.index(tuple(node)) for node in VTK_NODES[:nodes]]
+    order = [places.index(tuple(node)) for node in np.rint(nodes).astype(int)]
+    pairs = [element.lbasis(xi, i) for i in order]
+    values = [np.broadcast_to(value, xi.shape[1:]) for value, _ in pairs]
+    slopes = [np.broadcast_to(slope, xi.shape).T for _, slope in pairs]
+    return np.array(values), np.array(slopes)

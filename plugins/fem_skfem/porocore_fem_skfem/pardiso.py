@@ -1,4 +1,4 @@
-"""The symmetric indefinite direct solver of Intel's Math Kernel Library, by its C interface.
+"""The direct solver of Intel's Math Kernel Library for sparse matrices, by its C interface.
 
 The wrappers on the package index know neither the separate phases, nor single precision, nor the inertia,
 which are what makes a cell solve fast and tells whether its tangent is indefinite.
@@ -18,7 +18,7 @@ from porocore.equilibrium.discrete import FactorError
 from porocore_fem_skfem.factor import SymmetricFactor
 
 _ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1
-_SYMMETRIC_INDEFINITE = -2
+_SYMMETRIC_INDEFINITE, _STRUCTURALLY_SYMMETRIC = -2, 1
 
 
 @lru_cache(maxsize=1)
@@ -39,30 +39,31 @@ def library() -> Any:
     return None
 
 
-class PardisoFactor(SymmetricFactor):
-    """LDLᵀ with Bunch–Kaufman pivoting, analysed once for a pattern; in single precision by default."""
+class _Pardiso:
+    """Phases of the solver on one pattern in CSR, which is analysed once."""
 
-    def __init__(self, indptr: Any, indices: Any, *, single: bool = True) -> None:
-        self.n = len(indptr) - 1
-        self.dtype = np.float32 if single else np.float64
+    def __init__(self, indptr: Any, indices: Any, kind: int, options: dict[int, int], dtype: Any) -> None:
+        self.n, self.dtype, self._kind = len(indptr) - 1, dtype, kind
         self._indptr = np.ascontiguousarray(indptr + 1, dtype=np.int32)
         self._indices = np.ascontiguousarray(indices + 1, dtype=np.int32)
         self._handle = np.zeros(64, dtype=np.int64)
         self._iparm = np.zeros(64, dtype=np.int32)
-        self._iparm[[0, 1, 9, 20, 23, 27, 30]] = [1, 2, 8, 1, 0, int(single), 0]
-        self._data = np.zeros(len(indices), dtype=self.dtype)
+        self._iparm[0] = 1
+        for place, value in options.items():
+            self._iparm[place] = value
+        self._data = np.zeros(len(indices), dtype=dtype)
         self._analysed = False
-        self.negative = 0
 
     def factor(self, data: Any) -> None:
+        """Of the matrix with these entries."""
         self._data[:] = data
         if not self._analysed:
             self._call(_ANALYSE)
             self._analysed = True
         self._call(_FACTOR)
-        self.negative = int(self._iparm[22])
 
     def solve(self, rhs: Any) -> Any:
+        """Apply to (n,) or (n, k)."""
         # Pardiso wants the right-hand sides column after column.
         b = np.array(rhs.T, dtype=self.dtype, order="C")
         x = np.empty_like(b)
@@ -82,7 +83,7 @@ class PardisoFactor(SymmetricFactor):
             pointer(self._handle),
             integer(1),
             integer(1),
-            integer(_SYMMETRIC_INDEFINITE),
+            integer(self._kind),
             integer(phase),
             integer(self.n),
             pointer(self._data),
@@ -103,3 +104,25 @@ class PardisoFactor(SymmetricFactor):
         if getattr(self, "_analysed", False) and not sys.is_finalizing():
             self._call(_RELEASE)
             self._analysed = False
+
+
+class PardisoFactor(_Pardiso, SymmetricFactor):
+    """LDLᵀ with Bunch–Kaufman pivoting of an upper triangle; in single precision by default."""
+
+    def __init__(self, indptr: Any, indices: Any, *, single: bool = True) -> None:
+        options = {1: 2, 9: 8, 20: 1, 27: int(single)}
+        dtype = np.float32 if single else np.float64
+        super().__init__(indptr, indices, _SYMMETRIC_INDEFINITE, options, dtype)
+        self.negative = 0
+
+    def factor(self, data: Any) -> None:
+        """See :class:`~porocore_fem_skfem.factor.SymmetricFactor`."""
+        super().factor(data)
+        self.negative = int(self._iparm[22])
+
+
+class GeneralFactor(_Pardiso):
+    """LU of a matrix in CSR whose pattern is symmetric, its values not, in double precision."""
+
+    def __init__(self, indptr: Any, indices: Any) -> None:
+        super().__init__(indptr, indices, _STRUCTURALLY_SYMMETRIC, {1: 2, 7: 2, 9: 13}, np.float64)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from skfem import ElementHex1, ElementHex2, FacetBasis, MeshHex
 
+from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
-from porocore.macro.mesh import BoxMesh
 from porocore.testing.macro import MacroSolverConformance
 from porocore.testing.synthetic import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
@@ -28,8 +28,9 @@ def test_the_loads_on_nodes_are_those_that_scikit_fem_integrates():
         "x-": {"displacement": (0, 0, 0)},
         "y+": {"traction": (0.3, -1, 0.2), "flux": 0.7},
     }
-    mesh = BoxMesh.make(confined_column((2, 1, 3), size=(1, 2, 1.5), boundary=boundary))
-    found = boundary_data(mesh).external
+    problem = confined_column((2, 1, 3), size=(1, 2, 1.5), boundary=boundary)
+    mesh = body_mesh(problem)
+    found = boundary_data(mesh, problem).external[0]
     axes = [np.linspace(0, size, n + 1) for size, n in zip((1, 2, 1.5), (2, 1, 3), strict=True)]
     theirs = MeshHex.init_tensor(*axes)
     facets = theirs.facets_satisfying(lambda x: x[1] == 2, boundaries_only=True)

@@ -1,0 +1,1 @@
+"""The body of the macroscale: its kinds, their meshes, and the named parts of their surface."""

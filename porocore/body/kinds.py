@@ -1,0 +1,153 @@
+"""What bodies there are, by the ``kind`` that the user writes; y is the axis of cylinders."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from functools import lru_cache
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+from porocore.body.mesh import BodyMesh
+from porocore.body.structured import box, graded, sector
+
+Positive = Annotated[float, Field(gt=0)]
+Count = Annotated[int, Field(ge=1)]
+Grading = Annotated[float, Field(ge=1e-3, le=1e3)]
+
+
+class Body(BaseModel, ABC):
+    """A shape and how finely it is meshed.
+
+    A new kind derives this class, has a field ``kind`` with one allowed text, and stands in :data:`AnyBody`.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @abstractmethod
+    def make(self) -> BodyMesh:
+        """Its mesh, the same on every machine."""
+
+    @abstractmethod
+    def coarsened(self, elements: int) -> Body:
+        """The same body with at most about ``elements`` along each axis, where the kind can be coarsened."""
+
+
+class Box(Body):
+    """[0, a] × [0, b] × [0, c]; surfaces x-, x+, y-, y+, z-, z+."""
+
+    kind: Literal["box"] = "box"
+    size: tuple[Positive, Positive, Positive] = (0.1, 7.5, 0.1)
+    elements: tuple[Count, Count, Count] = (1, 106, 1)
+    grading: tuple[Grading, Grading, Grading] = (1.0, 1.0, 1.0)
+    """Length of the last element along each axis over that of the first."""
+
+    def make(self) -> BodyMesh:
+        """Triquadratic hexahedra."""
+        x, y, z = (graded(*each) for each in zip(self.size, self.elements, self.grading, strict=True))
+        return box((x, y, z))
+
+    def coarsened(self, elements: int) -> Box:
+        """See :class:`Body`."""
+        return self.model_copy(update={"elements": tuple(min(n, elements) for n in self.elements)})
+
+
+class _Round(Body):
+    radius: Positive
+    height: Positive
+    elements: tuple[Count, Count, Count] = (8, 8, 3)
+    """From the inner block, which takes half the radius, to the mantle; along y; around each of a quarter's blocks."""
+    grading: Grading = 1.0
+    """Length of the outermost element over that of the innermost outside the inner block."""
+
+    @property
+    def sweep(self) -> float:
+        """Angle about the y axis, in radians."""
+        return 2 * np.pi
+
+    def make(self) -> BodyMesh:
+        """Triquadratic hexahedra with curved mantle."""
+        return sector(self.radius, self.height, self.sweep, self.elements, self.grading)
+
+    def coarsened(self, elements: int) -> Body:
+        """See :class:`Body`."""
+        return self.model_copy(update={"elements": tuple(min(n, elements) for n in self.elements)})
+
+
+class Cylinder(_Round):
+    """About the y axis, 0 ≤ y ≤ height; surfaces y-, y+, side."""
+
+    kind: Literal["cylinder"]
+
+
+class QuarterCylinder(_Round):
+    """The part x, z ≥ 0 of a cylinder; surfaces x-, z- (the symmetry planes), y-, y+, side."""
+
+    kind: Literal["quarter-cylinder"]
+
+    @property
+    def sweep(self) -> float:
+        """A right angle."""
+        return np.pi / 2
+
+
+class Wedge(_Round):
+    """A sector of a cylinder from z = 0 to an oblique plane; surfaces z-, oblique, y-, y+, side."""
+
+    kind: Literal["wedge"]
+    elements: tuple[Count, Count, Count] = (8, 8, 1)
+    """As for a cylinder."""
+    angle: Annotated[float, Field(ge=1, lt=90)] = 15.0
+    """In degrees."""
+
+    @property
+    def sweep(self) -> float:
+        """The angle."""
+        return float(np.deg2rad(self.angle))
+
+
+class MeshedBody(Body):
+    """From a file: a mesh with names for the parts of its surface, or a geometry that gmsh meshes."""
+
+    kind: Literal["file"]
+    file: str
+    """.msh of gmsh, anything else that meshio reads, or .geo, .step and .brep; the path is relative to the
+    configuration."""
+    size: Positive | None = None
+    """Of the elements, for a geometry."""
+    scale: Positive = 1.0
+    """Factor of all coordinates."""
+
+    def make(self) -> BodyMesh:
+        """Quadratic tetrahedra or triquadratic hexahedra; linear elements get straight edges with a node on them."""
+        from porocore.body.mesh_file import read_body
+
+        return read_body(self.file, self.size, self.scale)
+
+    def coarsened(self, elements: int) -> MeshedBody:
+        """Itself."""
+        return self
+
+
+def _kind(value: Any) -> Any:
+    """Of a mapping or of a body; a box where none is given."""
+    if isinstance(value, Body):
+        return getattr(value, "kind", None)
+    return value.get("kind", "box") if isinstance(value, dict) else "box"
+
+
+AnyBody = Annotated[
+    Annotated[Box, Tag("box")]
+    | Annotated[Cylinder, Tag("cylinder")]
+    | Annotated[QuarterCylinder, Tag("quarter-cylinder")]
+    | Annotated[Wedge, Tag("wedge")]
+    | Annotated[MeshedBody, Tag("file")],
+    Discriminator(_kind),
+]
+
+
+@lru_cache(maxsize=4)
+def make_body(body: Body) -> BodyMesh:
+    """The mesh of ``body``, kept for the next load."""
+    return body.make().check("macro.body")

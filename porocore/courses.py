@@ -1,0 +1,67 @@
+"""How a prescribed value goes with time."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+
+from porocore.expressions import Expression
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class Course(BaseModel):
+    """A function of time of its own, instead of the common ramp: one of ``table``, ``ramp``, ``expression``."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    table: tuple[tuple[Annotated[float, Field(ge=0)], float], ...] = ()
+    """(time, value), linear in between and constant outside."""
+    ramp: float | None = None
+    """From 0 at t = 0 linearly to this value at ``until``, and on with it."""
+    until: Positive | None = None
+    """End of the ramp."""
+    expression: str | None = None
+    """Of t, such as ``0.1*sin(2*pi*t)``."""
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Course:
+        given = [bool(self.table), self.ramp is not None, self.expression is not None]
+        if sum(given) != 1:
+            raise ValueError("expected exactly one of table, ramp (with until) and expression")
+        if (self.ramp is None) != (self.until is None):
+            raise ValueError("ramp and until belong together: the value, and the time at which it is reached")
+        times = [time for time, _ in self.table]
+        if sorted(set(times)) != times:
+            raise ValueError("the times of the table do not ascend")
+        if self.expression is not None:
+            Expression.parse(self.expression, ("t",))(t=0.0)
+        return self
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Times at which it bends, which a time step should hit."""
+        return (self.until,) if self.until is not None else tuple(time for time, _ in self.table)
+
+    def at(self, time: float) -> float:
+        """Its value."""
+        if self.ramp is not None and self.until is not None:
+            return self.ramp * min(1.0, time / self.until)
+        if self.table:
+            times, values = zip(*self.table, strict=True)
+            return float(np.interp(time, times, values))
+        assert self.expression is not None
+        return float(Expression.parse(self.expression, ("t",))(t=time))
+
+
+def _form(value: Any) -> str:
+    return "course" if isinstance(value, dict | Course) else "number"
+
+
+#: A number follows the common ramp of the time plan; a course has its own.
+Value = Annotated[
+    Annotated[float, Tag("number")] | Annotated[Course, Tag("course")],
+    Discriminator(_form),
+]
