@@ -15,9 +15,7 @@ import numpy as np
 from porocore.materials.kinematics import Kinematics, product
 from porocore.materials.stretch_powers import power_difference
 from porocore.states import Array
-
-#: (i, j, k, ε_ijk) wherever ε is not zero.
-_PERMUTATIONS = ((0, 1, 2, 1), (1, 2, 0, 1), (2, 0, 1, 1), (0, 2, 1, -1), (2, 1, 0, -1), (1, 0, 2, -1))
+from porocore.tensors.cofactors import add_cofactor_tangent
 
 
 class Invariant(ABC):
@@ -73,7 +71,7 @@ class Second(Invariant):
 
     def gradient(self, at: Kinematics) -> Array:
         """2 (I₁ F − F C)."""
-        return 2 * (np.trace(at.C) * at.F - product(at.F, at.C))
+        return np.asarray(2 * (np.trace(at.C) * at.F - product(at.F, at.C)))
 
     def add_curvature(self, A: Array, weight: Array, at: Kinematics) -> None:
         """2 (2 F_ij F_kl − F_il F_kj + I₁ δ_ik δ_jl − δ_ik C_jl − B_ik δ_jl)."""
@@ -105,10 +103,7 @@ class Volume(Invariant):
 
     def add_curvature(self, A: Array, weight: Array, at: Kinematics) -> None:
         """ε_ikm ε_jln F_mn."""
-        scaled = weight * at.F
-        for i, k, m, row in _PERMUTATIONS:
-            for j, l, n, column in _PERMUTATIONS:
-                A[i, j, k, l] += row * column * scaled[m, n]
+        add_cofactor_tangent(A, weight * at.F)
 
 
 @dataclass(frozen=True)
@@ -118,7 +113,7 @@ class Third(Volume):
     rest, slope_at_rest = 1, 2
 
     def value(self, at: Kinematics) -> Array:
-        return at.J * at.J
+        return np.asarray(at.J * at.J)
 
     def gradient(self, at: Kinematics) -> Array:
         """2 J cof F."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, model_validator
@@ -11,23 +11,22 @@ from pydantic import BaseModel, ConfigDict, model_validator
 from porocore.materials.moduli import check_reference, voigt_moduli
 from porocore.states import Array, IntArray
 
+if TYPE_CHECKING:
+    from porocore.cell.mesh import CellMesh
+
 
 class StrainEnergy(ABC):
     """A hyperelastic solid, Ψ(F) at many points.
 
     F_ij = ∂x_i/∂X_j has the shape (..., 3, 3); where materials differ from element to element it is led by the
-    elements of the mesh, (elements, points, 3, 3). All stresses and moduli are in units of E, the reference modulus of the study.
+    elements of the mesh, (elements, points, 3, 3). All stresses and moduli are in units of E, the reference modulus of
+    the study.
     """
 
     @property
     @abstractmethod
     def isotropic(self) -> bool:
         """Whether the response is the same along all directions of the reference configuration, everywhere."""
-
-    @property
-    @abstractmethod
-    def mirrored(self) -> bool:
-        """Whether the mirrors of the three axes leave the response alone, as the eighth of a cell asks for."""
 
     @abstractmethod
     def energy_density(self, F: Array) -> Array:
@@ -59,6 +58,20 @@ class Material(BaseModel, StrainEnergy):
     @abstractmethod
     def description(self) -> str:
         """A few words for a reader, such as ``neo-hookean solid with Poisson's ratio 0.35``."""
+
+    @property
+    @abstractmethod
+    def mirrored(self) -> bool:
+        """Whether the mirrors of the three axes leave the response alone, as the eighth of a cell asks for."""
+
+    @property
+    def identity(self) -> str:
+        """All that it is, as text."""
+        return self.model_dump_json()
+
+    def on(self, mesh: CellMesh) -> StrainEnergy:
+        """Of every element of a mesh of the solid: itself."""
+        return self
 
     @property
     def elasticity(self) -> Array:

@@ -30,6 +30,16 @@ def cofactor(F: Array) -> Array:
     return cof
 
 
+def add_cofactor_tangent(A: Array, F: Array) -> None:
+    """Add ∂cof F_ij/∂F_kl, which is linear in F (3, 3, n), to A (3, 3, 3, 3, n), points last."""
+    for i, k, m, row in _PERMUTATIONS:
+        for j, l, n, column in _PERMUTATIONS:
+            if row == column:
+                A[i, j, k, l] += F[m, n]
+            else:
+                A[i, j, k, l] -= F[m, n]
+
+
 def cofactor_tangent(F: Array) -> Array:
     """∂cof F_ij / ∂F_kl = ε_ikm ε_jln F_mn, (..., 3, 3, 3, 3)."""
     tangent = np.zeros((*F.shape[:-2], 3, 3, 3, 3))

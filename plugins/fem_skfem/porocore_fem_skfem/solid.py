@@ -15,14 +15,15 @@ from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import UNIT_LOADS, held_displacements
 from porocore.contact.model import ContactModel
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate, Sensitivities, Sums
+from porocore.materials.material import StrainEnergy
 from porocore.materials.neo_hookean import NeoHookean
 from porocore.tensors.cofactors import cofactor, determinant
 from porocore_fem_skfem import solves
 from porocore_fem_skfem.constraints import Constraints
 from porocore_fem_skfem.operators import Operators, Scatter
-
-#: Numbers in a batch of element blocks that stays in the processor's cache.
-CACHED = 60_000
+from porocore_fem_skfem.response import Response
+from porocore_fem_skfem.response_general import GeneralResponse
+from porocore_fem_skfem.response_neo_hookean import NeoHookeanResponse
 
 
 class Point(Iterate):
@@ -45,23 +46,19 @@ class Point(Iterate):
         view = np.moveaxis(self.F, -1, 0)
         self.J, self.cof = determinant(view), np.moveaxis(cofactor(view), 0, -1)
 
-    @property
-    def F_inverse_T(self) -> Any:
-        return self.cof / self.J
-
     @cached_property
     def stress(self) -> Any:
         """P + p cof F."""
-        return self.problem.stress(self)
+        return self.problem.response.stress(self)
 
     @cached_property
     def tangent(self) -> Any:
         """Upper triangle of ∂²Π/∂u² without contact, entries in the order of the scatter's pattern."""
-        return self.problem.stiffness(self)
+        return self.problem.response.stiffness(self)
 
     @cached_property
     def energy(self) -> float:
-        energy = float(self.problem.w @ (self.problem.energy_density(self) + self.p * self.J))
+        energy = float(self.problem.w @ (self.problem.response.energy_density(self) + self.p * self.J))
         return energy if self.touching is None else energy + self.touching.forces.energy
 
     @cached_property
@@ -87,7 +84,7 @@ class SolidProblem(DiscreteSolid):
     def __init__(
         self,
         mesh: CellMesh,
-        material: NeoHookean,
+        material: StrainEnergy,
         *,
         degree: int,
         solver: str,
@@ -101,12 +98,16 @@ class SolidProblem(DiscreteSolid):
         self.B = self.operators.gradient(self.n_nodes)
         self.B_T = self.B.T.tocsr()
         self.w = self.operators.weights
-        self.grad_N = self.operators.grad_N
         cells = self.operators.cells
         self.scatter = Scatter(
             np.concatenate([cells + i * self.n_nodes for i in range(3)], axis=1), 3 * self.n_nodes
         )
-        self._laplacian = self._constant_blocks()
+        self.response: Response = (
+            NeoHookeanResponse(material, self.operators, self.scatter)
+            if isinstance(material, NeoHookean)
+            else GeneralResponse(material, self.operators, self.scatter)
+        )
+        self._least_stress = 1e-3 * material.mean_moduli()[1]
         self._constraints: dict[str, Constraints] = {}
         self._places = self.scatter.pattern
         self._wider: dict[str, Constraints] = {}
@@ -144,12 +145,12 @@ class SolidProblem(DiscreteSolid):
 
     def force_scale(self, here: Any) -> float:
         size = np.sqrt((here.stress * here.stress).sum(axis=(0, 1)))
-        size = np.maximum(size, 1e-3 * self.material.mu) * self.w
+        size = np.maximum(size, self._least_stress) * self.w
         nodal = abs(self.B_T) @ np.tile(size, 3)
         return float(np.linalg.norm((np.tile(nodal, 3) / 3)[self.constraints().free]))
 
     def load_change(self, here: Any, dH: Any, dp: float) -> Any:
-        change = self.tangent_apply(here, dH[:, :, None]) + dp * here.cof
+        change = self.response.tangent_apply(here, dH[:, :, None]) + dp * here.cof
         forces = self.assemble(change)
         if here.touching is not None:
             forces += self.merged(here.touching.blocks("").load_change(len(self.mesh.points), dH))
@@ -183,7 +184,7 @@ class SolidProblem(DiscreteSolid):
 
     def sums(self, here: Any) -> Sums:
         grad = here.F - (np.eye(3) + here.H)[:, :, None]
-        energy = self.energy_density(here)
+        energy = self.response.energy_density(here)
         return Sums(
             grad=grad @ self.w,
             stress=here.stress @ self.w,
@@ -222,7 +223,7 @@ class SolidProblem(DiscreteSolid):
             return here.cof
         dF = np.zeros((3, 3, 1))
         dF[column // 3, column % 3] = 1.0
-        return self.tangent_apply(here, dF)
+        return self.response.tangent_apply(here, dF)
 
     def merged(self, values: Any) -> Any:
         """(3, nodes) with periodic nodes added up, of (nodes of the mesh, 3)."""
@@ -262,62 +263,7 @@ class SolidProblem(DiscreteSolid):
         n = self.operators.n_points
         return np.stack([(self.B @ u_i).reshape(3, n) for u_i in u])
 
-    def energy_density(self, at: Point) -> Any:
-        """Ψ (points)."""
-        mu = self.material.mu
-        return mu / 2 * ((at.F * at.F).sum(axis=(0, 1)) - 3) + self.material.volumetric(np.log(at.J))[0]
-
-    def stress(self, at: Point) -> Any:
-        """P + p cof F (3, 3, points)."""
-        first = self.material.volumetric(np.log(at.J))[1]
-        return self.material.mu * at.F + (first / at.J + at.p) * at.cof
-
     def assemble(self, stress: Any) -> Any:
         """∫ S:∇v for all nodal v, (3, nodes), of S (3, 3, points)."""
         weighted = (stress * self.w).reshape(3, -1)
         return np.stack([self.B_T @ row for row in weighted])
-
-    def tangent_apply(self, at: Point, dF: Any) -> Any:
-        """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
-        G = at.F_inverse_T
-        _, first, second = self.material.volumetric(np.log(at.J))
-        pJ = at.p * at.J
-        trace = (G * dF).sum(axis=(0, 1))
-        # G_il δF_kl G_kj = (G δFᵀ G)_ij, written out for the component-first layout.
-        inner = np.stack([[(G[i] * dF[k]).sum(axis=0) for k in range(3)] for i in range(3)])
-        swapped = np.stack([[(inner[i] * G[:, j]).sum(axis=0) for j in range(3)] for i in range(3)])
-        return (second + pJ) * trace * G - (first + pJ) * swapped + self.material.mu * dF
-
-    def stiffness(self, at: Point) -> Any:
-        """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""
-        _, first, second = self.material.volumetric(np.log(at.J))
-        pJ = at.p * at.J
-        e, q, a, _ = self.grad_N.shape
-        F_inverse = np.ascontiguousarray(np.moveaxis(at.F_inverse_T, -1, 0)).transpose(0, 2, 1)
-        g = np.matmul(self.grad_N.reshape(e * q, a, 3), F_inverse).transpose(0, 2, 1).reshape(e, q, 3 * a)
-        d = (self.w * (second + pJ)).reshape(e, q, 1)
-        c = (self.w * (first + pJ)).reshape(e, q, 1)
-        blocks = np.empty((e, 3, a, 3, a))
-        chunk = max(1, CACHED // (3 * a) ** 2)
-        for k in range(0, e, chunk):
-            part = slice(k, k + chunk)
-            g_T = g[part].transpose(0, 2, 1)
-            if q == 1:
-                plus, minus = g_T * (d[part] * g[part]), g_T * (c[part] * g[part])
-            else:
-                g_T = np.ascontiguousarray(g_T)
-                plus, minus = np.matmul(g_T, d[part] * g[part]), np.matmul(g_T, c[part] * g[part])
-            shape = (-1, 3, a, 3, a)
-            np.subtract(plus.reshape(shape), minus.reshape(shape).transpose(0, 3, 2, 1, 4), out=blocks[part])
-        return self.scatter(blocks) + self._laplacian
-
-    def _constant_blocks(self) -> Any:
-        """The part μ ∇N_a·∇N_b δ_ij of the tangent, which no state changes."""
-        e, q, a, _ = self.grad_N.shape
-        flat = self.grad_N.transpose(0, 2, 1, 3).reshape(e, a, q * 3)
-        weights = np.repeat(self.w.reshape(e, 1, q), 3, axis=2)
-        laplacian = self.material.mu * np.matmul(flat * weights, flat.transpose(0, 2, 1))
-        blocks = np.zeros((e, 3, a, 3, a))
-        for i in range(3):
-            blocks[:, i, :, i, :] = laplacian
-        return self.scatter(blocks)

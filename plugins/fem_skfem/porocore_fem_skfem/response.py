@@ -1,0 +1,68 @@
+"""The response of the solid at the quadrature points, and its tangent stiffness.
+
+Arrays at quadrature points are component-first, (3, 3, points), element by element.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, Protocol
+
+from porocore.materials.material import StrainEnergy
+from porocore_fem_skfem.operators import Operators, Scatter
+
+#: Numbers in a batch of element blocks that stays in the processor's cache.
+CACHED = 60_000
+
+
+class At(Protocol):
+    """One iterate.
+
+    Attributes
+    ----------
+    F, cof : (3, 3, points)
+        Deformation gradient and its cofactor.
+    J : (points,)
+        det F.
+    p : float
+        Pore pressure.
+    """
+
+    F: Any
+    cof: Any
+    J: Any
+    p: float
+
+
+class Response(ABC):
+    """Of one material on one mesh.
+
+    Parameters
+    ----------
+    material
+        Of every element.
+    operators
+        Gradients and weights at the quadrature points.
+    scatter
+        Of element blocks into the stiffness.
+    """
+
+    def __init__(self, material: StrainEnergy, operators: Operators, scatter: Scatter) -> None:
+        self.material, self.scatter = material, scatter
+        self.grad_N, self.w = operators.grad_N, operators.weights
+
+    @abstractmethod
+    def energy_density(self, at: At) -> Any:
+        """Ψ (points)."""
+
+    @abstractmethod
+    def stress(self, at: At) -> Any:
+        """P + p cof F (3, 3, points)."""
+
+    @abstractmethod
+    def tangent_apply(self, at: At, dF: Any) -> Any:
+        """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
+
+    @abstractmethod
+    def stiffness(self, at: At) -> Any:
+        """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""

@@ -1,0 +1,68 @@
+"""Any strain energy, by the core's stress and tangent at the quadrature points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from porocore.tensors.cofactors import add_cofactor_tangent
+from porocore_fem_skfem.response import CACHED, At, Response
+
+
+class GeneralResponse(Response):
+    """Any strain energy, by its stress and its tangent A_ijkl."""
+
+    _of: At | None = None
+    _moduli: Any = None
+
+    def _by_element(self, F: Any) -> Any:
+        """(elements, points of each, 3, 3), a view."""
+        e, q = self.grad_N.shape[:2]
+        return np.moveaxis(F.reshape(3, 3, e, q), (0, 1), (-2, -1))
+
+    def energy_density(self, at: At) -> Any:
+        """Ψ (points)."""
+        return self.material.energy_density(self._by_element(at.F)).reshape(-1)
+
+    def stress(self, at: At) -> Any:
+        """P + p cof F (3, 3, points)."""
+        P = np.moveaxis(self.material.stress(self._by_element(at.F)), (-2, -1), (0, 1))
+        return P.reshape(3, 3, -1) + at.p * at.cof
+
+    def moduli(self, at: At) -> Any:
+        """A + p ∂cof F/∂F (3, 3, 3, 3, points), kept until another iterate is asked for."""
+        if self._of is not at:
+            A = self.material.tangent(self._by_element(at.F))
+            self._moduli = np.moveaxis(A, (-4, -3, -2, -1), (0, 1, 2, 3)).reshape(3, 3, 3, 3, -1)
+            if at.p:
+                add_cofactor_tangent(self._moduli, at.p * at.F)
+            self._of = at
+        return self._moduli
+
+    def tangent_apply(self, at: At, dF: Any) -> Any:
+        """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
+        moduli, changes = self.moduli(at), np.zeros((3, 3, at.J.size))
+        for k in range(3):
+            for l in range(3):
+                if dF[k, l].any():
+                    changes += moduli[:, :, k, l] * dF[k, l]
+        return changes
+
+    def stiffness(self, at: At) -> Any:
+        """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""
+        e, q, a, _ = self.grad_N.shape
+        weighted = (self.moduli(at) * self.w).reshape(3, 3, 3, 3, e, q)
+        blocks = np.empty((e, 3, a, 3, a))
+        chunk = max(1, CACHED // (3 * a) ** 2)
+        for start in range(0, e, chunk):
+            part = slice(start, start + chunk)
+            grad = self.grad_N[part]
+            n = len(grad)
+            # Σ_ql grad_bl (Σ_j grad_aj A_ijkl) as two batched products
+            A = weighted[..., part, :].transpose(4, 5, 1, 0, 2, 3).reshape(n, q, 3, 27)
+            half = np.matmul(grad, A).reshape(n, q, a, 3, 3, 3).transpose(0, 3, 4, 2, 1, 5)
+            right = grad.transpose(0, 1, 3, 2).reshape(n, 3 * q, a)
+            full = np.matmul(half.reshape(n, 9 * a, 3 * q), right).reshape(n, 3, 3, a, a)
+            blocks[part] = full.transpose(0, 1, 3, 2, 4)
+        return self.scatter(blocks)
