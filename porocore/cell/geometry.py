@@ -11,18 +11,22 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Tag
 
 from porocore.cell.channels import OrthogonalChannels
+from porocore.cell.mesh_file import MeshFile
 from porocore.cell.obstacles import CylinderArray, NoPores, SphereArray
 from porocore.cell.part import PoreGeometry
 from porocore.cell.tpms import TriplyPeriodic
+from porocore.cell.voxels import Voxels
 
 __all__ = [
     "CylinderArray",
     "Geometry",
+    "MeshFile",
     "NoPores",
     "OrthogonalChannels",
     "PoreGeometry",
     "SphereArray",
     "TriplyPeriodic",
+    "Voxels",
 ]
 
 DEFAULT = "orthogonal-channels"
@@ -40,6 +44,8 @@ Geometry = Annotated[
     | Annotated[SphereArray, Tag("sphere-array")]
     | Annotated[CylinderArray, Tag("cylinder-array")]
     | Annotated[NoPores, Tag("no-pores")]
-    | Annotated[TriplyPeriodic, Tag("tpms")],
+    | Annotated[TriplyPeriodic, Tag("tpms")]
+    | Annotated[Voxels, Tag("voxels")]
+    | Annotated[MeshFile, Tag("mesh-file")],
     Discriminator(_kind),
 ]

@@ -1,0 +1,72 @@
+"""Whether the opposite faces of a meshed cell are the same, and making them the same to the last bit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.errors import ConfigurationError
+from porocore.states import Array, IntArray
+
+#: Of the length of the cell: nodes so close to a face lie on it, and nodes of opposite faces so close are partners.
+ON_FACE, PARTNER = 1e-6, 1e-4
+FACETS = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def matched(points: Array, cells: IntArray, what: str) -> Array:
+    """Nodes (N, 3) of a mesh that fills [−½, ½]³, those on faces put where their partners on the opposite face are.
+
+    Parameters
+    ----------
+    cells : (M, 4) or (M, 10)
+        Of both phases.
+    what
+        Whose mesh it is, for the message.
+
+    Raises
+    ------
+    ConfigurationError
+        A face has nodes without partners, or facets that the opposite face does not have.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    points = points.copy()
+    for side in (-0.5, 0.5):
+        points[np.abs(points - side) < ON_FACE] = side
+    for axis, name in enumerate("xyz"):
+        others = np.array([i for i in range(3) if i != axis])
+        low, high = (np.flatnonzero(points[:, axis] == side) for side in (-0.5, 0.5))
+        distance, partner = cKDTree(points[low][:, others]).query(points[high][:, others])
+        back, _ = cKDTree(points[high][:, others]).query(points[low][:, others])
+        missing = int((distance > PARTNER).sum() + (back > PARTNER).sum())
+        if missing or len(low) != len(high) or len(np.unique(partner)) < len(high):
+            raise ConfigurationError(
+                f"{what}: not periodic along {name}: {missing or abs(len(low) - len(high))} nodes of the faces "
+                f"{name} = ±1/2 ({len(low)} and {len(high)} nodes) have no partner on the opposite face; the largest "
+                f"distance to the nearest node there is {max(distance.max(), back.max()):.3g} of the cell's length; "
+                "mesh one face and copy it to the other (gmsh: setPeriodic)"
+            )
+        points[np.ix_(high, others)] = points[np.ix_(low[partner], others)]
+    _check_facets(points, cells, what)
+    return points
+
+
+def _check_facets(points: Array, cells: IntArray, what: str) -> None:
+    """The boundary of both phases together lies on the faces, and opposite faces have the same facets."""
+    facets = cells[:, FACETS].reshape(-1, 3)
+    _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+    boundary = facets[first[count == 1]]
+    on_face = (np.abs(points[boundary]) == 0.5).all(axis=1).any(axis=1)
+    if not on_face.all():
+        raise ConfigurationError(
+            f"{what}: {int((~on_face).sum())} facets inside of the cell belong to one tetrahedron only; solid and "
+            "fluid must fill the cell and share their nodes on the wall"
+        )
+    wrapped = np.where(points == 0.5, -0.5, points)
+    images = np.unique(wrapped, axis=0, return_inverse=True)[1].reshape(-1)
+    _, count = np.unique(np.sort(images[boundary], axis=1), axis=0, return_counts=True)
+    alone = int((count == 1).sum())
+    if alone:
+        raise ConfigurationError(
+            f"{what}: not periodic: the nodes of opposite faces match, but {alone} facets between them do not; mesh "
+            "one face and copy it to the other (gmsh: setPeriodic)"
+        )
