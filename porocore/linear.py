@@ -8,7 +8,7 @@ import numpy as np
 
 from porocore.closures import reference_tangents
 from porocore.laws import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.materials.composite import Composite, Solid
 from porocore.states import Array, CellResponse, MacroState
 
 
@@ -19,6 +19,8 @@ class LinearCoefficients:
     With C the elasticity of the solid and M, Q the tangents of <∇u¹>_s at rest (Dehghani & Zilian)::
 
         C_eff = φ_s C + C:M,   α = φ_f I − I:M,   1/M_B = −tr Q
+
+    A solid of several materials has no single C; its C_eff is ∂P_E/∂H of the cell at rest, which is the same tensor.
 
     Attributes
     ----------
@@ -48,7 +50,7 @@ class LinearCoefficients:
 
     @classmethod
     def from_reference(
-        cls, reference: CellResponse, solid_fraction: float, material: NeoHookean, conductivity: Array
+        cls, reference: CellResponse, solid_fraction: float, material: Solid, conductivity: Array
     ) -> LinearCoefficients:
         """From the response of the undeformed cell with its tangent (one row), φ_s and K (3, 3).
 
@@ -58,8 +60,7 @@ class LinearCoefficients:
             The response is not one solved row with its tangent, or 1/M_B = −tr Q is not positive.
         """
         M, Q = reference_tangents(reference)
-        C = material.tangent(np.eye(3))
-        stiffness = solid_fraction * C + np.einsum("ijmn,mnkl->ijkl", C, M)
+        stiffness, biot_of_stress = _of_stress(reference, solid_fraction, material)
         stiffness = (stiffness + stiffness.swapaxes(0, 1)) / 2
         stiffness = (stiffness + stiffness.swapaxes(2, 3)) / 2
         fluid = (1 - solid_fraction) * np.eye(3)
@@ -72,7 +73,7 @@ class LinearCoefficients:
         return cls(
             stiffness,
             (biot + biot.T) / 2,
-            fluid - np.einsum("ijmn,mn->ij", C, Q),
+            biot_of_stress,
             storage,
             np.array(conductivity, dtype=float),
             M,
@@ -89,6 +90,28 @@ class LinearCoefficients:
         i = axis
         stiffness, alpha = self.stiffness[i, i, i, i], self.biot[i, i]
         return float(self.conductivity[i, i] / (self.storage + alpha**2 / stiffness))
+
+
+def _of_stress(reference: CellResponse, solid_fraction: float, material: Solid) -> tuple[Array, Array]:
+    """C_eff and the Biot tensor of the stress; of a solid of several materials by the cell's own tangent at rest.
+
+    Raises
+    ------
+    ValueError
+        The solid has several materials and the response no tangent of the stress.
+    """
+    if isinstance(material, Composite):
+        tangent = reference.tangent
+        if tangent is None or tangent.stress_grad_u is None or tangent.stress_p is None:
+            raise ValueError(
+                "expected the derivatives of the cell's stress, without which a solid of several materials has no "
+                "known stiffness; the cell solver does not provide them"
+            )
+        return tangent.stress_grad_u[0].copy(), -tangent.stress_p[0]
+    M, Q = reference_tangents(reference)
+    C = material.elasticity
+    stiffness = solid_fraction * C + np.einsum("ijmn,mnkl->ijkl", C, M)
+    return stiffness, (1 - solid_fraction) * np.eye(3) - np.einsum("ijmn,mn->ij", C, Q)
 
 
 class LinearPoroelasticity(MacroLaw):

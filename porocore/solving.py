@@ -140,7 +140,7 @@ def _learning(
 
 
 def _closure(config: RunConfig, name: str, reference: CellReference) -> Any:
-    return CLOSURES[name](reference.solid_fraction, config.cell.material, reference.conductivity)
+    return CLOSURES[name](reference.solid_fraction, config.cell.solid, reference.conductivity)
 
 
 def _solve_load(

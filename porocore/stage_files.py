@@ -38,7 +38,7 @@ def load_reference(folder: RunFolder, config: RunConfig) -> CellReference:
 def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
     """Of the run's cell."""
     return LinearCoefficients.from_reference(
-        reference.response, reference.solid_fraction, config.cell.material, reference.conductivity
+        reference.response, reference.solid_fraction, config.cell.solid, reference.conductivity
     )
 
 

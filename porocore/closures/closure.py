@@ -9,7 +9,7 @@ import numpy as np
 
 from porocore.errors import ConfigurationError
 from porocore.laws import LawMemory, MacroResponse, fingerprint
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.materials.composite import Solid
 from porocore.states import Array, CellResponse, MacroState
 
 
@@ -31,7 +31,7 @@ class Closure(ABC):
     solid_fraction
         φ_s = 1 − φ_f of the undeformed cell.
     material
-        Strain energy of the solid.
+        What the solid is made of.
     conductivity : (3, 3)
         K of the undeformed cell.
     """
@@ -43,7 +43,7 @@ class Closure(ABC):
     #: Fields of :class:`CellTangent` that it reads.
     derivatives: ClassVar[tuple[str, ...]]
 
-    def __init__(self, solid_fraction: float, material: NeoHookean, conductivity: Array) -> None:
+    def __init__(self, solid_fraction: float, material: Solid, conductivity: Array) -> None:
         if not 0 < solid_fraction < 1:
             raise ValueError(f"expected a solid fraction between 0 and 1, got {solid_fraction:g}")
         self.solid_fraction = solid_fraction
@@ -55,7 +55,7 @@ class Closure(ABC):
     @property
     def identity(self) -> str:
         """Hash of the closure and its constants."""
-        return fingerprint(self.name, self.solid_fraction, self.material.model_dump_json(), self.conductivity)
+        return fingerprint(self.name, self.solid_fraction, self.material.identity, self.conductivity)
 
     @abstractmethod
     def respond(

@@ -6,7 +6,9 @@ import numpy as np
 
 from porocore.closures.closure import Closure
 from porocore.closures.pull_back import PulledBack, deformation_slopes
+from porocore.errors import ConfigurationError
 from porocore.laws import LawMemory, MacroResponse, MacroTangent
+from porocore.materials.composite import Composite, Solid
 from porocore.states import Array, CellResponse, CellTangent, MacroState
 from porocore.tensors.cofactors import cofactor_tangent
 
@@ -25,6 +27,17 @@ class MeanGradientClosure(Closure):
     name = "mean-gradient"
     responses = ("mean_grad",)
     derivatives = ("mean_grad_grad_u", "mean_grad_p")
+    #: Why it cannot be used.
+    needs_one_energy = (
+        "closure 'mean-gradient' takes the stress of the solid at its mean deformation, so the whole solid must have "
+        "one strain energy, but cell.materials gives each region its own; choose closure: potential"
+    )
+
+    def __init__(self, solid_fraction: float, material: Solid, conductivity: Array) -> None:
+        super().__init__(solid_fraction, material, conductivity)
+        if isinstance(material, Composite):
+            raise ConfigurationError(self.needs_one_energy)
+        self.energy = material
 
     def respond(
         self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, *, tangent: bool
@@ -34,7 +47,7 @@ class MeanGradientClosure(Closure):
         phi_f, p = 1 - phi_s, states.p[:, None, None]
         pore = PulledBack.of(states, cell.mean_grad, grad_p, phi_s, self.conductivity)
         step = phi_f * (states.grad_u - memory.states.grad_u) - (cell.mean_grad - memory.mean_grad)
-        solid_stress = np.where(pore.missing, np.nan, self.material.stress(self._solid(pore)))
+        solid_stress = np.where(pore.missing, np.nan, self.energy.stress(self._solid(pore)))
         return MacroResponse(
             stress=phi_s * solid_stress - phi_f * p * pore.cof,
             storage=np.einsum("nij,nij->n", pore.cof, step),
@@ -66,7 +79,7 @@ class MeanGradientClosure(Closure):
         cof_F = cofactor_tangent(pore.F).reshape(n, 9, 9)
         cof_row = pore.cof.reshape(n, 1, 9)
 
-        stress_F = phi_s * self.material.tangent(self._solid(pore)).reshape(n, 9, 9) - phi_f * p * cof_F
+        stress_F = phi_s * self.energy.tangent(self._solid(pore)).reshape(n, 9, 9) - phi_f * p * cof_F
         storage_F = step.reshape(n, 1, 9) @ cof_F
         flux_F = pore.flux_by_deformation(grad_p, self.conductivity, cof_F)
         by_F = np.concatenate([stress_F, storage_F, flux_F], axis=1)  # (n, 13, 9)

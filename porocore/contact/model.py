@@ -12,7 +12,8 @@ from porocore.contact.forces import Blocks, Forces
 from porocore.contact.mirrors import MirrorContact
 from porocore.contact.wall import wall_of
 from porocore.contact.walls import WallContact
-from porocore.states import Array
+from porocore.materials.material import StrainEnergy
+from porocore.states import Array, IntArray
 
 
 class Touching(Protocol):
@@ -56,15 +57,29 @@ class ContactModel(Protocol):
         """
 
 
-def contact_of(mesh: CellMesh, settings: ContactSettings) -> ContactModel | None:
-    """Of the wall of a mesh of the solid; None where the settings say so, or where there are no pores."""
+def contact_of(
+    mesh: CellMesh, settings: ContactSettings, material: StrainEnergy | None = None
+) -> ContactModel | None:
+    """Of the wall of a mesh of the solid; None where the settings say so, or where there are no pores.
+
+    The penalty is in units of the material's Young's modulus at small strains, averaged over directions and over the
+    elements at the wall; of 1 without a material.
+    """
     if settings.kind == "none" or not len(mesh.wall):
         return None
     h = facet_edge(mesh)
-    stiffness = settings.stiffness / h
+    young = material.mean_moduli(_at_wall(mesh))[0] if material is not None else 1.0
+    stiffness = settings.stiffness * young / h
     if mesh.domain == "eighth":
         return MirrorContact(mesh, stiffness, DEEPEST * h)
     return WallContact(mesh, stiffness, DEEPEST * h)
+
+
+def _at_wall(mesh: CellMesh) -> IntArray:
+    """Elements with a facet on the wall."""
+    on_wall = np.zeros(len(mesh.points), dtype=bool)
+    on_wall[mesh.wall] = True
+    return np.flatnonzero(on_wall[mesh.cells[:, :4]].sum(axis=1) >= 3)
 
 
 #: In units of the mean edge of the wall's facets.

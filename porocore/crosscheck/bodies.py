@@ -47,7 +47,7 @@ class BodyRun:
 
 def make_laws(config: RunConfig, samples: Samples, surrogates: list[SurrogateRun]) -> dict[str, Any]:
     """Linear poroelasticity, and each surrogate closed; instead of a law the reason why there is none."""
-    reference, material = samples.reference, config.cell.material
+    reference, material = samples.reference, config.cell.solid
 
     def linear() -> MacroLaw:
         return LinearPoroelasticity(

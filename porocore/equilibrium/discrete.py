@@ -14,7 +14,7 @@ import numpy as np
 from porocore.cell.mass import lumped_mass
 from porocore.cell.mesh import CellMesh
 from porocore.contact.model import ContactModel, Touching
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.materials.material import StrainEnergy
 from porocore.states import Array, Status
 
 
@@ -140,13 +140,13 @@ class DiscreteSolid(ABC):
     mesh
         Of the solid.
     material
-        Its strain energy.
+        Its strain energy, at F of shape (elements, points, 3, 3).
     contact
         Of its wall; None where walls pass through each other.
     """
 
     mesh: CellMesh
-    material: NeoHookean
+    material: StrainEnergy
     contact: ContactModel | None = None
 
     @property

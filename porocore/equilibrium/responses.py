@@ -25,8 +25,8 @@ def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResp
     """
     mean_grad, second = np.zeros((3, 3, 10)), np.zeros((10, 10))
     counts = []
-    eighth = problem.mesh.domain == "eighth"
-    swaps = exchanged_axes(problem.mesh, here.H, here.displacement) if eighth else ()
+    alike = problem.mesh.domain == "eighth" and problem.material.isotropic
+    swaps = exchanged_axes(problem.mesh, here.H, here.displacement) if alike else ()
     of_images: dict[str, int] = {}
     for odd, columns in classes(problem.mesh).items():
         first = min(images(odd, swaps))

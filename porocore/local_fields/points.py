@@ -13,7 +13,7 @@ from porocore.cell.mesh import CellMesh
 from porocore.cell.mirror import unfold_displacement
 from porocore.cell.quadrature import tetrahedron_rule
 from porocore.interfaces.cell import CellField
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.materials.material import StrainEnergy
 from porocore.states import Array
 from porocore.tensors.cofactors import determinant
 
@@ -39,7 +39,7 @@ class PointFields:
     """
 
     mesh: CellMesh
-    material: NeoHookean
+    material: StrainEnergy
     grad_u: Array
     p: float
     u: Array
@@ -59,7 +59,7 @@ class PointFields:
             u = unfold_displacement(cell.make_mesh("solid", "eighth").points, u, mesh.points)
         if u.shape != mesh.points.shape:
             raise ValueError(f"expected a field on {len(mesh.points)} nodes, got {len(u)}")
-        return cls(mesh, cell.material, field.grad_u, field.p, u)
+        return cls(mesh, cell.solid.on(mesh), field.grad_u, field.p, u)
 
     @cached_property
     def _kinematics(self) -> tuple[Array, Array]:
@@ -93,7 +93,7 @@ class PointFields:
     @cached_property
     def energy(self) -> Array:
         """Ψ, (M, q) [E]."""
-        return self.material.energy(self.F)
+        return self.material.energy_density(self.F)
 
     @cached_property
     def stress(self) -> Array:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from porocore.materials.generated import Derivatives, Formula, derivatives
+from porocore.materials.formula import Formula
+from porocore.materials.generated import Derivatives, derivatives
 from porocore.materials.invariants import Invariant, Second, Trace, Volume, add_outer
 from porocore.materials.kinematics import Kinematics
 from porocore.materials.material import Material
@@ -58,7 +59,9 @@ class InvariantMaterial(Material):
         """See :class:`~porocore.materials.material.StrainEnergy`."""
 
         def compute(at: Kinematics, d: Derivatives, used: list[Invariant], out: Array) -> None:
-            (out[:],) = d.value(*(i.value(at) for i in used), *self.constants.values())
+            (rest,) = d.value(*(float(i.rest) for i in used), *self.constants.values())
+            (energy,) = d.value(*(i.value(at) for i in used), *self.constants.values())
+            out[:] = energy - rest
 
         return self._computed(F, (), compute)
 

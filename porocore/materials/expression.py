@@ -11,7 +11,8 @@ from pydantic import Field, ValidationInfo, field_validator
 from porocore.expressions import CONSTANTS, Expression
 from porocore.materials.by_invariants import BASIC, InvariantMaterial
 from porocore.materials.fibres import Direction, alike, fibre_invariants
-from porocore.materials.generated import FUNCTIONS, Formula, derivatives, stress_at_rest
+from porocore.materials.formula import FUNCTIONS, Formula, stress_at_rest
+from porocore.materials.generated import derivatives
 from porocore.materials.invariants import Invariant, Third
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")

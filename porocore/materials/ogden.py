@@ -9,6 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from porocore.materials.by_invariants import BASIC, VOLUMETRIC, InvariantMaterial
 from porocore.materials.invariants import Invariant, PowerSum
 
+MOST_TERMS = 8
+
 
 class OgdenTerm(BaseModel):
     """μ_p and α_p of one term; μ_p α_p is twice its share of the initial shear modulus."""
@@ -38,9 +40,16 @@ class Ogden(InvariantMaterial):
     """
 
     kind: Literal["ogden"]
-    terms: Annotated[tuple[OgdenTerm, ...], Field(min_length=1, max_length=8)]
+    terms: tuple[OgdenTerm, ...]
     bulk_modulus: Annotated[float, Field(gt=0)]
     """K [E]."""
+
+    @field_validator("terms")
+    @classmethod
+    def _some(cls, terms: tuple[OgdenTerm, ...]) -> tuple[OgdenTerm, ...]:
+        if not 1 <= len(terms) <= MOST_TERMS:
+            raise ValueError(f"expected 1 to {MOST_TERMS} terms, got {len(terms)}")
+        return terms
 
     @property
     def description(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.cell.geometry import OrthogonalChannels
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.report.format import number, plain
 from porocore.reproduce.claims import Claim, Finding, Verdict, compared, judged
 from porocore.reproduce.column import at
@@ -53,9 +54,11 @@ def _pressure_tangent(results: Results) -> Finding:
 
 def _poisson(results: Results) -> Finding:
     nu = (1 - -0.113 / (-0.23 + 2 * -0.076)) / 2
-    used = results.config.cell.material.poisson_ratio
+    material = results.config.cell.material
+    assert isinstance(material, NeoHookean)  # as the paper's
     return Finding(
-        f"taken {plain(used)}; the published M and Q give {number(nu, 3)} by Q_ii = (1 − 2ν)(M_2222 + 2 M_2211)",
+        f"taken {plain(material.poisson_ratio)}; the published M and Q give {number(nu, 3)} by "
+        "Q_ii = (1 − 2ν)(M_2222 + 2 M_2211)",
         "–",
     )
 

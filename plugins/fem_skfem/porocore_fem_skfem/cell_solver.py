@@ -39,8 +39,9 @@ class SkfemCellSolver(EquilibriumCellSolver):
 
     def solid(self, cell: Cell, mesh: CellMesh) -> SolidProblem:
         degree = self.quadrature_degree or mesh.quadrature_degree
-        contact = contact_of(mesh, cell.contact)
-        return SolidProblem(mesh, cell.material, degree=degree, solver=self.solver, contact=contact)
+        material = cell.solid.on(mesh)
+        contact = contact_of(mesh, cell.contact, material)
+        return SolidProblem(mesh, material, degree=degree, solver=self.solver, contact=contact)
 
     def flow(self, mesh: CellMesh) -> Any:
         return flow(mesh, self.solver)
