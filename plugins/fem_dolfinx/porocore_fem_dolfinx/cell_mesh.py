@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ class CellDomain:
         self.n_cells = self.domain.topology.index_map(3).size_local
         self._all = np.arange(self.n_cells, dtype=np.int32)
         self.points, weights = tetrahedron_rule(degree)
+        self._reference_weights = weights
         self.dx = ufl.Measure(
             "dx",
             domain=self.domain,
@@ -51,6 +53,17 @@ class CellDomain:
     def lagrange(self, degree: int, shape: tuple[int, ...] = ()) -> Any:
         """A function space."""
         return compat.function_space(self.domain, compat.lagrange_element("tetrahedron", degree, shape))
+
+    def at_points(self, shape: tuple[int, ...]) -> Any:
+        """A function with values at the quadrature points, and (cells, q) the place of each point among them."""
+        element = compat.values_at_points(self.points, self._reference_weights, shape)
+        space = compat.function_space(self.domain, element)
+        return compat.fem.Function(space), compat.cell_dofs(space.dofmap)
+
+    @cached_property
+    def elements(self) -> Any:
+        """(cells,) the core's element that each cell is."""
+        return np.asarray(self.domain.topology.original_cell_index)
 
     def expression(self, value: Any) -> Any:
         """Compiled for the quadrature points."""

@@ -130,6 +130,28 @@ def quadrature_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> A
     return ufl.TensorElement("Quadrature", cell, degree, shape=shape, quad_scheme="default")
 
 
+# Degrees of the default rule on a tetrahedron with 1, 4 and 14 points, and of n x n x n products of Gauss-Jacobi rules.
+_RULES_BY_SIZE = {1: (1, "default"), 4: (2, "default"), 14: (4, "default")} | {
+    n**3: (2 * n - 2, "Gauss-Jacobi") for n in range(4, 8)
+}
+
+
+def values_at_points(points: Any, weights: Any, shape: tuple[int, ...] = ()) -> Any:
+    """Element of values at points (q, 3) of the reference tetrahedron, for integrals with the rule of these points.
+
+    Elements of the old UFL have the points of basix's own rules. FFCx never looks at them: a value belongs to the point
+    of the same number in whatever rule the integral has, so one with as many points will do.
+    """
+    if MODERN:
+        import basix.ufl
+
+        return basix.ufl.quadrature_element("tetrahedron", value_shape=shape, points=points, weights=weights)
+    degree, scheme = _RULES_BY_SIZE[len(points)]
+    if not shape:
+        return ufl.FiniteElement("Quadrature", "tetrahedron", degree, quad_scheme=scheme)
+    return ufl.TensorElement("Quadrature", "tetrahedron", degree, shape=shape, quad_scheme=scheme)
+
+
 def mixed_element(*elements: Any) -> Any:
     """Of several fields."""
     if MODERN:

@@ -21,12 +21,15 @@ from porocore.equilibrium.discrete import (
     StepFailed,
     Sums,
 )
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import Status
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
 from porocore_fem_dolfinx.condensation import Condensation, to_scipy
 from porocore_fem_dolfinx.linalg import SymmetricSolver
 from porocore_fem_dolfinx.solid_forms import SolidForms
+from porocore_fem_dolfinx.solid_forms_pointwise import PointwiseForms
+from porocore_fem_dolfinx.solid_forms_ufl import UflForms
 
 #: More iterations than this cost more than a new factor.
 PATIENCE = 18
@@ -75,15 +78,20 @@ class SolidProblem(DiscreteSolid):
     def __init__(
         self, cell: Cell, mesh: CellMesh, *, degree: int, solver: str, petsc: Mapping[str, Any]
     ) -> None:
-        self.mesh, self.material = mesh, cell.material
+        self.mesh, self.material = mesh, cell.solid.on(mesh)
         self._solver, self._petsc = solver, petsc
         self.domain = CellDomain(mesh, degree)
         space = self.domain.lagrange(mesh.order, (3,))
         self._cell_dofs = compat.cell_dofs(space.dofmap)
         self._node = self.domain.nodes_of(self._cell_dofs)
         self._dof = np.argsort(self._node)
-        self._forms = SolidForms(self.domain, space, cell.material)
-        self.contact = contact_of(mesh, cell.contact)
+        self._forms: SolidForms = (
+            UflForms(self.domain, space, self.material)
+            if isinstance(self.material, NeoHookean)
+            else PointwiseForms(self.domain, space, self.material)
+        )
+        self._least_stress = 1e-3 * self.material.mean_moduli()[1]
+        self.contact = contact_of(mesh, cell.contact, self.material)
         self._free: dict[str, Condensation] = {}
         self._solvers: dict[str, SymmetricSolver] = {}
         self._base: SymmetricSolver | None = None
@@ -130,7 +138,7 @@ class SolidProblem(DiscreteSolid):
 
     def force_scale(self, here: Any) -> float:
         size = np.linalg.norm(here.values[:, :, 9:18], axis=2)
-        size = np.maximum(size, 1e-3 * self.material.mu) * self.domain.weights
+        size = np.maximum(size, self._least_stress) * self.domain.weights
         # ∇N is about the inverse of the length of an element.
         length = np.cbrt(6 * self.domain.weights.sum(axis=1))
         forces = np.repeat(size.sum(axis=1) / length, 3 * len(self._cell_dofs[0]))

@@ -1,0 +1,126 @@
+"""Π of a solid of any material: the core's stress and tangent enter the forms as functions at the quadrature points."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import ufl
+
+from porocore.materials.material import StrainEnergy
+from porocore.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore_fem_dolfinx import compat
+from porocore_fem_dolfinx.cell_mesh import CellDomain
+from porocore_fem_dolfinx.solid_forms import SolidForms, flat
+
+
+class Response:
+    """The material at one state; components last, cells in dolfinx's order.
+
+    Parameters
+    ----------
+    material
+        Of every element.
+    grad : (cells, q, 3, 3)
+        ∇u¹.
+    H, p
+        The load.
+    order : (cells,)
+        The core's element that each cell is.
+    """
+
+    def __init__(self, material: StrainEnergy, grad: Any, H: Any, p: float, order: Any) -> None:
+        self.material, self.grad, self.p, self.order = material, grad, p, order
+        self.F = np.eye(3) + H + grad
+        self.by_element = np.empty_like(self.F)
+        self.by_element[order] = self.F
+
+    @cached_property
+    def values(self) -> Any:
+        """∇u¹ (9), P + p cof F (9), Ψ and J, (cells, q, 20)."""
+        stress = self.material.stress(self.by_element)[self.order] + self.p * cofactor(self.F)
+        energy = self.material.energy_density(self.by_element)[self.order]
+        shape = self.F.shape[:2]
+        parts = (self.grad.reshape(*shape, 9), stress.reshape(*shape, 9), energy, determinant(self.F))
+        return np.concatenate([part if part.ndim == 3 else part[..., None] for part in parts], axis=2)
+
+    @cached_property
+    def moduli(self) -> Any:
+        """A + p ∂cof F/∂F, (cells, q, 9, 9)."""
+        moduli = self.material.tangent(self.by_element)[self.order]
+        if self.p:
+            moduli = moduli + self.p * cofactor_tangent(self.F)
+        return moduli.reshape(*self.F.shape[:2], 9, 9)
+
+    def change(self, dH: Any, dp: float) -> Any:
+        """Change of P + p cof F by the load alone, (cells, q, 9)."""
+        change = self.moduli @ np.asarray(dH).reshape(9)
+        return change + dp * cofactor(self.F).reshape(change.shape) if dp else change
+
+
+class PointwiseForms(SolidForms):
+    """Forms that know no material, so that they are compiled once for all of them.
+
+    Parameters
+    ----------
+    domain, space
+        See :class:`SolidForms`.
+    material
+        Of every element of the mesh.
+    """
+
+    def __init__(self, domain: CellDomain, space: Any, material: StrainEnergy) -> None:
+        super().__init__(domain, space)
+        self._material, dx, grad_v = material, domain.dx, self.grad_v
+        grad_u = ufl.grad(self.function)
+        self._grad = domain.expression(ufl.as_vector(flat(grad_u)))
+        self._stress, self._stress_places = domain.at_points((3, 3))
+        self._moduli, self._moduli_places = domain.at_points((9, 9))
+        grad_du = ufl.as_vector(flat(ufl.grad(ufl.TrialFunction(space))))
+        change = ufl.dot(self._moduli, grad_du)
+        self._residual = compat.form(ufl.inner(self._stress, grad_v) * dx)
+        self._tangent = compat.form(ufl.dot(change, ufl.as_vector(flat(grad_v))) * dx)
+        self._response: Response | None = None
+
+    def changed(self) -> None:
+        """See :class:`SolidForms`."""
+        self._response = None
+
+    @property
+    def response(self) -> Response:
+        """At the state that was put in."""
+        if self._response is None:
+            grad = self.domain.evaluate(self._grad)
+            grad = grad.reshape(*grad.shape[:2], 3, 3)
+            here = self.here
+            self._response = Response(self._material, grad, here.H, here.p, self.domain.elements)
+        return self._response
+
+    def values(self) -> Any:
+        """See :class:`SolidForms`."""
+        return self.response.values
+
+    def residual(self) -> Any:
+        """See :class:`SolidForms`."""
+        return self._forces(self.response.values[:, :, 9:18])
+
+    def tangent(self, matrix: Any) -> Any:
+        """See :class:`SolidForms`."""
+        self._moduli.x.array.reshape(-1, 81)[self._moduli_places] = self.response.moduli.reshape(
+            *self._moduli_places.shape, 81
+        )
+        return compat.assemble_matrix(self._tangent, matrix)
+
+    def load_change(self, dH: Any, dp: float) -> Any:
+        """See :class:`SolidForms`."""
+        return self._forces(self.response.change(dH, dp))
+
+    def stress_change(self, dH: Any, dp: float) -> Any:
+        """See :class:`SolidForms`."""
+        return self.response.change(dH, dp)
+
+    def _forces(self, stress: Any) -> Any:
+        """∫ S:∇v dV, (dofs,), of S (cells, q, 9)."""
+        self._stress.x.array.reshape(-1, 9)[self._stress_places] = stress
+        return compat.assemble_vector(self._residual)

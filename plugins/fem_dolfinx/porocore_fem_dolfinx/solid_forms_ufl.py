@@ -1,0 +1,75 @@
+"""Π of a neo-Hookean solid in UFL; H, p and the material's constants change without compilation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import ufl
+
+from porocore.materials.neo_hookean import NeoHookean
+from porocore_fem_dolfinx import compat
+from porocore_fem_dolfinx.cell_mesh import CellDomain
+from porocore_fem_dolfinx.material import energy_density
+from porocore_fem_dolfinx.solid_forms import SolidForms, flat
+
+
+class UflForms(SolidForms):
+    """Π and its derivatives, which UFL finds.
+
+    Parameters
+    ----------
+    domain, space
+        See :class:`SolidForms`.
+    material
+        Its strain energy.
+    """
+
+    def __init__(self, domain: CellDomain, space: Any, material: NeoHookean) -> None:
+        super().__init__(domain, space)
+        dx, grad_v = domain.dx, self.grad_v
+        self._H = compat.constant(domain.domain, np.zeros((3, 3)))
+        self._p = compat.constant(domain.domain, 0.0)
+        self._dp = compat.constant(domain.domain, 0.0)
+        grad_u = ufl.grad(self.function)
+        F = ufl.variable(ufl.Identity(3) + self._H + grad_u)
+        J = ufl.det(F)
+        energy = energy_density(material, F, domain.domain)
+        stress = ufl.diff(energy + self._p * J, F)
+        cofactor = ufl.diff(J, F)
+        i, j, k, m = ufl.indices(4)
+        change = ufl.as_tensor(ufl.diff(stress, F)[i, j, k, m] * self.dH[k, m], (i, j)) + self._dp * cofactor
+        self._residual = compat.form(ufl.inner(stress, grad_v) * dx)
+        self._tangent = compat.form(
+            ufl.derivative(ufl.inner(stress, grad_v) * dx, self.function, ufl.TrialFunction(space))
+        )
+        self._change = compat.form(ufl.inner(change, grad_v) * dx)
+        self._state = domain.expression(ufl.as_vector([*flat(grad_u), *flat(stress), energy, J]))
+        self._stress_change = domain.expression(ufl.as_vector(flat(change)))
+
+    def changed(self) -> None:
+        """See :class:`SolidForms`."""
+        self._H.value[...] = self.here.H
+        self._p.value = self.here.p
+
+    def values(self) -> Any:
+        """See :class:`SolidForms`."""
+        return self.domain.evaluate(self._state)
+
+    def residual(self) -> Any:
+        """See :class:`SolidForms`."""
+        return compat.assemble_vector(self._residual)
+
+    def tangent(self, matrix: Any) -> Any:
+        """See :class:`SolidForms`."""
+        return compat.assemble_matrix(self._tangent, matrix)
+
+    def load_change(self, dH: Any, dp: float) -> Any:
+        """See :class:`SolidForms`."""
+        self.dH.value[...], self._dp.value = dH, dp
+        return compat.assemble_vector(self._change)
+
+    def stress_change(self, dH: Any, dp: float) -> Any:
+        """See :class:`SolidForms`."""
+        self.dH.value[...], self._dp.value = dH, dp
+        return self.domain.evaluate(self._stress_change)
