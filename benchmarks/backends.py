@@ -11,6 +11,7 @@ from common import best, table
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import MeshSettings
 from porocore.closures import ClosedLaw, LinearCellLaw, MeanGradientClosure
+from porocore.body.kinds import Box
 from porocore.problem import Boundary, MacroProblem, TimePlan
 from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
 from porocore_fem_dolfinx.macro import DolfinxMacroSolver
@@ -77,8 +78,7 @@ def macro() -> str:
         ("block, 4 × 8 × 4", (1.0, 2.0, 1.0), (4, 8, 4)),
     ):
         problem = MacroProblem(
-            size=size,
-            elements=elements,
+            body=Box(size=size, elements=elements),
             load=-0.05,
             boundary={
                 "y-": Boundary(displacement=(0.0, 0.0, 0.0)),

@@ -17,10 +17,18 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from porocore.cell.cell import Cell
-from porocore.closures import CLOSURES
+from porocore.closures import CLOSURES, MeanGradientClosure
 from porocore.config_errors import faults, show, unexpected
 from porocore.errors import ConfigurationError
 from porocore.execution.choice import ExecutorName, contradiction
@@ -132,6 +140,7 @@ class MacroSettings(MacroSetup):
     """The macroscale set-up and the loads under which it is solved."""
 
     loads: Annotated[tuple[float, ...], Field(min_length=1)]
+    """Factors of every prescribed value."""
     options: dict[str, Any] = Field(default={})
     """Of the backend's macro solver; they change how the equations are solved, not the solution."""
 
@@ -168,16 +177,16 @@ class RunConfig(_Section):
     fem: FemSettings = FemSettings()
     sampling: SamplingSettings
     surrogate: SurrogateSettings = SurrogateSettings()
-    closure: str = "mean-gradient"
+    closure: Annotated[str, Field(validate_default=True)] = "mean-gradient"
     macro: MacroSettings
     scenarios: dict[str, Scales] = {}
     """For which the report gives the main results in SI units, by name."""
 
     @field_validator("closure")
     @classmethod
-    def _known_closure(cls, closure: str) -> str:
-        if closure not in CLOSURES:
-            raise ValueError(_unknown_closure(closure))
+    def _known_closure(cls, closure: str, info: ValidationInfo) -> str:
+        if fault := _unfit_closure(closure, info.data.get("cell")):
+            raise ValueError(fault)
         return closure
 
     @property
@@ -222,12 +231,12 @@ class RunConfig(_Section):
         Raises
         ------
         ConfigurationError
-            There is no such closure.
+            There is no such closure, or it does not suit the solid.
         """
         if closure is None or closure == self.closure:
             return self
-        if closure not in CLOSURES:
-            raise ConfigurationError(_unknown_closure(closure))
+        if fault := _unfit_closure(closure, self.cell):
+            raise ConfigurationError(fault)
         return self.model_copy(update={"closure": closure})
 
     def resolved_yaml(self) -> str:
@@ -239,7 +248,7 @@ class RunConfig(_Section):
     def stages(self) -> StageIdentities:
         """Identity of each stage; title, scenarios, who solves the cells and macro.options belong to none."""
         inputs = [(name, swept.model_dump()) for name, swept in self.sampling.inputs.items()]
-        cell = _hash(self.cell.model_dump(), self.fem.model_dump())
+        cell = _hash(self.cell.specification(), self.fem.model_dump())
         how = self.sampling.model_dump(include={"sampler", "tolerance", "options"})
         sampling = _hash(cell, inputs, how)
         ranges = [(name, swept.range) for name, swept in self.sampling.inputs.items()]
@@ -267,7 +276,7 @@ def load_config(path: Path | str) -> RunConfig:
     found: list[tuple[Location, str]] = []
     config: RunConfig | None = None
     try:
-        config = RunConfig.model_validate(document.data)
+        config = RunConfig.model_validate(document.data, context={"folder": document.path.parent})
     except ValidationError as error:
         found += faults(document, error.errors(), RunConfig)
     else:
@@ -276,6 +285,7 @@ def load_config(path: Path | str) -> RunConfig:
             for at, value in _leaves(config.model_dump())
             if isinstance(value, float) and not math.isfinite(value)
         ]
+        found += _unknown_surfaces(config.macro)
     # No setting of porocore is true or false, but pydantic would take 'yes' for 1.
     found += [
         (at, f"{'.'.join(at)}: expected a number or text, got {show(value)}; put text in quotes")
@@ -286,6 +296,18 @@ def load_config(path: Path | str) -> RunConfig:
         lines = sorted(((document.line(at), text) for at, text in found), key=lambda fault: fault[0])
         raise ConfigurationError("\n".join(f"{document.path}:{line}: {text}" for line, text in lines))
     return config
+
+
+def _unknown_surfaces(macro: MacroSetup) -> Iterator[tuple[Location, str]]:
+    """Of bodies whose kind alone decides the names; those of a file are known when it is read."""
+    known = [*macro.body.surfaces, *macro.surfaces]
+    named: list[tuple[Location, str]] = [(("macro", "boundary", name), name) for name in macro.boundary]
+    named += [(("macro", "surfaces", name, "of"), patch.of) for name, patch in macro.surfaces.items()]
+    for at, name in named if macro.body.surfaces else ():
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1)
+            question = f"did you mean '{close[0]}'? " if close else ""
+            yield at, f"{'.'.join(at)}: no such surface; {question}the surfaces are {', '.join(known)}"
 
 
 def differences(one: RunConfig, other: RunConfig) -> list[str]:
@@ -318,7 +340,11 @@ def _leaves(data: Any, at: Location = ()) -> Iterator[tuple[Location, Any]]:
         yield at, data
 
 
-def _unknown_closure(closure: str) -> str:
+def _unfit_closure(closure: str, cell: Cell | None) -> str:
+    """Why a closure cannot be used; empty if it can."""
+    if closure in CLOSURES:
+        several = cell is not None and cell.materials is not None
+        return MeanGradientClosure.needs_one_energy if several and closure == MeanGradientClosure.name else ""
     close = difflib.get_close_matches(closure, CLOSURES, n=1)
     question = f"did you mean '{close[0]}'? " if close else ""
     return f"unknown closure '{closure}'; {question}the closures are {', '.join(CLOSURES)}"

@@ -21,7 +21,11 @@ WHY = {
     "sampling.workers": "'auto' is one worker for each processor core",
 }
 #: Keys of sections that have other keys for each ``kind``.
-OF_KINDS = ("geometry",)
+OF_KINDS = ("geometry", "material", "body")
+#: Mappings whose values are such sections.
+OF_KINDS_BY_NAME = ("materials",)
+#: Names that pydantic adds behind the key of a value that may be a number or a section.
+FORMS = ("number", "course")
 
 
 def faults(
@@ -131,6 +135,8 @@ def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
         return "a list"
     if kind in ("model_type", "dict_type"):
         return "a section with keys below it (or leave the whole key out)"
+    if kind == "string_too_long":
+        return f"text of at most {context['max_length']} characters"
     if kind == "string_type":
         return "text"
     return error["msg"].removeprefix("Input should be ")
@@ -157,7 +163,8 @@ def _without_tags(location: Location) -> Location:
 
 
 def _is_tag(location: Location, i: int) -> bool:
-    return i > 0 and location[i - 1] in OF_KINDS
+    by_name = i > 1 and location[i - 2] in OF_KINDS_BY_NAME
+    return i > 0 and (by_name or location[i - 1] in OF_KINDS or location[i] in FORMS)
 
 
 def _with_tags(at: Location, error: ErrorDetails) -> Location:

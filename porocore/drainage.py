@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from porocore.body.kinds import Box
 from porocore.problem import MacroSetup
 from porocore.states import Array
 
@@ -17,18 +18,20 @@ def undrained(macro: MacroSetup, conductivity: Array) -> list[str]:
     Parameters
     ----------
     macro
-        With the faces on which the pressure is prescribed.
+        With the surfaces on which the pressure is prescribed; the direction is known of those across x, y or z.
     conductivity : (3, 3)
         K of the undeformed cell.
     """
     faces = macro.boundary.items()
     if not any(boundary.pressure is not None or boundary.flux != 0 for _, boundary in faces):
         return [
-            "no face has a prescribed pressure, so no fluid can leave and nothing consolidates; "
+            "no surface has a prescribed pressure, so no fluid can leave and nothing consolidates; "
             "give one under macro.boundary"
         ]
     K, found = np.diag(conductivity), []
     for face, boundary in faces:
+        if face not in Box.surfaces:
+            continue
         i = "xyz".index(face[0])
         if boundary.pressure is not None and K[i] <= CLOSED * K.max():
             found.append(

@@ -23,7 +23,8 @@ def inform(sampler: Sampler, config: RunConfig, reference: CellReference) -> Non
     if isinstance(sampler, StudySampler):
         needed = CLOSURES[config.closure].responses
         explorer = MacroExplorer(config, reference)
-        sampler.inform(Study(reference.response, config.stages.cell, needed, explorer))
+        isotropic = config.cell.solid.isotropic
+        sampler.inform(Study(reference.response, config.stages.cell, needed, explorer, isotropic))
 
 
 class MacroExplorer:
@@ -49,7 +50,7 @@ class MacroExplorer:
         if self._solver is None:
             self._solver = make_backend("macro solver", self.config)
         closure = CLOSURES[self.config.closure](
-            self.reference.solid_fraction, self.config.cell.material, self.reference.conductivity
+            self.reference.solid_fraction, self.config.cell.solid, self.reference.conductivity
         )
         cells = PolynomialSurrogate().fit(data, seed=0)
         visited: list[MacroState] = []
@@ -105,7 +106,7 @@ def coarse_problem(problem: MacroProblem, elements: int, steps: int) -> MacroPro
     after = time.end - time.ramp_increments * time.ramp_step
     return problem.model_copy(
         update={
-            "elements": tuple(min(n, elements) for n in problem.elements),
+            "body": problem.body.coarsened(elements),
             "time": time.model_copy(update={"step": max(time.step, after / steps), "profiles": ()}),
         }
     )

@@ -109,7 +109,7 @@ def _parse(text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> Exp
 
 def _check(node: ast.AST, text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> None:
     def refuse(why: str) -> ValueError:
-        piece = ast.get_source_segment(text, node) or text  # type: ignore[arg-type]
+        piece = ast.get_source_segment(text, node) or text
         where = getattr(node, "col_offset", 0) + 1
         return ValueError(f"'{piece}' at character {where} of '{text}': {why}")
 
@@ -148,4 +148,6 @@ def _number(node: ast.AST) -> float | None:
     if isinstance(node, ast.UnaryOp):
         inner = _number(node.operand)
         return None if inner is None else -inner
-    return float(node.value) if isinstance(node, ast.Constant) else None  # type: ignore[arg-type]
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return float(node.value)
+    return None

@@ -145,7 +145,10 @@ class MacroSolution:
                     History(**{f.name: np.asarray(file[f"history/{f.name}"]) for f in fields(History)}),
                     tuple(profiles),
                     str(file.attrs.get("backend", "")),
-                    **{kind: {name: np.asarray(v) for name, v in file.get(kind, {}).items()} for kind in SERIES},
+                    **{
+                        kind: {name: np.asarray(v) for name, v in file.get(kind, {}).items()}
+                        for kind in SERIES
+                    },
                 )
         except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
             raise DataError(

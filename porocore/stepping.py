@@ -98,7 +98,12 @@ class Stepper:
     def tolerates(self, error: float | None) -> bool:
         """Whether a step to :meth:`next` with this error can be accepted; else the next one is shorter."""
         tolerance, length = self.plan.tolerance, self.next() - self.time
-        if tolerance is None or error is None or error <= TOO_MUCH * tolerance or length <= self.plan.smallest_step:
+        if (
+            tolerance is None
+            or error is None
+            or error <= TOO_MUCH * tolerance
+            or length <= self.plan.smallest_step
+        ):
             return True
         self.proposed = max(self._wanted(length, error), self.plan.smallest_step)
         return False

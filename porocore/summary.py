@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.body.kinds import Box
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.closure_error import ClosureError, closure_error
 from porocore.closures import CLOSURES
@@ -17,6 +18,7 @@ from porocore.direct_record import direct_records
 from porocore.drainage import undrained
 from porocore.interfaces.surrogate import Surrogate
 from porocore.linear import LinearCoefficients
+from porocore.materials.neo_hookean import NeoHookean
 from porocore.reference import CellReference
 from porocore.report.context import (
     DEHGHANI_ZILIAN,
@@ -217,7 +219,7 @@ def _closure_error(config: RunConfig, reference: CellReference, dataset: Dataset
     exact = dataset.responses()[solved]
     if exact.stress is None or exact.fluid_volume is None:
         return None
-    closure = CLOSURES[config.closure](reference.solid_fraction, config.cell.material, reference.conductivity)
+    closure = CLOSURES[config.closure](reference.solid_fraction, config.cell.solid, reference.conductivity)
     return closure_error(closure, dataset.states()[solved], exact)
 
 
@@ -259,7 +261,7 @@ def _outputs() -> Iterator[tuple[str, Any, str, str]]:
 def _cell_summary(
     config: RunConfig, reference: CellReference, coefficients: LinearCoefficients
 ) -> CellSummary:
-    geometry, material = config.cell.geometry, config.cell.material
+    geometry, material = config.cell.geometry, config.cell.solid
     solid = config.cell.make_mesh("solid", "whole")
     benchmark_like = (
         isinstance(geometry, OrthogonalChannels)
@@ -267,14 +269,13 @@ def _cell_summary(
         and abs(geometry.radius - 0.25) < 1e-12
     )
     return CellSummary(
-        description=f"{geometry.description}; "
-        f"{material.kind} solid with Poisson's ratio {material.poisson_ratio:g}",
+        description=f"{geometry.description}; {material.description}",
         porosity=reference.porosity,
         viscosity=config.cell.viscosity,
         linear=coefficients,
         mesh=reference.mesh,
         surface=(solid.points, solid.cells),
-        crease=(-0.15, -0.33) if benchmark_like and abs(material.poisson_ratio - 0.35) < 1e-12 else None,
+        crease=(-0.15, -0.33) if benchmark_like and material == NeoHookean(poisson_ratio=0.35) else None,
     )
 
 
@@ -285,7 +286,8 @@ def _is_the_benchmark(config: RunConfig) -> bool:
         isinstance(geometry, OrthogonalChannels)
         and geometry.axes == "xyz"
         and geometry.radius in (0.2, 0.25)
-        and macro.size == (0.1, 7.5, 0.1)
+        and isinstance(macro.body, Box)
+        and macro.body.size == (0.1, 7.5, 0.1)
         and -0.2 in macro.loads
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import lru_cache
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
@@ -25,6 +25,9 @@ class Body(BaseModel, ABC):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    #: Names of its surfaces, where the kind alone decides them.
+    surfaces: ClassVar[tuple[str, ...]] = ()
+
     @abstractmethod
     def make(self) -> BodyMesh:
         """Its mesh, the same on every machine."""
@@ -37,6 +40,7 @@ class Body(BaseModel, ABC):
 class Box(Body):
     """[0, a] × [0, b] × [0, c]; surfaces x-, x+, y-, y+, z-, z+."""
 
+    surfaces = ("x-", "x+", "y-", "y+", "z-", "z+")
     kind: Literal["box"] = "box"
     size: tuple[Positive, Positive, Positive] = (0.1, 7.5, 0.1)
     elements: tuple[Count, Count, Count] = (1, 106, 1)
@@ -57,7 +61,7 @@ class _Round(Body):
     radius: Positive
     height: Positive
     elements: tuple[Count, Count, Count] = (8, 8, 3)
-    """From the inner block, which takes half the radius, to the mantle; along y; around each of a quarter's blocks."""
+    """From the inner block to the mantle; along y; around each of a quarter's two blocks, and along the inner one."""
     grading: Grading = 1.0
     """Length of the outermost element over that of the innermost outside the inner block."""
 
@@ -78,12 +82,14 @@ class _Round(Body):
 class Cylinder(_Round):
     """About the y axis, 0 ≤ y ≤ height; surfaces y-, y+, side."""
 
+    surfaces = ("y-", "y+", "side")
     kind: Literal["cylinder"]
 
 
 class QuarterCylinder(_Round):
     """The part x, z ≥ 0 of a cylinder; surfaces x-, z- (the symmetry planes), y-, y+, side."""
 
+    surfaces = ("y-", "y+", "side", "z-", "x-")
     kind: Literal["quarter-cylinder"]
 
     @property
@@ -95,6 +101,7 @@ class QuarterCylinder(_Round):
 class Wedge(_Round):
     """A sector of a cylinder from z = 0 to an oblique plane; surfaces z-, oblique, y-, y+, side."""
 
+    surfaces = ("y-", "y+", "side", "z-", "oblique")
     kind: Literal["wedge"]
     elements: tuple[Count, Count, Count] = (8, 8, 1)
     """As for a cylinder."""

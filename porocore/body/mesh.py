@@ -43,12 +43,12 @@ class BodyMesh:
     @cached_property
     def p_nodes(self) -> IntArray:
         """(p_nodes,) which nodes are corners and carry a pressure, ascending."""
-        return np.unique(self.cells[:, : self.element.corners])
+        return np.asarray(np.unique(self.cells[:, : self.element.corners]))
 
     @cached_property
     def p_cells(self) -> IntArray:
         """(elements, 8 or 4) places in ``p_nodes`` of the corners of each element."""
-        return np.searchsorted(self.p_nodes, self.cells[:, : self.element.corners])
+        return np.asarray(np.searchsorted(self.p_nodes, self.cells[:, : self.element.corners]))
 
     @property
     def n_u(self) -> int:
@@ -64,7 +64,9 @@ class BodyMesh:
     def straight(self) -> bool:
         """Whether all nodes lie where the corners of their elements put them."""
         corners = self.points[self.cells[:, : self.element.corners]]
-        placed = np.einsum("na,eai->eni", self.element.corner_values(self.element.nodes), corners, optimize=True)
+        placed = np.einsum(
+            "na,eai->eni", self.element.corner_values(self.element.nodes), corners, optimize=True
+        )
         return bool(np.abs(placed - self.points[self.cells]).max() < 1e-12 * np.ptp(self.points))
 
     @cached_property
@@ -79,7 +81,7 @@ class BodyMesh:
     def jacobians(self) -> Array:
         """(elements, q, 3, 3) ∂X_i/∂ξ_j at the quadrature points."""
         slopes = self.element.slopes(self.element.points)
-        return np.einsum("eai,qaj->eqij", self.points[self.cells], slopes, optimize=True)
+        return np.asarray(np.einsum("eai,qaj->eqij", self.points[self.cells], slopes, optimize=True))
 
     @cached_property
     def weights(self) -> Array:

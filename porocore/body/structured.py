@@ -10,9 +10,6 @@ from porocore.body.element import QUADRILATERAL_NODES, VTK_NODES, lattice
 from porocore.body.mesh import BodyMesh, boundary_facets, facet_middles
 from porocore.states import Array, IntArray
 
-#: Share of the radius that the inner block of a sector takes.
-CORE = 0.5
-
 
 def box(lines: tuple[Array, Array, Array]) -> BodyMesh:
     """Nodes, elements and points run along x first, then y, then z.
@@ -54,7 +51,8 @@ def sector(
     """About the y axis, from the plane z = 0 (angle 0) toward z > 0; a full turn gives the whole cylinder.
 
     A quarter is a block of squares round the axis and two blocks between it and the mantle; other sectors are
-    quarters whose polar angle is stretched, and the whole cylinder is four quarters.
+    quarters whose polar angle is stretched, and the whole cylinder is four quarters. The inner block takes as much of
+    the radius as makes all elements equally long along it.
 
     Parameters
     ----------
@@ -69,32 +67,34 @@ def sector(
     quarters = 4 if whole else 1
     part = np.pi / 2 if whole else angle
     n_r, n_y, n_t = elements
+    core = n_t / (n_t + n_r)
     plane = [
-        _flat(lambda s, t: _core(s, t), n_t, n_t, np.linspace(0, 1, n_t + 1)),
-        _flat(lambda s, t: _shell(s, t, 0), n_r, n_t, graded(1.0, n_r, grading)),
-        _flat(lambda s, t: _shell(s, t, 1), n_r, n_t, graded(1.0, n_r, grading)),
+        _flat(lambda s, t: _core(core, s, t), n_t, n_t, np.linspace(0, 1, n_t + 1)),
+        _flat(lambda s, t: _shell(core, s, t, 0), n_r, n_t, graded(1.0, n_r, grading)),
+        _flat(lambda s, t: _shell(core, s, t, 1), n_r, n_t, graded(1.0, n_r, grading)),
     ]
-    points, cells = [], []
+    points: list[Array] = []
+    cells: list[IntArray] = []
     for turn in range(quarters):
         for nodes, quads in plane:
             r, polar = np.hypot(*nodes.T), np.arctan2(nodes[:, 1], nodes[:, 0])
             polar = polar * part / (np.pi / 2) + turn * np.pi / 2
-            cells.append(quads + sum(map(len, points)))
+            cells.append(quads + sum(len(part) for part in points))
             points.append(radius * np.column_stack([r * np.cos(polar), r * np.sin(polar)]))
     flat, quads = _merged(np.concatenate(points), np.concatenate(cells), radius)
     return _extruded(flat, quads, height, n_y, radius, None if whole else angle)
 
 
-def _core(s: Array, t: Array) -> Array:
+def _core(share: float, s: Array, t: Array) -> Array:
     """The inner block of the unit quarter: its outer corner is pulled in, so that angles stay moderate."""
     bulge = 1 - 0.12 * s * t
-    return CORE * np.column_stack([s * bulge, t * bulge])
+    return share * np.column_stack([s * bulge, t * bulge])
 
 
-def _shell(s: Array, t: Array, which: int) -> Array:
+def _shell(share: float, s: Array, t: Array, which: int) -> Array:
     """One of the two blocks from the inner one (s = 0) to the mantle (s = 1); t runs with the polar angle."""
     one = np.ones_like(t)
-    inner = _core(one, t) if which == 0 else _core(1 - t, one)
+    inner = _core(share, one, t) if which == 0 else _core(share, 1 - t, one)
     polar = np.pi / 4 * (t + which)
     outer = np.column_stack([np.cos(polar), np.sin(polar)])
     return np.asarray((1 - s[:, None]) * inner + s[:, None] * outer)

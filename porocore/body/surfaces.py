@@ -94,7 +94,8 @@ class Facets:
 
     def tangents_of(self, points: Array) -> Array:
         """(f, q, 3, 2) ∂x/∂ξ where the nodes are at ``points``."""
-        return np.einsum("fai,qak->fqik", points[self.nodes], self.mesh.element.facet.slopes, optimize=True)
+        slopes = self.mesh.element.facet.slopes
+        return np.asarray(np.einsum("fai,qak->fqik", points[self.nodes], slopes, optimize=True))
 
     @property
     def normals(self) -> Array:
@@ -111,7 +112,7 @@ class Facets:
         """(nodes,) ∫ N dS of shape functions with values ``of`` (q, k) at the points, for the first k nodes."""
         k = of.shape[1]
         local = self.areas @ of
-        return np.bincount(self.nodes[:, :k].ravel(), local.ravel(), len(self.mesh.points))
+        return np.bincount(self.nodes[:, :k].ravel(), local.ravel(), len(self.mesh.points)).astype(float)
 
     def plane(self, key: str) -> Array:
         """(3,) the one outward normal of plane facets.

@@ -238,7 +238,7 @@ class _Surface:
         course, factor = self.to.split(value)
         for node in self.nodes:
             self.to.oblique.setdefault(int(node), []).append((normal, course, factor))
-        return [3 * self.nodes + i for i in range(3)]
+        return [3 * self.nodes + i for i in range(3) if abs(normal[i]) > 1e-9]
 
     def _plate(self) -> None:
         if self.boundary.plate is None:

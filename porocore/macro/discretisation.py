@@ -127,7 +127,9 @@ class Discretisation(ABC):
         for places, plate in zip(self.plates, boundary.plates, strict=True):
             self.leading[places] = unknowns[self.free[places]] == plate[0]
         self._external = np.where(np.arange(len(unknowns)) < owned, boundary.external[:, unknowns], 0.0)
-        self.rotation = None if boundary.rotation is None else boundary.rotation[unknowns][:, unknowns].tocsr()
+        self.rotation = (
+            None if boundary.rotation is None else boundary.rotation[unknowns][:, unknowns].tocsr()
+        )
         if self.rotation is not None:
             self._external = self._external @ self.rotation.T
         self.weights = mesh.weights[elements].ravel()
@@ -143,9 +145,9 @@ class Discretisation(ABC):
         """Displacements of an element, which come first in ``dofs``."""
         return 3 * self.mesh.cells.shape[1]
 
-    def loads(self, amplitudes: Array | float) -> Loads:
+    def loads(self, acting: Array | float) -> Loads:
         """From what acts of each course, (courses,); a single number is that of the common ramp."""
-        amplitudes = np.atleast_1d(np.asarray(amplitudes, dtype=float))
+        amplitudes: Array = np.atleast_1d(np.asarray(acting, dtype=float))
         pressures = (float(factor * amplitudes[course]) for course, factor, _ in self.boundary.followers)
         return Loads(self._values @ amplitudes, amplitudes @ self._external, tuple(pressures))
 
@@ -184,8 +186,8 @@ class Discretisation(ABC):
     def solve(self, system: Any, right: Array, jump: Array, *, again: bool = False) -> Array:
         """The d with A d = ``right`` in the equations and d = ``jump`` in the prescribed unknowns.
 
-        The unknowns of a plate change alike. ``again`` says that the system is close to the one before, so that a factor
-        of that one may serve as a preconditioner.
+        The unknowns of a plate change alike. ``again`` says that the system is close to the one before, so that the
+        factor of that one may serve as a preconditioner.
 
         Raises
         ------

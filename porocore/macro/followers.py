@@ -43,9 +43,19 @@ def tangent(facets: Facets, u: Array, pressure: float) -> Any:
     by_first = np.einsum("ijk,fqk->fqij", _EPSILON, t[..., 1])
     by_second = -np.einsum("ijk,fqk->fqij", _EPSILON, t[..., 0])
     blocks = np.einsum(
-        "q,qa,qb,fqij->faibj", reference.weights, reference.values, reference.slopes[..., 0], by_first, optimize=True
+        "q,qa,qb,fqij->faibj",
+        reference.weights,
+        reference.values,
+        reference.slopes[..., 0],
+        by_first,
+        optimize=True,
     ) + np.einsum(
-        "q,qa,qb,fqij->faibj", reference.weights, reference.values, reference.slopes[..., 1], by_second, optimize=True
+        "q,qa,qb,fqij->faibj",
+        reference.weights,
+        reference.values,
+        reference.slopes[..., 1],
+        by_second,
+        optimize=True,
     )
     dofs = (3 * facets.nodes[:, :, None] + np.arange(3)).reshape(len(facets.nodes), -1)
     m = dofs.shape[1]

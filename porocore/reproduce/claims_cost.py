@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from porocore.body.kinds import make_body
 from porocore.report.format import duration, number, plain
 from porocore.reproduce.claims import Claim, Finding
 from porocore.reproduce.column import LARGE, Column
@@ -14,7 +15,7 @@ POINTS_OF_ELEMENT = 27
 
 
 def _points(column: Column) -> int:
-    return POINTS_OF_ELEMENT * int(np.prod(column.config.macro.elements))
+    return POINTS_OF_ELEMENT * len(make_body(column.config.macro.body).cells)
 
 
 def _iterations(column: Column) -> float:

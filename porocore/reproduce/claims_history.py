@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from porocore.body.kinds import make_body
 from porocore.report.figures.profiles import profile_at
 from porocore.report.format import number, percent, plain
 from porocore.reproduce.claims import Claim, Finding, Verdict, judged
@@ -19,7 +20,7 @@ def _others(column: Column, load: float, figure: str) -> str:
 
 
 def _height(column: Column) -> float:
-    return column.config.macro.size[1]
+    return float(np.ptp(make_body(column.config.macro.body).points[:, 1]))
 
 
 def _share_of_height(results: Results) -> Finding:
@@ -189,7 +190,7 @@ def _pressure_gone(results: Results) -> Finding:
 
 def _discretisation(results: Results) -> Finding:
     macro = results.config.macro
-    elements = int(np.prod(macro.elements))
+    elements = len(make_body(macro.body).cells)
     return judged(
         elements == 106 and macro.time.ramp_increments == 10,
         f"{elements} elements; {macro.time.ramp_increments} increments of {plain(macro.time.ramp_step)}, then of "

@@ -10,13 +10,14 @@
 
 from __future__ import annotations
 
+from porocore.testing.macro_bodies import Bodies
 from porocore.testing.macro_histories import Histories
 from porocore.testing.macro_plates import Plates
 from porocore.testing.macro_runs import Runs
 from porocore.testing.macro_states import KnownStates
 
 
-class MacroSolverConformance(KnownStates, Plates, Histories, Runs):
+class MacroSolverConformance(KnownStates, Plates, Bodies, Histories, Runs):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``.
 
     It expects that :meth:`~porocore.MacroSolver.prepare` returns a ``porocore.macro`` discretisation, that the

@@ -25,7 +25,11 @@ PLANES: dict[str, Any] = {
 
 def squeezed(top: dict[str, Any], load: float = -0.05, **settings: Any) -> MacroProblem:
     """A block of 2 × 1 × 0.5 that drains to one side while something is done to its top."""
-    data = {"body": {"size": (2, 1, 0.5), "elements": (3, 2, 1)}, "boundary": {**PLANES, "y+": top}, "time": SHORT}
+    data = {
+        "body": {"size": (2, 1, 0.5), "elements": (3, 2, 1)},
+        "boundary": {**PLANES, "y+": top},
+        "time": SHORT,
+    }
     return MacroProblem.model_validate(data | {"load": load} | settings)
 
 

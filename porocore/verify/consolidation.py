@@ -158,7 +158,8 @@ def _plan(step: float, times: tuple[float, ...]) -> dict[str, Any]:
 
 
 def _solve(solver: MacroSolver, law: LinearPoroelasticity, **problem: Any) -> MacroSolution:
-    return solver.solve(solver.prepare(MacroProblem.model_validate(problem)), law)
+    body = {"size": problem.pop("size"), "elements": problem.pop("elements")}
+    return solver.solve(solver.prepare(MacroProblem.model_validate(problem | {"body": body})), law)
 
 
 TERZAGHI_CASE = Case(

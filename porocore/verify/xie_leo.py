@@ -25,8 +25,7 @@ def column(layer: XieLeo, elements: int, steps: int, times: Sequence[float]) -> 
     side: dict[str, Any] = {"displacement": (0, None, 0)}
     return MacroProblem.model_validate(
         {
-            "size": (1, layer.height, 1),
-            "elements": (1, elements, 1),
+            "body": {"size": (1, layer.height, 1), "elements": (1, elements, 1)},
             "boundary": {
                 **dict.fromkeys(("x-", "x+", "z-", "z+"), side),
                 "y-": {"displacement": (0, 0, 0)},

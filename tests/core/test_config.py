@@ -56,7 +56,7 @@ def test_the_benchmark_is_the_papers():
     assert config.sampling.sampler_options()["step"] == {"p": 0.04, "H22": 0.03}
     assert config.macro.loads == (-0.2, -0.01)
     problem = config.macro.problem(-0.2)
-    assert (problem.size, problem.elements, problem.load) == ((0.1, 7.5, 0.1), (1, 106, 1), -0.2)
+    assert (problem.body.size, problem.body.elements, problem.load) == ((0.1, 7.5, 0.1), (1, 106, 1), -0.2)
     assert problem.boundary["y+"].traction == (0, 1, 0)
     assert problem.boundary["x+"].displacement == (0, None, 0)
     assert problem.time.ramp_increments == 10
@@ -204,11 +204,11 @@ def test_another_backend_starts_without_the_options_of_the_configured_one(edit):
         (
             "elements: [1, 106, 1]",
             "elements: [1, 10.5, 1]",
-            "macro.elements.1",
+            "macro.body.elements.1",
             ["a whole number", "got 10.5"],
         ),
-        ("size: [0.1, 7.5, 0.1]", "size: [0.1, -7.5, 0.1]", "macro.size.1", ["0 < value", "got -7.5"]),
-        ("    y-: {", "    bottom: {", "macro.boundary.bottom", ["unknown key", "x-, x+, y-, y+, z-, z+"]),
+        ("size: [0.1, 7.5, 0.1]", "size: [0.1, -7.5, 0.1]", "macro.body.size.1", ["0 < value", "got -7.5"]),
+        ("    y-: {", "    bottom: {", "macro.boundary.bottom", ["no such surface", "x-, x+, y-, y+, z-, z+"]),
         ("end: 150", "end: 0.4", "macro.time", ["end = 0.4 does not lie behind the ramp"]),
         ("end: 150", "end: .inf", "macro.time.end", ["expected a finite number", "got .inf"]),
     ],

@@ -50,7 +50,8 @@ def write_case(path, **changes):
     settings["surrogate"] = {"backend": "cubic"}
     settings["sampling"] |= {"tolerance": 1.0, "test": {"count": 6, "seed": 3}}
     times = {"end": 1.0, "step": 0.2, "ramp_step": 0.02, "profiles": [1.0]}
-    settings["macro"] |= {"elements": [1, 4, 1], "time": times}
+    settings["macro"]["body"]["elements"] = [1, 4, 1]
+    settings["macro"] |= {"time": times}
     path.write_text(yaml.safe_dump(settings | changes), encoding="utf-8")
     return path
 

@@ -44,7 +44,7 @@ def test_of_two_drained_faces_the_closed_one_is_named(column):
 
 def test_no_drained_face(column):
     (warning,) = undrained(with_faces(column, top=Boundary(traction=(0.0, 1.0, 0.0))), np.eye(3))
-    assert "no face has a prescribed pressure" in warning
+    assert "no surface has a prescribed pressure" in warning
 
 
 def test_a_prescribed_flux_lets_fluid_out(column):

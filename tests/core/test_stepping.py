@@ -90,7 +90,7 @@ def test_a_restored_stepper_continues_with_the_same_times():
         stepper.reject("no reason") if fails(
             stepper.next(), stepper.next() - stepper.time
         ) else stepper.accept()
-    restored = Stepper(plan, stepper.time, stepper.halvings, stepper.streak)
+    restored = Stepper(plan, (), stepper.time, stepper.halvings, stepper.streak)
     assert stepper.halvings > 0
     assert run(restored, fails) == [t for t in whole if t >= stepper.time]
 

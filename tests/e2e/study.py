@@ -56,8 +56,7 @@ STUDY: dict[str, Any] = {
     "surrogate": {"backend": "torch", "seed": 7, "options": {"epochs": 400}},
     "closure": "mean-gradient",
     "macro": {
-        "size": [0.1, HEIGHT, 0.1],
-        "elements": [1, 8, 1],
+        "body": {"size": [0.1, HEIGHT, 0.1], "elements": [1, 8, 1]},
         "boundary": {
             **dict.fromkeys(("x-", "x+", "z-", "z+"), _SIDE),
             "y-": {"displacement": [0, 0, 0]},

@@ -17,7 +17,7 @@ from porocore.solution import MacroSolution
 #: Two elements and five steps, so that direct FE² takes seconds.
 SHORT = ONE_LOAD | {
     "surrogate": {"backend": "polynomial"},
-    "macro.elements": [1, 2, 1],
+    "macro.body.elements": [1, 2, 1],
     "macro.time": {"end": 30, "step": 10, "ramp_increments": 2, "ramp_step": 1.5, "profiles": [10]},
     "macro.options": {"checkpoint_seconds": 0},
 }

@@ -156,7 +156,9 @@ class Assembler(Discretisation):
             if row < self.mesh.n_u and follower.indptr[row] < follower.indptr[row + 1]:
                 part = slice(follower.indptr[row], follower.indptr[row + 1])
                 columns = number[follower.indices[part]]
-                self._matrix.setValues([number[row]], columns, follower.data[part], PETSc.InsertMode.ADD_VALUES)
+                self._matrix.setValues(
+                    [number[row]], columns, follower.data[part], PETSc.InsertMode.ADD_VALUES
+                )
         self._matrix.assemble()
 
     def magnitudes(self, system: Any, x: Any) -> Any:

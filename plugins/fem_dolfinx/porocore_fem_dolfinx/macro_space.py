@@ -72,7 +72,11 @@ def make_space(mesh: BodyMesh, comm: Any) -> Space:
     points, nodes = (mesh.points[mesh.p_nodes], mesh.p_cells) if mesh.straight else (mesh.points, mesh.cells)
     nodes = nodes[:, compat.from_vtk(cell, nodes.shape[1])]
     domain = compat.make_mesh(
-        comm, cell, 1 if mesh.straight else 2, points if first else np.empty((0, 3)), nodes if first else nodes[:0]
+        comm,
+        cell,
+        1 if mesh.straight else 2,
+        points if first else np.empty((0, 3)),
+        nodes if first else nodes[:0],
     )
     count = domain.topology.index_map(3).size_local
     if min(comm.allgather(count)) == 0:

@@ -142,7 +142,7 @@ def test_more_processes_than_elements_can_be_shared_among_are_refused(tmp_path):
     done = run(2, part, tmp_path)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "message").read_text() == (
-        "macro.elements: 1 elements are too few for 2 processes; start fewer"
+        "macro.body: 1 elements are too few for 2 processes; start fewer"
     )
 
 

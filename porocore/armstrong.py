@@ -1,0 +1,110 @@
+"""Unconfined compression of a poroelastic cylinder between frictionless impermeable plates, in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+from scipy.special import jv
+
+from porocore.states import Array
+
+#: Terms of the series; at H_A K t/a² = 1e-4 the last is exp(−1000).
+TERMS = 1000
+
+
+@dataclass(frozen=True)
+class UnconfinedCompression:
+    """A cylinder of incompressible solid and fluid, squeezed by the axial strain ε at once or along a ramp.
+
+    It drains through its free mantle. The radial displacement obeys H_A K (u″ + u′/r − u/r²) = u̇ + ε̇ r/2, because what
+    leaves is what the volume loses (Armstrong, Lai & Mow 1984, J. Biomech. Eng. 106:165–173). Its roots are those of
+    J₁(x) = x J₀(x) (1 − ν)/(1 − 2ν).
+
+    Attributes
+    ----------
+    radius
+        a [L].
+    strain
+        ε, negative in compression, reached at the end of the ramp.
+    lame, shear
+        λ and μ of the drained frame [E]; the aggregate modulus is H_A = λ + 2μ.
+    conductivity
+        K = k/μ_f.
+    ramp
+        Time over which the strain is brought up linearly; 0: at once.
+    """
+
+    radius: float
+    strain: float
+    lame: float
+    shear: float
+    conductivity: float
+    ramp: float = 0.0
+
+    @property
+    def poisson_ratio(self) -> float:
+        """ν, drained."""
+        return self.lame / (2 * (self.lame + self.shear))
+
+    @property
+    def aggregate_modulus(self) -> float:
+        """H_A = λ + 2μ [E]."""
+        return self.lame + 2 * self.shear
+
+    @cached_property
+    def _roots(self) -> Array:
+        ratio = self.aggregate_modulus / (2 * self.shear)
+
+        def equation(x: float) -> float:
+            return float(jv(1, x) - ratio * x * jv(0, x))
+
+        # One root between any two neighbouring roots of J₁, and one before the first.
+        grid = np.linspace(1e-6, (TERMS + 2) * np.pi, 8 * (TERMS + 2))
+        values = jv(1, grid) - ratio * grid * jv(0, grid)
+        signs = np.flatnonzero(np.sign(values[:-1]) != np.sign(values[1:]))
+        return np.array([brentq(equation, grid[i], grid[i + 1], xtol=1e-13) for i in signs])
+
+    @cached_property
+    def _weights(self) -> Array:
+        """Of J₁(s r/a) in what is left of u at t = 0+, (ν − ½) ε r."""
+        s = self._roots
+        slope = jv(0, s) - jv(1, s) / s
+        norm = (slope**2 + (1 - 1 / s**2) * jv(1, s) ** 2) / 2
+        return np.asarray((self.poisson_ratio - 0.5) * self.strain * self.radius * jv(2, s) / s / norm)
+
+    def _course(self, t: float) -> tuple[float, Array]:
+        """Share of the strain at ``t``, and what is left of each term."""
+        rate = self._roots**2 * self.aggregate_modulus * self.conductivity / self.radius**2
+        if self.ramp == 0:
+            return 1.0, np.exp(-rate * t)
+        share, past = min(t / self.ramp, 1.0), max(t - self.ramp, 0.0)
+        return share, (np.exp(-rate * past) - np.exp(-rate * t)) / (rate * self.ramp)
+
+    def lateral(self, r: npt.ArrayLike, t: float) -> Array:
+        """u_r at distances ``r`` from the axis at one time t > 0; the shape of ``r`` [L]."""
+        share, left = self._course(t)
+        r = np.asarray(r, dtype=float)
+        terms = jv(1, np.multiply.outer(r / self.radius, self._roots))
+        return np.asarray(-self.poisson_ratio * share * self.strain * r + terms @ (self._weights * left))
+
+    def pressure(self, r: npt.ArrayLike, t: float) -> Array:
+        """p at distances ``r`` from the axis at one time t > 0 [E]."""
+        _, left = self._course(t)
+        s = self._roots
+        spread = jv(0, np.multiply.outer(np.asarray(r, dtype=float) / self.radius, s)) - jv(0, s)
+        return np.asarray(self.aggregate_modulus / self.radius * (spread @ (s * self._weights * left)))
+
+    def stress(self, t: float) -> float:
+        """Mean axial stress on the plates at one time t > 0, negative in compression [E]."""
+        share, left = self._course(t)
+        s, aggregate = self._roots, self.aggregate_modulus
+        edge = float(self.lateral(self.radius, t)) / self.radius
+        swelling = -2 * self.poisson_ratio * share * self.strain + float(
+            (s * jv(0, s) / self.radius) @ (self._weights * left)
+        )
+        mean_pressure = aggregate * (2 * edge - swelling)
+        return aggregate * share * self.strain + 2 * self.lame * edge - mean_pressure

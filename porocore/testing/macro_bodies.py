@@ -1,0 +1,221 @@
+"""Bodies of any shape: oblique planes, tetrahedra, pressures that follow the surface, courses in time, probes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porocore.body.kinds import Box, make_body
+from porocore.body.surfaces import Facets
+from porocore.errors import ConfigurationError
+from porocore.problem import MacroProblem
+from porocore.testing.macro_solving import LINEAR, NONLINEAR, SHORT, Solving
+
+#: A cube's corners numbered as bits xyz, cut into six tetrahedra about its diagonal; neighbours match.
+KUHN = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7))
+ROLLERS: dict[str, Any] = {name: {"normal": 0} for name in ("x-", "y-", "z-")}
+
+
+def write_tetrahedra(path: Path, box: Box, bend: float = 0.0) -> None:
+    """A box of linear tetrahedra with its six faces by name, in gmsh's format; inner nodes moved by ``bend``."""
+    import meshio
+
+    mesh = make_body(box)
+    points = mesh.points[mesh.p_nodes]
+    bits = mesh.p_cells[:, [0, 1, 3, 2, 4, 5, 7, 6]]
+    tetrahedra = np.concatenate([bits[:, list(kuhn)] for kuhn in KUHN])
+    tetrahedra = np.where(
+        (np.linalg.det(points[tetrahedra[:, 1:]] - points[tetrahedra[:, :1]]) < 0)[:, None],
+        tetrahedra[:, [0, 2, 1, 3]],
+        tetrahedra,
+    )
+    size = np.array(box.size)
+    inner = ((points > 1e-9) & (points < size - 1e-9)).all(axis=1)
+    triangles = tetrahedra[:, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]].reshape(-1, 3)
+    blocks, tags, names = [("tetra", tetrahedra)], [np.full(len(tetrahedra), 7)], {"body": [7, 3]}
+    for axis, letter in enumerate("xyz"):
+        for side, place in (("-", 0.0), ("+", size[axis])):
+            on = (np.abs(points[triangles][..., axis] - place) < 1e-9).all(axis=1)
+            tag = 10 + 2 * axis + (side == "+")
+            blocks.append(("triangle", triangles[on]))
+            tags.append(np.full(int(on.sum()), tag))
+            names[letter + side] = [tag, 2]
+    points = points + bend * inner[:, None] * np.sin(7 * points[:, [1, 2, 0]] + 1)
+    meshio.write(
+        path,
+        meshio.Mesh(
+            points,
+            blocks,
+            cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+            field_data={name: np.array(value) for name, value in names.items()},
+        ),
+        file_format="gmsh22",
+    )
+
+
+class Bodies(Solving):
+    """Part of :class:`porocore.testing.macro.MacroSolverConformance`."""
+
+    @pytest.fixture(params=["quarter-cylinder", "wedge", "tetrahedra"])
+    def body(self, request: Any, tmp_path: Path) -> dict[str, Any]:
+        """Curved hexahedra, an oblique plane, and tetrahedra from a file."""
+        if request.param == "tetrahedra":
+            write_tetrahedra(tmp_path / "box.msh", Box(size=(1, 1.2, 0.8), elements=(2, 2, 2)), bend=0.05)
+            return {"kind": "file", "file": str(tmp_path / "box.msh")}
+        angle = {"angle": 60} if request.param == "wedge" else {}
+        return {"kind": request.param, "radius": 1.0, "height": 0.7, "elements": (1, 2, 1), **angle}
+
+    def problem(self, body: dict[str, Any], **settings: Any) -> MacroProblem:
+        """Held by its planes, drained on top."""
+        planes = {"quarter-cylinder": ("x-", "z-"), "wedge": ("oblique", "z-"), "file": ("x-", "z-")}[
+            body["kind"]
+        ]
+        boundary: dict[str, Any] = {name: {"normal": 0} for name in (*planes, "y-")}
+        boundary["y+"] = {"pressure": 0}
+        for name, more in settings.pop("boundary", {}).items():
+            boundary[name] = boundary.get(name, {}) | more
+        data = {"body": body, "boundary": boundary, "time": SHORT, "load": 1.0}
+        return MacroProblem.model_validate(data | settings)
+
+    def test_the_tangent_is_the_slope_of_the_residual_on_any_body(self, body: Any) -> None:
+        """Followers included, at a state without any symmetry."""
+        d = self.prepare(self.problem(body, boundary={"y+": {"follower": 0.3}}))
+        rng = np.random.default_rng(0)
+        x, old = 0.02 * rng.standard_normal((2, d.mesh.size))
+        states, _ = d.states(old)
+        memory = NONLINEAR.respond(states, np.zeros((len(states), 3)), NONLINEAR.initial(len(states))).memory
+        loads = d.loads(0.5)
+
+        def residual(x: Any) -> Any:
+            states, grad_p = d.states(x)
+            response = NONLINEAR.respond(states, grad_p, memory)
+            return d.residual(response, 0.3, loads, x).values, response
+
+        tangent = residual(x)[1].tangent
+        direction, h = rng.standard_normal(d.mesh.size), 1e-5
+        slope = (residual(x + h * direction)[0] - residual(x - h * direction)[0]) / (2 * h)
+        system = d.system(tangent, 0.3, d.follower_tangent(x, loads))
+        found = d.solve(system, slope, direction[d.prescribed])
+        np.testing.assert_allclose(found, direction, rtol=0, atol=2e-5 * abs(direction).max())
+
+    def test_fields_of_first_order_are_exact_on_any_body(self, body: Any) -> None:
+        d = self.prepare(self.problem(body))
+        mesh, rng = d.mesh, np.random.default_rng(2)
+        A, g = rng.standard_normal((3, 3)), rng.standard_normal(3)
+        p = 0.3 + mesh.points[mesh.p_nodes] @ g
+        states, grad_p = d.states(d.from_mesh(np.concatenate([(mesh.points @ A.T).ravel(), p])))
+        np.testing.assert_allclose(states.grad_u, np.broadcast_to(A, states.grad_u.shape), atol=1e-11)
+        if mesh.straight:  # on curved elements the pressure is linear in the reference coordinates only
+            np.testing.assert_allclose(grad_p, np.broadcast_to(g, grad_p.shape), atol=1e-11)
+
+    def test_a_pressure_all_around_follows_the_surface(self, body: Any) -> None:
+        """A drained body under fluid pressure alone: P = −p J F⁻ᵀ everywhere, homogeneous, whatever the shape."""
+        free = {"quarter-cylinder": ("y+", "side"), "wedge": ("y+", "side"), "file": ("x+", "y+", "z+")}
+        faces = {name: {"follower": 0.02, "pressure": 0} for name in free[body["kind"]]}
+        problem = self.problem(body, boundary=faces, time=SHORT | {"end": 400.0, "step": 50.0})
+        profile = self.solve(problem, NONLINEAR).profiles[-1]
+        F = np.eye(3) + profile.grad_u
+        expected = -0.02 * np.linalg.det(F)[:, None, None] * np.linalg.inv(F).swapaxes(1, 2)
+        np.testing.assert_allclose(profile.p, 0, atol=1e-10)
+        np.testing.assert_allclose(profile.stress, expected, atol=1e-8)
+        np.testing.assert_allclose(F, np.broadcast_to(F[0], F.shape), atol=1e-8)
+        assert np.diag(F[0]) == pytest.approx(np.full(3, F[0, 0, 0]), abs=1e-8)
+        assert 0.9 < F[0, 0, 0] < 0.99
+
+    def test_reactions_balance_the_loads(self, body: Any) -> None:
+        """Body force, traction on a patch and a course: what holds the body bears them all."""
+        problem = self.problem(
+            body,
+            surfaces={"patch": {"of": "y+", "x": (0, 0.6)}},
+            boundary={
+                "patch": {"traction": (0, -0.01, 0.002)},
+                "y+": {"pressure": {"ramp": 1e-3, "until": 2.0}},
+            },
+            body_force=(0, {"table": [[0, 0], [3, -0.02]]}, 0),
+        )
+        d = self.prepare(problem)
+        solution = self.solve(problem, LINEAR)
+        areas = {name: float(Facets(d.mesh, d.mesh.surfaces[name]).areas.sum()) for name in ("patch", "y+")}
+        whole = {"quarter-cylinder": np.pi / 4, "wedge": np.pi / 6, "file": 0.8}[body["kind"]]
+        assert areas["patch"] + areas["y+"] == pytest.approx(whole, rel=2e-3)
+        assert min(areas.values()) > 0.1 * whole
+        t = solution.history.time
+        volume = float(d.mesh.weights.sum())
+        down = -0.01 * areas["patch"] * np.minimum(1, t / 0.2) - 0.02 * volume * np.minimum(1, t / 3)
+        found = solution.reactions["y-"][:, 1]
+        np.testing.assert_allclose(found[1:], -down[1:], rtol=1e-9)
+        entered = (np.diff(t) * solution.inflow["y+"][1:]).sum()
+        assert solution.history.drained_flux[-1] == pytest.approx(-entered, rel=1e-9)
+        assert set(solution.inflow) == {"y+"}
+
+    def test_probes_say_what_the_fields_say(self, body: Any) -> None:
+        """At a node, and between nodes a first-order field."""
+        mesh = self.prepare(self.problem(body)).mesh
+        node = int(np.argmax(mesh.points @ np.array([0.3, 1.0, 0.2])))
+        problem = self.problem(
+            body,
+            boundary={"y+": {"displacement": (None, -0.02, None)}},
+            probes={"corner": tuple(map(float, mesh.points[node])), "inside": (0.31, 0.2, 0.05)},
+        )
+        solution = self.solve(problem, LINEAR)
+        last = solution.profiles[-1]
+        np.testing.assert_allclose(solution.probes["corner"][-1], [*last.u[node], last.p[node]], atol=1e-13)
+        assert solution.probes["inside"].shape == (len(solution.history.time), 4)
+        assert -0.02 < solution.probes["inside"][-1, 1] < 0
+
+    def test_a_probe_outside_is_refused(self, body: Any) -> None:
+        with pytest.raises(ConfigurationError, match=r"macro.probes.far: the point \(9.0, .* lies outside"):
+            self.solve(self.problem(body, probes={"far": (9, 0, 0)}), LINEAR)
+
+    def test_an_initial_state_is_where_it_begins(self) -> None:
+        """Uniform pressure in a sealed and held body stays as it is; H is where the stress is counted from."""
+        held = {name: {"displacement": (0, 0, 0)} for name in ("x-", "x+", "y-", "y+", "z-", "z+")}
+        body = {"size": (1, 1, 1), "elements": (1, 1, 1)}
+        data = {"body": body, "boundary": held, "time": SHORT, "initial": {"pressure": 0.01}}
+        solution = self.solve(MacroProblem.model_validate(data), LINEAR)
+        np.testing.assert_allclose(solution.history.pressure_max, 0.01, rtol=1e-12)
+        np.testing.assert_allclose(solution.profiles[-1].p, 0.01, rtol=1e-12)
+
+    def test_steps_by_error_meet_the_tolerance(self) -> None:
+        """The last state of a relaxing column against very fine steps; fewer, where little happens."""
+        top = {"displacement": (None, {"ramp": -0.1, "until": 0.1}, None), "pressure": 0}
+        body = {"size": (1, 1, 1), "elements": (1, 2, 1)}
+        held = {face: {"normal": 0} for face in ("x-", "x+", "z-", "z+", "y-")}
+
+        def settle(**plan: Any) -> Any:
+            time = {"end": 0.5, "ramp_increments": 2, "ramp_step": 0.01, "profiles": (0.3,)} | plan
+            data = {"body": body, "boundary": {**held, "y+": top}, "time": time}
+            return self.solve(MacroProblem.model_validate(data), LINEAR)
+
+        fine = settle(step=0.004)
+        errors, counts = [], []
+        for tolerance in (1e-2, 1e-3):
+            found = settle(step=0.5, tolerance=tolerance)
+            errors.append(
+                abs(found.profiles[0].p - fine.profiles[0].p).max() / fine.history.pressure_max.max()
+            )
+            counts.append(len(found.history.time))
+        assert errors[1] < errors[0] < 0.05
+        assert errors[1] < 0.012
+        assert counts[0] < counts[1] < 200
+
+    def test_an_unknown_surface_is_refused(self) -> None:
+        data = {"body": {"elements": (1, 1, 1)}, "boundary": {**ROLLERS, "lid": {"pressure": 0}}}
+        with pytest.raises(
+            ConfigurationError, match=r"macro.boundary.lid: the body has no surface 'lid'; its .* x-, x"
+        ):
+            self.prepare(MacroProblem.model_validate(data))
+
+    def test_an_empty_patch_is_refused(self) -> None:
+        data = {
+            "body": {"elements": (1, 1, 1)},
+            "boundary": ROLLERS,
+            "surfaces": {"strip": {"of": "y+", "x": (5, 6)}},
+        }
+        with pytest.raises(
+            ConfigurationError, match=r"macro.surfaces.strip: none of the 1 facets of 'y.' has"
+        ):
+            self.prepare(MacroProblem.model_validate(data))
