@@ -118,6 +118,7 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
         reference.response,
         config.stages.cell,
         versions(),
+        config.cell.solid.isotropic,
     )
 
 

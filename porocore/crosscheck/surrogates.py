@@ -131,7 +131,13 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> Samples:
             "have values: too few; widen the ranges or refine the steps in sampling.inputs"
         )
     training = TrainingSet(
-        states[good], responses[good], inputs, reference.response, settings.stages.cell, versions()
+        states[good],
+        responses[good],
+        inputs,
+        reference.response,
+        settings.stages.cell,
+        versions(),
+        settings.cell.solid.isotropic,
     )
     return Samples(backend, reference, training, unseen[valid], solved[valid], seconds)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.exchange import exchanged_axes, images
+from porocore.cell.exchange import images
 from porocore.cell.parity import UNIT_LOADS, classes, visible
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate
 from porocore.equilibrium.path import gap
@@ -25,8 +25,7 @@ def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResp
     """
     mean_grad, second = np.zeros((3, 3, 10)), np.zeros((10, 10))
     counts = []
-    alike = problem.mesh.domain == "eighth" and problem.material.isotropic
-    swaps = exchanged_axes(problem.mesh, here.H, here.displacement) if alike else ()
+    swaps = problem.exchanged_axes(here)
     of_images: dict[str, int] = {}
     for odd, columns in classes(problem.mesh).items():
         first = min(images(odd, swaps))

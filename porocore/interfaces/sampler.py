@@ -96,12 +96,15 @@ class Study:
         Fields of :class:`CellResponse` that the closure asks of a surrogate.
     explore
         Runs the study's macro problem.
+    isotropic
+        Whether the solid is the same along all directions.
     """
 
     reference: CellResponse
     identity: str
     responses: tuple[str, ...]
     explore: Explore
+    isotropic: bool = True
 
 
 class StudySampler(Sampler):

@@ -28,6 +28,9 @@ class TrainingSet:
         Hash of the cell and of the law, stored with the surrogate and checked when it is used.
     provenance
         Text to keep with the surrogate (versions, configuration).
+    isotropic
+        Whether the solid is the same along all directions. If not, the cell may lack symmetries that its stiffness at
+        rest shows: fibres that bear tension only do nothing there.
     """
 
     states: MacroState
@@ -36,6 +39,7 @@ class TrainingSet:
     reference: CellResponse
     identity: str
     provenance: dict[str, str]
+    isotropic: bool = True
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Sampling where a committee of surrogates disagrees (query by committee)."""
+"""Sampling what tells most about the box, and most of all where a committee of surrogates disagrees."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from porocore.sampling.candidates import (
     Stream,
     corner_count,
     distances,
+    even_points,
     most_worth,
     opening,
     spacing,
@@ -24,12 +25,10 @@ from porocore.sampling.candidates import (
 from porocore.sampling.committee import Judgement, committee
 from porocore.sampling.options import positive, refuse_unknown, whole
 from porocore.sampling.rounds import RoundSampler, from_unit
-from porocore.states import Array, CellResponse, Status
+from porocore.states import Array, CellResponse, MacroState, Status
 
 #: A round asks for at least this share of the states that are known, so that the cost for each state stays the same.
 GROWTH = 0.1
-#: A round of :class:`Active` is chosen from so many candidates at most, but for two for each state.
-MOST_CANDIDATES = 512
 #: States of :class:`Active` are at least this share of their mean spacing apart.
 APART = 0.5
 
@@ -91,16 +90,29 @@ class Learning(RoundSampler, StudySampler):
         states = self.inputs.scatter(from_unit(self.inputs, self.points[good]))
         study = self.study
         return TrainingSet(
-            states, CellResponse.concatenate(rows), self.inputs, study.reference, study.identity, {}
+            states,
+            CellResponse.concatenate(rows),
+            self.inputs,
+            study.reference,
+            study.identity,
+            {},
+            study.isotropic,
         )
 
-    def judge(self, unit: Array) -> Judgement | None:
-        """What the committee says of points (m, d) of the unit box; None while fewer than two states are known."""
+    def judge(self, unit: Array, goals: Array | None = None) -> Judgement | None:
+        """What the committee says of points (m, d) of the unit box; None while fewer than two states are known.
+
+        The fit shall be good at the points ``goals`` (g, d), or at the same ones; see :meth:`Committee.judge`.
+        """
         data = self.training_set()
         if data is None:
             return None
+
+        def states(points: Array) -> MacroState:
+            return self.inputs.scatter(from_unit(self.inputs, points))
+
         members = committee(data, self.study.responses)
-        return members.judge(self.inputs.scatter(from_unit(self.inputs, unit)))
+        return members.judge(states(unit), None if goals is None else states(goals))
 
     @property
     def stable(self) -> BoolArray:
@@ -115,13 +127,13 @@ class Learning(RoundSampler, StudySampler):
 
 
 class Active(Learning):
-    """A design that fills the box, then rounds of the states where a committee of polynomials disagrees most.
+    """A design that fills the box, then rounds of the states that tell most about it.
 
     The members of the :func:`~porocore.sampling.committee.committee` learn what the closure needs: W with its
-    slopes, or <∇u¹>. The states of a round are those that tell most of the places where the members disagree, as a
-    share of the response's range; each is chosen in the knowledge of those before it. Candidates come from a Sobol
-    sequence. States that failed or are unstable are not learned from; candidates nearer to one of them than to any
-    stable state are passed over.
+    slopes, or <∇u¹>. The states of a round are those that take most from the variance of the fit of the best degree, on
+    average over the box (I-optimality), where places at which the members disagree count for more; each is chosen in
+    the knowledge of those before it. Candidates come from a Sobol sequence. States that failed or are unstable are not
+    learned from, and what is nearer to one of them than to any stable state neither counts nor is asked for.
 
     Parameters
     ----------
@@ -135,8 +147,7 @@ class Active(Learning):
     batch
         States in a round; more where a tenth of what is known is more.
     candidates
-        Candidates for each state of a round. Few keep close to an even design, which serves the error on average; many
-        go to the faces and corners of the box, which serves the largest error.
+        From so many a round is chosen, but from two for each of its states at least.
     tolerance
         Sampling ends when the largest disagreement is below this share of the range; None: when the budget is used up.
     seed
@@ -154,7 +165,7 @@ class Active(Learning):
         count: int = 100,
         initial: int | None = None,
         batch: int = 4,
-        candidates: int = 8,
+        candidates: int = 512,
         tolerance: float | None = None,
         seed: int = 0,
         **unknown: Any,
@@ -173,9 +184,11 @@ class Active(Learning):
             d, first = len(self.inputs), min(self.initial, room)
             return opening(d, first, self.seed) if d <= MOST_CORNER_INPUTS else self._stream.take(first)
         size = self.round_size(room)
-        unit = self._stream.take(max(min(self.candidates * size, MOST_CANDIDATES), 2 * size))
+        unit = self._stream.take(max(self.candidates, 2 * size))
         reachable = self.reachable(unit)
-        judgement = self.judge(unit)
+        even = even_points(len(self.inputs))
+        counts = self.reachable(even)
+        judgement = self.judge(unit, even[counts] if counts.any() else even)
         if judgement is None or not judgement.disagreement.any():
             # Too little is known for anybody to disagree.
             return unit[spread_out(unit, reachable.astype(float), self.points, size)]

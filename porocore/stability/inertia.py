@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from porocore.cell.exchange import exchanged_axes, images
+from porocore.cell.exchange import images
 from porocore.cell.parity import bloch_classes
 from porocore.equilibrium.discrete import DiscreteSolid, Iterate
 
@@ -39,7 +39,7 @@ def negative_pivots(solid: DiscreteSolid, here: Iterate, waves: Iterable[str] = 
         A tangent cannot be factorised.
     """
     of_class: dict[str, int] = {}
-    swaps = exchanged_axes(solid.mesh, here.H, here.displacement)
+    swaps = solid.exchanged_axes(here)
     found = {}
     for wave in waves:
         counts = []

@@ -165,6 +165,11 @@ def _check_symmetric(prepared: PreparedCell, start: Array, goal: Array) -> None:
             f"stability is examined on the eighth of a cell with mirrors, which {prepared.cell.geometry.description} "
             "does not have"
         )
+    if not prepared.cell.solid.mirrored:
+        raise ConfigurationError(
+            "stability is examined on the eighth of a cell with mirrors, which the fibres of "
+            f"{prepared.cell.solid.description} do not have; expected fibres along the axes"
+        )
     if not prepared.cell.mirrored:
         raise ConfigurationError(
             "stability is examined on the eighth of the cell; expected cell.symmetry: auto and no cell.supercell, got "

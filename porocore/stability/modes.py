@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.spatial import cKDTree
 
-from porocore.cell.exchange import exchanged_axes, images
+from porocore.cell.exchange import images
 from porocore.cell.mass import lumped_mass
 from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import bloch_classes, odd_axes, translation
@@ -102,14 +102,14 @@ def lowest_mode(solid: DiscreteSolid, here: Iterate, wave: str) -> Mode:
     FactorError
         A tangent cannot be factorised.
     """
-    swaps = exchanged_axes(solid.mesh, here.H, here.displacement)
+    swaps = solid.exchanged_axes(here)
     kept = {min(images(odd, swaps) & set(bloch_classes()[wave])) for odd in bloch_classes()[wave]}
     return min((lowest_of_class(solid, here, odd) for odd in sorted(kept)), key=lambda mode: mode.value)
 
 
 def lowest_eigenvalues(solid: DiscreteSolid, here: Iterate, waves: Iterable[str]) -> dict[str, float]:
     """λ of each wave vector; each class is asked once."""
-    swaps = exchanged_axes(solid.mesh, here.H, here.displacement)
+    swaps = solid.exchanged_axes(here)
     of_class: dict[str, float] = {}
     found = {}
     for wave in waves:

@@ -36,7 +36,7 @@ class Rest:
     mean_grad : (9, 7)
         ∂<∇u¹>_s/∂y.
     cubic
-        Whether the stiffness has the symmetry of the cube.
+        Whether the cell has the symmetry of the cube.
     """
 
     porosity: float
@@ -45,8 +45,10 @@ class Rest:
     cubic: bool
 
     @classmethod
-    def of(cls, reference: CellResponse) -> Rest:
+    def of(cls, reference: CellResponse, isotropic: bool = True) -> Rest:
         """From the response of the undeformed cell (one row) with its tangent.
+
+        Only with an isotropic solid has the cell the symmetry that its stiffness shows.
 
         Raises
         ------
@@ -77,7 +79,8 @@ class Rest:
             m[:, a] = _symmetric(t.mean_grad_grad_u[0], i, j).ravel()
         A[6, 6] = -t.fluid_volume_p[0]
         m[:, 6] = t.mean_grad_p[0].ravel()
-        return cls(float(reference.fluid_volume[0]), (A + A.T) / 2, m, is_cubic(np.array(t.stress_grad_u[0])))
+        cubic = isotropic and is_cubic(np.array(t.stress_grad_u[0]))
+        return cls(float(reference.fluid_volume[0]), (A + A.T) / 2, m, cubic)
 
     def potential(self, y: Array) -> tuple[Array, Array]:
         """W₂ (n,) and ∂W₂/∂y (7, n); the Hessian is ``matrix``."""
@@ -141,7 +144,7 @@ class PotentialData:
             )
         if len(kept) < 2:
             raise DataError(f"expected at least two stable training states, got {len(kept)}; sample more")
-        return cls._of(Rest.of(data.reference), states, responses)
+        return cls._of(Rest.of(data.reference, data.isotropic), states, responses)
 
     @classmethod
     def _of(cls, rest: Rest, states: MacroState, responses: CellResponse) -> PotentialData:
