@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Annotated, Literal
+import json
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import Geometry, OrthogonalChannels
 from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.supercell import block
+from porocore.materials.choice import AnyMaterial
+from porocore.materials.composite import Composite, Solid
 from porocore.materials.neo_hookean import NeoHookean
 
 Cells = Annotated[int, Field(ge=1, le=8)]
@@ -22,7 +32,10 @@ class Cell(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     geometry: Geometry = OrthogonalChannels()
-    material: NeoHookean = NeoHookean()
+    material: AnyMaterial | None = None
+    """Of the whole solid; neo-Hookean where neither this nor ``materials`` is given."""
+    materials: Annotated[dict[str, AnyMaterial], Field(min_length=1)] | None = None
+    """One for each region of the solid, by its name, instead of ``material``."""
     viscosity: Annotated[float, Field(gt=0)] = 1e-3
     """μ_f; K is proportional to its inverse."""
     mesh: MeshSettings = MeshSettings()
@@ -32,6 +45,33 @@ class Cell(BaseModel):
     supercell: tuple[Cells, Cells, Cells] = (1, 1, 1)
     """Whole cells along each axis that are solved as one; more than one leaves the mirror symmetry out."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _default_material(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("material") is None and data.get("materials") is None:
+            return {**data, "material": NeoHookean()}
+        return data
+
+    @model_validator(mode="after")
+    def _one_or_the_other(self) -> Self:
+        if self.material is not None and self.materials is not None:
+            raise ValueError("expected either material or materials, got both; keep the one that is meant")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _only_what_is_given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        data.pop("materials" if self.materials is None else "material", None)
+        return data
+
+    @property
+    def solid(self) -> Solid:
+        """What the solid is made of."""
+        if self.materials is not None:
+            return Composite(self.materials)
+        assert self.material is not None
+        return self.material
+
     @property
     def symmetric(self) -> bool:
         """Whether the pores have mirrors that may be made use of; the flow is then solved on the eighth."""
@@ -40,12 +80,16 @@ class Cell(BaseModel):
     @property
     def mirrored(self) -> bool:
         """Whether states without shear are solved on the eighth."""
-        return self.symmetric and self.supercell == (1, 1, 1)
+        return self.symmetric and self.solid.mirrored and self.supercell == (1, 1, 1)
+
+    def specification(self) -> dict[str, Any]:
+        """All that the cell problems depend on; of a file its content, not where it is."""
+        return self.model_dump(mode="json", exclude={"geometry": {"path"}})
 
     @property
     def identity(self) -> str:
         """Hash of the specification."""
-        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]
+        return hashlib.sha256(json.dumps(self.specification()).encode()).hexdigest()[:16]
 
     def make_mesh(self, phase: Phase, domain: Domain) -> CellMesh:
         """Mesh of one phase on the eighth or on the whole cell, the same on every machine and for every backend.
