@@ -12,6 +12,8 @@ from porocore.states import Array, IntArray
 LEAST_STRETCH = 0.2
 #: A middle that would move farther than this share of its edge stays.
 FARTHEST = 0.35
+#: Of the level set's largest value: what is smaller lies on the wall.
+FOUND = 1e-9
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
@@ -56,11 +58,14 @@ def _curved(
     wrapped = np.where(straight == high, low, straight) if periodic else straight
     places, image = np.unique(wrapped, axis=0, return_inverse=True)
     image = image.reshape(-1)
-    moves = onto(level_set, places, (places == low) | (places == high)) - places
+    ends = onto(level_set, places, (places == low) | (places == high))
+    moves = ends - places
     length = np.linalg.norm(mesh.points[edges[on_wall, 0]] - mesh.points[edges[on_wall, 1]], axis=1)
     longest = np.full(len(places), np.inf)
     np.minimum.at(longest, image, FARTHEST * length)
-    kept = np.linalg.norm(moves, axis=1) < longest
+    # Beside a ridge of the wall there may be no way onto it.
+    found = np.abs(level_set.value(ends)) <= FOUND * np.abs(level_set.value(mesh.points)).max()
+    kept = found & (np.linalg.norm(moves, axis=1) < longest)
     number = np.full(len(points), -1)
     number[n:][on_wall] = image
     touched = cells[(number[cells] >= 0).any(axis=1)]

@@ -14,6 +14,7 @@ from porocore.cell.channels import OrthogonalChannels
 from porocore.cell.mesh_file import MeshFile
 from porocore.cell.obstacles import CylinderArray, NoPores, SphereArray
 from porocore.cell.part import PoreGeometry
+from porocore.cell.spheres import SpherePores
 from porocore.cell.tpms import TriplyPeriodic
 from porocore.cell.voxels import Voxels
 
@@ -25,6 +26,7 @@ __all__ = [
     "OrthogonalChannels",
     "PoreGeometry",
     "SphereArray",
+    "SpherePores",
     "TriplyPeriodic",
     "Voxels",
 ]
@@ -44,6 +46,7 @@ Geometry = Annotated[
     | Annotated[SphereArray, Tag("sphere-array")]
     | Annotated[CylinderArray, Tag("cylinder-array")]
     | Annotated[NoPores, Tag("no-pores")]
+    | Annotated[SpherePores, Tag("sphere-pores")]
     | Annotated[TriplyPeriodic, Tag("tpms")]
     | Annotated[Voxels, Tag("voxels")]
     | Annotated[MeshFile, Tag("mesh-file")],

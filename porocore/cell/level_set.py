@@ -31,12 +31,24 @@ class LevelSetGeometry(PoreGeometry):
         PorocoreError
             The size is too coarse for the pores.
         """
-        periodic = self.unfolding == "whole"
-        low, high = (-0.5, 0.5) if periodic else (0.0, 0.5)
-        n = max(FEWEST, ceil((high - low) / size - 1e-9))
-        level_set = self.level_set()
-        try:
-            mesh = cut(body_centred(n, low, high, periodic=periodic), level_set)
-        except PorocoreError as error:
-            raise PorocoreError(f"cannot mesh {self.description} at size {size:g}: {error}") from error
-        return phases(mesh, level_set, element, low, high, periodic=periodic)
+        return stuffed(self, self.level_set(), size, element)
+
+
+def stuffed(
+    geometry: PoreGeometry, level_set: LevelSet, size: float, element: Element
+) -> dict[Phase, Tetrahedra]:
+    """Both phases of the eighth of a geometry with mirrors, or of its whole cell.
+
+    Raises
+    ------
+    PorocoreError
+        The size is too coarse for the pores.
+    """
+    periodic = geometry.unfolding == "whole"
+    low, high = (-0.5, 0.5) if periodic else (0.0, 0.5)
+    n = max(FEWEST, ceil((high - low) / size - 1e-9))
+    try:
+        mesh = cut(body_centred(n, low, high, periodic=periodic), level_set)
+    except PorocoreError as error:
+        raise PorocoreError(f"cannot mesh {geometry.description} at size {size:g}: {error}") from error
+    return phases(mesh, level_set, element, low, high, periodic=periodic)
