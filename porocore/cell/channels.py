@@ -9,6 +9,7 @@ from pydantic import Field, field_validator
 from pydantic_core.core_schema import ValidationInfo
 
 from porocore.cell.cad import DrawnGeometry, DrawnPart
+from porocore.cell.crossing import crossing_volume
 from porocore.cell.drawing import eighth, split, wedge
 from porocore.cell.fillet import onto_fillet, opened_volume
 from porocore.cell.part import Unfolding
@@ -17,12 +18,14 @@ from porocore.states import Array
 
 #: The mesh resolves every fillet, so that a smaller one would only cost elements.
 SMALLEST_FILLET = 0.005
+AxisRadius = Annotated[float, Field(ge=0, lt=0.5)]
 
 
 class OrthogonalChannels(DrawnGeometry):
     """Straight circular channels along coordinate axes that meet in the middle of the cell.
 
-    With all three axes this is the cell of Dehghani & Zilian: a cube from which three cylinders are subtracted.
+    With all three axes this is the cell of Dehghani & Zilian: a cube from which three cylinders are subtracted. With
+    ``radii`` every axis has a radius of its own, 0 where there is no channel, in place of ``radius`` and ``axes``.
     """
 
     kind: Literal["orthogonal-channels"] = "orthogonal-channels"
@@ -31,6 +34,9 @@ class OrthogonalChannels(DrawnGeometry):
 
     fillet: float = 0.0
     """Radius with which the ridges are rounded where two channels meet; 0 leaves them sharp."""
+
+    radii: tuple[AxisRadius, AxisRadius, AxisRadius] | None = None
+    """Of the channels along x, y and z."""
 
     @field_validator("fillet")
     @classmethod
@@ -48,13 +54,43 @@ class OrthogonalChannels(DrawnGeometry):
             )
         return fillet
 
+    @field_validator("radii")
+    @classmethod
+    def _alone(
+        cls, radii: tuple[float, float, float] | None, info: ValidationInfo
+    ) -> tuple[float, float, float] | None:
+        if radii is None:
+            return None
+        if not any(radii):
+            raise ValueError(
+                "expected a channel along one axis at least, got three radii of 0; or kind: no-pores"
+            )
+        given = [key for key in ("radius", "axes") if info.data.get(key) != cls.model_fields[key].default]
+        if given:
+            raise ValueError(f"radii stand in place of radius and axes; remove {' and '.join(given)}")
+        if info.data.get("fillet"):
+            raise ValueError(
+                "fillets are drawn between channels of one radius only; give radius, or set fillet to 0"
+            )
+        return radii
+
+    @property
+    def _by_axis(self) -> dict[str, float]:
+        """The radius of each channel there is."""
+        if self.radii is None:
+            return dict.fromkeys(self.axes, self.radius)
+        return {axis: radius for axis, radius in zip("xyz", self.radii, strict=True) if radius}
+
     @property
     def porosity(self) -> float:
         """Exact volume share of the pores, φ_f.
 
-        With sharp ridges n π r² − (volume counted twice); with rounded ones from
+        Of channels with different radii from :func:`~porocore.cell.crossing.crossing_volume`. Of equal ones with sharp
+        ridges n π r² − (volume counted twice), with rounded ones from
         :func:`~porocore.cell.fillet.opened_volume`.
         """
+        if self.radii is not None:
+            return crossing_volume(*self.radii)
         if self.fillet == 0:
             return self._sharp_porosity(self.radius)
         r, n, R = self.radius, len(self.axes), self.radius + self.fillet
@@ -71,12 +107,14 @@ class OrthogonalChannels(DrawnGeometry):
     @property
     def description(self) -> str:
         """See :class:`~porocore.cell.part.PoreGeometry`."""
-        return f"orthogonal channels of radius {self.radius:g} along {', '.join(self.axes)}"
+        radii = self._by_axis
+        sizes = ", ".join(f"{radius:g}" for radius in dict.fromkeys(radii.values()))
+        return f"orthogonal channels of radius {sizes} along {', '.join(radii)}"
 
     @property
     def narrowest(self) -> float:
-        """The radius."""
-        return self.radius
+        """The smallest radius."""
+        return min(self._by_axis.values())
 
     @property
     def finest_fillet(self) -> float:
@@ -85,8 +123,9 @@ class OrthogonalChannels(DrawnGeometry):
 
     @property
     def unfolding(self) -> Unfolding:
-        """The wedge with all three axes, else the eighth."""
-        return "wedge" if self.axes == "xyz" else "eighth"
+        """The wedge with all three axes alike, else the eighth."""
+        radii = self._by_axis
+        return "wedge" if len(radii) == 3 and len(set(radii.values())) == 1 else "eighth"
 
     def draw(self, gmsh: Any) -> DrawnPart:
         """Add the part to the current gmsh model."""
@@ -100,7 +139,8 @@ class OrthogonalChannels(DrawnGeometry):
             solid, rest = split(occ, part, [(3, self._rounded_solid(gmsh))])
             return DrawnPart(solid, rest, _rounded_faces(gmsh, solid))
         # Within the wedge x² + y² is the smallest of the three, so only the channel along z is met.
-        fluid, rest = split(occ, part, self._channels(occ, "z" if self.unfolding == "wedge" else self.axes))
+        met = {"z": min(self._by_axis.values())} if self.unfolding == "wedge" else self._by_axis
+        fluid, rest = split(occ, part, self._channels(occ, met))
         return DrawnPart(rest, fluid)
 
     def onto_fillet(self, points: Array) -> Array:
@@ -113,12 +153,12 @@ class OrthogonalChannels(DrawnGeometry):
         moved[:, :2] *= self.radius / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
         return moved
 
-    def _channels(self, occ: Any, axes: str) -> list[tuple[int, int]]:
+    def _channels(self, occ: Any, radii: dict[str, float]) -> list[tuple[int, int]]:
         cylinders = []
-        for axis in axes:
+        for axis, radius in radii.items():
             direction = [1.0 if a == axis else 0.0 for a in "xyz"]
             start = [-d for d in direction]
-            cylinders.append((3, occ.addCylinder(*start, *(2 * d for d in direction), self.radius)))
+            cylinders.append((3, occ.addCylinder(*start, *(2 * d for d in direction), radius)))
         return cylinders
 
     def _rounded_solid(self, gmsh: Any) -> int:
@@ -127,7 +167,7 @@ class OrthogonalChannels(DrawnGeometry):
         OpenCASCADE does not find every fillet between channels along x and z; those along x and y it does.
         """
         occ = gmsh.model.occ
-        solid, _ = occ.cut([(3, eighth(occ))], self._channels(occ, "xy"))
+        solid, _ = occ.cut([(3, eighth(occ))], self._channels(occ, {"x": self.radius, "y": self.radius}))
         occ.synchronize()
         ridges = [tag for _, tag in gmsh.model.getEntities(1) if self._is_ridge(gmsh, tag)]
         rounded = occ.fillet([tag for _, tag in solid], ridges, [self.fillet])
