@@ -179,7 +179,7 @@ class Assembler(Discretisation):
             moved.array = change[: self.owned]
             system.mult(moved, forces)
             right = right[: self.owned] - forces.array
-        change[self.free] = self._solver.solve(system, self.equations(right))
+        change[self.free] = self._solver.solve(system, self.equations(right), again=again)
         return self._with_copies(change)
 
 

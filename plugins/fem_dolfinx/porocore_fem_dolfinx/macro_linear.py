@@ -1,4 +1,4 @@
-"""PETSc's solver of the coupled linear system; by default MUMPS."""
+"""PETSc's solver of the coupled linear system; by default MUMPS, whose factor large systems use more than once."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ DEFAULTS: dict[str, Any] = {
 }
 #: Of the preconditioned residual, where an iteration is chosen; Newton's method shall not feel it.
 ACCURACY, ITERATIONS = 1e-10, 1000
+#: Beyond this number of unknowns GMRES goes on with the factor of a system nearby, for as many steps at most.
+LARGE, STEPS = 8_000, 30
 #: Of the right-hand side; more is no solution.
 LARGEST_RESIDUAL = 1e-5
 
@@ -58,6 +60,12 @@ class LinearSolver:
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setTolerances(rtol=ACCURACY, max_it=ITERATIONS)
         self._options.apply(self._ksp)
+        #: Whether a factor may serve again: it is ours, and worth it.
+        self._keeps = not petsc and comm.allreduce(len(is_force)) > LARGE
+        if self._keeps:
+            self._ksp.setType("gmres")
+            self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+            self._ksp.setPCSide(PETSc.PC.Side.RIGHT)
         if self._ksp.getPC().getType() == "fieldsplit":
             self._split(is_force)
 
@@ -95,8 +103,10 @@ class LinearSolver:
             ) from failure
         self._options.check_used()
 
-    def solve(self, matrix: Any, right: Any) -> Any:
+    def solve(self, matrix: Any, right: Any, *, again: bool = False) -> Any:
         """x (f,) with A x = ``right`` (equations,), where A are the free rows and columns of ``matrix``.
+
+        ``again``: the factor of the system before may still serve.
 
         Raises
         ------
@@ -117,11 +127,11 @@ class LinearSolver:
         x, b = self._matrix.createVecs()
         b.array = right
         norm = b.norm()
-        try:
-            self._ksp.solve(b, x)
-        except PETSc.Error as error:
-            raise StepFailed(f"PETSc: {explanation(error)}") from error
-        reason = self._ksp.getConvergedReason()
+        reason = -1
+        if again and self._keeps:
+            reason = self._iterate(b, x, reuse=True)
+        if reason < 0:
+            reason = self._iterate(b, x, reuse=False)
         # The norm is one number for all processes.
         if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED or not np.isfinite(x.norm()):
             raise StepFailed("the tangent is singular: the body may not be held against rigid motions")
@@ -141,3 +151,14 @@ class LinearSolver:
         if self._expansion is not None:
             x = self._expansion * x
         return x.array.copy()
+
+    def _iterate(self, b: Any, x: Any, *, reuse: bool) -> int:
+        """PETSc's reason for stopping; negative without a solution."""
+        self._ksp.getPC().setReusePreconditioner(reuse)
+        if self._keeps:
+            self._ksp.setTolerances(rtol=ACCURACY, max_it=STEPS if reuse else ITERATIONS)
+        try:
+            self._ksp.solve(b, x)
+        except PETSc.Error as error:
+            raise StepFailed(f"PETSc: {explanation(error)}") from error
+        return int(self._ksp.getConvergedReason())

@@ -1,4 +1,4 @@
-"""The linear systems of the u–p problem: direct, and between two factors GMRES with the older one."""
+"""The linear systems of the u–p problem: direct where they are small, else GMRES with a factor, perhaps an older one."""
 
 from __future__ import annotations
 
@@ -11,17 +11,23 @@ from porocore.equilibrium.discrete import FactorError
 from porocore.macro.discretisation import StepFailed
 from porocore_fem_skfem import pardiso
 
-#: Below this number of unknowns SuperLU is as fast, and a new factor cheaper than an iteration with an old one.
+#: Below this number of unknowns SuperLU is as fast.
 SMALL = 8_000
-#: Of the residual, at which an iteration with an old factor stops, and how many steps it may take.
-ACCURACY, ITERATIONS = 1e-10, 25
+#: Of the residual at which the iteration stops; steps between two restarts, and how many of these.
+ACCURACY, STEPS, RESTARTS = 1e-10, 20, 3
+LOOSE = "the body may not be held against rigid motions"
 
 
 class LinearSolver:
-    """Solves systems of one pattern."""
+    """Solves systems of one pattern.
+
+    The factor of a large one is of single precision, which takes half the time and half the memory; the iteration makes
+    up for it. A system for which that is not enough gets one of double precision, and so do those that follow.
+    """
 
     def __init__(self) -> None:
         self._factor: Any = None
+        self._single = True
 
     def solve(self, matrix: Any, right: Any, *, again: bool) -> Any:
         """x with A x = ``right``; ``again``: the last factor may still serve.
@@ -36,30 +42,36 @@ class LinearSolver:
         StepFailed
             The matrix is singular.
         """
-        if again and self._factor is not None and len(right) > SMALL:
+        try:
+            if len(right) <= SMALL or pardiso.library() is None:
+                x = splu(matrix.tocsc()).solve(right)
+            else:
+                x = self._by_factor(matrix, right, again)
+        except (RuntimeError, FactorError) as error:
+            self._factor = None
+            raise StepFailed(f"{error}: {LOOSE}") from error
+        if x is None or not np.isfinite(x).all():
+            self._factor = None
+            raise StepFailed(f"the tangent is singular: {LOOSE}")
+        return x
+
+    def _by_factor(self, matrix: Any, right: Any, again: bool) -> Any:
+        if again and self._factor is not None:
             x = self._iterate(matrix, right)
             if x is not None:
                 return x
-        try:
-            x = self._direct(matrix, right)
-        except (RuntimeError, FactorError) as error:
-            self._factor = None
-            raise StepFailed(f"{error}: the body may not be held against rigid motions") from error
-        if not np.isfinite(x).all():
-            raise StepFailed("the tangent is singular: the body may not be held against rigid motions")
-        return x
-
-    def _direct(self, matrix: Any, right: Any) -> Any:
-        if len(right) <= SMALL or pardiso.library() is None:
-            return splu(matrix.tocsc()).solve(right)
-        if self._factor is None:
-            self._factor = pardiso.GeneralFactor(matrix.indptr, matrix.indices)
-        self._factor.factor(matrix.data)
-        return self._factor.solve(right)
+        while True:
+            if self._factor is None:
+                self._factor = pardiso.GeneralFactor(matrix.indptr, matrix.indices, single=self._single)
+            self._factor.factor(matrix.data)
+            x = self._iterate(matrix, right)
+            if x is not None or not self._single:
+                return x
+            self._factor, self._single = None, False
 
     def _iterate(self, matrix: Any, right: Any) -> Any:
         """None if it does not converge."""
         n = len(right)
         inverse = LinearOperator((n, n), matvec=self._factor.solve, dtype=float)
-        x, info = gmres(matrix, right, rtol=ACCURACY, atol=0.0, restart=ITERATIONS, maxiter=1, M=inverse)
+        x, info = gmres(matrix, right, rtol=ACCURACY, atol=0.0, restart=STEPS, maxiter=RESTARTS, M=inverse)
         return x if info == 0 else None

@@ -122,7 +122,8 @@ class PardisoFactor(_Pardiso, SymmetricFactor):
 
 
 class GeneralFactor(_Pardiso):
-    """LU of a matrix in CSR whose pattern is symmetric, its values not, in double precision."""
+    """LU of a matrix in CSR whose pattern is symmetric, its values not."""
 
-    def __init__(self, indptr: Any, indices: Any) -> None:
-        super().__init__(indptr, indices, _STRUCTURALLY_SYMMETRIC, {1: 2, 7: 2, 9: 13}, np.float64)
+    def __init__(self, indptr: Any, indices: Any, *, single: bool) -> None:
+        dtype = np.float32 if single else np.float64
+        super().__init__(indptr, indices, _STRUCTURALLY_SYMMETRIC, {1: 2, 9: 13, 27: int(single)}, dtype)
