@@ -125,6 +125,18 @@ class Learning(RoundSampler, StudySampler):
         reachable: BoolArray = self.stable[nearest]
         return reachable
 
+    def chance(self, candidates: Array) -> Array:
+        """That candidates are stable, (m,): 1/(1 + (distance to a stable state / to one that is not)²), or none.
+
+        There is none where the nearest known state is not stable; without such states it is 1.
+        """
+        stable = self.stable
+        if stable.all() or not stable.any():
+            return self.reachable(candidates).astype(float)
+        near, _ = distances(candidates, self.points[stable])
+        far, _ = distances(candidates, self.points[~stable])
+        return np.where(near <= far, 1 / (1 + (near / np.maximum(far, 1e-12)) ** 2), 0.0)
+
 
 class Active(Learning):
     """A design that fills the box, then rounds of the states that tell most about it.
@@ -133,7 +145,8 @@ class Active(Learning):
     slopes, or <∇u¹>. The states of a round are those that take most from the variance of the fit of the best degree, on
     average over the box (I-optimality), where places at which the members disagree count for more; each is chosen in
     the knowledge of those before it. Candidates come from a Sobol sequence. States that failed or are unstable are not
-    learned from, and what is nearer to one of them than to any stable state neither counts nor is asked for.
+    learned from; what is nearer to one of them than to any stable state neither counts nor is asked for, and what is
+    nearly as near is worth less.
 
     Parameters
     ----------
@@ -185,15 +198,15 @@ class Active(Learning):
             return opening(d, first, self.seed) if d <= MOST_CORNER_INPUTS else self._stream.take(first)
         size = self.round_size(room)
         unit = self._stream.take(max(self.candidates, 2 * size))
-        reachable = self.reachable(unit)
+        chance = self.chance(unit)
         even = even_points(len(self.inputs))
         counts = self.reachable(even)
         judgement = self.judge(unit, even[counts] if counts.any() else even)
         if judgement is None or not judgement.disagreement.any():
             # Too little is known for anybody to disagree.
-            return unit[spread_out(unit, reachable.astype(float), self.points, size)]
+            return unit[spread_out(unit, chance, self.points, size)]
         if self.tolerance is not None and judgement.disagreement.max() < self.tolerance:
             return unit[:0]
         apart = APART * spacing(len(self.points) + size, len(self.inputs))
-        chosen = most_worth(unit, judgement, reachable, self.points, size, apart)
-        return unit[chosen or spread_out(unit, reachable.astype(float), self.points, size)]
+        chosen = most_worth(unit, judgement, chance, self.points, size, apart)
+        return unit[chosen or spread_out(unit, chance, self.points, size)]
