@@ -176,11 +176,11 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
     solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
     conductivity = solver.conductivity(prepared)
     geometry = config.cell.geometry
-    if geometry.loose and p == 0 and not np.any(grad_u):
+    if (loose := config.cell.loose) and p == 0 and not np.any(grad_u):
         return {
             "porosity": geometry.porosity,
             "conductivity": conductivity,
-            "solid": f"loose: {geometry.loose}",
+            "solid": f"loose: {loose}",
             "seconds": {"set_up": time.perf_counter() - began},
         }
     rest = solver.solve(prepared, MacroState.zeros(1), tangent=False).response

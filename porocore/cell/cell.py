@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
@@ -15,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from porocore.cell.connectivity import pieces, why_loose
 from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import Geometry, OrthogonalChannels
 from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
@@ -24,6 +26,8 @@ from porocore.materials.composite import Composite, Solid
 from porocore.materials.neo_hookean import NeoHookean
 
 Cells = Annotated[int, Field(ge=1, le=8)]
+#: A number is a name too: that of a tag.
+Region = Annotated[str, BeforeValidator(lambda name: str(name) if isinstance(name, int) else name)]
 
 
 class Cell(BaseModel):
@@ -34,7 +38,7 @@ class Cell(BaseModel):
     geometry: Geometry = OrthogonalChannels()
     material: AnyMaterial | None = None
     """Of the whole solid; neo-Hookean where neither this nor ``materials`` is given."""
-    materials: Annotated[dict[str, AnyMaterial], Field(min_length=1)] | None = None
+    materials: Annotated[dict[Region, AnyMaterial], Field(min_length=1)] | None = None
     """One for each region of the solid, by its name, instead of ``material``."""
     viscosity: Annotated[float, Field(gt=0)] = 1e-3
     """μ_f; K is proportional to its inverse."""
@@ -81,6 +85,20 @@ class Cell(BaseModel):
     def mirrored(self) -> bool:
         """Whether states without shear are solved on the eighth."""
         return self.symmetric and self.solid.mirrored and self.supercell == (1, 1, 1)
+
+    @property
+    def loose(self) -> str:
+        """Why the solid does not hang together from cell to cell, so that it has no stiffness; empty if it does.
+
+        Raises
+        ------
+        PorocoreError
+            Only a mesh can tell, and the geometry cannot be meshed.
+        """
+        known = self.geometry.loose
+        if known is None:
+            return why_loose(pieces(make_mesh(self.geometry, self.mesh, "solid", "whole")))
+        return known
 
     def specification(self) -> dict[str, Any]:
         """All that the cell problems depend on; of a file its content, not where it is."""

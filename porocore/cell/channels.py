@@ -117,6 +117,11 @@ class OrthogonalChannels(DrawnGeometry):
         return min(self._by_axis.values())
 
     @property
+    def loose(self) -> str:
+        """Solid is left along every edge of the cell."""
+        return ""
+
+    @property
     def finest_fillet(self) -> float:
         """See :class:`~porocore.cell.part.PoreGeometry`."""
         return self.fillet

@@ -156,6 +156,11 @@ class NoPores(DrawnGeometry):
         return "wedge"
 
     @property
+    def loose(self) -> str:
+        """It does hang together."""
+        return ""
+
+    @property
     def description(self) -> str:
         """See :class:`~porocore.cell.part.PoreGeometry`."""
         return "no pores"

@@ -42,9 +42,9 @@ class PoreGeometry(BaseModel, ABC):
         """A few words for a reader, such as ``spheres of radius 0.4 on a cubic lattice``."""
 
     @property
-    def loose(self) -> str:
-        """Why the solid does not hang together from cell to cell, as far as known without a mesh; else empty."""
-        return ""
+    def loose(self) -> str | None:
+        """Why the solid does not hang together from cell to cell; empty if it does, None where only a mesh can tell."""
+        return None
 
     @abstractmethod
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:

@@ -38,7 +38,7 @@ class PreparedCell:
         return self._solid("whole")
 
     def _solid(self, domain: Domain) -> DiscreteSolid:
-        loose = self.cell.geometry.loose
+        loose = self.cell.loose
         if loose:
             raise ConfigurationError(
                 f"cell.geometry: the solid of {self.cell.geometry.description} does not hang together, so it has no "

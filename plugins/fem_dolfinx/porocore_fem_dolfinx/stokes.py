@@ -8,6 +8,7 @@ import numpy as np
 import ufl
 from scipy import sparse
 
+from porocore.cell.connectivity import joined_by_nodes
 from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import held_pressures, held_velocities
 from porocore.equilibrium.discrete import FactorError
@@ -44,6 +45,7 @@ class StokesProblem:
             self.loads[i] = compat.assemble_vector(load)
         self._velocity_node = domain.nodes_of(compat.cell_dofs(velocity.dofmap))
         self._pressure_node = domain.nodes_of(compat.cell_dofs(pressure.dofmap))
+        self._part = joined_by_nodes(mesh)
 
     def flow(self, j: int) -> Any:
         """∫ w^j dV (3,) over the mesh under the unit force e_j.
@@ -59,8 +61,10 @@ class StokesProblem:
         velocity = Condensation(images.ravel(), held.ravel())
         held = held_pressures(self.mesh, j)[self._pressure_node]
         images = periodic[self._pressure_node]
-        if not held.any():
-            held = images == images[0]  # only its gradient acts
+        part = self._part[self._pressure_node]
+        # Where nothing holds the pressure of a part of the fluid only its gradient acts.
+        for free in np.setdiff1d(part, part[held]):
+            held = held | (images == images[part == free][0])
         pressure = Condensation(images, held)
         B = pressure.T.T @ self._B @ velocity.T
         A = velocity.T.T @ self._A @ velocity.T
