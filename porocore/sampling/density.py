@@ -11,6 +11,7 @@ from porocore.inputs import InputSpace
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.sampling.line import Line, LinePoint, grid_values
 from porocore.sampling.options import positive, refuse_unknown
+from porocore.sampling.waiting import check_waiting
 from porocore.states import CellResponse, Status
 
 #: Values closer than this would share a key.
@@ -96,8 +97,7 @@ class DensitySweep(Sampler):
         ValueError
             The key was not asked for, or was told before.
         """
-        if key not in self._waiting:
-            raise ValueError(f"state '{key}' was not asked for or has been told before")
+        check_waiting(key, self._waiting)
         x, line = self._waiting.pop(key)
         has_values = Status(int(response.status[0])).has_values
         mean_grad = response.mean_grad[0].copy() if has_values else None

@@ -11,6 +11,7 @@ import numpy as np
 from porocore.errors import ConfigurationError
 from porocore.inputs import InputSpace
 from porocore.interfaces.sampler import Request, Sampler
+from porocore.sampling.waiting import check_waiting
 from porocore.states import CellResponse, Status
 
 
@@ -82,8 +83,7 @@ class RandomStates(Sampler):
         ValueError
             The key was not asked for, or was told before.
         """
-        if key not in self._waiting:
-            raise ValueError(f"state '{key}' was not asked for or has been told before")
+        check_waiting(key, self._waiting)
         self._waiting.remove(key)
         self._failed += not Status(int(response.status[0])).has_values
 

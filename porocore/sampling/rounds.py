@@ -12,6 +12,7 @@ import numpy as np
 
 from porocore.inputs import InputSpace
 from porocore.interfaces.sampler import Request, Sampler
+from porocore.sampling.waiting import check_waiting
 from porocore.states import Array, CellResponse
 
 
@@ -72,8 +73,7 @@ class RoundSampler(Sampler):
         ValueError
             The key was not asked for, or was told before.
         """
-        if key not in self._waiting:
-            raise ValueError(f"state '{key}' was not asked for or has been told before")
+        check_waiting(key, self._waiting)
         self._told[self._waiting.pop(key)] = response
 
     @property

@@ -57,25 +57,36 @@ def test_a_read_only_folder(study, finished, a_copy, tmp_path):
     assert done.returncode == 0
 
 
-def test_a_disk_that_fills_while_sampling(finished, tmp_path):
+@pytest.mark.parametrize(
+    "workers",
+    [
+        (),
+        pytest.param(("--executor", "processes"), marks=pytest.mark.slow),
+        pytest.param(("--executor", "dask"), marks=pytest.mark.slow),
+    ],
+    ids=["serial", "processes", "dask"],
+)
+def test_a_disk_that_fills_while_sampling(finished, tmp_path, workers):
     """Finished states are kept, and with more room sampling goes on to the same dataset."""
-    config = write_study(tmp_path / "study.yaml")
+    config = write_study(tmp_path / "study.yaml", {"sampling.workers": 2} if workers else None)
     disk, kept, ended = tmp_path / "disk", tmp_path / "kept", tmp_path / "ended"
     disk.mkdir()
     done = namespace(
         """
         mount -t tmpfs -o size=400k tmpfs "$2"
-        status=0; "$POROCORE" sample "$1" --out "$2/run" || status=$?
-        cp -r "$2/run" "$3"
-        mount -o remount,size=20m "$2"
-        "$POROCORE" sample "$2/run" >/dev/null 2>&1
-        cp -r "$2/run" "$4"
+        config=$1 disk=$2 kept=$3 ended=$4; shift 4
+        status=0; "$POROCORE" sample "$config" --out "$disk/run" "$@" || status=$?
+        cp -r "$disk/run" "$kept"
+        mount -o remount,size=20m "$disk"
+        "$POROCORE" sample "$disk/run" "$@" >/dev/null 2>&1
+        cp -r "$disk/run" "$ended"
         exit $status
         """,
         config,
         disk,
         kept,
         ended,
+        *workers,
     )
     refused = message(done)
     assert "No space left on device; make room" in refused

@@ -1,0 +1,17 @@
+"""What every sampler checks when it is told an outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+
+
+def check_waiting(key: str, waiting: Container[str]) -> None:
+    """Refuse a key that is not ``waiting`` for its outcome.
+
+    Raises
+    ------
+    ValueError
+        It was not asked for, or was told before.
+    """
+    if key not in waiting:
+        raise ValueError(f"state '{key}' was not asked for or has been told before")
