@@ -1,4 +1,4 @@
-"""``porocore cell``: one state of the cell, solved and shown; ``porocore cell fields``: with its local fields."""
+"""``porocore cell``: one state of the cell, solved; ``cell fields``: its local fields; ``cell show``: its pores."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -31,7 +32,7 @@ class _StateByDefault(TyperGroup):
 
 cell = typer.Typer(
     cls=_StateByDefault,
-    help="One state of the cell: its responses (state, also where no command is named), or its local fields.",
+    help="The cell: one state (state, also where no command is named), its local fields, or its pores (show).",
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -111,6 +112,42 @@ def fields(
     typer.echo(f"strain energy density: mean <Ψ>_s {peaks.energy_mean[0]:.6g}, largest {peaks.energy[0]:.6g}")
     for path in (found.vtu, *found.pictures.values()):
         typer.echo(path)
+
+
+@cell.command()
+def show(
+    config: ConfigArgument = None,
+    no_pictures: Annotated[
+        bool, typer.Option("--no-pictures", help="Only the files for ParaView; pyvista is not needed.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where files and picture go.")] = Path(
+        "runs/cell"
+    ),
+) -> None:
+    """Mesh the cell and show it; nothing is solved.
+
+    Prints porosity, number and quality of the elements, how solid and fluid hang together from cell to cell, and
+    whether opposite faces match. Writes both phases as .vtu files for ParaView, and a picture.
+    Pictures need pyvista (pip install 'porocore[pictures]') and no display.
+    """
+    path, settings = read_config(config, None)
+    with interruptible():
+        from porocore.cell.facts import as_lines, facts_of
+        from porocore.local_fields.geometry import render_phases, write_phases
+
+        facts = facts_of(settings.cell)
+        if as_json:
+            typer.echo(json.dumps(json_ready(asdict(facts)), allow_nan=False))
+        else:
+            typer.echo("\n".join(as_lines(facts)))
+        files = write_phases(settings.cell, out, path.stem)
+        written = [*files]
+        if not no_pictures:
+            written.append(render_phases(settings.cell, files, out / f"{path.stem}.png"))
+    if not as_json:
+        for file in written:
+            typer.echo(file)
 
 
 def parse_grad_u(text: str) -> list[list[float]]:

@@ -110,7 +110,7 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
             for cut in (False, True):
                 png = str(Path(scratch) / f"{kind}-{int(cut)}.png")
                 views.append(View(png, scalars, (0.0, tops[kind]), kind == "disp", cut, box, bounds))
-        _draw(vtu, views, Path(scratch))
+        draw(vtu, views, Path(scratch))
         for kind in tops:
             images = [imread(view.png)[..., :3] for view in views if Path(view.png).name.startswith(kind)]
             beyond = float(nodal.points.energy.max()) if kind == "energy" else None
@@ -139,24 +139,38 @@ def require() -> None:
 def _box(nodal: NodalFields, *, deformed: bool) -> tuple[list[list[float]], tuple[float, ...]]:
     """Edges of the cell, moved by H alone where the cell is deformed, and bounds around all that is shown."""
     points = nodal.points.mesh.points
+    if not deformed:
+        return box_of(points)
+    return box_of(points, np.eye(3) + nodal.points.grad_u, nodal.displacement)
+
+
+def box_of(
+    points: Array, shape: Array | None = None, displacement: Array | None = None
+) -> tuple[list[list[float]], tuple[float, ...]]:
+    """Edges of the box around points (n, 3), deformed by a matrix; and bounds around them and the moved points."""
     low, high = points.min(axis=0), points.max(axis=0)
-    shape = np.eye(3) + (nodal.points.grad_u if deformed else 0.0)
-    corner = {c: (np.where(c, high, low) @ shape.T) for c in product((False, True), repeat=3)}
+    form = np.eye(3) if shape is None else shape
+    corner = {c: (np.where(c, high, low) @ form.T) for c in product((False, True), repeat=3)}
     edges = []
     for c in corner:
         for axis in range(3):
             if not c[axis]:
                 other = tuple(k == axis or on for k, on in enumerate(c))
                 edges += [corner[c].tolist(), corner[other].tolist()]
-    shown = np.concatenate(
-        [points + nodal.displacement if deformed else points, np.array(list(corner.values()))]
-    )
+    moved = points if displacement is None else points + displacement
+    shown = np.concatenate([moved, np.array(list(corner.values()))])
     lows, highs = shown.min(axis=0), shown.max(axis=0)
     return edges, tuple(float(x) for pair in zip(lows, highs, strict=True) for x in pair)
 
 
-def _draw(vtu: Path, views: list[View], scratch: Path) -> None:
-    """Every view by a child process; with the next kind of window where one fails."""
+def draw(vtu: Path, views: list[View], scratch: Path) -> None:
+    """Every view of a file by a child process; with the next kind of window where one fails.
+
+    Raises
+    ------
+    PorocoreError
+        pyvista is not installed, or VTK finds nothing to draw with; the message says what to install.
+    """
     if find_spec("pyvista") is None:
         raise PorocoreError(
             f"pictures need pyvista, which is not installed: pip install 'porocore[pictures]'; {vtu} is written and "

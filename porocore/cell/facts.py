@@ -1,0 +1,186 @@
+"""What a meshed cell is like: porosity, size and quality of the meshes, connectivity, periodicity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.cell.connectivity import Piece, blocked, pieces, why_loose
+from porocore.cell.mesh import CellMesh, Phase
+from porocore.cell.tetrahedra import EDGES, least_stretch, volume
+from porocore.states import Array, IntArray
+
+#: Corners of the four facets of a tetrahedron, each opposite to the corner of its place; outward.
+FACETS = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+
+
+@dataclass(frozen=True)
+class PhaseFacts:
+    """The mesh of one phase of the whole cell.
+
+    Attributes
+    ----------
+    share
+        Its volume, by the mesh with its curved elements.
+    tetrahedra, nodes
+        Their numbers.
+    regions
+        Share of each region, by name, where there are several.
+    smallest_angle, low_angle
+        The smallest dihedral angle, and the one that a hundredth of the elements fall below [degrees].
+    least_stretch
+        Smallest volume element of a curved tetrahedron over that of the same with straight edges.
+    pieces
+        How it hangs together.
+    """
+
+    share: float
+    tetrahedra: int
+    nodes: int
+    regions: dict[str, float]
+    smallest_angle: float
+    low_angle: float
+    least_stretch: float
+    pieces: tuple[Piece, ...]
+
+
+@dataclass(frozen=True)
+class CellFacts:
+    """Of one whole cell.
+
+    Attributes
+    ----------
+    description
+        Of the geometry.
+    unfolding
+        The part that was meshed.
+    porosity
+        Of the geometry; that of the mesh is the fluid's share.
+    solid, fluid
+        The meshes; None for a phase that is not there.
+    unmatched
+        Facets on the faces of the cell that the opposite face does not have.
+    loose
+        Why the solid has no stiffness; empty if it has.
+    blocked
+        Along which of "xyz" nothing can flow.
+    """
+
+    description: str
+    unfolding: str
+    porosity: float
+    solid: PhaseFacts | None
+    fluid: PhaseFacts | None
+    unmatched: int
+    loose: str
+    blocked: str
+
+
+def facts_of(cell: Cell) -> CellFacts:
+    """Mesh both phases and look at them.
+
+    Raises
+    ------
+    PorocoreError
+        The cell cannot be meshed.
+    """
+    single = cell.model_copy(update={"supercell": (1, 1, 1)})
+    solid, fluid = single.make_mesh("solid", "whole"), single.make_mesh("fluid", "whole")
+    of_solid, of_fluid = _phase(solid), _phase(fluid)
+    return CellFacts(
+        cell.geometry.description,
+        cell.geometry.unfolding,
+        cell.geometry.porosity,
+        of_solid,
+        of_fluid,
+        # Each phase has a mesh of its own where their sizes differ, so that the faces are looked at phase by phase.
+        unmatched(solid) + unmatched(fluid),
+        cell.geometry.loose or why_loose(of_solid.pieces if of_solid else ()),
+        blocked(of_fluid.pieces if of_fluid else ()),
+    )
+
+
+def _phase(mesh: CellMesh) -> PhaseFacts | None:
+    if not len(mesh.cells):
+        return None
+    angles = dihedral_angles(mesh.points, mesh.cells).min(axis=1)
+    regions = {}
+    if len(mesh.region_names) > 1:
+        for i, name in enumerate(mesh.region_names):
+            regions[name] = volume(mesh.points, mesh.cells[mesh.regions == i])
+    return PhaseFacts(
+        volume(mesh.points, mesh.cells),
+        len(mesh.cells),
+        len(mesh.points),
+        regions,
+        float(angles.min()),
+        float(np.quantile(angles, 0.01)),
+        float(least_stretch(mesh.points, mesh.cells).min()),
+        pieces(mesh),
+    )
+
+
+def dihedral_angles(points: Array, cells: IntArray) -> Array:
+    """The six angles between the facets of each tetrahedron with straight edges, (M, 6) [degrees]."""
+    corners = points[cells[:, :4]][:, FACETS]
+    normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    cosines = -np.einsum("mei,mei->me", normals[:, EDGES[:, 0]], normals[:, EDGES[:, 1]])
+    angles: Array = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+    return angles
+
+
+def unmatched(mesh: CellMesh) -> int:
+    """Facets of a whole cell on its faces that have no partner on the opposite one.
+
+    A wall that lies in a face counts too: the other phase is on the other side.
+    """
+    corners = mesh.points[mesh.wall[:, :3]]
+    return int((np.abs(corners) == 0.5).all(axis=1).any(axis=1).sum())
+
+
+def as_lines(facts: CellFacts) -> list[str]:
+    """For reading."""
+    lines = [f"geometry: {facts.description}"]
+    part = {"wedge": "a 48th", "eighth": "an eighth", "whole": "the whole cell"}[facts.unfolding]
+    mesh = f", of the mesh {facts.fluid.share:.6g}" if facts.fluid else ""
+    lines.append(f"porosity: {facts.porosity:.6g}{mesh}")
+    lines.append(f"meshed: {part}" + (", unfolded by mirrors" if facts.unfolding != "whole" else ""))
+    phases: tuple[tuple[Phase, PhaseFacts | None], ...] = (("solid", facts.solid), ("fluid", facts.fluid))
+    for name, phase in phases:
+        if phase is None:
+            lines.append(f"{name}: none")
+            continue
+        lines.append(
+            f"{name}: {phase.tetrahedra:,} tetrahedra, {phase.nodes:,} nodes; dihedral angles from "
+            f"{phase.smallest_angle:.1f}° (99 % from {phase.low_angle:.1f}°); least stretch of curved tetrahedra "
+            f"{phase.least_stretch:.2f}"
+        )
+        if phase.regions:
+            shares = ", ".join(f"{region} {share:.4g}" for region, share in phase.regions.items())
+            lines.append(f"{name}, regions: {shares} of the cell")
+        lines += [f"{name}, {_hangs(piece, len(phase.pieces) > 1)}" for piece in phase.pieces[:6]]
+        if len(phase.pieces) > 6:
+            lines.append(f"{name}, and {len(phase.pieces) - 6} smaller pieces")
+    faces = (
+        f"{facts.unmatched} facets without a partner" if facts.unmatched else "every facet has its partner"
+    )
+    lines.append(f"opposite faces: {faces}")
+    if facts.loose:
+        lines.append(f"the solid has no stiffness: {facts.loose}")
+    if facts.blocked:
+        why = "it does not run through" if facts.fluid else "there is none"
+        lines.append(f"K = 0 along {', '.join(facts.blocked)}: of the fluid {why} there")
+    return lines
+
+
+def _hangs(piece: Piece, several: bool) -> str:
+    size = f"a piece of volume {piece.volume:.4g}" if several else "one piece"
+    if piece.rank == 0:
+        return f"{size}: closed in itself, reaches no other cell"
+    if piece.rank == 3:
+        return f"{size}: runs through in every direction"
+    kind = {1: "one direction", 2: "two directions"}[piece.rank]
+    return f"{size}: runs through in {kind} only, along {', '.join(piece.axes)}"
