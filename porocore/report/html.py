@@ -12,7 +12,8 @@ from porocore.files import atomic_path
 from porocore.report import figures
 from porocore.report.context import Case, ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.dimensional import dimensional_rows
-from porocore.report.figures.profiles import chosen_times
+from porocore.report.figures.profiles import chosen_times, is_column, profile_at
+from porocore.report.figures.series import panels
 from porocore.report.format import plain
 from porocore.report.gaps import COMPARED, case_gaps
 from porocore.report.metrics import case_metrics, rms_percent, worst_percent
@@ -145,6 +146,7 @@ def _visited(case: Case, sampling: SamplingSummary) -> list[Array]:
 
 
 def _case_pictures(case: Case) -> dict[str, list[Picture]]:
+    """Profiles along its axis of a column, pictures of any other body."""
     load = plain(case.load)
     histories = [
         svg_picture(
@@ -155,6 +157,23 @@ def _case_pictures(case: Case) -> dict[str, list[Picture]]:
         for log_time in (False, True)
     ]
     times = ", ".join(f"{time:g}" for time in chosen_times(case.nonlinear))
+    column = is_column(case.nonlinear)
+    series = [
+        svg_picture(
+            figures.series_figure(case.nonlinear, case.linear, panel.plain), f"{panel.plain}, load {load}"
+        )
+        for panel in panels(case.nonlinear)
+        if case.nonlinear.probes or not column
+    ]
+    if not column:
+        bodies = [
+            png_picture(
+                figures.body_figure(case.nonlinear, profile_at(case.nonlinear, time)),
+                f"The deformed body at t = {time:g}, coloured by its pore pressure, load {load}",
+            )
+            for time in chosen_times(case.nonlinear)
+        ]
+        return {"histories": histories, "series": series, "bodies": bodies, "profiles": []}
     profiles = [
         svg_picture(
             figures.profile_figure(case.nonlinear, case.linear, quantity),
@@ -162,4 +181,9 @@ def _case_pictures(case: Case) -> dict[str, list[Picture]]:
         )
         for quantity in PROFILES
     ]
-    return {"histories": histories, "profiles": profiles if case.nonlinear.profiles else []}
+    return {
+        "histories": histories,
+        "series": series,
+        "bodies": [],
+        "profiles": profiles if case.nonlinear.profiles else [],
+    }

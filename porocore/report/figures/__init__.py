@@ -1,20 +1,24 @@
 """The report's figures, as matplotlib Figure objects that share no global state."""
 
+from porocore.report.figures.body import body_figure
 from porocore.report.figures.cell import cell_picture
 from porocore.report.figures.history import history_figure
 from porocore.report.figures.profiles import QUANTITIES, profile_figure
 from porocore.report.figures.sampling import samples_figure
+from porocore.report.figures.series import series_figure
 from porocore.report.figures.style import png_bytes, svg_bytes
 from porocore.report.figures.surrogate import parity_figure, training_figure
 
 __all__ = [
     "QUANTITIES",
+    "body_figure",
     "cell_picture",
     "history_figure",
     "parity_figure",
     "png_bytes",
     "profile_figure",
     "samples_figure",
+    "series_figure",
     "svg_bytes",
     "training_figure",
 ]

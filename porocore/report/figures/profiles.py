@@ -198,6 +198,11 @@ def profile_figure(
     return figure
 
 
+def is_column(solution: MacroSolution) -> bool:
+    """Whether the body is a column of single elements along y, so that profiles along its axis say all of it."""
+    return solution.cells.shape[1] == 27 and len(Line.of(solution).elements) == len(solution.cells)
+
+
 def chosen_times(solution: MacroSolution) -> tuple[float, ...]:
     """Times of the profiles, without the closing one if there are others; six at most."""
     times = tuple(profile.time for profile in solution.profiles)
