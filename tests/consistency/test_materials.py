@@ -93,7 +93,7 @@ def test_the_neo_hookean_solid_by_its_own_way_and_by_the_general_one(cell_solver
 
 @pytest.fixture(scope="module")
 def tagged(tmp_path_factory):
-    """A mesh file of wide channels on a coarse mesh, its solid tagged 2 in one octant and 1 elsewhere; the fluid is 3."""
+    """A mesh file of wide channels, its solid tagged 2 in one octant and 1 elsewhere; the fluid is 3."""
     cell = Cell(geometry=WIDE, mesh=MeshSettings(size=0.35, fluid_size=0.3, element="linear"))
     solid, fluid = (cell.make_mesh(phase, "whole") for phase in ("solid", "fluid"))
     corner = (solid.points[solid.cells].mean(axis=1) > 0).all(axis=1)

@@ -39,7 +39,7 @@ PAGES = sorted(
     ]
 )
 #: What stands for the keys of a mapping in a dotted key.
-ANY_KEY = {"inputs": "NAME", "boundary": "FACE", "scenarios": "NAME"}
+ANY_KEY = {"materials": "REGION", "inputs": "NAME", "boundary": "FACE", "scenarios": "NAME"}
 
 
 def page(name):

@@ -1,11 +1,14 @@
 """Materials in a configuration: what is refused, where, and with what advice; solids of several materials."""
 
+import re
 import textwrap
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from porocore.benchmark import benchmark_path
 from porocore.cell.cell import Cell
@@ -207,6 +210,18 @@ def test_a_solid_of_several_materials_needs_the_potential(tmp_path):
     with pytest.raises(ConfigurationError, match="choose closure: potential"):
         MeanGradientClosure(0.6, config.cell.solid, np.eye(3))
     PotentialClosure(0.6, config.cell.solid, np.eye(3))
+
+
+def test_the_examples_of_the_page_are_materials():
+    text = (Path(__file__).parents[2] / "docs" / "materials.md").read_text(encoding="utf-8")
+    blocks = [
+        yaml.safe_load(block)["cell"] for block in re.findall(r"^```yaml\n(.*?)^```", text, re.M | re.S)
+    ]
+    kinds = set()
+    for cell in blocks:
+        cell.pop("geometry", None)  # a mesh file
+        kinds.add(getattr(Cell.model_validate(cell).material, "kind", "several"))
+    assert kinds == {"mooney-rivlin", "ogden", "holzapfel-gasser-ogden", "expression", "several"}
 
 
 COARSE = Cell(mesh=MeshSettings(size=0.35, fluid_size=0.3, element="linear")).make_mesh("solid", "eighth")
