@@ -17,7 +17,7 @@ from porocore.states import Array, IntArray, Status
 ITERATIONS = 50
 #: After so many the pairs that touch stay as they are: at an edge a point may change to and fro for ever.
 PAIRINGS = 12
-#: In any component of H and in p; a step beyond it seldom converges.
+#: In any component of H, and in p over Young's modulus of the solid; a step beyond it seldom converges.
 LARGEST_STEP = 0.16
 SMALLEST_STEP = 1 / 300
 #: Steps of one path that may fail; behind a bifurcation every further one would.
@@ -43,7 +43,8 @@ def follow(problem: DiscreteSolid, start: Iterate, H: Array, p: float, tolerance
     A state on the way whose walls overlap ends the path: what lies behind it is not reached without contact.
     """
     here, share = start, 0.0
-    largest = LARGEST_STEP / max(float(np.abs(H - start.H).max()), abs(p - start.p), 1e-12)
+    pressure = abs(p - start.p) / problem.material.mean_moduli()[0]
+    largest = LARGEST_STEP / max(float(np.abs(H - start.H).max()), pressure, 1e-12)
     step = min(1.0, largest)
     steps = iterations = failures = 0
     while share < 1:
