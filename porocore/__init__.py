@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from porocore.interfaces.sampler import Exploration as Exploration
     from porocore.interfaces.sampler import Request as Request
     from porocore.interfaces.sampler import Sampler as Sampler
-    from porocore.interfaces.sampler import Study as Study
+    from porocore.interfaces.sampler import StudyFacts as StudyFacts
     from porocore.interfaces.sampler import StudySampler as StudySampler
     from porocore.interfaces.surrogate import Surrogate as Surrogate
     from porocore.interfaces.surrogate import TrainingProgress as TrainingProgress
@@ -66,7 +66,7 @@ _HOMES = {
     "porocore.inputs": ["InputSpace"],
     "porocore.interfaces.cell": ["CellField", "CellSolution", "CellSolver"],
     "porocore.interfaces.macro": ["MacroSolver"],
-    "porocore.interfaces.sampler": ["Exploration", "Request", "Sampler", "Study", "StudySampler"],
+    "porocore.interfaces.sampler": ["Exploration", "Request", "Sampler", "StudyFacts", "StudySampler"],
     "porocore.interfaces.surrogate": ["Surrogate", "TrainingProgress", "TrainingSet"],
     "porocore.laws": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
     "porocore.materials.neo_hookean": ["NeoHookean"],

@@ -9,7 +9,7 @@ from porocore.closures import CLOSURES, ClosedLaw
 from porocore.config import RunConfig
 from porocore.errors import SolveError
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.sampler import Exploration, Sampler, Study, StudySampler
+from porocore.interfaces.sampler import Exploration, Sampler, StudyFacts, StudySampler
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.laws import LawMemory, MacroLaw, MacroResponse
 from porocore.problem import MacroProblem
@@ -24,7 +24,7 @@ def inform(sampler: Sampler, config: RunConfig, reference: CellReference) -> Non
         needed = CLOSURES[config.closure].responses
         explorer = MacroExplorer(config, reference)
         isotropic = config.cell.solid.isotropic
-        sampler.inform(Study(reference.response, config.stages.cell, needed, explorer, isotropic))
+        sampler.inform(StudyFacts(reference.response, config.stages.cell, needed, explorer, isotropic))
 
 
 class MacroExplorer:

@@ -2,7 +2,7 @@
 
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.sampler import Exploration, Explore, Request, Sampler, Study, StudySampler
+from porocore.interfaces.sampler import Exploration, Explore, Request, Sampler, StudyFacts, StudySampler
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 
 __all__ = [
@@ -14,7 +14,7 @@ __all__ = [
     "MacroSolver",
     "Request",
     "Sampler",
-    "Study",
+    "StudyFacts",
     "StudySampler",
     "Surrogate",
     "TrainingProgress",

@@ -83,7 +83,7 @@ class Explore(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class StudyFacts:
     """What a sampler may know of the study that it samples for.
 
     Attributes
@@ -111,5 +111,5 @@ class StudySampler(Sampler):
     """A sampler that learns while it samples, and so has to know what for."""
 
     @abstractmethod
-    def inform(self, study: Study) -> None:
+    def inform(self, study: StudyFacts) -> None:
         """Called once, before the first :meth:`ask`."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from porocore.inputs import InputSpace
-from porocore.interfaces.sampler import Study, StudySampler
+from porocore.interfaces.sampler import StudyFacts, StudySampler
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.sampling.candidates import (
     MOST_CORNER_INPUTS,
@@ -48,7 +48,7 @@ class Learning(RoundSampler, StudySampler):
         Of everything random.
     """
 
-    _study: Study | None = None
+    _study: StudyFacts | None = None
 
     def __init__(
         self, inputs: InputSpace, count: int, initial: int | None, usual: int, batch: int, seed: int
@@ -62,12 +62,12 @@ class Learning(RoundSampler, StudySampler):
         """Of the next round."""
         return min(room, max(self.batch, ceil(GROWTH * len(self.points))))
 
-    def inform(self, study: Study) -> None:
+    def inform(self, study: StudyFacts) -> None:
         """See :class:`StudySampler`."""
         self._study = study
 
     @property
-    def study(self) -> Study:
+    def study(self) -> StudyFacts:
         """What :meth:`inform` was told.
 
         Raises

@@ -10,7 +10,7 @@ import pytest
 
 from porocore.errors import ConfigurationError
 from porocore.inputs import InputSpace
-from porocore.interfaces.sampler import Exploration, Request, Sampler, Study, StudySampler
+from porocore.interfaces.sampler import Exploration, Request, Sampler, StudyFacts, StudySampler
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.registry import registry
 from porocore.states import CellResponse, MacroState, Status
@@ -47,7 +47,7 @@ def explore(data: TrainingSet, *, elements: int, steps: int) -> Exploration:
 def make(name: str, responses: tuple[str, ...] = ("stress", "fluid_volume"), **options: object) -> Sampler:
     sampler = registry().get("sampler", name)(INPUTS, **options)
     if isinstance(sampler, StudySampler):
-        sampler.inform(Study(synthetic_cell.respond(MacroState.zeros(1)), "made up", responses, explore))
+        sampler.inform(StudyFacts(synthetic_cell.respond(MacroState.zeros(1)), "made up", responses, explore))
     return sampler
 
 

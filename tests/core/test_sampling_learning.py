@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from porocore.inputs import InputSpace
-from porocore.interfaces.sampler import Exploration, Sampler, Study
+from porocore.interfaces.sampler import Exploration, Sampler, StudyFacts
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.sampling.active import Active
 from porocore.sampling.candidates import most_worth, spread_out
@@ -25,8 +25,8 @@ COLUMN = synthetic_cell.INPUTS
 POTENTIAL, MEAN = ("mean_grad", "stress", "fluid_volume"), ("mean_grad",)
 
 
-def column_study(responses: tuple[str, ...] = POTENTIAL, explore: object = None) -> Study:
-    return Study(synthetic_cell.respond(MacroState.zeros(1)), "made up", responses, explore)  # type: ignore[arg-type]
+def column_study(responses: tuple[str, ...] = POTENTIAL, explore: object = None) -> StudyFacts:
+    return StudyFacts(synthetic_cell.respond(MacroState.zeros(1)), "made up", responses, explore)  # type: ignore[arg-type]
 
 
 def column_data(x: np.ndarray) -> TrainingSet:
@@ -185,7 +185,7 @@ def test_five_thousand_asks_in_ten_dimensions_cost_the_same_each() -> None:
         assert len(design(inputs, count=5000).ask()) == 5000
         assert time.process_time() - began < 5000 * 1e-3
     active = Active(inputs, count=5000, batch=1000)
-    active.inform(Study(potential_cell.respond(MacroState.zeros(1)), "made up", POTENTIAL, None))  # type: ignore[arg-type]
+    active.inform(StudyFacts(potential_cell.respond(MacroState.zeros(1)), "made up", POTENTIAL, None))  # type: ignore[arg-type]
     costs: list[tuple[int, float]] = []
     while True:
         began = time.process_time()
