@@ -11,9 +11,10 @@ from porocore import cell_identities as identities
 from porocore.cell.cell import Cell
 from porocore.cell.geometry import NoPores, OrthogonalChannels
 from porocore.cell.mesh import MeshSettings
-from porocore.closures import ClosedLaw, LinearCellLaw, MeanGradientClosure
+from porocore.closures import ClosedLaw, LinearCellLaw, MeanGradientClosure, PotentialClosure
 from porocore.equilibrium.responses import respond
 from porocore.errors import ConfigurationError
+from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.linear import LinearCoefficients
 from porocore.local_fields.points import PointFields
@@ -22,6 +23,7 @@ from porocore.materials.composite import Composite
 from porocore.materials.mooney_rivlin import MooneyRivlin
 from porocore.materials.neo_hookean import NeoHookean
 from porocore.stability.line import _check_symmetric
+from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
 from porocore.surrogates.potential_data import PotentialData
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.solid import SolidProblem
@@ -201,6 +203,28 @@ def test_the_mean_gradient_closure_with_fibres():
         for s in (1, -1)
     )
     assert identities.misfit((ahead - back)[0] / (2 * step), at.tangent.stress_grad_u[0, :, :, 0, 0]) < 1e-8
+
+
+def test_what_is_learned_of_a_cell_with_fibres():
+    """Solved states, a polynomial for W, both closures: at a state between the solved ones it is the cell."""
+    prepared, space = (
+        SOLVER.prepare(Cell(geometry=WIDE, material=FIBRES, mesh=MESH)),
+        InputSpace(("H22", "p"), (-0.06, 0.0), (0.04, 0.04)),
+    )
+    grid = np.array([(h, p) for h in np.linspace(-0.06, 0.04, 4) for p in np.linspace(0.0, 0.04, 3)])
+    states = space.scatter(grid)
+    rest = SOLVER.solve(prepared, REST).response
+    data = TrainingSet(
+        states, SOLVER.solve(prepared, states).response, space, rest, "made up", {}, FIBRES.isotropic
+    )
+    surrogate = PolynomialSurrogate().fit(data, seed=0)
+    between = space.scatter(np.array([[-0.035, 0.013]]))
+    cell = SOLVER.solve(prepared, between).response
+    phi_s, grad_p = 1 - float(rest.fluid_volume[0]), np.zeros((1, 3))
+    for closure, tolerance in ((PotentialClosure, 1e-4), (MeanGradientClosure, 0.2)):
+        law = ClosedLaw(surrogate, closure(phi_s, FIBRES, np.eye(3)))
+        stress = law.respond(between, grad_p, law.initial(1)).stress
+        assert identities.misfit(stress, cell.stress) < tolerance
 
 
 # ---- several materials ---------------------------------------------------------------------------
