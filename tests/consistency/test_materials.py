@@ -75,7 +75,10 @@ def test_every_kind_of_material(cell_solver_pair, load, case):
     agree(load, cell_solver_pair, Cell(geometry=WIDE, material=make(material), mesh=mesh), state)
 
 
-@pytest.mark.parametrize("state", [DIAGONAL, GENERAL], ids=["diagonal", "general"])
+@pytest.mark.parametrize(
+    "state",
+    [pytest.param(DIAGONAL, id="diagonal"), pytest.param(GENERAL, id="general", marks=pytest.mark.slow)],
+)
 def test_the_neo_hookean_solid_by_its_own_way_and_by_the_general_one(cell_solver, load, state):
     mesh = MeshSettings(size=0.35, fluid_size=0.3, element="linear")
     own, general = (

@@ -113,16 +113,12 @@ def test_what_is_no_energy_is_refused_with_the_place(tmp_path, energy, why):
     assert any(part in found for part in why.split("|"))
 
 
-def test_the_worst_that_is_let_through_takes_seconds():
-    """Each at the edge of the bounds."""
+def test_what_is_just_let_through_takes_seconds():
     known = (("I1", 3), ("I2", 3), ("J", 1), ("I4", 1), ("I5", 1))
+    product = "*".join(f"({name} + J*{i + 1})" for i, (name, _) in enumerate(2 * known))
     began = time.process_time()
-    for text in (
-        "exp(" * 9 + "*".join(f"({name} + J*{i + 1})" for i, (name, _) in enumerate(2 * known)) + ")" * 9,
-        "1/(1 + " * 11 + "I1*J*I2 + I4*I5" + ")" * 11,
-    ):
-        derivatives(Formula(text, known))
-    assert time.process_time() - began < 20
+    derivatives(Formula("exp(" * 9 + product + ")" * 9, known))
+    assert time.process_time() - began < 10
 
 
 @pytest.mark.parametrize(
