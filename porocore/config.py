@@ -178,6 +178,8 @@ class RunConfig(_Section):
     sampling: SamplingSettings
     surrogate: SurrogateSettings = SurrogateSettings()
     closure: Annotated[str, Field(validate_default=True)] = "mean-gradient"
+    conductivity: Literal["piola", "deformed"] = "piola"
+    """piola: K of the undeformed cell, carried along; deformed: that of the flow through every deformed pore."""
     macro: MacroSettings
     scenarios: dict[str, Scales] = {}
     """For which the report gives the main results in SI units, by name."""
@@ -250,9 +252,11 @@ class RunConfig(_Section):
         inputs = [(name, swept.model_dump()) for name, swept in self.sampling.inputs.items()]
         cell = _hash(self.cell.specification(), self.fem.model_dump())
         how = self.sampling.model_dump(include={"sampler", "tolerance", "options"})
-        sampling = _hash(cell, inputs, how)
+        # The samples hold more where the flow is solved as well.
+        more = () if self.conductivity == "piola" else (self.conductivity,)
+        sampling = _hash(cell, inputs, how, *more)
         ranges = [(name, swept.range) for name, swept in self.sampling.inputs.items()]
-        test = _hash(cell, ranges, self.sampling.test.model_dump())
+        test = _hash(cell, ranges, self.sampling.test.model_dump(), *more)
         training = _hash(sampling, self.surrogate.model_dump(), self.surrogate_model)
         macro = _hash(training, self.closure, self.macro.model_dump(exclude={"options"}))
         return StageIdentities(cell, sampling, test, training, macro)

@@ -64,7 +64,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console, retry_lost
 
     With ``retry_lost``, states over which workers died or hung in an earlier session are solved again.
     """
-    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
+    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell, config.conductivity)
     inputs = config.sampling.input_space()
     sampler: Sampler = make_backend("sampler", config)
     if not folder.reference.exists():
@@ -84,7 +84,7 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console, retry_lost
         ("sampling", sampler, folder.dataset, config.stages.sampling),
         ("held-out states", held_out, folder.test_dataset, config.stages.test),
     ]
-    arguments = (config.fem.backend, config.fem.options, config.cell)
+    arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     with CellPool(prepare_cell, arguments, **config.sampling.pool_options(), on_warning=console.warn) as pool:
         for title, states, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
@@ -173,7 +173,7 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
     Where the solid does not hang together, porosity and conductivity of the cell at rest.
     """
     began = time.perf_counter()
-    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
+    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell, config.conductivity)
     conductivity = solver.conductivity(prepared)
     geometry = config.cell.geometry
     if (loose := config.cell.loose) and p == 0 and not np.any(grad_u):
@@ -197,6 +197,14 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
         "stress": None if response.stress is None else response.stress[0],
         "fluid_volume": None if response.fluid_volume is None else response.fluid_volume[0],
         "potential": None if response.potential is None else response.potential[0],
+        **(
+            {}
+            if response.conductivity is None or response.min_fluid_jacobian is None
+            else {
+                "deformed_conductivity": response.conductivity[0],
+                "min_fluid_jacobian": response.min_fluid_jacobian[0],
+            }
+        ),
         "tangent": {name: value[0] for name, value in vars(response.tangent).items() if value is not None},
         "peaks": {name: value[0] for name, value in vars(response.peaks).items()},
         "seconds": {"set_up": ready - began, "solve": time.perf_counter() - ready},

@@ -18,6 +18,8 @@ LAYOUT: dict[str, tuple[int, ...]] = {
     "potential": (),
     "stress": (3, 3),
     "fluid_volume": (),
+    "conductivity": (3, 3),
+    "min_fluid_jacobian": (),
     "tangent/mean_grad_grad_u": (3, 3, 3, 3),
     "tangent/mean_grad_p": (3, 3),
     "tangent/stress_grad_u": (3, 3, 3, 3),

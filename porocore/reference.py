@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +99,9 @@ class CellReference:
             "potential": _listed(response.potential),
             "stress": _listed(response.stress),
             "fluid_volume": _listed(response.fluid_volume),
-            "tangent": {f.name: _listed(getattr(response.tangent, f.name)) for f in fields(CellTangent)},
+            "tangent": {
+                name: value.tolist() for name, value in vars(response.tangent).items() if value is not None
+            },
         }
         with atomic_path(path) as part:
             part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

@@ -107,7 +107,7 @@ def macro_laws(
 
 
 def _pool(config: RunConfig) -> CellPool:
-    arguments = (config.fem.backend, config.fem.options, config.cell)
+    arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     return CellPool(prepare_cell, arguments, **config.sampling.pool_options())
 
 

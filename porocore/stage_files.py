@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ from porocore.backends import make_backend
 from porocore.cell.cell import Cell
 from porocore.config import RunConfig
 from porocore.dataset import Dataset, describe
-from porocore.errors import DataError
+from porocore.errors import ConfigurationError, DataError
 from porocore.exploration import inform
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.sampler import Sampler
@@ -24,10 +26,26 @@ from porocore.sampling.campaign import is_complete
 from porocore.solution import MacroSolution
 
 
-def prepare_cell(backend: str, options: dict[str, Any], cell: Cell) -> tuple[CellSolver, Any]:
-    """A cell solver and what it has prepared; worker processes call this once."""
+def prepare_cell(
+    backend: str, options: dict[str, Any], cell: Cell, conductivity: str = "piola"
+) -> tuple[CellSolver, Any]:
+    """A cell solver and what it has prepared; worker processes call this once.
+
+    Raises
+    ------
+    ConfigurationError
+        The solver cannot compute the conductivity of a deformed pore, or not of this cell.
+    """
     solver: CellSolver = registry().get("cell solver", backend)(**options)
-    return solver, solver.prepare(cell)
+    if conductivity == "piola":
+        return solver, solver.prepare(cell)
+    if "deformed" not in signature(solver.prepare).parameters:
+        raise ConfigurationError(
+            f"conductivity: the cell solver '{backend}' does not compute that of the deformed pore; choose "
+            "conductivity: piola or another fem.backend"
+        )
+    deformed: Any = solver
+    return solver, deformed.prepare(cell, deformed=True)
 
 
 def load_reference(folder: RunFolder, config: RunConfig) -> CellReference:
@@ -111,11 +129,14 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
             f"{folder.dataset}: only {len(good)} of {len(dataset)} states are stable, too few to train on; "
             "widen the ranges or refine the steps in sampling.inputs"
         )
+    rest = reference.response
+    if config.conductivity == "deformed":
+        rest = replace(rest, conductivity=reference.conductivity[None])
     return TrainingSet(
         dataset.states()[good],
         responses[good],
         dataset.inputs,
-        reference.response,
+        rest,
         config.stages.cell,
         versions(),
         config.cell.solid.isotropic,

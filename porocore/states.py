@@ -124,6 +124,8 @@ class CellTangent(_Batch):
     stress_p: Array | None = None  #: (n, 3, 3)        ∂P_E,ij / ∂p
     fluid_volume_grad_u: Array | None = None  #: (n, 3, 3)        ∂φ / ∂H_kl
     fluid_volume_p: Array | None = None  #: (n,)             ∂φ / ∂p
+    conductivity_grad_u: Array | None = None  #: (n, 3, 3, 3, 3)  ∂K_ref,ij / ∂H_kl
+    conductivity_p: Array | None = None  #: (n, 3, 3)        ∂K_ref,ij / ∂p
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +145,8 @@ class CellPeaks(_Batch):
 class CellResponse(_Batch):
     """What a cell solver returns and a surrogate predicts; a response that is not provided is None.
 
-    Rows whose status has no values hold NaN in every response, derivative and peak.
+    Rows whose status has no values hold NaN in every response, derivative and peak. The two last responses are there
+    with the conductivity law ``deformed`` only.
 
     Attributes
     ----------
@@ -161,6 +164,11 @@ class CellResponse(_Batch):
         :class:`Status` of each row.
     outside : (n,) bool
         For a surrogate: the state lies outside the range it was trained on.
+    conductivity : (n, 3, 3)
+        K_ref of the deformed pore, symmetric: the flux through reference area is −K_ref ∇_X p. NaN in a row whose
+        fluid mesh cannot follow the wall, as where walls touch, whatever the status: the others hold values.
+    min_fluid_jacobian : (n,)
+        Smallest J of the fluid's mesh; conductivity has values where it is positive.
     """
 
     mean_grad: Array
@@ -171,6 +179,8 @@ class CellResponse(_Batch):
     tangent: CellTangent | None = None
     peaks: CellPeaks | None = None
     outside: npt.NDArray[np.bool_] | None = None
+    conductivity: Array | None = None
+    min_fluid_jacobian: Array | None = None
 
     def __len__(self) -> int:
         return len(self.status)

@@ -66,7 +66,17 @@ LAYERS = (
 )
 WORK = [name for name, _ in LAYERS].index("work")
 #: What a plugin may import besides ``porocore`` itself, ``porocore.testing`` and the layers below "work".
-FOR_PLUGINS = ("closures", "contact", "equilibrium", "linear", "macro", "stepping", "surrogates", "testing")
+FOR_PLUGINS = (
+    "closures",
+    "conductivity",
+    "contact",
+    "equilibrium",
+    "linear",
+    "macro",
+    "stepping",
+    "surrogates",
+    "testing",
+)
 #: Third-party packages that belong to plugins.
 OF_PLUGINS = {"skfem", "pyamg", "mkl", "dolfinx", "basix", "ufl", "torch", "jax", "flax"}
 

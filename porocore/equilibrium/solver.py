@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import CellMesh, Domain
+from porocore.conductivity.fluid import DiscreteFluid
+from porocore.conductivity.pore import Pore
 from porocore.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
 from porocore.equilibrium.path import follow
 from porocore.equilibrium.responses import failed, respond
@@ -24,8 +27,9 @@ TOLERANCE = 1e-11
 class PreparedCell:
     """What the states of a cell share; each domain is set up when it is first needed."""
 
-    def __init__(self, solver: EquilibriumCellSolver, cell: Cell) -> None:
-        self._solver, self.cell = solver, cell
+    def __init__(self, solver: EquilibriumCellSolver, cell: Cell, *, deformed: bool = False) -> None:
+        self._solver, self.cell, self.deformed = solver, cell, deformed
+        self._pores: dict[Domain, Pore] = {}
 
     @cached_property
     def eighth(self) -> DiscreteSolid:
@@ -46,6 +50,15 @@ class PreparedCell:
             )
         return self._solver.solid(self.cell, self.cell.make_mesh("solid", domain))
 
+    def pore(self, domain: Domain) -> Pore:
+        """The fluid of the eighth or of the whole cell; kept where it is needed for every state."""
+        if domain in self._pores:
+            return self._pores[domain]
+        pore = Pore(self._solver.fluid(self.cell.make_mesh("fluid", domain)))
+        if self.deformed:
+            self._pores[domain] = pore
+        return pore
+
     def solid_for(self, H: Array) -> DiscreteSolid:
         """The eighth where load and settings allow it."""
         diagonal = np.abs(H - np.diag(np.diag(H))).max() == 0
@@ -56,11 +69,8 @@ class PreparedCell:
         """K (3, 3) of the undeformed cell; 0 without pores."""
         if self.cell.geometry.porosity == 0:
             return np.zeros((3, 3))
-        domain: Domain = "eighth" if self.cell.symmetric else "whole"
-        K = self._solver.flow(self.cell.make_mesh("fluid", domain))
-        if domain == "eighth":
-            K = 8 * np.diag(np.diag(K))
-        return K / self.cell.viscosity
+        pore = self.pore("eighth" if self.cell.symmetric else "whole")
+        return pore.undeformed / self.cell.viscosity
 
 
 class EquilibriumCellSolver(CellSolver):
@@ -71,18 +81,19 @@ class EquilibriumCellSolver(CellSolver):
         """The solid problem on the mesh."""
 
     @abstractmethod
-    def flow(self, mesh: CellMesh) -> Array:
-        """∫ w^j_i dV (3, 3) over the mesh for unit viscosity and the three unit forces.
+    def fluid(self, mesh: CellMesh) -> DiscreteFluid:
+        """The fluid problem on the mesh, for unit viscosity."""
 
-        Raises
-        ------
-        PorocoreError
-            The Stokes problem cannot be solved.
-        """
-
-    def prepare(self, cell: Cell) -> PreparedCell:
+    def prepare(self, cell: Cell, *, deformed: bool = False) -> PreparedCell:
         """See :class:`~porocore.CellSolver`."""
-        return PreparedCell(self, cell)
+        if deformed and cell.geometry.porosity == 0:
+            raise ConfigurationError("conductivity: the cell has no pores; choose conductivity: piola")
+        if deformed and cell.supercell != (1, 1, 1):
+            raise ConfigurationError(
+                "conductivity: the conductivity of the deformed pore is that of one cell, but cell.supercell has "
+                "several; choose conductivity: piola, or cell.supercell: [1, 1, 1]"
+            )
+        return PreparedCell(self, cell, deformed=deformed)
 
     def conductivity(self, prepared: PreparedCell) -> Array:
         """See :class:`~porocore.CellSolver`."""
@@ -111,24 +122,46 @@ class EquilibriumCellSolver(CellSolver):
 def _solve_one(
     prepared: PreparedCell, H: Array, p: float, start: CellField | None, tangent: bool, fields: bool
 ) -> tuple[CellResponse, CellField | None]:
+    response, solid, here = _equilibrium(prepared, H, p, start, tangent)
+    if prepared.deformed:
+        response = _with_conductivity(prepared, response, solid, here)
+    if solid is None or here is None or not fields:
+        return response, None
+    return response, CellField(H.copy(), p, solid.mesh.domain, here.displacement.copy())
+
+
+def _equilibrium(
+    prepared: PreparedCell, H: Array, p: float, start: CellField | None, tangent: bool
+) -> tuple[CellResponse, DiscreteSolid | None, Iterate | None]:
+    """The response, and where it has values the solid and its u¹."""
     if not (np.isfinite(H).all() and np.isfinite(p)) or np.linalg.det(np.eye(3) + H) <= 0:
-        return failed(Status.inverted, tangent=tangent), None
+        return failed(Status.inverted, tangent=tangent), None, None
     solid = prepared.solid_for(H)
     try:
         solid.begin()
         outcome = follow(solid, _start(solid, start), H, p, TOLERANCE)
         if outcome.equilibrium is None:
-            return failed(outcome.status, tangent=tangent), None
+            return failed(outcome.status, tangent=tangent), None, None
         response = respond(solid, outcome.equilibrium, tangent=tangent)
     except FactorError:
-        return failed(Status.not_converged, tangent=tangent), None
+        return failed(Status.not_converged, tangent=tangent), None, None
     has_pores = prepared.cell.geometry.porosity > 0
     if has_pores and response.fluid_volume is not None and response.fluid_volume[0] <= 0:
-        return failed(Status.overlap, tangent=tangent), None
-    field = None
-    if fields:
-        field = CellField(H.copy(), p, solid.mesh.domain, outcome.equilibrium.displacement.copy())
-    return response, field
+        return failed(Status.overlap, tangent=tangent), None, None
+    return response, solid, outcome.equilibrium
+
+
+def _with_conductivity(
+    prepared: PreparedCell, response: CellResponse, solid: DiscreteSolid | None, here: Iterate | None
+) -> CellResponse:
+    """With K_ref of the deformed pore and the smallest J of the fluid's mesh; NaN where the solid has no values."""
+    K, smallest = np.full((3, 3), np.nan), np.nan
+    if solid is not None and here is not None:
+        pore = prepared.pore(solid.mesh.domain)
+        K, smallest = pore.deformed(here.H, here.displacement, solid.mesh)
+    return replace(
+        response, conductivity=K[None] / prepared.cell.viscosity, min_fluid_jacobian=np.array([smallest])
+    )
 
 
 def _start(solid: DiscreteSolid, field: CellField | None) -> Iterate:

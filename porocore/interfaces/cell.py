@@ -64,7 +64,11 @@ class CellSolver(ABC):
 
     @abstractmethod
     def prepare(self, cell: Cell) -> Any:
-        """Everything that the states of one cell share (meshes, operators, sparsity, factors)."""
+        """Everything that the states of one cell share (meshes, operators, sparsity, factors).
+
+        A solver that can compute the conductivity of the deformed pore takes a further keyword ``deformed``; if that
+        is true, every response holds ``conductivity`` and ``min_fluid_jacobian``.
+        """
 
     @abstractmethod
     def solve(

@@ -10,7 +10,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.interfaces.cell import CellSolver
 from porocore.materials.neo_hookean import NeoHookean
-from porocore.states import CellTangent, MacroState, Status
+from porocore.states import MacroState, Status
 from porocore.testing.cell_suite import CellSuite
 
 #: Three states away from zero: diagonal, diagonal under suction, and general with shear and pressure.
@@ -112,10 +111,9 @@ class CellSolverConformance(CellSuite):
         eighth = responses[name]
         for response in RESPONSES:
             np.testing.assert_allclose(getattr(whole, response), getattr(eighth, response), atol=1e-8)
-        for field in fields(CellTangent):
-            np.testing.assert_allclose(
-                getattr(whole.tangent, field.name), getattr(eighth.tangent, field.name), atol=1e-8
-            )
+        for name, value in vars(eighth.tangent).items():
+            if value is not None:
+                np.testing.assert_allclose(getattr(whole.tangent, name), value, atol=1e-8)
 
     def test_conductivity(self, solver: CellSolver, prepared: Any) -> None:
         K = solver.conductivity(prepared)

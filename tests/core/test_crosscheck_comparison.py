@@ -62,7 +62,9 @@ def test_every_average_is_compared(name):
     ]
 
 
-@pytest.mark.parametrize("name", vars(respond(STATE).tangent))
+@pytest.mark.parametrize(
+    "name", [name for name, value in vars(respond(STATE).tangent).items() if value is not None]
+)
 def test_every_derivative_is_compared(name):
     a = respond(STATE)
     value = getattr(a.tangent, name).copy()

@@ -51,7 +51,9 @@ class ClosedFormSolver(CellSolver):
             raise ArithmeticError("a pivot vanished")
         if strain < self.diary.edge:
             response = respond(states)
-            tangent_parts = {name: value * np.nan for name, value in vars(response.tangent).items()}
+            tangent_parts = {
+                name: value * np.nan for name, value in vars(response.tangent).items() if value is not None
+            }
             empty = CellResponse(
                 response.mean_grad * np.nan,
                 np.array([int(Status.overlap)]),
@@ -98,6 +100,8 @@ def test_the_responses_are_those_of_the_cell(law):
     for name in ("mean_grad", "potential", "stress", "fluid_volume"):
         np.testing.assert_allclose(getattr(got, name), getattr(exact, name), rtol=0, atol=1e-15)
     for name, value in vars(exact.tangent).items():
+        if value is None:
+            continue
         np.testing.assert_allclose(getattr(got.tangent, name), value, rtol=0, atol=100 * GRID)
     assert law.predict(states, tangent=False).tangent is None
     assert isinstance(law, PathCellLaw)

@@ -95,7 +95,7 @@ class Solver:
     def solid(self, cell, mesh):
         raise AssertionError
 
-    def flow(self, mesh):
+    def fluid(self, mesh):
         raise AssertionError
 
 

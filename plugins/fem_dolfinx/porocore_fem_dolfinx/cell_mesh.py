@@ -50,6 +50,10 @@ class CellDomain:
         volume = self.expression(ufl.as_vector([abs(ufl.JacobianDeterminant(self.domain))]))
         self.weights = self.evaluate(volume)[:, :, 0] * weights
 
+    def move(self, points: Any) -> None:
+        """Put the nodes, in the core's order, to (nodes, 3); what is assembled from now on is of the moved mesh."""
+        self.domain.geometry.x[:] = points[np.asarray(self.domain.geometry.input_global_indices)]
+
     def lagrange(self, degree: int, shape: tuple[int, ...] = ()) -> Any:
         """A function space."""
         return compat.function_space(self.domain, compat.lagrange_element("tetrahedron", degree, shape))

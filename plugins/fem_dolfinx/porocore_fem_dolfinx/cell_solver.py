@@ -12,7 +12,7 @@ from porocore.equilibrium.solver import EquilibriumCellSolver
 from porocore.errors import ConfigurationError
 from porocore_fem_dolfinx.linalg import choose
 from porocore_fem_dolfinx.solid import SolidProblem
-from porocore_fem_dolfinx.stokes import flow
+from porocore_fem_dolfinx.stokes import StokesProblem
 
 
 class DolfinxCellSolver(EquilibriumCellSolver):
@@ -56,5 +56,5 @@ class DolfinxCellSolver(EquilibriumCellSolver):
         degree = self.quadrature_degree or mesh.quadrature_degree
         return SolidProblem(cell, mesh, degree=degree, solver=self.solver, petsc=self.petsc)
 
-    def flow(self, mesh: CellMesh) -> Any:
-        return flow(mesh)
+    def fluid(self, mesh: CellMesh) -> StokesProblem:
+        return StokesProblem(mesh)

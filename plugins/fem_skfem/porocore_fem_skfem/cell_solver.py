@@ -11,7 +11,7 @@ from porocore.contact.model import contact_of
 from porocore.equilibrium.solver import EquilibriumCellSolver
 from porocore.errors import ConfigurationError
 from porocore_fem_skfem.solid import SolidProblem
-from porocore_fem_skfem.stokes import flow
+from porocore_fem_skfem.stokes import StokesProblem
 
 
 class SkfemCellSolver(EquilibriumCellSolver):
@@ -43,5 +43,5 @@ class SkfemCellSolver(EquilibriumCellSolver):
         contact = contact_of(mesh, cell.contact, material)
         return SolidProblem(mesh, material, degree=degree, solver=self.solver, contact=contact)
 
-    def flow(self, mesh: CellMesh) -> Any:
-        return flow(mesh, self.solver)
+    def fluid(self, mesh: CellMesh) -> StokesProblem:
+        return StokesProblem(mesh, self.solver)

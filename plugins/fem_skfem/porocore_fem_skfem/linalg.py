@@ -92,9 +92,12 @@ class SymmetricPattern:
 
 
 def choose_factor(
-    indptr: Any, indices: Any, *, solver: str = "auto", near_kernel: Any = None
+    indptr: Any, indices: Any, *, solver: str = "auto", near_kernel: Any = None, single: bool = True
 ) -> SymmetricFactor:
-    """The best solver that is installed, by size; ``solver`` forces one of pardiso, superlu, amg."""
+    """The best solver that is installed, by size; ``solver`` forces one of pardiso, superlu, amg.
+
+    ``single`` precision is for a factor that preconditions; only PARDISO offers it.
+    """
     n = len(indptr) - 1
     have_pardiso = pardiso.library() is not None
     have_amg = find_spec("pyamg") is not None and near_kernel is not None
@@ -106,7 +109,7 @@ def choose_factor(
     if solver == "pardiso":
         if not have_pardiso:
             raise ConfigurationError("fem.options.solver: pardiso is not installed; run pip install mkl")
-        return pardiso.PardisoFactor(indptr, indices)
+        return pardiso.PardisoFactor(indptr, indices, single=single)
     if solver == "amg" and have_amg:
         return MultigridFactor(indptr, indices, near_kernel)
     if solver == "superlu":

@@ -30,14 +30,17 @@ class Operators:
         Polynomial degree that the quadrature integrates exactly; 2 (four points) is enough for the averages.
     cells
         Numbers of the unknowns of each element, (M, 4) or (M, 10); by default those of the mesh's nodes.
+    nodes
+        Where the mesh's nodes are, (N, 3); by default its points.
     """
 
-    def __init__(self, mesh: CellMesh, degree: int, cells: Any = None) -> None:
+    def __init__(self, mesh: CellMesh, degree: int, cells: Any = None, nodes: Any = None) -> None:
         cells = mesh.cells if cells is None else cells
+        nodes = mesh.points if nodes is None else nodes
         points, weights = tetrahedron_rule(degree)
         xi = points.T
         geometry = _shape(ELEMENTS[mesh.cells.shape[1]], xi)[1]  # (a, 3, q)
-        jacobian = np.einsum("eai,ajq->eqij", mesh.points[mesh.cells], geometry, optimize=True)
+        jacobian = np.einsum("eai,ajq->eqij", nodes[mesh.cells], geometry, optimize=True)
         values, local = _shape(ELEMENTS[cells.shape[1]], xi)
         #: ∇N of each element, quadrature point and local node, (elements, q, a, 3).
         self.grad_N = np.einsum("ajq,eqji->eqai", local, np.linalg.inv(jacobian), optimize=True)
@@ -61,6 +64,11 @@ class Operators:
     def volume(self) -> float:
         """Of the mesh, by this quadrature."""
         return float(self.weights.sum())
+
+
+def corner_values(points: Any) -> Any:
+    """Linear shape functions (4, q) at points (q, 3) of the unit tetrahedron."""
+    return _shape(ELEMENTS[4], points.T)[0]
 
 
 def _shape(element: Any, xi: Any) -> tuple[Any, Any]:

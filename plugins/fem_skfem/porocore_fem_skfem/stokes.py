@@ -1,12 +1,14 @@
-"""The fluid cell problem: Stokes flow through the undeformed pore under unit forces.
+"""The fluid cell problem: Stokes flow through the pore under unit forces.
 
 Quadratic velocity and linear pressure (Taylor–Hood, inf–sup stable). The velocity components do not couple,
 so the Schur complement of the pressure is solved by conjugate gradients with one Laplacian factor for
-each set of constraints; every solver that does elasticity does this too.
+each set of constraints, for the three forces at once; every solver that does elasticity does this too.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,119 +16,170 @@ from scipy import sparse
 
 from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import held_pressures, held_velocities
+from porocore.cell.quadrature import tetrahedron_rule
+from porocore.conductivity.fluid import DiscreteFluid
 from porocore.errors import PorocoreError
+from porocore.states import Array
+from porocore_fem_skfem.factor import SymmetricFactor
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate_gradients
-from porocore_fem_skfem.operators import Operators, Scatter
+from porocore_fem_skfem.operators import Operators, Scatter, corner_values
 
 TOLERANCE = 1e-9
+#: The rule integrates p ∇·v of curved elements exactly, so that a constant pressure does no work.
+DEGREE = 4
 
 
-class StokesProblem:
+@dataclass(frozen=True, eq=False)
+class _Class:
+    """Velocity components that vanish at the same nodes: which component of which flow, and their factor."""
+
+    members: list[tuple[int, int]]
+    free: Any
+    kept: Any
+    pattern: SymmetricPattern
+    factor: SymmetricFactor
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """Matrices of one shape of the pore.
+
+    Attributes
+    ----------
+    divergence
+        ∫ ψ ∂v/∂x_i, one (pressures, nodes) matrix for each i.
+    mass : (pressures,)
+        ∫ ψ.
+    load : (nodes,)
+        ∫ N.
+    inverses
+        One for each class: x ↦ A⁻¹ x of its free nodes, for columns.
+    """
+
+    divergence: list[Any]
+    mass: Array
+    load: Array
+    inverses: list[Callable[[Array], Array]]
+
+
+class StokesProblem(DiscreteFluid):
     """Discrete Stokes problem with unit viscosity on the eighth or the whole of the fluid."""
 
     def __init__(self, mesh: CellMesh, solver: str) -> None:
-        mesh = mesh.quadratic
-        self.mesh, self.solver = mesh, solver
+        self.mesh = mesh = mesh.quadratic
         nodes = mesh.periodic_class
         self.n = int(nodes.max()) + 1
-        velocity = Operators(mesh, 4, nodes[mesh.cells])
-        pressure = Operators(mesh, 4, nodes[mesh.cells[:, :4]])
-        self.w = velocity.weights
-        B = velocity.gradient(self.n)
-        e, q = velocity.grad_N.shape[:2]
-        points = np.arange(e * q).reshape(e, q)
-        corners, first, inverse = np.unique(pressure.cells, return_index=True, return_inverse=True)
-        # Pressure basis values at the points, one column for each corner node.
-        N = sparse.csr_matrix(
-            (
-                np.tile(pressure.values.T, (e, 1)).ravel(),
-                (np.repeat(points.ravel(), 4), np.repeat(inverse.reshape(e, 4), q, axis=0).ravel()),
-            ),
-            shape=(e * q, len(corners)),
-        )
-        weighted = sparse.diags(self.w) @ N
-        #: ∫ ψ ∂v/∂Y_j, one (pressures, nodes) matrix for each j.
-        self.divergence = [(weighted.T @ B[j * e * q : (j + 1) * e * q]).tocsr() for j in range(3)]
-        self.pressure_mass = np.asarray(weighted.sum(axis=0)).ravel()
-        self.load = self._integrals(velocity)
-        grad = velocity.grad_N.transpose(0, 2, 1, 3).reshape(e, -1, q * 3)
-        blocks = np.matmul(grad * np.repeat(self.w.reshape(e, 1, q), 3, axis=2), grad.transpose(0, 2, 1))
-        self.scatter = Scatter(velocity.cells, self.n)
-        self.laplacian = self.scatter(blocks)
-        self._inverses: dict[bytes, Any] = {}
-        #: A mesh node of each pressure unknown.
-        self._pressure_nodes = mesh.cells[:, :4].ravel()[first]
+        self._cells = nodes[mesh.cells]
+        corners, first, inverse = np.unique(self._cells[:, :4], return_index=True, return_inverse=True)
+        self._pressures = len(corners)
+        self._corners = inverse.reshape(-1, 4)
+        self._scatter = Scatter(self._cells, self.n)
+        # Row · n + column of each entry of the elements' divergences, and where it is summed up.
+        keys = (self._corners[:, :, None] * self.n + self._cells[:, None, :]).ravel()
+        self._places, self._slots = np.unique(keys, return_inverse=True)
+        pressure_nodes = mesh.cells[:, :4].ravel()[first]
+        #: Pressures that do not vanish, (pressures, flows).
+        self._even = np.stack([~held_pressures(mesh, j)[pressure_nodes] for j in range(3)], axis=1)
+        self._classes = self._sorted(solver)
 
-    def _integrals(self, velocity: Operators) -> Any:
-        """∫ N_a for each velocity node."""
-        e, q = velocity.grad_N.shape[:2]
-        contributions = self.w.reshape(e, q) @ velocity.values.T
-        return np.bincount(velocity.cells.ravel(), contributions.ravel(), minlength=self.n)
-
-    def inverse(self, held: Any) -> Any:
-        """x ↦ A⁻¹ x for a velocity component that vanishes at the nodes in ``held`` (mesh nodes,)."""
-        if held.tobytes() not in self._inverses:
+    def _sorted(self, solver: str) -> list[_Class]:
+        alike: dict[bytes, list[tuple[int, int]]] = {}
+        for j in range(3):
+            for i, held in enumerate(held_velocities(self.mesh, j).T):
+                alike.setdefault(held.tobytes(), []).append((i, j))
+        found = []
+        for pattern, members in alike.items():
+            held = np.frombuffer(pattern, dtype=bool)
             free = np.setdiff1d(np.arange(self.n), self.mesh.periodic_class[held])
-            indptr, indices, kept = self.scatter.pattern.restricted(free)
-            data = self.laplacian[kept]
-            matrix = SymmetricPattern(indptr, indices).full(data)
-            factor = choose_factor(indptr, indices, solver=self.solver, near_kernel=np.ones((len(free), 1)))
-            factor.factor(data)
+            indptr, indices, kept = self._scatter.pattern.restricted(free)
+            factor = choose_factor(
+                indptr, indices, solver=solver, near_kernel=np.ones((len(free), 1)), single=False
+            )
+            found.append(_Class(members, free, kept, SymmetricPattern(indptr, indices), factor))
+        return found
 
-            def apply(rhs: Any) -> Any:
-                solved = conjugate_gradients(matrix, rhs[free], factor.solve, tolerance=1e-12, limit=100)
-                x = np.zeros(self.n)
-                x[free] = solved.x
-                return x
+    def _system(self, points: Array) -> _System:
+        velocity = Operators(self.mesh, DEGREE, self._cells, points)
+        e, q, a = velocity.grad_N.shape[:3]
+        w = velocity.weights.reshape(e, q)
+        grad = velocity.grad_N.transpose(0, 2, 1, 3).reshape(e, a, q * 3)
+        laplacian = self._scatter(np.matmul(grad * np.repeat(w, 3, axis=1)[:, None], grad.transpose(0, 2, 1)))
+        psi = corner_values(tetrahedron_rule(DEGREE)[0])  # (4, q)
+        weighted = psi * w[:, None, :]  # (e, 4, q)
+        blocks = weighted @ velocity.grad_N.reshape(e, q, a * 3)
+        divergence = []
+        for i in range(3):
+            entries = np.bincount(self._slots, blocks.reshape(e, 4, a, 3)[..., i].ravel(), len(self._places))
+            at = (self._places // self.n, self._places % self.n)
+            divergence.append(sparse.csr_matrix((entries, at), shape=(self._pressures, self.n)))
+        load = np.bincount(self._cells.ravel(), (w @ velocity.values.T).ravel(), minlength=self.n)
+        mass = np.bincount(self._corners.ravel(), weighted.sum(axis=2).ravel(), minlength=self._pressures)
+        return _System(divergence, mass, load, [self._inverse(one, laplacian) for one in self._classes])
 
-            self._inverses[held.tobytes()] = apply
-        return self._inverses[held.tobytes()]
+    def _inverse(self, one: _Class, laplacian: Array) -> Callable[[Array], Array]:
+        data = laplacian[one.kept]
+        matrix = one.pattern.full(data)
+        one.factor.factor(data)
 
-    def flow(self, j: int) -> Any:
-        """w^j (3, nodes) under the unit force e_j.
+        def apply(rhs: Array) -> Array:
+            solved: Array = conjugate_gradients(matrix, rhs, one.factor.solve, tolerance=1e-12, limit=100).x
+            return solved
+
+        return apply
+
+    def flow(self, points: Array | None = None) -> Array:
+        """See :class:`~porocore.conductivity.fluid.DiscreteFluid`.
 
         Raises
         ------
         PorocoreError
             The iteration does not converge.
         """
-        inverses = [self.inverse(held) for held in held_velocities(self.mesh, j).T]
-        force = inverses[j](self.load)
-        even = ~held_pressures(self.mesh, j)[self._pressure_nodes]
+        system = self._system(self.mesh.points if points is None else points)
+        forces = np.zeros((3, self.n, 3))
+        for i in range(3):
+            forces[i, :, i] = system.load
+        forced = self._solve(system, forces)
 
-        def schur(pressures: Any) -> Any:
-            out = np.zeros_like(pressures)
-            for i in range(3):
-                out += self.divergence[i] @ inverses[i](self.divergence[i].T @ pressures)
-            return out * even
+        def schur(pressures: Array) -> Array:
+            return self._divergence(system, self._solve(system, self._gradient(system, pressures)))
 
-        operator = _Columnwise(schur)
-        rhs = -(self.divergence[j] @ force) * even
         solved = conjugate_gradients(
-            operator,
-            rhs,
-            lambda r: r / (self.pressure_mass[:, None] if r.ndim == 2 else self.pressure_mass),
+            _Operator(schur),
+            -self._divergence(system, forced),
+            lambda r: r / system.mass[:, None],
             tolerance=TOLERANCE,
             limit=400,
         )
         if not solved.converged:
-            raise PorocoreError("the Stokes cell problem did not converge; refine the mesh (cell.mesh.size)")
-        w = np.stack([inverses[i](self.divergence[i].T @ solved.x) for i in range(3)])
-        w[j] += force
-        return w
+            raise PorocoreError(
+                "the Stokes cell problem did not converge; refine the mesh (cell.mesh.fluid_size)"
+            )
+        w = forced + self._solve(system, self._gradient(system, solved.x))
+        return np.einsum("inj,n->ij", w, system.load)
+
+    def _solve(self, system: _System, rhs: Array) -> Array:
+        """A⁻¹ of (components, nodes, flows)."""
+        out = np.zeros_like(rhs)
+        for one, inverse in zip(self._classes, system.inverses, strict=True):
+            columns = inverse(np.stack([rhs[i, one.free, j] for i, j in one.members], axis=1))
+            for (i, j), column in zip(one.members, columns.T, strict=True):
+                out[i, one.free, j] = column
+        return out
+
+    def _divergence(self, system: _System, w: Array) -> Array:
+        total: Array = sum(system.divergence[i] @ w[i] for i in range(3)) * self._even
+        return total
+
+    def _gradient(self, system: _System, pressures: Array) -> Array:
+        return np.stack([divergence.T @ (pressures * self._even) for divergence in system.divergence])
 
 
-class _Columnwise:
-    """A function of vectors as an operator on the columns of a matrix."""
+class _Operator:
+    """A function of columns as a matrix."""
 
-    def __init__(self, function: Any) -> None:
+    def __init__(self, function: Callable[[Array], Array]) -> None:
         self._function = function
 
-    def __matmul__(self, columns: Any) -> Any:
-        return np.stack([self._function(column) for column in columns.T], axis=1)
-
-
-def flow(mesh: CellMesh, solver: str = "auto") -> Any:
-    """∫ w^j_i dV (3, 3) over the mesh, for unit viscosity."""
-    problem = StokesProblem(mesh, solver)
-    return np.stack([problem.flow(j) @ problem.load for j in range(3)], axis=1)
+    def __matmul__(self, columns: Array) -> Array:
+        return self._function(columns)
