@@ -7,12 +7,11 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
-from scipy.special import jv
+from scipy.special import jn_zeros, jv
 
 from porocore.states import Array
 
-#: Terms of the series; at H_A K t/a² = 1e-4 the last is exp(−1000).
+#: Terms of the series; at H_A K t/a² = 1e-5 the last is exp(−98).
 TERMS = 1000
 
 
@@ -57,16 +56,16 @@ class UnconfinedCompression:
 
     @cached_property
     def _roots(self) -> Array:
+        """One between any two neighbouring roots of J₁, by bisection."""
         ratio = self.aggregate_modulus / (2 * self.shear)
-
-        def equation(x: float) -> float:
-            return float(jv(1, x) - ratio * x * jv(0, x))
-
-        # One root between any two neighbouring roots of J₁, and one before the first.
-        grid = np.linspace(1e-6, (TERMS + 2) * np.pi, 8 * (TERMS + 2))
-        values = jv(1, grid) - ratio * grid * jv(0, grid)
-        signs = np.flatnonzero(np.sign(values[:-1]) != np.sign(values[1:]))
-        return np.array([brentq(equation, grid[i], grid[i + 1], xtol=1e-13) for i in signs])
+        high = jn_zeros(1, TERMS)
+        low = np.concatenate([[1e-9], high[:-1]])
+        sign = np.sign(jv(0, high))
+        for _ in range(60):
+            middle = (low + high) / 2
+            above = sign * (ratio * middle * jv(0, middle) - jv(1, middle)) > 0
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        return np.asarray((low + high) / 2)
 
     @cached_property
     def _weights(self) -> Array:

@@ -9,7 +9,7 @@ from typing import Any
 from porocore.crosscheck.attempt import attempt
 from porocore.errors import ConfigurationError, PluginError
 from porocore.registry import Kind, registry
-from porocore.verify import cell_cases, consolidation, permeability, small_strain, xie_leo
+from porocore.verify import cell_cases, consolidation, permeability, small_strain, unconfined, xie_leo
 from porocore.verify.case import Case, Check, Solve
 
 CASES: dict[str, Case] = {
@@ -22,6 +22,7 @@ CASES: dict[str, Case] = {
         cell_cases.IDENTITIES,
         consolidation.TERZAGHI_CASE,
         consolidation.MANDEL_CASE,
+        unconfined.CASE,
         xie_leo.CASE,
         small_strain.CASE,
     )
