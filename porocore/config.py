@@ -30,11 +30,14 @@ from pydantic import (
 from porocore.cell.cell import Cell
 from porocore.closures import CLOSURES, MeanGradientClosure
 from porocore.config_errors import faults, show, unexpected
+from porocore.dimensions import ByKey, Carried, Dimension
 from porocore.errors import ConfigurationError
 from porocore.execution.choice import ExecutorName, contradiction
 from porocore.inputs import InputSpace
 from porocore.problem import MacroProblem, MacroSetup
+from porocore.result_units import OutputUnits, ResultUnits
 from porocore.scales import Scales
+from porocore.unit_texts import resolved
 from porocore.yaml_document import Location, YamlDocument
 
 InputName = Literal["H11", "H12", "H13", "H21", "H22", "H23", "H31", "H32", "H33", "p"]
@@ -42,7 +45,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
 
 class FemSettings(_Section):
@@ -55,8 +58,10 @@ class FemSettings(_Section):
 class SweptInput(_Section):
     """Closed range of one input and the sampler's default step in it."""
 
-    range: tuple[float, float]
-    step: Positive | None = None
+    range: Annotated[tuple[float, float], Carried()]
+    """[lower, upper]; H without dimension, p in units of E."""
+    step: Annotated[Positive | None, Carried()] = None
+    """Default step of samplers that take one."""
 
     @model_validator(mode="after")
     def _not_empty(self) -> SweptInput:
@@ -77,7 +82,7 @@ class SamplingSettings(_Section):
     """Which states of the cell are solved to learn from."""
 
     sampler: str = "density-sweep"
-    inputs: Annotated[dict[InputName, SweptInput], Field(min_length=1)]
+    inputs: Annotated[dict[InputName, SweptInput], Field(min_length=1), ByKey({"p": Dimension("pressure")})]
     """In the order of the sweeps: the first is swept alone, the next from every value of it."""
     tolerance: Positive | None = None
     options: dict[str, Any] = {}
@@ -158,6 +163,10 @@ class MacroSettings(MacroSetup):
         return MacroProblem(load=load, **{name: getattr(self, name) for name in MacroSetup.model_fields})
 
 
+class _OnlyScales(_Section):
+    scales: Scales
+
+
 @dataclass(frozen=True)
 class StageIdentities:
     """Hash of everything that the result of each stage depends on, as far as the configuration goes."""
@@ -181,8 +190,21 @@ class RunConfig(_Section):
     conductivity: Literal["piola", "deformed"] = "piola"
     """piola: K of the undeformed cell, carried along; deformed: that of the flow through every deformed pore."""
     macro: MacroSettings
+    scales: Scales | None = None
+    """By which values with a unit are made dimensionless, and results get theirs; plain numbers are dimensionless."""
+    output_units: OutputUnits | None = None
+    """Of the results, which need scales; SI units where there are scales and nothing is said."""
     scenarios: dict[str, Scales] = {}
     """For which the report gives the main results in SI units, by name."""
+
+    @field_validator("output_units")
+    @classmethod
+    def _need_scales(cls, units: OutputUnits | None, info: ValidationInfo) -> OutputUnits | None:
+        if units is not None and info.data.get("scales", units) is None:
+            raise ValueError(
+                "results get units only with 'scales:', which are missing; add them at the top level"
+            )
+        return units
 
     @field_validator("closure")
     @classmethod
@@ -190,6 +212,11 @@ class RunConfig(_Section):
         if fault := _unfit_closure(closure, info.data.get("cell")):
             raise ValueError(fault)
         return closure
+
+    @property
+    def result_units(self) -> ResultUnits:
+        """Of what is reported; dimensionless without scales."""
+        return ResultUnits(self.scales, self.output_units or OutputUnits())
 
     @property
     def surrogate_model(self) -> str:
@@ -248,7 +275,7 @@ class RunConfig(_Section):
     # Not a cached property: model_copy would carry the cache over to a changed configuration.
     @property
     def stages(self) -> StageIdentities:
-        """Identity of each stage; title, scenarios, who solves the cells and macro.options belong to none."""
+        """Identity of each stage; of title, scales, units, scenarios, workers and macro.options none depends."""
         inputs = [(name, swept.model_dump()) for name, swept in self.sampling.inputs.items()]
         cell = _hash(self.cell.specification(), self.fem.model_dump())
         how = self.sampling.model_dump(include={"sampler", "tolerance", "options"})
@@ -276,13 +303,29 @@ def load_config(path: Path | str) -> RunConfig:
         Lists every fault in one message, one line each: file, line, dotted key, what was expected, what
         came and what to do.
     """
-    document = YamlDocument.read(Path(path))
-    found: list[tuple[Location, str]] = []
+    return _validated(YamlDocument.read(Path(path)))
+
+
+def config_from(settings: Mapping[str, Any], folder: Path | str = ".") -> RunConfig:
+    """Validate settings that are nested as in a file; relative paths in them start at ``folder``.
+
+    Raises
+    ------
+    ConfigurationError
+        As :func:`load_config`, with dotted keys and without lines.
+    """
+    return _validated(YamlDocument.of(settings, Path(folder)))
+
+
+def _validated(document: YamlDocument) -> RunConfig:
+    scales = _scales(document)
+    data, found = resolved(RunConfig, document.data, scales)
+    unread = {at for at, _ in found}
     config: RunConfig | None = None
     try:
-        config = RunConfig.model_validate(document.data, context={"folder": document.path.parent})
+        config = RunConfig.model_validate(data, context={"folder": document.folder})
     except ValidationError as error:
-        found += faults(document, error.errors(), RunConfig)
+        found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
     else:
         found += [
             (at, unexpected(at, "a finite number", value))
@@ -298,8 +341,23 @@ def load_config(path: Path | str) -> RunConfig:
     ]
     if found or config is None:
         lines = sorted(((document.line(at), text) for at, text in found), key=lambda fault: fault[0])
-        raise ConfigurationError("\n".join(f"{document.path}:{line}: {text}" for line, text in lines))
+        raise ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
     return config
+
+
+def _scales(document: YamlDocument) -> Scales | None:
+    """By which everything else is read, so that their faults come alone."""
+    section = document.data.get("scales")
+    if section is None:
+        return None
+    data, found = resolved(_OnlyScales, {"scales": section}, None)
+    if not found:
+        try:
+            return _OnlyScales.model_validate(data).scales
+        except ValidationError as error:
+            found += faults(document, error.errors(), RunConfig)
+    lines = sorted((document.line(at), text) for at, text in found)
+    raise ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
 
 
 def _unknown_surfaces(macro: MacroSetup) -> Iterator[tuple[Location, str]]:

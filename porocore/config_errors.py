@@ -44,7 +44,7 @@ def with_lines(document: YamlDocument, text: str) -> str:
     for complaint in text.splitlines():
         at = tuple(complaint.partition(":")[0].split("."))
         known = at[:1] in document
-        found.append(f"{document.path}:{document.line(at)}: {complaint}" if known else complaint)
+        found.append(f"{document.at_line(document.line(at))}: {complaint}" if known else complaint)
     return "\n".join(found)
 
 

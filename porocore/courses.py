@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
+from porocore.dimensions import Carried, Dimension
 from porocore.expressions import Expression
 
 Positive = Annotated[float, Field(gt=0)]
@@ -17,14 +18,16 @@ class Course(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    table: tuple[tuple[Annotated[float, Field(ge=0)], float], ...] = ()
+    table: tuple[
+        tuple[Annotated[float, Field(ge=0), Dimension("time")], Annotated[float, Carried()]], ...
+    ] = ()
     """(time, value), linear in between and constant outside."""
-    ramp: float | None = None
+    ramp: Annotated[float | None, Carried()] = None
     """From 0 at t = 0 linearly to this value at ``until``, and on with it."""
-    until: Positive | None = None
+    until: Annotated[Positive | None, Dimension("time")] = None
     """End of the ramp."""
     expression: str | None = None
-    """Of t, such as ``0.1*sin(2*pi*t)``."""
+    """Of t, such as ``0.1*sin(2*pi*t)``; t and the result are dimensionless."""
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Course:

@@ -11,9 +11,11 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from porocore.body.kinds import AnyBody, Box
 from porocore.body.surfaces import Patch
 from porocore.courses import Course, Value
+from porocore.dimensions import Dimension
 
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
+Time = Annotated[Positive, Dimension("time")]
 Row = tuple[float, float, float]
 NO_GRADIENT: tuple[Row, Row, Row] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -29,19 +31,21 @@ class Boundary(_Strict):
     alone.
     """
 
-    displacement: tuple[Value | None, Value | None, Value | None] = (None, None, None)
+    displacement: Annotated[
+        tuple[Value | None, Value | None, Value | None], Dimension("displacement")
+    ] = (None, None, None)
     """Components of u; None leaves a component free."""
-    normal: Value | None = None
+    normal: Annotated[Value | None, Dimension("displacement")] = None
     """Displacement along the outward normal of a plane surface, which slides freely along itself."""
-    traction: tuple[Value, Value, Value] = (0.0, 0.0, 0.0)
+    traction: Annotated[tuple[Value, Value, Value], Dimension("stress")] = (0.0, 0.0, 0.0)
     """Dead traction t̄ per reference area [E]."""
-    follower: Value = 0.0
+    follower: Annotated[Value, Dimension("pressure")] = 0.0
     """Pressure on the deformed surface, along its current inward normal [E]."""
-    plate: Value | None = None
+    plate: Annotated[Value | None, Dimension("force")] = None
     """Force along the axis of a plane surface on a rigid frictionless plate: it moves along that axis as one [E L²]."""
-    pressure: Value | None = None
+    pressure: Annotated[Value | None, Dimension("pressure")] = None
     """Pore pressure; None makes the surface a flux boundary."""
-    flux: Value = 0.0
+    flux: Annotated[Value, Dimension("velocity")] = 0.0
     """Outward flux q̄ per reference area where the pressure is free."""
 
     @model_validator(mode="after")
@@ -77,18 +81,18 @@ class Boundary(_Strict):
 class TimePlan(_Strict):
     """Backward Euler steps; the load is ramped up linearly in ``ramp_increments`` steps of ``ramp_step`` first."""
 
-    end: Positive = 100.0
-    step: Positive = 0.5
+    end: Time = 100.0
+    step: Time = 0.5
     ramp_increments: Count = 10
-    ramp_step: Positive = 0.05
-    smallest_step: Positive = 1e-6
+    ramp_step: Time = 0.05
+    smallest_step: Time = 1e-6
     """Step halving stops here."""
     tolerance: Positive | None = None
     """Error of one step, as a share of the largest displacement and of the largest pressure so far, by which steps are
     chosen; ``step`` is then the largest. None: all are ``step`` long."""
-    profiles: tuple[Positive, ...] = (1.0, 10.0, 40.0)
+    profiles: tuple[Time, ...] = (1.0, 10.0, 40.0)
     """Times at which the fields are kept."""
-    load_curve: tuple[tuple[Positive, float], ...] = ()
+    load_curve: tuple[tuple[Time, float], ...] = ()
     """(time, share of the load), linear in between from nothing at 0 and constant at the end; empty: the ramp."""
 
     @model_validator(mode="after")
@@ -126,7 +130,7 @@ class NewtonSettings(_Strict):
 class InitialState(_Strict):
     """What the body begins with, from which storage and time are counted; it need not be in equilibrium."""
 
-    pressure: float = 0.0
+    pressure: Annotated[float, Dimension("pressure")] = 0.0
     """The same everywhere [E]."""
     gradient: tuple[Row, Row, Row] = NO_GRADIENT
     """Displacement gradient H, the same everywhere: u = H X."""
@@ -140,10 +144,10 @@ class MacroSetup(_Strict):
     """Parts of the body's named surfaces with names of their own."""
     boundary: dict[str, Boundary]
     """By the surface."""
-    body_force: tuple[Value, Value, Value] = (0.0, 0.0, 0.0)
+    body_force: Annotated[tuple[Value, Value, Value], Dimension("body-force")] = (0.0, 0.0, 0.0)
     """Per reference volume of the mixture [E/L]."""
     initial: InitialState = InitialState()
-    probes: dict[str, tuple[float, float, float]] = {}
+    probes: dict[str, Annotated[tuple[float, float, float], Dimension("displacement")]] = {}
     """Material points X whose displacement and pressure the history keeps, by name."""
     time: TimePlan = TimePlan()
     newton: NewtonSettings = NewtonSettings()

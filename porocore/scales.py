@@ -1,22 +1,50 @@
-"""Characteristic values of a scenario, and what one dimensionless unit of each quantity amounts to in SI units."""
+"""Characteristic values, and what one dimensionless unit of each quantity amounts to in SI units."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
+from fractions import Fraction
+from functools import cached_property
+from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from porocore.dimensions import Dimension
 from porocore.errors import ConfigurationError
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class Scales(BaseModel):
-    """Force f_c, pore size d, viscosity μ_c and length L, all in SI units.
+@dataclass(frozen=True)
+class ExactScales:
+    """Stress E [Pa], length L [m], pore size d [m] and viscosity μ_c [Pa s], as the decimal numbers that were given."""
 
-    Dimensionless results are for E = 1, so that f_c/L² is Young's modulus of the solid [Pa].
+    stress: Fraction
+    length: Fraction
+    pore: Fraction
+    viscosity: Fraction
+
+    @property
+    def force(self) -> Fraction:
+        """f_c = E L² [N]."""
+        return self.stress * self.length**2
+
+    @property
+    def velocity(self) -> Fraction:
+        """Of the fluid, f_c d²/(L³ μ_c) [m/s]."""
+        return self.stress * self.pore**2 / (self.length * self.viscosity)
+
+    @property
+    def time(self) -> Fraction:
+        """L⁴ μ_c/(f_c d²) [s]."""
+        return self.length / self.velocity
+
+
+class Scales(BaseModel):
+    """Length L, pore size d, viscosity μ_c and either Young's modulus E of the solid or the force f_c = E L².
+
+    Plain numbers are in SI units. Dimensionless results are for E = 1.
 
     References
     ----------
@@ -25,14 +53,31 @@ class Scales(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    force: Positive
-    """f_c [N]."""
-    pore: Positive
-    """d, characteristic size of the pores [m]."""
-    viscosity: Positive = 1.0
+    force: Annotated[Positive, Dimension("force", si=True)] | None = None
+    """f_c [N]; E is f_c/L²."""
+    modulus: Annotated[Positive, Dimension("stress", si=True)] | None = None
+    """E, Young's modulus of the solid or another reference [Pa], instead of the force."""
+    pore: Annotated[Positive, Dimension("displacement", si=True)]
+    """d, edge length of the cell [m]."""
+    viscosity: Annotated[Positive, Dimension("viscosity", si=True)] = 1.0
     """μ_c [Pa s]; the dimensionless viscosity of the configuration is relative to it."""
-    length: Positive
+    length: Annotated[Positive, Dimension("displacement", si=True)]
     """L, characteristic length of the body [m]."""
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if (self.force is None) == (self.modulus is None):
+            raise ValueError("expected either modulus, which is E, or force, which is E L²; give one of them")
+        return self
+
+    @cached_property
+    def exact(self) -> ExactScales:
+        """Without rounding, so that a value with a unit and its dimensionless number are the same to the last bit."""
+        length, pore, viscosity = map(as_written, (self.length, self.pore, self.viscosity))
+        if self.modulus is not None:
+            return ExactScales(as_written(self.modulus), length, pore, viscosity)
+        assert self.force is not None
+        return ExactScales(as_written(self.force) / length**2, length, pore, viscosity)
 
     def factor(self, quantity: str) -> float:
         """What one dimensionless unit of a quantity amounts to, in the unit of :data:`QUANTITIES`.
@@ -42,29 +87,37 @@ class Scales(BaseModel):
         ConfigurationError
             The quantity is unknown.
         """
-        return known_quantity(quantity).factor(self)
+        return float(known_quantity(quantity).factor(self.exact))
+
+
+def as_written(number: float) -> Fraction:
+    """The shortest decimal number that is this one to the last bit, which is what was written."""
+    return Fraction(repr(float(number)))
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A kind of result: its SI unit and its scale."""
+    """A kind of value: its SI unit and its scale."""
 
     unit: str
     formula: str
-    factor: Callable[[Scales], float]
+    factor: Callable[[ExactScales], Fraction]
 
 
 QUANTITIES: dict[str, Quantity] = {
     "displacement": Quantity("m", "L", lambda s: s.length),
     "volume": Quantity("m³", "L³", lambda s: s.length**3),
-    "time": Quantity("s", "L⁴ μ_c/(f_c d²)", lambda s: s.length**4 * s.viscosity / (s.force * s.pore**2)),
-    "pressure": Quantity("Pa", "f_c/L²", lambda s: s.force / s.length**2),
-    "stress": Quantity("Pa", "f_c/L²", lambda s: s.force / s.length**2),
-    "energy-density": Quantity("J/m³", "f_c/L²", lambda s: s.force / s.length**2),
-    "velocity": Quantity(
-        "m/s", "f_c d²/(L³ μ_c)", lambda s: s.force * s.pore**2 / (s.length**3 * s.viscosity)
-    ),
+    "time": Quantity("s", "L⁴ μ_c/(f_c d²)", lambda s: s.time),
+    "pressure": Quantity("Pa", "f_c/L²", lambda s: s.stress),
+    "stress": Quantity("Pa", "f_c/L²", lambda s: s.stress),
+    "force": Quantity("N", "f_c", lambda s: s.force),
+    "body-force": Quantity("N/m³", "f_c/L³", lambda s: s.stress / s.length),
+    "energy-density": Quantity("J/m³", "f_c/L²", lambda s: s.stress),
+    "velocity": Quantity("m/s", "f_c d²/(L³ μ_c)", lambda s: s.velocity),
+    "flow": Quantity("m³/s", "f_c d²/(L μ_c)", lambda s: s.velocity * s.length**2),
+    "viscosity": Quantity("Pa s", "μ_c", lambda s: s.viscosity),
     "conductivity": Quantity("m²/(Pa s)", "d²/μ_c", lambda s: s.pore**2 / s.viscosity),
+    "pore-size": Quantity("m", "d", lambda s: s.pore),
 }
 
 #: The two of the paper.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,21 +17,30 @@ Location = tuple[str, ...]
 
 @dataclass(frozen=True, eq=False)
 class YamlDocument:
-    """The mapping that a file holds.
+    """The mapping that a file holds, or settings from elsewhere.
 
     Attributes
     ----------
     path
-        The file.
+        The file; None: the data does not come from one.
     data
         Its content, of plain types only.
     lines
         Line of every key and list entry, counted from 1; the document itself is the empty location.
+    folder
+        Where relative paths in it start.
     """
 
-    path: Path
+    path: Path | None
     data: dict[str, Any]
     lines: dict[Location, int]
+    folder: Path
+
+    @classmethod
+    def of(cls, settings: Mapping[str, Any], folder: Path) -> YamlDocument:
+        """Settings that are nested as in a file; all of them are on line 0."""
+        data = {str(key): value for key, value in settings.items()}
+        return cls(None, data, dict.fromkeys(_locations(data, ()), 0), folder)
 
     @classmethod
     def read(cls, path: Path) -> YamlDocument:
@@ -72,7 +82,7 @@ class YamlDocument:
             raise ConfigurationError(f"{path}: expected sections such as 'cell:' and 'macro:', got {found}")
         lines: dict[Location, int] = {}
         _record(node, (), lines, path, set())
-        return cls(path, data, lines)
+        return cls(path, data, lines, path.parent)
 
     def __contains__(self, location: Location) -> bool:
         return location in self.lines
@@ -83,14 +93,30 @@ class YamlDocument:
             location = location[:-1]
         return self.lines[location]
 
+    def at_line(self, line: int) -> str:
+        """How a message begins that is about a line."""
+        return f"{self.path}:{line}" if self.path is not None else "settings"
+
     def value(self, location: Location) -> Any:
         """What stands at a location."""
         value: Any = self.data
         for part in location:
             value = (
-                value[int(part)] if isinstance(value, list) else {str(k): v for k, v in value.items()}[part]
+                value[int(part)]
+                if isinstance(value, list | tuple)
+                else {str(k): v for k, v in value.items()}[part]
             )
         return value
+
+
+def _locations(value: Any, at: Location) -> Iterator[Location]:
+    yield at
+    if isinstance(value, Mapping):
+        for key, below in value.items():
+            yield from _locations(below, (*at, str(key)))
+    elif isinstance(value, list | tuple):
+        for i, below in enumerate(value):
+            yield from _locations(below, (*at, str(i)))
 
 
 def _record(node: Any, location: Location, lines: dict[Location, int], path: Path, above: set[int]) -> None:

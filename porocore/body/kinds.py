@@ -11,8 +11,10 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from porocore.body.mesh import BodyMesh
 from porocore.body.structured import box, graded, sector
+from porocore.dimensions import Dimension
 
 Positive = Annotated[float, Field(gt=0)]
+Length = Annotated[Positive, Dimension("displacement")]
 Count = Annotated[int, Field(ge=1)]
 Grading = Annotated[float, Field(ge=1e-3, le=1e3)]
 
@@ -42,7 +44,7 @@ class Box(Body):
 
     surfaces = ("x-", "x+", "y-", "y+", "z-", "z+")
     kind: Literal["box"] = "box"
-    size: tuple[Positive, Positive, Positive] = (0.1, 7.5, 0.1)
+    size: tuple[Length, Length, Length] = (0.1, 7.5, 0.1)
     elements: tuple[Count, Count, Count] = (1, 106, 1)
     grading: tuple[Grading, Grading, Grading] = (1.0, 1.0, 1.0)
     """Length of the last element along each axis over that of the first."""
@@ -58,8 +60,8 @@ class Box(Body):
 
 
 class _Round(Body):
-    radius: Positive
-    height: Positive
+    radius: Length
+    height: Length
     elements: tuple[Count, Count, Count] = (8, 8, 3)
     """From the inner block to the mantle; along y; around each of a quarter's two blocks, and along the inner one."""
     grading: Grading = 1.0
@@ -121,10 +123,10 @@ class MeshedBody(Body):
     file: str
     """.msh of gmsh, anything else that meshio reads, or .geo, .step and .brep; the path is relative to the
     configuration."""
-    size: Positive | None = None
+    size: Length | None = None
     """Of the elements, for a geometry."""
-    scale: Positive = 1.0
-    """Factor of all coordinates."""
+    scale: Length = 1.0
+    """Factor of all coordinates; with a unit, that of the file, such as 1 mm."""
 
     def make(self) -> BodyMesh:
         """Quadratic tetrahedra or triquadratic hexahedra; linear elements get straight edges with a node on them."""

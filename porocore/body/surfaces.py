@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, model_validator
 
 from porocore.body.mesh import BodyMesh, facet_middles
+from porocore.dimensions import Dimension
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
-Range = tuple[float, float]
+Range = Annotated[tuple[float, float], Dimension("displacement")]
 
 
 class Patch(BaseModel):
@@ -25,9 +27,9 @@ class Patch(BaseModel):
     x: Range | None = None
     y: Range | None = None
     z: Range | None = None
-    centre: tuple[float, float, float] | None = None
+    centre: Annotated[tuple[float, float, float] | None, Dimension("displacement")] = None
     """With ``radius``: facets no farther than that from here."""
-    radius: float | None = None
+    radius: Annotated[float | None, Dimension("displacement")] = None
 
     @model_validator(mode="after")
     def _bounds(self) -> Patch:

@@ -21,6 +21,7 @@ from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import Geometry, OrthogonalChannels
 from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.supercell import block
+from porocore.dimensions import Dimension
 from porocore.materials.choice import AnyMaterial
 from porocore.materials.composite import Composite, Solid
 from porocore.materials.neo_hookean import NeoHookean
@@ -40,7 +41,7 @@ class Cell(BaseModel):
     """Of the whole solid; neo-Hookean where neither this nor ``materials`` is given."""
     materials: Annotated[dict[Region, AnyMaterial], Field(min_length=1)] | None = None
     """One for each region of the solid, by its name, instead of ``material``."""
-    viscosity: Annotated[float, Field(gt=0)] = 1e-3
+    viscosity: Annotated[float, Field(gt=0), Dimension("viscosity")] = 1e-3
     """μ_f; K is proportional to its inverse."""
     mesh: MeshSettings = MeshSettings()
     contact: ContactSettings = ContactSettings()

@@ -58,7 +58,7 @@ def units(
     table.add_column("scale", no_wrap=True)
     for name, value in wanted:
         quantity = known_quantity(name)
-        found = [f"{value * quantity.factor(scales):.4g}" for scales in scenarios.values()]
+        found = [f"{value * scales.factor(name):.4g}" for scales in scenarios.values()]
         table.add_row(name, f"{value:g}", *found, quantity.unit, quantity.formula)
     Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False).print(table)
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from porocore.dimensions import Dimension
 from porocore.expressions import CONSTANTS, Expression
 from porocore.materials.by_invariants import BASIC, InvariantMaterial
 from porocore.materials.fibres import Direction, alike, fibre_invariants
@@ -27,8 +28,8 @@ class ExpressionMaterial(InvariantMaterial):
     """
 
     kind: Literal["expression"]
-    parameters: dict[str, float] = Field(default={})
-    """By the names that the energy uses."""
+    parameters: Annotated[dict[str, float], Dimension("stress")] = Field(default={})
+    """By the names that the energy uses; one with a unit is a stress."""
     directions: Annotated[tuple[Direction, ...], Field(max_length=4)] = ()
     """Of fibres in the undeformed solid, of any length but 0."""
     energy: Annotated[str, Field(max_length=1000)]

@@ -6,11 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from porocore.dimensions import Dimension
 from porocore.materials.by_invariants import BASIC, VOLUMETRIC, InvariantMaterial
 from porocore.materials.fibres import Direction, closed, fibre_invariants
 from porocore.materials.invariants import Invariant
 
-Positive = Annotated[float, Field(gt=0)]
+Modulus = Annotated[float, Field(gt=0), Dimension("stress")]
 
 
 class HolzapfelGasserOgden(InvariantMaterial):
@@ -29,11 +30,11 @@ class HolzapfelGasserOgden(InvariantMaterial):
     """
 
     kind: Literal["holzapfel-gasser-ogden"]
-    shear_modulus: Positive
+    shear_modulus: Modulus
     """μ of the matrix [E]."""
-    bulk_modulus: Positive
+    bulk_modulus: Modulus
     """K [E]."""
-    k1: Positive
+    k1: Modulus
     """Stiffness of the fibres [E]."""
     k2: Annotated[float, Field(gt=0, le=1000)]
     """How fast they stiffen [–]."""

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from porocore.dimensions import Dimension
 from porocore.materials.by_invariants import BASIC, VOLUMETRIC, InvariantMaterial
 from porocore.materials.invariants import Invariant
 
@@ -18,11 +19,11 @@ class MooneyRivlin(InvariantMaterial):
     """
 
     kind: Literal["mooney-rivlin"]
-    c10: float
+    c10: Annotated[float, Dimension("stress")]
     """[E]; c10 + c01 is half the shear modulus."""
-    c01: float
+    c01: Annotated[float, Dimension("stress")]
     """[E]; 0 is a neo-Hookean solid of another volumetric energy than that of the kind neo-hookean."""
-    bulk_modulus: Annotated[float, Field(gt=0)]
+    bulk_modulus: Annotated[float, Field(gt=0), Dimension("stress")]
     """K [E]."""
 
     @property

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from porocore.dimensions import Dimension
 from porocore.materials.by_invariants import BASIC, VOLUMETRIC, InvariantMaterial
 from porocore.materials.invariants import Invariant, PowerSum
 
@@ -17,7 +18,7 @@ class OgdenTerm(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    mu: float
+    mu: Annotated[float, Dimension("stress")]
     """μ_p [E]."""
     alpha: Annotated[float, Field(ge=-50, le=50)]
     """α_p, any number but 0."""
@@ -41,7 +42,7 @@ class Ogden(InvariantMaterial):
 
     kind: Literal["ogden"]
     terms: tuple[OgdenTerm, ...]
-    bulk_modulus: Annotated[float, Field(gt=0)]
+    bulk_modulus: Annotated[float, Field(gt=0), Dimension("stress")]
     """K [E]."""
 
     @field_validator("terms")

@@ -1,0 +1,90 @@
+"""In which units results are given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
+
+from porocore.scales import QUANTITIES, Scales
+from porocore.units import UnitError, pretty, unit_in_si
+
+#: Of :class:`OutputUnits`, the quantities that each field stands for; the first is the field's own.
+MEANS = {
+    "length": ("displacement",),
+    "time": ("time",),
+    "stress": ("stress", "pressure", "energy-density"),
+    "force": ("force",),
+    "volume": ("volume",),
+    "velocity": ("velocity",),
+    "flow": ("flow",),
+    "conductivity": ("conductivity",),
+}
+_FIELD = {quantity: name for name, quantities in MEANS.items() for quantity in quantities}
+
+
+class OutputUnits(BaseModel):
+    """A unit for each kind of result."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    length: str = "m"
+    """Of displacements and places, such as mm."""
+    time: str = "s"
+    """Such as h or day."""
+    stress: str = "Pa"
+    """Of stresses and pressures, such as kPa."""
+    force: str = "N"
+    """Of reactions."""
+    volume: str = "m**3"
+    """Of drained fluid."""
+    velocity: str = "m/s"
+    """Of the fluid relative to the solid."""
+    flow: str = "m**3/s"
+    """Of fluid that enters through a surface."""
+    conductivity: str = "m**2/(Pa*s)"
+    """Of the pores, K."""
+
+    @field_validator("*")
+    @classmethod
+    def _of_its_kind(cls, unit: str, info: ValidationInfo) -> str:
+        try:
+            unit_in_si(unit, MEANS[str(info.field_name)][0])
+        except UnitError as error:
+            wanted = str(error).replace("such as ", "in a unit such as that of ", 1)
+            raise ValueError(wanted) from None
+        return unit
+
+
+@dataclass(frozen=True)
+class ResultUnits:
+    """Factors and names of units for results; without scales everything stays dimensionless.
+
+    Attributes
+    ----------
+    scales
+        Of the study; None: there are none.
+    units
+        What was asked for.
+    """
+
+    scales: Scales | None = None
+    units: OutputUnits = field(default_factory=OutputUnits)
+
+    @property
+    def given(self) -> bool:
+        """Whether results have units."""
+        return self.scales is not None
+
+    def factor(self, quantity: str) -> float:
+        """By which a dimensionless result is multiplied; 1 without scales or for a plain number, whose name is ''."""
+        if self.scales is None or not quantity:
+            return 1.0
+        unit = unit_in_si(getattr(self.units, _FIELD[quantity]), quantity)
+        return float(QUANTITIES[quantity].factor(self.scales.exact) / unit)
+
+    def name(self, quantity: str) -> str:
+        """Of the unit, such as ``mm``; a dash without scales or for a plain number."""
+        if self.scales is None or not quantity:
+            return "–"
+        return pretty(getattr(self.units, _FIELD[quantity]))
