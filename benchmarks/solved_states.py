@@ -17,7 +17,7 @@ from porocore.interfaces.sampler import Request, Sampler
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.pipeline import prepare_cell
 from porocore.sampling.campaign import run_campaign
-from porocore.states import Array, CellResponse, MacroState
+from porocore.states import Array, CellResponse, IntArray, MacroState
 
 #: Second-order elements on an eighth of the cell for diagonal states, on the whole cell for others; r = 0.25, ν = 0.35.
 CELL = Cell()
@@ -65,6 +65,11 @@ class Library:
 
     def solve(self, name: str, sampler: Sampler) -> tuple[MacroState, CellResponse]:
         """All states that ``sampler`` asks for and that are stable, in the order of their keys."""
+        states, responses, _ = self.numbered(name, sampler)
+        return states, responses
+
+    def numbered(self, name: str, sampler: Sampler) -> tuple[MacroState, CellResponse, IntArray]:
+        """The same, and the place of each among all that were asked for."""
         dataset = Dataset.create_or_open(
             self.folder / f"{name}.h5", inputs=self.inputs, identity=CELL.identity
         )
@@ -75,7 +80,7 @@ class Library:
         print(f"{name}: {counts}; {summary.solved} solved in {summary.seconds:.0f} s", file=sys.stderr)
         responses = dataset.responses()
         stable = np.flatnonzero(responses.stable)
-        return dataset.states()[stable], responses[stable]
+        return dataset.states()[stable], responses[stable], stable
 
     def training_set(self, states: MacroState, responses: CellResponse) -> TrainingSet:
         """What a surrogate learns from."""
