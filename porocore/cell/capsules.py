@@ -10,7 +10,7 @@ from porocore.states import Array
 
 #: How far around the cell a body must be known for the level set beside the cell's faces.
 MARGIN = 0.1
-#: Lines along each of two axes on which the volume is measured; it is exact along each.
+#: Lines in a cell's length along each of two axes on which the volume is measured; it is exact along each.
 LINES = 500
 CHUNK = 20_000
 
@@ -61,8 +61,9 @@ class Capsules:
         return np.concatenate(values), np.concatenate(slopes)
 
     def share(self, low: float, high: float) -> float:
-        """Share of the box [low, high]³ that the bodies fill, each bar without round ends; to about 1e-5."""
-        grid = low + (high - low) * (np.arange(LINES) + 0.5) / LINES
+        """Share of the box [low, high]³ that the bodies fill, each bar without round ends; to about 5e-5."""
+        count = round(LINES * (high - low))
+        grid = low + (high - low) * (np.arange(count) + 0.5) / count
         lines = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
         bodies = self.reaching(low, high, 0.0)
         filled = 0.0

@@ -115,7 +115,7 @@ class SpherePores(DrawnGeometry):
 
     @property
     def porosity(self) -> float:
-        """See :class:`~porocore.cell.part.PoreGeometry`; to about 1e-5."""
+        """See :class:`~porocore.cell.part.PoreGeometry`; to about 5e-5."""
         return _porosity(self)
 
     @property
