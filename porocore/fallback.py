@@ -89,6 +89,8 @@ class Fallback:
         A fresh surrogate of the same settings.
     seed
         Of its training.
+    objective
+        Whether the surrogate does not change when a state is turned, so that a turned one may be solved instead.
     on_work
         Called after every solve and fit.
     """
@@ -100,10 +102,11 @@ class Fallback:
         base: TrainingSet,
         make: Callable[[], Surrogate],
         seed: int,
+        objective: bool = False,
         on_work: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.pool, self.dataset, self.base, self.make, self.seed = pool, dataset, base, make, seed
-        self.on_work = on_work
+        self.objective, self.on_work = objective, on_work
         self.work = FallbackWork(reused=len(dataset))
         self._asked: dict[str, tuple[float, ...]] = {}
 
@@ -117,6 +120,8 @@ class Fallback:
         None where no component that was sampled takes them outside, or where no cell there has a stable equilibrium.
         """
         inputs = self.base.inputs
+        if self.objective:
+            states = inputs.without_rotation(states)
         states = states[np.flatnonzero(~inputs.moves_other(states))]
         if not len(states):
             return None

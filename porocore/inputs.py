@@ -14,6 +14,9 @@ from porocore.states import Array, MacroState
 
 NAMES = (*(f"H{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)), "p")
 
+#: Components of H below the diagonal.
+BELOW = ("H21", "H31", "H32")
+
 
 @dataclass(frozen=True)
 class InputSpace:
@@ -58,6 +61,23 @@ class InputSpace:
     def gather(self, states: MacroState) -> Array:
         """The inputs of n states, (n, d)."""
         return components(states)[list(self.columns)].T
+
+    def without_rotation(self, states: MacroState) -> MacroState:
+        """States turned back so that F = I + H is upper triangular, with the same stretch.
+
+        For an objective law they are the same, and inputs from the upper triangle of H reach all of them. Where a
+        component below the diagonal is an input, and where det F is not positive, states stay as they are.
+        """
+        H = states.grad_u
+        if any(name in self.names for name in BELOW) or not H[:, (1, 2, 2), (0, 0, 1)].any():
+            return states
+        F = np.eye(3) + H
+        turned = np.linalg.det(F) > 0
+        F = F[turned]
+        # F = Q R has the stretch of R, and C = RᵀR is its Cholesky factorisation.
+        back = H.copy()
+        back[turned] = np.linalg.cholesky(F.swapaxes(1, 2) @ F).swapaxes(1, 2) - np.eye(3)
+        return MacroState(back, states.p)
 
     def to_unit(self, x: Array) -> Array:
         """Inputs (n, d) by their ranges: the box becomes the unit box."""

@@ -29,6 +29,7 @@ from porocore.stage_files import (
     load_solution,
     load_surrogate,
     prepare_cell,
+    resting,
     training_set,
 )
 from porocore.stage_times import timed
@@ -100,7 +101,9 @@ def macro_laws(
             name = fallback_law(config.closure)
             laws[name] = _learning(folder, config, stack, reference, name)
         else:
-            cells = DirectCellLaw(stack.enter_context(_pool(config)), reference.response, config.stages.cell)
+            rest = resting(config, reference)
+            identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
+            cells = DirectCellLaw(stack.enter_context(_pool(config)), rest, identity)
             name = direct_law(direct_closure)
             laws[name] = ClosedLaw(cells, _closure(config, direct_closure, reference), name=name)
     return laws
@@ -129,6 +132,7 @@ def _learning(
         training_set(folder, config),
         partial(make_backend, "surrogate", config),
         config.surrogate.seed,
+        objective=config.surrogate_model == "potential",
     )
     return LearningLaw(
         extend.known(surrogate),
@@ -140,7 +144,10 @@ def _learning(
 
 
 def _closure(config: RunConfig, name: str, reference: CellReference) -> Any:
-    return CLOSURES[name](reference.solid_fraction, config.cell.solid, reference.conductivity)
+    deformed = config.conductivity == "deformed"
+    return CLOSURES[name](
+        reference.solid_fraction, config.cell.solid, reference.conductivity, deformed=deformed
+    )
 
 
 def _solve_load(

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from porocore.closure_error import ClosureError
 from porocore.inputs import InputSpace
 from porocore.linear import LinearCoefficients
+from porocore.result_units import ResultUnits
 from porocore.scales import Scales
 from porocore.solution import MacroSolution
 from porocore.states import Array, IntArray
@@ -313,6 +314,8 @@ class ReportContext:
         For which the main results are given in SI units.
     fallbacks
         What solutions with a fallback needed.
+    units
+        Of the study's results.
     """
 
     title: str
@@ -329,6 +332,13 @@ class ReportContext:
     direct: tuple[DirectCost, ...] = ()
     scenarios: Mapping[str, Scales] = field(default_factory=dict)
     fallbacks: tuple[FallbackDone, ...] = ()
+    units: ResultUnits = field(default_factory=ResultUnits)
+
+    @property
+    def result_units(self) -> dict[str, ResultUnits]:
+        """By the heading of their column: of the study's own scales, if there are any, and of the scenarios."""
+        own = {"this study": self.units} if self.units.given else {}
+        return own | {name: ResultUnits(scales) for name, scales in self.scenarios.items()}
 
     def __post_init__(self) -> None:
         if not self.cases:

@@ -1,15 +1,16 @@
-"""The main results in SI units, for each scenario of the configuration."""
+"""The main results with units: in those of the study, and for each scenario of the configuration."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from porocore.report.format import number, plain
-from porocore.scales import QUANTITIES, Scales
+from porocore.result_units import ResultUnits
+from porocore.series import all_series
 from porocore.solution import MacroSolution, Profile
 from porocore.states import Array
 
@@ -34,7 +35,7 @@ def fluid_velocity(profile: Profile) -> Array:
 
 
 def dimensional_rows(
-    metrics: dict[str, Any], solution: MacroSolution, conductivity: float, scenarios: Mapping[str, Scales]
+    metrics: dict[str, Any], solution: MacroSolution, conductivity: float, units: Mapping[str, ResultUnits]
 ) -> list[DimensionalRow]:
     """Of one case, as :func:`porocore.report.metrics.case_metrics` describes it.
 
@@ -47,7 +48,7 @@ def dimensional_rows(
     """
     found = metrics["nonlinear"]
     rows: list[tuple[str, str, float | None]] = [
-        ("load", "stress", metrics["load"]),
+        ("load times E", "stress", metrics["load"]),
         ("final settlement", "displacement", found["final_settlement"]),
         ("final settlement, linear", "displacement", metrics["linear"]["final_settlement"]),
         ("largest pore pressure", "pressure", found["max_pressure"]),
@@ -65,14 +66,36 @@ def dimensional_rows(
         DimensionalRow(
             name,
             number(value),
-            tuple(_in_units(value, quantity, scales) for scales in scenarios.values()),
+            tuple(_in_units(value, quantity, each) for each in units.values()),
         )
         for name, quantity, value in rows
     ]
 
 
-def _in_units(value: float | None, quantity: str, scales: Scales) -> str:
+def _in_units(value: float | None, quantity: str, units: ResultUnits) -> str:
     if value is None:
         return number(None)
-    found = float(f"{value * scales.factor(quantity):.3g}")
-    return f"{number(found, 3)} {QUANTITIES[quantity].unit}"
+    found = float(f"{value * units.factor(quantity):.3g}")
+    return f"{number(found, 3)} {units.name(quantity)}"
+
+
+def dimensional_metrics(solutions: Iterable[MacroSolution], units: ResultUnits) -> list[dict[str, Any]]:
+    """For JSON: of every solution the last and the largest value of what has a unit, and when that is."""
+    found = []
+    for solution in solutions:
+        time = solution.history.time * units.factor("time")
+        series = {}
+        for each in all_series(solution):
+            if not each.quantity or each.name == "time":
+                continue
+            values = each.values * units.factor(each.quantity)
+            largest = int(np.abs(values).argmax())
+            series[each.name] = {
+                "unit": units.name(each.quantity),
+                "final": float(values[-1]),
+                "largest": float(values[largest]),
+                "at": float(time[largest]),
+            }
+        head = {"law": solution.law, "load": solution.load, "time_unit": units.name("time")}
+        found.append({**head, "end_time": float(time[-1]), "series": series})
+    return found

@@ -28,6 +28,7 @@ from porocore.report.words import (
     conductivity_change,
     linear_rows,
 )
+from porocore.result_units import ResultUnits
 from porocore.states import Array, MacroState, Status
 
 #: Profiles shown for each load, in order.
@@ -63,10 +64,10 @@ def render(context: ReportContext) -> str:
         ],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
         dimensional=[
-            dimensional_rows(m, case.nonlinear, float(conductivity[1, 1]), context.scenarios)
+            dimensional_rows(m, case.nonlinear, float(conductivity[1, 1]), context.result_units)
             for m, case in zip(metrics, context.cases, strict=True)
         ]
-        if context.scenarios
+        if context.result_units
         else [],
         conductivity=[conductivity_change(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
@@ -81,7 +82,7 @@ def render(context: ReportContext) -> str:
         ],
         gaps=[case_gaps(case) for case in context.cases],
         compared=COMPARED,
-        cases=[_case_pictures(case) for case in context.cases],
+        cases=[_case_pictures(case, context.units) for case in context.cases],
         total_seconds=sum(stage.seconds for stage in context.stages),
     )
 
@@ -137,20 +138,21 @@ def _samples_figure(context: ReportContext) -> Figure:
 
 def _visited(case: Case, sampling: SamplingSummary) -> list[Array]:
     """The inputs at the elements of each kept profile, upwards."""
+    inputs = sampling.inputs
     height = case.nonlinear.points[case.nonlinear.cells, 1].mean(axis=1)
     order = np.argsort(height, kind="stable")
     return [
-        sampling.inputs.gather(MacroState(profile.grad_u[order], profile.element_p[order]))
+        inputs.gather(inputs.without_rotation(MacroState(profile.grad_u[order], profile.element_p[order])))
         for profile in case.nonlinear.profiles
     ]
 
 
-def _case_pictures(case: Case) -> dict[str, list[Picture]]:
+def _case_pictures(case: Case, units: ResultUnits) -> dict[str, list[Picture]]:
     """Profiles along its axis of a column, pictures of any other body."""
     load = plain(case.load)
     histories = [
         svg_picture(
-            figures.history_figure(case.nonlinear, case.linear, *case.others, log_time=log_time),
+            figures.history_figure(case.nonlinear, case.linear, *case.others, log_time=log_time, units=units),
             f"Settlement, pore pressure and drained volume against {'logarithmic ' if log_time else ''}time, "
             f"load {load}",
         )
@@ -160,7 +162,8 @@ def _case_pictures(case: Case) -> dict[str, list[Picture]]:
     column = is_column(case.nonlinear)
     series = [
         svg_picture(
-            figures.series_figure(case.nonlinear, case.linear, panel.plain), f"{panel.plain}, load {load}"
+            figures.series_figure(case.nonlinear, case.linear, panel.plain, units),
+            f"{panel.plain}, load {load}",
         )
         for panel in panels(case.nonlinear)
         if case.nonlinear.probes or not column

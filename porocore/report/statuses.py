@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from porocore.body.mesh import BodyMesh
 from porocore.report.context import SamplingSummary
 from porocore.report.format import percent
 from porocore.solution import MacroSolution, Profile
@@ -37,14 +38,15 @@ def visited_shares(solution: MacroSolution, sampling: SamplingSummary) -> list[d
         return []
     span = np.subtract(sampling.inputs.upper, sampling.inputs.lower)
     tree = cKDTree(sampling.x / span)
-    volume = np.ptp(solution.points[solution.cells], axis=1).prod(axis=1)  # elements are bricks
+    volume = BodyMesh(solution.points, solution.cells).weights.sum(axis=1)
     return [_at(profile, sampling, tree, span, volume) for profile in solution.profiles]
 
 
 def _at(
     profile: Profile, sampling: SamplingSummary, tree: Any, span: Array, volume: Array
 ) -> dict[str, float]:
-    x = sampling.inputs.gather(MacroState(profile.grad_u, profile.element_p))
+    inputs = sampling.inputs
+    x = inputs.gather(inputs.without_rotation(MacroState(profile.grad_u, profile.element_p)))
     status = sampling.status[tree.query(x / span)[1]]
     shares = {
         name: float(volume[np.isin(status, kinds)].sum() / volume.sum()) for name, kinds in SHARES.items()

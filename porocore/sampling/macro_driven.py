@@ -90,7 +90,7 @@ class MacroDriven(Learning):
         self.results.append(np.array(found.results))
         if self.settled:
             return self.points[:0]
-        visited = self._lattice(self.inputs.gather(found.states))
+        visited = self._lattice(self.inputs.gather(self.inputs.without_rotation(found.states)))
         distance, _ = distances(visited, self.points)
         reachable, apart = self.reachable(visited), APART * spacing(len(self.points) + size, d)
         # Where the states on the way are that dense already, they are made denser.

@@ -208,7 +208,7 @@ class PotentialModel:
             stress=stress,
             fluid_volume=-gradient[6],
             tangent=slopes if tangent else None,
-            outside=self.sampled.outside(states),
+            outside=self.sampled.outside(self.sampled.inputs.without_rotation(states)),
         )
 
     def _mean_grad(self, stretch: LogStretch, y: Array, tangent: bool) -> tuple[Array, tuple[Array, Array]]:

@@ -16,11 +16,13 @@ from porocore.report.figures.style import (
     NONLINEAR,
     ORANGE,
     PURPLE,
+    axis_label,
     legend_above,
     new_figure,
     styled,
 )
 from porocore.report.metrics import time_to_fraction
+from porocore.result_units import ResultUnits
 from porocore.solution import MacroSolution
 from porocore.states import Array
 
@@ -35,6 +37,7 @@ def history_figure(
     linear: MacroSolution,
     *others: MacroSolution,
     log_time: bool = False,
+    units: ResultUnits | None = None,
 ) -> Figure:
     """Histories of one load, the cell's law against linear poroelasticity.
 
@@ -46,6 +49,8 @@ def history_figure(
         Further nonlinear ones, such as with another closure; each is then called by its law.
     log_time
         Logarithmic time axis; the state at rest, t = 0, is then left out.
+    units
+        Of the axes; dimensionless by default.
 
     Returns
     -------
@@ -53,6 +58,10 @@ def history_figure(
         Three panels above each other: largest settlement, largest pore pressure, drained volume (the paper's
         measure solid or dashed, the flux through the boundary dotted).
     """
+    units = units or ResultUnits()
+    t, length, stress, volume = (
+        units.factor(name) for name in ("time", "displacement", "pressure", "volume")
+    )
     figure = new_figure(5.4, 7.6)
     settlement, pressure, drained = figure.subplots(3, 1, sharex=True)
     first = 1 if log_time else 0
@@ -65,23 +74,23 @@ def history_figure(
     ]
     for solution, colour, style, label in curves:
         history = solution.history
-        time = history.time[first:]
-        settlement.plot(time, history.settlement[first:], color=colour, ls=style, label=label)
-        pressure.plot(time, history.pressure_max[first:], color=colour, ls=style)
-        drained.plot(time, history.drained[first:], color=colour, ls=style)
-        drained.plot(time, history.drained_flux[first:], color=colour, ls=DOTTED, lw=2.4, alpha=0.75)
+        time = history.time[first:] * t
+        settlement.plot(time, history.settlement[first:] * length, color=colour, ls=style, label=label)
+        pressure.plot(time, history.pressure_max[first:] * stress, color=colour, ls=style)
+        drained.plot(time, history.drained[first:] * volume, color=colour, ls=style)
+        drained.plot(time, history.drained_flux[first:] * volume, color=colour, ls=DOTTED, lw=2.4, alpha=0.75)
         for share, marker in MARKS:
-            _mark(settlement, history.time, history.settlement, share, marker, colour)
+            _mark(settlement, history.time * t, history.settlement * length, share, marker, colour)
     # Proxies that explain in grey what both laws share.
     settlement.plot([], [], color="0.35", ls=DOTTED, lw=2.4, label="drained, by boundary flux")
     for share, marker in MARKS:
         settlement.plot(
             [], [], color="0.35", ls="", marker=marker, ms=5, label=f"{100 * share:.0f} % of final"
         )
-    settlement.set_ylabel(r"settlement max$(-u_2)$ [–]")
-    pressure.set_ylabel("largest pore pressure $p\\,/E$ [–]")
-    drained.set_ylabel("drained volume [–]")
-    drained.set_xlabel("time $t$ [–]" + (", logarithmic" if log_time else ""))
+    settlement.set_ylabel(axis_label("settlement max$(-u_2)$", "displacement", units))
+    pressure.set_ylabel(axis_label("largest pore pressure $p$", "pressure", units))
+    drained.set_ylabel(axis_label("drained volume", "volume", units))
+    drained.set_xlabel(axis_label("time $t$", "time", units) + (", logarithmic" if log_time else ""))
     for axes in (settlement, pressure, drained):
         if axes.dataLim.ymin >= 0:
             axes.set_ylim(bottom=0)

@@ -13,6 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from porocore.result_units import ResultUnits
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -79,6 +81,16 @@ def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
     figure.legend(
         handles, labels, loc="outside upper left", ncols=columns, handlelength=2.2, columnspacing=1.3
     )
+
+
+#: By what a dimensionless quantity is divided, where that is not obvious.
+_DIVIDED_BY = {"pressure": r"$\,/E$", "stress": r"$\,/E$", "force": r"$\,/(E L^2)$"}
+
+
+def axis_label(words: str, quantity: str, units: ResultUnits) -> str:
+    """Of an axis, with the unit in brackets."""
+    by = "" if units.given else _DIVIDED_BY.get(quantity, "")
+    return f"{words}{by} [{units.name(quantity)}]"
 
 
 def lighter(colour: str, share: float = 0.62) -> tuple[float, float, float]:
