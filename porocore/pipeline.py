@@ -130,23 +130,28 @@ def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
 
 
 def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
-    """Write metrics.json, the files for ParaView and the page; returns the page's path.
+    """Write metrics.json, histories as tables, the files for ParaView and the page; returns the page's path.
 
     They are about the closure that the run began with; solutions of other laws are set beside it.
     """
     from porocore.report.html import write_report
     from porocore.report.words import all_warnings
+    from porocore.series import write_series
     from porocore.summary import gather
     from porocore.vtk import write_vtu_series
 
     finished(folder, folder.test_dataset, config.stages.test, _held_out(config))
     shown = with_closure(folder.written, folder.shown_closure)
-    config = shown.model_copy(update={"title": config.title, "scenarios": config.scenarios})
+    config = shown.model_copy(
+        update={name: getattr(config, name) for name in ("title", "scales", "output_units", "scenarios")}
+    )
     with timed(folder.timings, "report"):
         for load in config.macro.loads:
             for law in (*folder.solved(load), LINEAR):
                 stem = folder.solution(law, load).stem
-                write_vtu_series(folder.fields, stem, load_solution(folder, law, load))
+                solution = load_solution(folder, law, load)
+                write_vtu_series(folder.fields, stem, solution)
+                write_series(folder.history(law, load), solution, config.result_units)
         reference = load_reference(folder, config)
         coefficients = linear_coefficients(reference, config)
         closures = dict.fromkeys(law for load in config.macro.loads for law in folder.solved(load))

@@ -34,6 +34,8 @@ CONFIG, RECORD, LOCK = "config.yaml", "run.json", ".lock"
 LINEAR = "linear"
 #: The temporary names of :func:`porocore.files.atomic_path`.
 _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
+#: Keys of the configuration that may change when a run goes on.
+NOT_PART_OF_A_RUN = ("title ", "scales", "output_units", "scenarios")
 _PACKAGES = (
     "numpy",
     "scipy",
@@ -290,6 +292,10 @@ class RunFolder:
         """Folder of the files for ParaView."""
         return self.path / "fields"
 
+    def history(self, law: str, load: float) -> Path:
+        """Everything against time of one macro solution, as a table."""
+        return self.path / "histories" / f"{_file_name(law, load)}.csv"
+
     @property
     def timings(self) -> Path:
         """Seconds that each stage took."""
@@ -308,7 +314,7 @@ class RunFolder:
     def _check_same(self, held: RunFolder, resume: bool) -> None:
         same = with_closure(held.config, self.config.closure)
         if same.identity != self.config.identity:
-            changed = [d for d in differences(self.config, same) if not d.startswith(("title ", "scenarios"))]
+            changed = [d for d in differences(self.config, same) if not d.startswith(NOT_PART_OF_A_RUN)]
             raise RunFolderError(
                 f"{self.path} holds another run; this one has {_some(changed)}; choose another --out"
             )

@@ -33,6 +33,7 @@ from porocore.report.context import (
     SurrogateSummary,
     TrainingCurve,
 )
+from porocore.report.dimensional import dimensional_metrics
 from porocore.report.gaps import case_gaps
 from porocore.report.metrics import report_metrics, rms_percent, worst_percent
 from porocore.report.statuses import solved_shares, visited_shares
@@ -97,6 +98,7 @@ def gather(
         direct=direct,
         scenarios=config.scenarios,
         fallbacks=(fallbacks := fallbacks_done(folder, config)),
+        units=config.result_units,
     )
     metrics = {
         "cell": {
@@ -133,6 +135,9 @@ def gather(
             for found, case in zip(report_metrics(cases)["cases"], cases, strict=True)
         ],
     }
+    if config.result_units.given:
+        solutions = (each for case in cases for each in (case.nonlinear, case.linear, *case.others))
+        metrics["dimensional"] = dimensional_metrics(solutions, config.result_units)
     if summaries:
         metrics["other_surrogates"] = {name: _errors(summary) for name, summary in summaries.items()}
     if fallbacks:

@@ -34,6 +34,7 @@ LAYERS = (
             "cell",
             "body",
             "courses",
+            "dimensions",
             "laws",
             "problem",
             "solution",
@@ -62,6 +63,7 @@ LAYERS = (
             "reproduce",
         ),
     ),
+    ("python", ("api",)),
     ("command line", ("cli",)),
 )
 WORK = [name for name, _ in LAYERS].index("work")
@@ -213,7 +215,7 @@ def test_importing_porocore_is_fast_and_light():
         begun = time.perf_counter()
         import porocore
         print(time.perf_counter() - begun)
-        print([m for m in ("torch", "gmsh", "matplotlib", "skfem", "numpy", "pydantic") if m in sys.modules])
+        print([m for m in ("torch", "gmsh", "matplotlib", "skfem", "numpy", "pydantic", "pint") if m in sys.modules])
     """
     seconds, heavy = run_python(code).splitlines()
     assert float(seconds) < 0.1
@@ -225,7 +227,7 @@ def test_everything_public_resolves_without_a_heavy_import():
         import sys
         import porocore
         missing = [name for name in porocore.__all__ if getattr(porocore, name, None) is None]
-        print(missing, [m for m in ("torch", "gmsh", "matplotlib", "skfem", "pyamg") if m in sys.modules])
+        print(missing, [m for m in ("torch", "gmsh", "matplotlib", "skfem", "pyamg", "pint", "xarray") if m in sys.modules])
     """
     assert run_python(code) == "[] []"
 
