@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import BaseModel, Field, field_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 from pydantic_core.core_schema import ValidationInfo
 
 from porocore.errors import ConfigurationError
@@ -19,30 +19,27 @@ class FromFile(BaseModel):
     one, at the current folder.
     """
 
-    path: Annotated[str, Field(min_length=1)]
-    sha256: Annotated[str | None, Field(validate_default=True)] = None
+    sha256: str | None = None
     """Of the content, which is what counts; filled in where it is left out."""
+    path: Annotated[str, Field(min_length=1)]
 
     @field_validator("path")
     @classmethod
-    def _absolute(cls, path: str, info: ValidationInfo) -> str:
-        folder = (info.context or {}).get("folder", ".")
-        return str((Path(folder) / path).absolute())
+    def _absolute(cls, given: str, info: ValidationInfo) -> str:
+        path = (Path((info.context or {}).get("folder", ".")) / given).absolute()
+        expected = info.data.get("sha256")
+        # Where the content is known, what was computed of it can be looked at without the file.
+        if expected is None and not path.is_file():
+            raise ValueError(f"no such file: {path}")
+        if expected is not None and path.is_file() and (found := content_hash(path)) != expected:
+            raise ValueError(_changed(path, expected, found))
+        return str(path)
 
-    @field_validator("sha256")
-    @classmethod
-    def _same(cls, sha256: str | None, info: ValidationInfo) -> str | None:
-        if "path" not in info.data:
-            return sha256
-        path = Path(info.data["path"])
-        if not path.is_file():
-            if sha256 is None:
-                raise ValueError(f"no such file: {path}")
-            return sha256  # what was computed of it can still be looked at
-        found = content_hash(path)
-        if sha256 not in (None, found):
-            raise ValueError(_changed(path, sha256, found))
-        return found
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        if self.sha256 is None:
+            object.__setattr__(self, "sha256", content_hash(Path(self.path)))
+        return self
 
     def checked(self) -> Path:
         """The file, after another look at its content.

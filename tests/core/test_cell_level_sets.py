@@ -5,7 +5,6 @@ from itertools import product
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
-from scipy.optimize import brentq
 
 from porocore.cell.cell import Cell
 from porocore.cell.facts import dihedral_angles, unmatched
@@ -56,7 +55,7 @@ def test_the_lattice_fills_its_box_with_equal_tetrahedra():
 
 
 @pytest.mark.parametrize("name", KINDS)
-@pytest.mark.parametrize("element", ["linear", "quadratic-curved"])
+@pytest.mark.parametrize("element", [pytest.param("linear", marks=pytest.mark.slow), "quadratic-curved"])
 def test_meshes_fill_the_cell_and_match_across_faces(name, element):
     solid, fluid = both(KINDS[name], 0.2, element)
     shares = [volume(mesh.points, mesh.cells) for mesh in (solid, fluid)]
@@ -100,6 +99,7 @@ def test_porosity_and_shape_of_elements_of_resolved_cells(name, within):
         assert dihedral_angles(mesh.points, mesh.cells).min() > 5
 
 
+@pytest.mark.slow
 def test_the_error_of_the_volume_falls_with_its_order():
     """Straight facets leave out h², curved ones h⁴, on average over sizes that cut the wall differently."""
     geometry = tpms("schwarz-p", level=-0.4)
@@ -131,8 +131,6 @@ def test_a_void_fraction_is_solved_for():
         again = tpms("gyroid", level=geometry.wall_level, solid=geometry.solid)
         assert geometry.porosity == 0.62
         assert again.porosity == pytest.approx(0.62, abs=1e-9)
-    level = brentq(lambda c: below("diamond", c) - 0.3, -1, 1)
-    assert tpms("diamond", void_fraction=0.3).wall_level == pytest.approx(level, abs=1e-9)
 
 
 def test_gradients_are_those_of_the_values():
@@ -149,16 +147,18 @@ def test_gradients_are_those_of_the_values():
     [
         SpherePores(kind="sphere-pores", lattice="cubic", radius=0.35, throat=0.15),
         SpherePores(kind="sphere-pores", lattice="bcc", radius=0.45),
-        SpherePores(kind="sphere-pores", lattice="fcc", radius=0.25, throat=0.1),
+        pytest.param(
+            SpherePores(kind="sphere-pores", lattice="fcc", radius=0.25, throat=0.1), marks=pytest.mark.slow
+        ),
         CHANNEL,
     ],
     ids=["cubic", "bcc", "fcc", "given"],
 )
 def test_porosity_of_spheres_by_counting(geometry):
     low = 0.0 if geometry.lattice else -0.5
-    x = low + (0.5 - low) * (np.arange(40) + 0.5) / 40
+    x = low + (0.5 - low) * (np.arange(32) + 0.5) / 32
     points = np.stack(np.meshgrid(x, x, x, indexing="ij"), axis=-1).reshape(-1, 3)
-    assert (geometry.pores().value(points) < 0).mean() == pytest.approx(geometry.porosity, abs=4e-3)
+    assert (geometry.pores().value(points) < 0).mean() == pytest.approx(geometry.porosity, abs=6e-3)
 
 
 def test_closed_forms_of_spheres():
