@@ -202,6 +202,35 @@ class Bodies(Solving):
         assert errors[1] < 0.012
         assert counts[0] < counts[1] < 200
 
+    def test_a_killed_run_continues_to_the_identical_history_on_any_body(
+        self, body: Any, tmp_path: Path
+    ) -> None:
+        """With steps by error, a follower, a course, probes and reactions: to the last bit."""
+        problem = self.problem(
+            body,
+            boundary={"y+": {"follower": {"table": [[0, 0], [0.4, 0.03], [6, 0.01]]}}},
+            probes={"inside": (0.31, 0.2, 0.05)},
+            time=SHORT | {"tolerance": 5e-3},
+        )
+        whole = self.solve(problem, NONLINEAR)
+        solver, path, steps = self.make_solver(checkpoint_seconds=0), tmp_path / "macro.h5", []
+
+        def killed(report: Any) -> None:
+            steps.append(report.time)
+            if len(steps) == 7:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            solver.solve(solver.prepare(problem), NONLINEAR, checkpoint=path, on_step=killed)
+        resumed = self.solve(problem, NONLINEAR, checkpoint=path)
+        assert len(whole.history.time) > 9
+        np.testing.assert_array_equal(resumed.history.time, whole.history.time)
+        np.testing.assert_array_equal(resumed.probes["inside"], whole.probes["inside"])
+        for name, force in whole.reactions.items():
+            np.testing.assert_array_equal(resumed.reactions[name], force)
+        np.testing.assert_array_equal(resumed.inflow["y+"], whole.inflow["y+"])
+        np.testing.assert_array_equal(resumed.profiles[-1].u, whole.profiles[-1].u)
+
     def test_an_unknown_surface_is_refused(self) -> None:
         data = {"body": {"elements": (1, 1, 1)}, "boundary": {**ROLLERS, "lid": {"pressure": 0}}}
         with pytest.raises(
