@@ -34,7 +34,7 @@ class Dimension:
     si: bool = False
 
     def __get_pydantic_json_schema__(self, core: Any, handler: Callable[[Any], JsonSchema]) -> JsonSchema:
-        return _with_texts(handler(core))
+        return {**_with_texts(handler(core)), "x-dimension": self.quantity}
 
 
 @dataclass(frozen=True)

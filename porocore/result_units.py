@@ -26,7 +26,7 @@ _FIELD = {quantity: name for name, quantities in MEANS.items() for quantity in q
 class OutputUnits(BaseModel):
     """A unit for each kind of result."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     length: str = "m"
     """Of displacements and places, such as mm."""

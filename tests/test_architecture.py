@@ -54,6 +54,7 @@ LAYERS = (
             "solving",
             "stage_files",
             "exploration",
+            "preflight",
             "summary",
             "crosscheck",
             "tune",

@@ -13,7 +13,14 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from porocore.cli.common import ConfigArgument, FemOption, interruptible, parse_inputs, read_config
+from porocore.cli.common import (
+    ConfigArgument,
+    FemOption,
+    interruptible,
+    located,
+    parse_inputs,
+    read_config,
+)
 from porocore.errors import ConfigurationError
 from porocore.plain_data import json_ready
 
@@ -58,11 +65,11 @@ def state(
     with --json only. A state that has no solution is an answer too: its status tells why, and in the JSON object
     its responses are null.
     """
-    _, settings = read_config(config, fem)
+    path, settings = read_config(config, fem)
     H = parse_grad_u(grad_u)
     if not math.isfinite(p):
         raise ConfigurationError(f"--p: expected a finite number, got {p}")
-    with interruptible():
+    with interruptible(), located(path):
         from porocore import pipeline
 
         result = json_ready(pipeline.solve_cell(settings, H, p))
@@ -91,9 +98,9 @@ def fields(
     undeformed one.
     Pictures need pyvista (pip install 'porocore[pictures]') and no display.
     """
-    _, settings = read_config(config, fem)
+    path, settings = read_config(config, fem)
     asked = parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at)
-    with interruptible():
+    with interruptible(), located(path):
         from porocore.local_fields.solve import solve_and_write
 
         found = solve_and_write(
@@ -110,8 +117,8 @@ def fields(
 
     typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")
     typer.echo(f"strain energy density: mean <Ψ>_s {peaks.energy_mean[0]:.6g}, largest {peaks.energy[0]:.6g}")
-    for path in (found.vtu, *found.pictures.values()):
-        typer.echo(path)
+    for written in (found.vtu, *found.pictures.values()):
+        typer.echo(written)
 
 
 @cell.command()
@@ -132,7 +139,7 @@ def show(
     Pictures need pyvista (pip install 'porocore[pictures]') and no display.
     """
     path, settings = read_config(config, None)
-    with interruptible():
+    with interruptible(), located(path):
         from porocore.cell.facts import as_lines, facts_of
         from porocore.local_fields.geometry import render_phases, write_phases
 

@@ -56,6 +56,18 @@ def interruptible(advice: str = "") -> Iterator[None]:
         raise Interrupted(f"interrupted; continue with: {advice}" if advice else "interrupted") from error
 
 
+@contextmanager
+def located(path: Path) -> Iterator[None]:
+    """Put file and line before every complaint about a key of the configuration at ``path``."""
+    try:
+        yield
+    except ConfigurationError as error:
+        from porocore.config_errors import with_lines
+        from porocore.yaml_document import YamlDocument
+
+        raise ConfigurationError(with_lines(YamlDocument.read(path), str(error))) from error
+
+
 def read_config(
     path: Path | None, fem: str | None, surrogate: str | None = None, closure: str | None = None
 ) -> tuple[Path, RunConfig]:

@@ -208,6 +208,7 @@ def _facts(dataset: Dataset) -> dict[str, Any]:
     x = dataset.x()
     status = dataset.responses().status if n else np.zeros(0, dtype=int)
     seconds = dataset.seconds()
+    conductivity = dataset.responses().conductivity if n else None
     inputs = {
         name: {
             "range": [dataset.inputs.lower[i], dataset.inputs.upper[i]],
@@ -223,6 +224,11 @@ def _facts(dataset: Dataset) -> dict[str, Any]:
         "statuses": {s.name: int((status == s).sum()) for s in Status if (status == s).any()},
         "inputs": inputs,
         "responses": sorted(flatten_response(dataset.responses())) if n else [],
+        **(
+            {}
+            if conductivity is None
+            else {"with_conductivity": int(np.isfinite(conductivity).all(axis=(1, 2)).sum())}
+        ),
         "fields": sum(kept is not None for kept in read_fields(dataset.rows())),
         "seconds": {"sum": float(seconds.sum()), "median": float(np.median(seconds)) if n else None},
         "identity": dataset.identity,
@@ -249,6 +255,11 @@ def _as_text(facts: dict[str, Any], whole: bool) -> str:
         lines.append(f"  {name} in [{low:g}, {high:g}], {said}")
     if facts["states"]:
         lines.append(f"  responses: {', '.join(facts['responses'])}")
+        if "with_conductivity" in facts:
+            lines.append(
+                f"  conductivity of the deformed pore: of {facts['with_conductivity']} states; in the others walls "
+                "touch, or there are no values at all"
+            )
         seconds = facts["seconds"]
         lines.append(
             f"  solves: {duration(seconds['sum'])} in all, {duration(seconds['median'])} each (median); "

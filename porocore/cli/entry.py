@@ -20,6 +20,7 @@ from porocore.cli import (
     reproduce,
     sensitivity,
     stability,
+    start,
     study,
     tune,
     units,
@@ -40,6 +41,7 @@ EPILOG = """
 Examples:
 
 * `porocore run` – the benchmark of Dehghani & Zilian, into runs/dehghani2022
+* `porocore init` – configurations to start from
 * `porocore run my.yaml --out runs/mine` – your own study; add `--resume` to continue it
 * `porocore cell my.yaml --grad-u "0 0 0; 0 -0.1 0; 0 0 0" --p 0.05` – one state of the cell
 """
@@ -54,11 +56,15 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-_WHOLE, _STEPS, _LOOK = (
+_BEGIN, _WHOLE, _STEPS, _LOOK = (
+    "A configuration of one's own",
     "A whole study",
     "The same in steps, each from the files of the one before",
     "Looking around",
 )
+app.command(rich_help_panel=_BEGIN)(start.init)
+app.command(rich_help_panel=_BEGIN)(start.check)
+app.command(rich_help_panel=_BEGIN)(start.schema)
 app.command(rich_help_panel=_WHOLE)(study.run)
 app.command(rich_help_panel=_WHOLE)(reproduce.reproduce)
 app.command(rich_help_panel=_STEPS)(study.sample)

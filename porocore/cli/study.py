@@ -18,6 +18,7 @@ from porocore.cli.common import (
     SurrogateOption,
     command,
     interruptible,
+    located,
     read_config,
 )
 from porocore.console import Console
@@ -114,7 +115,8 @@ def run(
     again += ["--closure", closure] if closure else []
     again += _where(executor, scheduler)
     again += ["--fallback", fallback] if fallback is not FallbackKind.none else []
-    with interruptible(command("run", config, *again, "--out", folder.path, "--resume")), folder:
+    go_on = command("run", config, *again, "--out", folder.path, "--resume")
+    with interruptible(go_on), located(path), folder:
         from porocore import pipeline
         from porocore.solving import USUAL_LAWS, with_fallback
 
@@ -143,7 +145,7 @@ def sample(
 
     From a configuration it starts a run folder. Prints the path of the data set.
     """
-    from porocore.runfolder import RunFolder
+    from porocore.runfolder import CONFIG, RunFolder
 
     if target.is_dir():
         if fem is not None or out is not None:
@@ -151,6 +153,7 @@ def sample(
                 f"{target} is a run folder, which has its backend and place; leave out --fem and --out"
             )
         folder = RunFolder.open(target)
+        path = target / CONFIG
         settings = folder.config.with_executor(executor, scheduler)
     else:
         path, settings = read_config(target, fem)
@@ -159,7 +162,7 @@ def sample(
         folder = _claim(path, settings, out, resume)
     console = Console()
     again = _where(executor, scheduler)
-    with interruptible(command("sample", folder.path, *again)), folder:
+    with interruptible(command("sample", folder.path, *again)), located(path), folder:
         from porocore import pipeline
 
         pipeline.sample(folder, settings, console=console, retry_lost=retry_lost)
@@ -299,22 +302,8 @@ def _claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> R
 
 
 def _check_backends(path: Path, settings: RunConfig, *needed: Kind) -> None:
-    """Refuse missing backends and unusable options before a folder is bound to the configuration at ``path``.
+    """Refuse what would stop a run half-way before a folder is bound to the configuration at ``path``."""
+    from porocore.preflight import check_backends
 
-    A backend that only a later stage needs may be installed elsewhere; if it is here, its options are tried now.
-    """
-    from porocore import backends
-    from porocore.config_errors import with_lines
-    from porocore.registry import HOOKS, registry
-    from porocore.yaml_document import YamlDocument
-
-    for kind in needed:
-        registry().find(kind, backends.backend_name(kind, settings))
-    for kind in HOOKS:
-        try:
-            backends.check(kind, settings)
-        except PluginError:
-            if kind in needed:
-                raise
-        except ConfigurationError as error:
-            raise ConfigurationError(with_lines(YamlDocument.read(path), str(error))) from error
+    with located(path):
+        check_backends(settings, needed)

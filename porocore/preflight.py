@@ -1,0 +1,137 @@
+"""What can be found wrong with a study before anything is solved, and what a run of it would do."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+import numpy as np
+
+from porocore import backends
+from porocore.body.mesh import BodyMesh
+from porocore.cell.facts import as_lines, facts_of
+from porocore.config import RunConfig
+from porocore.courses import Course, Value
+from porocore.drainage import undrained
+from porocore.errors import PluginError
+from porocore.macro.body import body_mesh
+from porocore.macro.boundary import boundary_data
+from porocore.macro.probes import interpolation
+from porocore.problem import Boundary, MacroProblem
+from porocore.registry import HOOKS, Kind, registry
+
+
+def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) -> None:
+    """Look for the backends and try their options; then mesh the body and place everything on it.
+
+    Parameters
+    ----------
+    config
+        The study.
+    needed
+        Kinds of backends that must be here; another, of a later stage, may be installed elsewhere. None: all.
+
+    Raises
+    ------
+    PluginError
+        A needed backend is unknown, missing or broken.
+    ConfigurationError
+        Options are unusable, there is no such surface, boundary conditions contradict each other or leave the body
+        loose, or a probe lies outside.
+    """
+    needed = HOOKS if needed is None else needed
+    for kind in needed:
+        registry().find(kind, backends.backend_name(kind, config))
+    place(config)
+    for kind in HOOKS:
+        try:
+            backends.check(kind, config)
+        except PluginError:
+            if kind in needed:
+                raise
+
+
+def place(config: RunConfig) -> BodyMesh:
+    """The body's mesh with boundary conditions and probes on it.
+
+    Raises
+    ------
+    ConfigurationError
+        As :func:`check_backends`.
+    """
+    problem: MacroProblem = config.macro.problem(config.macro.loads[0])
+    mesh = body_mesh(problem)
+    boundary_data(mesh, problem)
+    interpolation(mesh, problem.probes)
+    return mesh
+
+
+def outline(config: RunConfig) -> Iterator[str]:
+    """What a run would do, line by line; the cell is meshed for it.
+
+    Raises
+    ------
+    ConfigurationError
+        The cell cannot be meshed, or its regions are not those of ``cell.materials``.
+    """
+    yield config.title or "a study without a title"
+    yield from (
+        f"cell: {line}" if i == 0 else f"  {line}" for i, line in enumerate(as_lines(facts_of(config.cell)))
+    )
+    if config.cell.materials is not None:
+        config.cell.solid.on(config.cell.make_mesh("solid", "whole"))
+    yield f"  {config.cell.solid.description}, viscosity {config.cell.viscosity:g}"
+    sampling = config.sampling
+    ranges = ", ".join(f"{name} in [{s.range[0]:g}, {s.range[1]:g}]" for name, s in sampling.inputs.items())
+    count = f", {sampling.options['count']} states" if "count" in sampling.options else ""
+    yield f"samples: {sampling.sampler}{count} over {ranges}; {sampling.test.count} held-out states"
+    yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
+    yield from _body(config)
+
+
+def _body(config: RunConfig) -> Iterator[str]:
+    macro, mesh = config.macro, place(config)
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    units = config.result_units
+    length, time = units.factor("displacement"), units.factor("time")
+    sizes = " × ".join(f"{(b - a) * length:.4g}" for a, b in zip(low, high, strict=True))
+    name_of_length = f" {units.name('displacement')}" if units.given else ""
+    yield (
+        f"body: {macro.body.kind}, {sizes}{name_of_length}, {len(mesh.cells)} {mesh.element.shape} elements, "
+        f"{mesh.size} unknowns"
+    )
+    for name, facets in mesh.surfaces.items():
+        said = _said(macro.boundary.get(name))
+        yield f"  surface {name}, {len(facets)} {'facet' if len(facets) == 1 else 'facets'}: {said or 'free of traction and impermeable'}"
+    for name, at in macro.probes.items():
+        yield f"  probe {name} at {', '.join(f'{x * length:.4g}' for x in at)}{name_of_length}"
+    loads = ", ".join(f"{load:g}" for load in macro.loads)
+    name_of_time = f" {units.name('time')}" if units.given else ""
+    steps = "steps chosen by their error, at most" if macro.time.tolerance else "in steps of"
+    yield (
+        f"solutions: loads {loads}, each with the cell's law and linearly, up to t = {macro.time.end * time:.4g}"
+        f"{name_of_time}, {steps} {macro.time.step * time:.4g}{name_of_time}"
+    )
+    # Which way the pores let fluid through is said of the cell.
+    yield from (f"note: {warning}" for warning in undrained(macro, np.eye(3)))
+
+
+def _said(boundary: Boundary | None) -> str:
+    """What is prescribed, in words."""
+    if boundary is None:
+        return ""
+    found = [f"u_{i + 1} = {_value(u)}" for i, u in enumerate(boundary.displacement) if u is not None]
+    found += [f"t_{i + 1} = {_value(t)}" for i, t in enumerate(boundary.traction) if t != 0]
+    for name, value in (
+        ("normal displacement", boundary.normal),
+        ("pressure on the deformed surface", boundary.follower or None),
+        ("force on a plate", boundary.plate),
+        ("p", boundary.pressure),
+        ("outward flux", boundary.flux or None),
+    ):
+        if value is not None:
+            found.append(f"{name} = {_value(value)}")
+    return ", ".join(found)
+
+
+def _value(value: Value) -> str:
+    return "a course" if isinstance(value, Course) else f"{value:g}"
