@@ -16,8 +16,9 @@ from porocore.states import Array, CellResponse, MacroState, Status
 
 #: Largest misfit of a law, relative to the largest entry of what is compared.
 TOLERANCE = 1e-6
-#: Responses that may be NaN in a state with values: the gap is not defined on the whole cell.
-MAY_BE_MISSING = ("peaks/min_gap",)
+#: Responses that may be NaN in a state with values: the gap is not defined on the whole cell, and where walls touch the
+#: fluid's mesh cannot follow them.
+MAY_BE_MISSING = ("peaks/min_gap", "conductivity", "min_fluid_jacobian")
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,13 @@ def check_file(path: Path, tolerance: float = TOLERANCE) -> list[Finding]:
     if response.peaks is not None:
         upright = ~valid | (response.peaks.min_jacobian > 0)
         findings.append(_all("J > 0", upright, keys, "a smallest J that is not positive"))
+    if response.conductivity is not None:
+        K = np.where(np.isfinite(response.conductivity), response.conductivity, np.eye(3))
+        same = np.abs(K - K.transpose(0, 2, 1)).max(axis=(1, 2)) <= tolerance * np.abs(K).max(axis=(1, 2))
+        # Of a pore that is closed in some direction, an eigenvalue is zero.
+        positive = np.linalg.eigvalsh((K + K.transpose(0, 2, 1)) / 2)
+        same &= positive[:, 0] >= -tolerance * positive[:, 2]
+        findings.append(_all("K positive", same, keys, "a conductivity that is not symmetric and positive"))
     return findings + _laws(response, keys, tolerance)
 
 

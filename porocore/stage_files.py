@@ -24,6 +24,7 @@ from porocore.registry import registry
 from porocore.runfolder import RunFolder, versions
 from porocore.sampling.campaign import is_complete
 from porocore.solution import MacroSolution
+from porocore.states import CellResponse
 
 
 def prepare_cell(
@@ -51,6 +52,15 @@ def prepare_cell(
 def load_reference(folder: RunFolder, config: RunConfig) -> CellReference:
     """The undeformed cell of the run."""
     return CellReference.load(folder.require(folder.reference, "sample"), config.stages.cell)
+
+
+def resting(config: RunConfig, reference: CellReference) -> CellResponse:
+    """Response of the undeformed cell, with its conductivity where that of the deformed pore is asked for."""
+    if config.conductivity == "piola":
+        return reference.response
+    return replace(
+        reference.response, conductivity=reference.conductivity[None], min_fluid_jacobian=np.ones(1)
+    )
 
 
 def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
@@ -129,14 +139,11 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
             f"{folder.dataset}: only {len(good)} of {len(dataset)} states are stable, too few to train on; "
             "widen the ranges or refine the steps in sampling.inputs"
         )
-    rest = reference.response
-    if config.conductivity == "deformed":
-        rest = replace(rest, conductivity=reference.conductivity[None])
     return TrainingSet(
         dataset.states()[good],
         responses[good],
         dataset.inputs,
-        rest,
+        resting(config, reference),
         config.stages.cell,
         versions(),
         config.cell.solid.isotropic,

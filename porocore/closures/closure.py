@@ -7,6 +7,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from porocore.closures.pull_back import PulledBack
 from porocore.errors import ConfigurationError
 from porocore.laws import LawMemory, MacroResponse, fingerprint
 from porocore.materials.composite import Solid
@@ -34,6 +35,8 @@ class Closure(ABC):
         What the solid is made of.
     conductivity : (3, 3)
         K of the undeformed cell.
+    deformed
+        Whether the flux has the conductivity of the deformed pore, a response of the cell, instead of K carried along.
     """
 
     #: What the user writes.
@@ -43,11 +46,13 @@ class Closure(ABC):
     #: Fields of :class:`CellTangent` that it reads.
     derivatives: ClassVar[tuple[str, ...]]
 
-    def __init__(self, solid_fraction: float, material: Solid, conductivity: Array) -> None:
+    def __init__(
+        self, solid_fraction: float, material: Solid, conductivity: Array, *, deformed: bool = False
+    ) -> None:
         if not 0 < solid_fraction < 1:
             raise ValueError(f"expected a solid fraction between 0 and 1, got {solid_fraction:g}")
         self.solid_fraction = solid_fraction
-        self.material = material
+        self.material, self.deformed = material, deformed
         self.conductivity = np.array(conductivity, dtype=float)
         if self.conductivity.shape != (3, 3):
             raise ValueError(f"expected a conductivity (3, 3), got {self.conductivity.shape}")
@@ -55,7 +60,13 @@ class Closure(ABC):
     @property
     def identity(self) -> str:
         """Hash of the closure and its constants."""
-        return fingerprint(self.name, self.solid_fraction, self.material.identity, self.conductivity)
+        constants = self.name, self.solid_fraction, self.material.identity, self.conductivity
+        return fingerprint(*constants, "deformed") if self.deformed else fingerprint(*constants)
+
+    def pull_back(self, states: MacroState, cell: CellResponse, grad_p: Array) -> PulledBack:
+        """Kinematics and flux at n points."""
+        deformed = cell.conductivity if self.deformed else None
+        return PulledBack.of(states, cell.mean_grad, grad_p, self.solid_fraction, self.conductivity, deformed)
 
     @abstractmethod
     def respond(
@@ -75,6 +86,11 @@ class Closure(ABC):
         ConfigurationError
             A response or a derivative is missing.
         """
+        if self.deformed and cell.conductivity is None:
+            raise ConfigurationError(
+                f"conductivity: 'deformed' needs the conductivity of the deformed pore, but {law} does not provide it; "
+                "choose conductivity: piola, or another surrogate"
+            )
         missing = [name for name in self.responses if getattr(cell, name) is None]
         missing += [
             f"tangent.{name}" for name in self.derivatives if getattr(cell.tangent, name, None) is None

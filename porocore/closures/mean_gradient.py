@@ -22,6 +22,8 @@ class MeanGradientClosure(Closure):
         Δstorage  = φ_f Ḡᵀ:ΔH − Ḡᵀ:Δm              (Ḡ at the new time: backward Euler)
         q         = −Ḡ K F̄⁻ᵀ ∇_X p
         K_t       = (1/det F̄) Ḡ K F̄⁻ᵀ
+
+    With the conductivity of the deformed pore q = −K_ref ∇_X p and K_t = (1/J₀) F₀ K_ref F₀ᵀ, F₀ = I + H.
     """
 
     name = "mean-gradient"
@@ -33,8 +35,10 @@ class MeanGradientClosure(Closure):
         "one strain energy, but cell.materials gives each region its own; choose closure: potential"
     )
 
-    def __init__(self, solid_fraction: float, material: Solid, conductivity: Array) -> None:
-        super().__init__(solid_fraction, material, conductivity)
+    def __init__(
+        self, solid_fraction: float, material: Solid, conductivity: Array, *, deformed: bool = False
+    ) -> None:
+        super().__init__(solid_fraction, material, conductivity, deformed=deformed)
         if isinstance(material, Composite):
             raise ConfigurationError(self.needs_one_energy)
         self.energy = material
@@ -45,7 +49,7 @@ class MeanGradientClosure(Closure):
         """Response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0, which is no state of the solid or body."""
         phi_s = self.solid_fraction
         phi_f, p = 1 - phi_s, states.p[:, None, None]
-        pore = PulledBack.of(states, cell.mean_grad, grad_p, phi_s, self.conductivity)
+        pore = self.pull_back(states, cell, grad_p)
         step = phi_f * (states.grad_u - memory.states.grad_u) - (cell.mean_grad - memory.mean_grad)
         solid_stress = np.where(pore.missing, np.nan, self.energy.stress(self._solid(pore)))
         return MacroResponse(
@@ -55,7 +59,7 @@ class MeanGradientClosure(Closure):
             memory=self.memory(states, cell),
             deformation=pore.F,
             volume_ratio=pore.J,
-            transformed_conductivity=pore.conductivity / pore.J[:, None, None],
+            transformed_conductivity=pore.transformed,
             outside=np.zeros(len(p), bool) if cell.outside is None else cell.outside,
             tangent=self._tangent(p, pore, step, grad_p, cell.tangent) if tangent else None,
         )
@@ -81,15 +85,15 @@ class MeanGradientClosure(Closure):
 
         stress_F = phi_s * self.energy.tangent(self._solid(pore)).reshape(n, 9, 9) - phi_f * p * cof_F
         storage_F = step.reshape(n, 1, 9) @ cof_F
-        flux_F = pore.flux_by_deformation(grad_p, self.conductivity, cof_F)
-        by_F = np.concatenate([stress_F, storage_F, flux_F], axis=1)  # (n, 13, 9)
+        by_F = np.concatenate([stress_F, storage_F], axis=1)  # (n, 10, 9)
         by_H, by_p = by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
+        flux_H, flux_p = pore.flux_slopes(grad_p, cell, phi_s, cof_F)
         return MacroTangent(
             stress_grad_u=by_H[:, :9].reshape(n, 3, 3, 3, 3),
             stress_p=by_p[:, :9].reshape(n, 3, 3) - phi_f * pore.cof,
             storage_grad_u=(by_H[:, 9:10] + phi_f * cof_row - cof_row @ M).reshape(n, 3, 3),
             storage_p=by_p[:, 9] - (cof_row @ Q)[:, 0, 0],
-            flux_grad_u=by_H[:, 10:].reshape(n, 3, 3, 3),
-            flux_p=by_p[:, 10:],
+            flux_grad_u=flux_H.reshape(n, 3, 3, 3),
+            flux_p=flux_p,
             flux_grad_p=-pore.conductivity,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.closures.closure import Closure
-from porocore.closures.pull_back import PulledBack, deformation_slopes
+from porocore.closures.pull_back import PulledBack
 from porocore.laws import LawMemory, MacroResponse, MacroTangent
 from porocore.states import Array, CellResponse, CellTangent, MacroState
 
@@ -23,7 +23,7 @@ class PotentialClosure(Closure):
 
     Nothing is approximated in stress and storage, so dW = P_E:dH − φ dp and no closed cycle of (H, p) does
     work; ∂P_E/∂H has major symmetry and ∂P_E/∂p = −∂φ/∂H. Only the conductivity is that of the undeformed pore,
-    carried along.
+    carried along; or that of the deformed pore, q = −K_ref ∇_X p and K_t = (1/J₀) F₀ K_ref F₀ᵀ with F₀ = I + H.
     """
 
     name = "potential"
@@ -51,7 +51,7 @@ class PotentialClosure(Closure):
             raise ValueError("expected a memory with the fluid volume; make it by ClosedLaw.initial")
         assert cell.stress is not None
         assert cell.fluid_volume is not None
-        pore = PulledBack.of(states, cell.mean_grad, grad_p, self.solid_fraction, self.conductivity)
+        pore = self.pull_back(states, cell, grad_p)
         taken_up = cell.fluid_volume - memory.fluid_volume
         return MacroResponse(
             stress=np.where(pore.missing, np.nan, cell.stress),
@@ -60,7 +60,7 @@ class PotentialClosure(Closure):
             memory=self.memory(states, cell),
             deformation=pore.F,
             volume_ratio=pore.J,
-            transformed_conductivity=pore.conductivity / pore.J[:, None, None],
+            transformed_conductivity=pore.transformed,
             outside=np.zeros(len(states), bool) if cell.outside is None else cell.outside,
             tangent=self._tangent(pore, grad_p, cell.tangent) if tangent else None,
         )
@@ -75,14 +75,13 @@ class PotentialClosure(Closure):
         assert cell.stress_p is not None
         assert cell.fluid_volume_grad_u is not None
         assert cell.fluid_volume_p is not None
-        dF_dH, dF_dp = deformation_slopes(cell, self.solid_fraction)
-        flux_F = pore.flux_by_deformation(grad_p, self.conductivity)
+        flux_H, flux_p = pore.flux_slopes(grad_p, cell, self.solid_fraction)
         return MacroTangent(
             stress_grad_u=cell.stress_grad_u,
             stress_p=cell.stress_p,
             storage_grad_u=cell.fluid_volume_grad_u,
             storage_p=cell.fluid_volume_p,
-            flux_grad_u=(flux_F @ dF_dH).reshape(-1, 3, 3, 3),
-            flux_p=(flux_F @ dF_dp)[..., 0],
+            flux_grad_u=flux_H.reshape(-1, 3, 3, 3),
+            flux_p=flux_p,
             flux_grad_p=-pore.conductivity,
         )

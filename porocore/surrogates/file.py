@@ -18,6 +18,7 @@ from porocore.inputs import InputSpace
 from porocore.sampled_range import SampledRange
 from porocore.states import Array
 from porocore.surrogates.archive import read_archive, write_archive
+from porocore.surrogates.conductivity import ConductivityModel, triangle
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.network import Evaluator, Network
@@ -26,7 +27,9 @@ from porocore.surrogates.potential_data import Rest
 from porocore.surrogates.reach import Reach
 from porocore.surrogates.terms import VARIABLES, Terms, cubic, plain
 
-FORMAT, VERSION = "porocore-surrogate", 3
+FORMAT, VERSION = "porocore-surrogate", 4
+#: They differ in nothing but that they hold no conductivity of the deformed pore.
+OLDER = (3,)
 ADVICE = "delete it and train the surrogate again"
 
 Model = AnchoredModel | PotentialModel
@@ -50,6 +53,8 @@ class Record:
         Versions and configuration.
     accuracy
         Named errors, each a share of the range of what was learned.
+    conductivity
+        Model of K_ref of the deformed pore; None where it was not learned.
     """
 
     backend: str
@@ -57,6 +62,7 @@ class Record:
     identity: str
     provenance: dict[str, str] = field(default_factory=dict)
     accuracy: dict[str, float] = field(default_factory=dict)
+    conductivity: ConductivityModel | None = None
 
 
 def write(path: Path, model: Model, record: Record) -> None:
@@ -84,6 +90,8 @@ def write(path: Path, model: Model, record: Record) -> None:
     }
     pack = _pack_anchored if isinstance(model, AnchoredModel) else _pack_potential
     pack(model, header, arrays)  # type: ignore[arg-type]
+    if record.conductivity is not None:
+        _pack_conductivity(record.conductivity, header, arrays)
     write_archive(path, FORMAT, VERSION, header, arrays)
 
 
@@ -95,7 +103,7 @@ def read(path: Path) -> tuple[Model, Record]:
     DataError
         The file is truncated, edited, foreign or of another version.
     """
-    header, arrays = read_archive(path, FORMAT, VERSION, ADVICE)
+    header, arrays = read_archive(path, FORMAT, VERSION, ADVICE, older=OLDER)
     try:
         for name, array in arrays.items():
             if not np.isfinite(array).all():
@@ -109,7 +117,12 @@ def read(path: Path) -> tuple[Model, Record]:
         unpack: dict[str, Callable[..., Model]] = {"mlp": _unpack_anchored, "potential": _unpack_potential}
         model = unpack[header["model"]](header, arrays, sampled)
         record = Record(
-            header["backend"], header["options"], header["identity"], header["provenance"], header["accuracy"]
+            header["backend"],
+            header["options"],
+            header["identity"],
+            header["provenance"],
+            header["accuracy"],
+            _unpack_conductivity(header, arrays, inputs) if "conductivity" in header else None,
         )
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise DataError(f"{path}: not a complete surrogate ({error!r}); {ADVICE}") from error
@@ -199,6 +212,42 @@ def _unpack_terms(name: str, arrays: dict[str, Array], weights: tuple[int, ...])
     if name == "plain":
         return plain(tuple(int(row.argmax()) for row in polynomial.exponents))
     return Terms(name, polynomial, weights)
+
+
+def _pack_conductivity(model: ConductivityModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
+    header["conductivity"] = {"active": model.active}
+    _pack_polynomial(model.polynomial, "conductivity/polynomial", arrays)
+    arrays |= {
+        "conductivity/basis": model.basis,
+        "conductivity/log_rest": model.log_rest,
+        "conductivity/reach/low": model.reach.low,
+        "conductivity/reach/high": model.reach.high,
+        "conductivity/range/normals": model.sampled.normals,
+        "conductivity/range/offsets": model.sampled.offsets,
+    }
+
+
+def _unpack_conductivity(
+    header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace
+) -> ConductivityModel:
+    active = tuple(int(a) for a in header["conductivity"]["active"])
+    if any(a not in range(VARIABLES) for a in active):
+        raise ValueError(f"active variables {active}")
+    basis, log_rest = arrays["conductivity/basis"], arrays["conductivity/log_rest"]
+    r = len(log_rest)
+    if r not in (1, 2, 3) or log_rest.shape != (r, r) or basis.shape != (3, r):
+        raise ValueError(f"a conductivity of the shapes {basis.shape} and {log_rest.shape}")
+    sampled = SampledRange(inputs, arrays["conductivity/range/normals"], arrays["conductivity/range/offsets"])
+    if sampled.normals.shape != (len(sampled.offsets), len(inputs)):
+        raise ValueError(f"conductivity/range/normals has shape {sampled.normals.shape}")
+    return ConductivityModel(
+        basis,
+        log_rest,
+        _unpack_polynomial(arrays, "conductivity/polynomial", len(active), len(triangle(r))),
+        active,
+        Reach(active, *(arrays[f"conductivity/reach/{end}"].reshape(len(active)) for end in ("low", "high"))),
+        sampled,
+    )
 
 
 def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:

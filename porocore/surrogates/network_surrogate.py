@@ -120,4 +120,5 @@ class NetworkSurrogate(ModelSurrogate):
             scaled.linear, scaled.components, scaled.output_scale, self.evaluator(network), sampled
         )
         self._become(anchored, data.identity, data.provenance)
+        self.learn_conductivity(data)
         return self

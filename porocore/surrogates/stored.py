@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -12,6 +13,8 @@ from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, CellResponse, MacroState
 from porocore.surrogates import file
+from porocore.surrogates.conductivity import ConductivityModel
+from porocore.surrogates.conductivity_fit import fit_conductivity
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.memory import keep_freed_memory
 from porocore.surrogates.network import Evaluator, Network
@@ -33,11 +36,14 @@ class ModelSurrogate(Surrogate):
     model
         ``mlp`` or ``potential``.
     accuracy
-        Errors on the states that training held back, as shares of the range.
+        Errors on the states that training held back, as shares of the range; of ln K absolute.
+    conductivity
+        Model of K_ref of the deformed pore; None where the training states hold none.
     """
 
     backend: ClassVar[str]
     models: ClassVar[tuple[str, ...]] = ("mlp", "potential")
+    conductivity: ConductivityModel | None = None
 
     def __init__(self, *, model: str | None = None, **options: Any) -> None:
         model = self.models[0] if model is None else model
@@ -62,9 +68,20 @@ class ModelSurrogate(Surrogate):
         """See :class:`~porocore.Surrogate`.
 
         Every status is ``converged``; rows outside the hull of the training states hold what the model
-        extrapolates and are flagged.
+        extrapolates and are flagged. The conductivity of the deformed pore is there if it was trained on, and its
+        hull, which may be smaller, counts too.
         """
-        return self._fitted().predict(states, tangent=tangent)
+        response = self._fitted().predict(states, tangent=tangent)
+        if self.conductivity is None:
+            return response
+        K, by_H, by_p = self.conductivity.predict(states, tangent=tangent)
+        slopes = response.tangent
+        if slopes is not None:
+            slopes = replace(slopes, conductivity_grad_u=by_H, conductivity_p=by_p)
+        outside = self.conductivity.sampled.outside(states)
+        if response.outside is not None:
+            outside = outside | response.outside
+        return replace(response, conductivity=K, tangent=slopes, outside=outside)
 
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically.
@@ -75,7 +92,9 @@ class ModelSurrogate(Surrogate):
             The disk is full or read-only.
         """
         model = self._fitted()
-        record = file.Record(self.backend, self.settings, self.identity, self.provenance, self.accuracy)
+        record = file.Record(
+            self.backend, self.settings, self.identity, self.provenance, self.accuracy, self.conductivity
+        )
         file.write(path, model, record)
 
     @classmethod
@@ -92,7 +111,21 @@ class ModelSurrogate(Surrogate):
         surrogate.model = "mlp" if isinstance(model, AnchoredModel) else "potential"
         surrogate.settings, surrogate.accuracy = record.options, record.accuracy
         surrogate._become(file.evaluated(model, surrogate.evaluator), record.identity, record.provenance)
+        surrogate.conductivity = record.conductivity
         return surrogate
+
+    def learn_conductivity(self, data: TrainingSet) -> None:
+        """Learn K_ref of the deformed pore as well, if the states hold it; the same in every backend.
+
+        Raises
+        ------
+        DataError
+            Too few states hold it.
+        """
+        found = fit_conductivity(data)
+        if found is not None:
+            self.conductivity, error = found
+            self.accuracy = self.accuracy | {"cross-validated ln K": error}
 
     def _become(self, model: file.Model, identity: str, provenance: dict[str, str]) -> None:
         keep_freed_memory()
@@ -110,6 +143,7 @@ class ModelSurrogate(Surrogate):
         """Become a fitted potential."""
         self.accuracy = errors
         self._become(model, data.identity, data.provenance)
+        self.learn_conductivity(data)
         return self
 
 

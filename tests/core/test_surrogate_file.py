@@ -15,12 +15,15 @@ from porocore.inputs import InputSpace
 from porocore.sampled_range import SampledRange
 from porocore.states import MacroState
 from porocore.surrogates.archive import read_archive, write_archive
+from porocore.surrogates.conductivity import ConductivityModel
 from porocore.surrogates.file import FORMAT, VERSION, Record, read, write
 from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.network import Network
 from porocore.surrogates.polynomial import polynomial_model
 from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
 from porocore.surrogates.potential import NetworkPart
+from porocore.surrogates.reach import Reach
 from porocore.surrogates.stored import NumpySurrogate
 from porocore.surrogates.terms import cubic, plain
 from porocore.testing.compare import assert_identical
@@ -289,13 +292,47 @@ def test_a_surrogate_says_how_good_it_was(tmp_path):
 
 def test_the_documentation_lists_the_file(tmp_path):
     """Every array and every key of the header, and nothing else."""
+    inputs = InputSpace(("H22", "p"), (-0.2, -0.02), (0.04, 0.24))
+    sampled = SampledRange.around(inputs, np.random.default_rng(1).random((9, 2)))
+    conductivity = ConductivityModel(
+        np.eye(3),
+        np.zeros((3, 3)),
+        Polynomial(np.eye(2, dtype=np.int64), np.ones((6, 2))),
+        (1, 6),
+        Reach((1, 6), np.zeros(2), np.ones(2)),
+        sampled,
+    )
     page = Path(__file__).parents[2] / "docs" / "surrogates.md"
     found = set()
     for model in MODELS.values():
-        write(tmp_path / "surrogate.h5", model, RECORD)
+        write(tmp_path / "surrogate.h5", model, replace(RECORD, conductivity=conductivity))
         header, arrays = read_archive(tmp_path / "surrogate.h5", FORMAT, VERSION, "")
         found |= set(header) | {re.sub(r"/\d+/", "/l/", name) for name in arrays}
     listed = page.read_text(encoding="utf-8").split("## The file")[1]
     cells = [line.split("|")[1] for line in listed.splitlines() if line.startswith("| `")]
     assert {name for cell in cells for name in re.findall(r"`([\w/]+)`", cell)} == found
     assert f"version {VERSION} of `{FORMAT}`" in listed
+
+
+@pytest.mark.parametrize("entry", ["basis", "log_rest", "polynomial/coefficients", "range/normals"])
+def test_a_conductivity_of_wrong_shapes_is_refused(tmp_path, entry):
+    path = tmp_path / "surrogate.h5"
+    rest = potential_training_set(30, seed=1)
+    K = np.tile(2 * np.eye(3), (31, 1, 1))
+    data = replace(
+        rest,
+        responses=replace(rest.responses, conductivity=K[:30] * (1 + rest.states.p[:, None, None])),
+        reference=replace(rest.reference, conductivity=K[30:]),
+    )
+    PolynomialSurrogate(degree=3).fit(data, seed=0).save(path)
+    header, arrays = read_archive(path, FORMAT, VERSION, "")
+    arrays[f"conductivity/{entry}"] = arrays[f"conductivity/{entry}"][:-1]
+    write_archive(path, FORMAT, VERSION, header, arrays)
+    with pytest.raises(DataError, match="not a complete surrogate"):
+        NumpySurrogate.load(path)
+
+
+def test_a_file_from_before_the_conductivity_is_read(path):
+    header, arrays = read_archive(path, FORMAT, VERSION, "")
+    write_archive(path, FORMAT, 3, header, arrays)
+    assert NumpySurrogate.load(path).conductivity is None
