@@ -16,6 +16,7 @@ SCRIPTS = (
     "direct_fe2",
     "contact",
     "executors",
+    "voxels",
     "macro_size",
 )
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
