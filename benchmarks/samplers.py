@@ -76,7 +76,7 @@ def unseen_states(library: Library, name: str) -> Unseen:
     if name == "seven":
         points = random_points(inputs, 4000, seed=102)
         more = library.solve(
-            "unseen-compressed", Given(inputs, points[points[:, :3].sum(axis=1) < COMPRESSED[0]][:16])
+            "unseen-compressed", Given(inputs, points[points[:, :3].sum(axis=1) < COMPRESSED[0]][:40])
         )
         states = MacroState.concatenate([states, more[0]])
         responses = CellResponse.concatenate([responses, more[1]])

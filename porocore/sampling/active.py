@@ -1,4 +1,4 @@
-"""Sampling what tells most about the box, and most of all where a committee of surrogates disagrees."""
+"""Sampling where a committee of surrogates disagrees (query by committee)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from porocore.sampling.candidates import (
     Stream,
     corner_count,
     distances,
-    even_points,
     most_worth,
     opening,
     spacing,
@@ -25,10 +24,12 @@ from porocore.sampling.candidates import (
 from porocore.sampling.committee import Judgement, committee
 from porocore.sampling.options import positive, refuse_unknown, whole
 from porocore.sampling.rounds import RoundSampler, from_unit
-from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.states import Array, CellResponse, Status
 
 #: A round asks for at least this share of the states that are known, so that the cost for each state stays the same.
 GROWTH = 0.1
+#: A round of :class:`Active` is chosen from so many candidates at most, but for two for each state.
+MOST_CANDIDATES = 512
 #: States of :class:`Active` are at least this share of their mean spacing apart.
 APART = 0.5
 
@@ -99,20 +100,13 @@ class Learning(RoundSampler, StudySampler):
             study.isotropic,
         )
 
-    def judge(self, unit: Array, goals: Array | None = None) -> Judgement | None:
-        """What the committee says of points (m, d) of the unit box; None while fewer than two states are known.
-
-        The fit shall be good at the points ``goals`` (g, d), or at the same ones; see :meth:`Committee.judge`.
-        """
+    def judge(self, unit: Array) -> Judgement | None:
+        """What the committee says of points (m, d) of the unit box; None while fewer than two states are known."""
         data = self.training_set()
         if data is None:
             return None
-
-        def states(points: Array) -> MacroState:
-            return self.inputs.scatter(from_unit(self.inputs, points))
-
         members = committee(data, self.study.responses)
-        return members.judge(states(unit), None if goals is None else states(goals))
+        return members.judge(self.inputs.scatter(from_unit(self.inputs, unit)))
 
     @property
     def stable(self) -> BoolArray:
@@ -125,28 +119,15 @@ class Learning(RoundSampler, StudySampler):
         reachable: BoolArray = self.stable[nearest]
         return reachable
 
-    def chance(self, candidates: Array) -> Array:
-        """That candidates are stable, (m,): 1/(1 + (distance to a stable state / to one that is not)²), or none.
-
-        There is none where the nearest known state is not stable; without such states it is 1.
-        """
-        stable = self.stable
-        if stable.all() or not stable.any():
-            return self.reachable(candidates).astype(float)
-        near, _ = distances(candidates, self.points[stable])
-        far, _ = distances(candidates, self.points[~stable])
-        return np.where(near <= far, 1 / (1 + (near / np.maximum(far, 1e-12)) ** 2), 0.0)
-
 
 class Active(Learning):
-    """A design that fills the box, then rounds of the states that tell most about it.
+    """A design that fills the box, then rounds of the states where a committee of polynomials disagrees most.
 
     The members of the :func:`~porocore.sampling.committee.committee` learn what the closure needs: W with its
-    slopes, or <∇u¹>. The states of a round are those that take most from the variance of the fit of the best degree, on
-    average over the box (I-optimality), where places at which the members disagree count for more; each is chosen in
-    the knowledge of those before it. Candidates come from a Sobol sequence. States that failed or are unstable are not
-    learned from; what is nearer to one of them than to any stable state neither counts nor is asked for, and what is
-    nearly as near is worth less.
+    slopes, or <∇u¹>. The states of a round are those that tell most of the places where the members disagree, as a
+    share of the response's range; each is chosen in the knowledge of those before it. Candidates come from a Sobol
+    sequence. States that failed or are unstable are not learned from; candidates nearer to one of them than to any
+    stable state are passed over.
 
     Parameters
     ----------
@@ -160,7 +141,8 @@ class Active(Learning):
     batch
         States in a round; more where a tenth of what is known is more.
     candidates
-        From so many a round is chosen, but from two for each of its states at least.
+        Candidates for each state of a round. Few keep close to an even design, which serves the error on average; many
+        go to the faces and corners of the box, which serves the largest error.
     tolerance
         Sampling ends when the largest disagreement is below this share of the range; None: when the budget is used up.
     seed
@@ -178,7 +160,7 @@ class Active(Learning):
         count: int = 100,
         initial: int | None = None,
         batch: int = 4,
-        candidates: int = 512,
+        candidates: int = 8,
         tolerance: float | None = None,
         seed: int = 0,
         **unknown: Any,
@@ -197,16 +179,14 @@ class Active(Learning):
             d, first = len(self.inputs), min(self.initial, room)
             return opening(d, first, self.seed) if d <= MOST_CORNER_INPUTS else self._stream.take(first)
         size = self.round_size(room)
-        unit = self._stream.take(max(self.candidates, 2 * size))
-        chance = self.chance(unit)
-        even = even_points(len(self.inputs))
-        counts = self.reachable(even)
-        judgement = self.judge(unit, even[counts] if counts.any() else even)
+        unit = self._stream.take(max(min(self.candidates * size, MOST_CANDIDATES), 2 * size))
+        reachable = self.reachable(unit)
+        judgement = self.judge(unit)
         if judgement is None or not judgement.disagreement.any():
             # Too little is known for anybody to disagree.
-            return unit[spread_out(unit, chance, self.points, size)]
+            return unit[spread_out(unit, reachable.astype(float), self.points, size)]
         if self.tolerance is not None and judgement.disagreement.max() < self.tolerance:
             return unit[:0]
         apart = APART * spacing(len(self.points) + size, len(self.inputs))
-        chosen = most_worth(unit, judgement, chance, self.points, size, apart)
-        return unit[chosen or spread_out(unit, chance, self.points, size)]
+        chosen = most_worth(unit, judgement, reachable, self.points, size, apart)
+        return unit[chosen or spread_out(unit, reachable.astype(float), self.points, size)]

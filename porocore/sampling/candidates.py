@@ -19,18 +19,11 @@ MOST_UPDATES = 8
 #: Up to so many inputs a sampling begins with the corners of the box.
 MOST_CORNER_INPUTS = 4
 BLOCK = 10
-#: Means over the box are taken over so many points, of a scrambling of their own.
-EVEN_POINTS, EVEN_SEED = 512, 2**31 - 1
 
 
 def corner_count(d: int) -> int:
     """Corners of the box of d inputs with which a sampling begins."""
     return 2**d if d <= MOST_CORNER_INPUTS else 0
-
-
-def even_points(d: int) -> Array:
-    """Points (:data:`EVEN_POINTS`, d) over which a mean over the unit box is taken."""
-    return sobol_points(d, EVEN_POINTS, EVEN_SEED)
 
 
 class Stream:
@@ -86,20 +79,19 @@ def spread_out(candidates: Array, worth: Array, known: Array, count: int) -> lis
 
 
 def most_worth(
-    candidates: Array, judgement: Judgement, chance: Array, known: Array, count: int, apart: float
+    candidates: Array, judgement: Judgement, allowed: BoolArray, known: Array, count: int, apart: float
 ) -> list[int]:
-    """At most ``count`` of the candidates (m, d), as indices; each counts with those before it.
+    """At most ``count`` of the ``allowed`` candidates (m, d), as indices; each counts with those before it.
 
-    The worth of each counts times the ``chance`` (m,) that its solution can be used; none: it is passed over. They are
-    ``apart`` from the ``known`` points (n, d) and from one another at least: a cell that is solved twice tells nothing
-    new, whatever a committee believes. Of more than :data:`MOST_UPDATES` several are chosen at a time, of which the
-    best stands for those around it.
+    They are ``apart`` from the ``known`` points (n, d) and from one another at least: a cell that is solved twice tells
+    nothing new, whatever a committee believes. Of more than :data:`MOST_UPDATES` several are chosen at a time, of which
+    the best stands for those around it.
     """
     chosen: list[int] = []
     distance, _ = distances(candidates, known)
     while len(chosen) < count:
         at_once = min(ceil(count / MOST_UPDATES), count - len(chosen))
-        worth = np.where((chance > 0) & (distance > apart), chance * judgement.worth(), 0.0)
+        worth = np.where(allowed & (distance > apart), judgement.worth(), 0.0)
         new = spread_out(candidates, worth, candidates[chosen], at_once) if at_once > 1 else _best(worth)
         if not new:
             break

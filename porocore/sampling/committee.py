@@ -108,55 +108,29 @@ class Committee:
     degree: int
     covariance: Array
 
-    def judge(self, states: MacroState, goals: MacroState | None = None) -> Judgement:
-        """What the members say of m candidates.
-
-        Parameters
-        ----------
-        states
-            The candidates.
-        goals
-            Where the fit shall be good; the weight of each is the mean of the squared disagreements plus its own, so
-            that half of the weight is spread evenly and the other half lies where the response is difficult. None: at
-            the candidates, and only as far as the members disagree there.
-        """
+    def judge(self, states: MacroState) -> Judgement:
+        """What the members say of m candidates."""
         m, K = len(states), len(self.covariance)
         if len(self.members) < 2:
             return Judgement(np.zeros(m), *(np.zeros((1, 1, m)) for _ in range(3)))
-        design = self._design(states)
-        disagreement = self._disagreement(design)
-        if goals is None:
-            goal, squares = design, disagreement**2
-        else:
-            goal = self._design(goals)
-            squares = self._disagreement(goal) ** 2
-            squares += squares.mean()
+        y = variables(LogStretch.of(states.grad_u), states.p)
+        design = _design(self.target.terms, self.exponents, y)
         spread, told = self.target.spread, np.isfinite(self.target.rows)
         counted = np.isfinite(spread).any(axis=0)
-        goal = goal[:K, counted] / spread.min(axis=0)[counted, None]
-        goal = (goal * np.sqrt(squares)).reshape(K, -1)
+        answers = np.stack([np.einsum("ok,kcm->ocm", c, design[:, counted]) for c in self.members])
+        disagreement: Array = (answers.std(axis=0) / spread[:, counted, None]).max(axis=(0, 1))
+        goal = design[:K, counted] / spread.min(axis=0)[counted, None]
+        goal = (goal * disagreement).reshape(K, -1)
         rows = design[:K, told] / self.target.rows[told, None]
         known = np.einsum("kl,lcm->kcm", self.covariance, rows)
         return Judgement(disagreement, rows, known, np.einsum("kl,lcm->kcm", goal @ goal.T, known))
-
-    def _design(self, states: MacroState) -> Array:
-        y = variables(LogStretch.of(states.grad_u), states.p)
-        return _design(self.target.terms, self.exponents, y)
-
-    def _disagreement(self, design: Array) -> Array:
-        """Standard deviation of the members' answers, the worst quantity's, as a share of its range, (m,)."""
-        spread = self.target.spread
-        counted = np.isfinite(spread).any(axis=0)
-        answers = np.stack([np.einsum("ok,kcm->ocm", c, design[:, counted]) for c in self.members])
-        found: Array = (answers.std(axis=0) / spread[:, counted, None]).max(axis=(0, 1))
-        return found
 
 
 class Judgement:
     """How much the members disagree at m candidates, and what solving each of them is worth.
 
-    A candidate's worth is the variance that solving it takes from the fit at all goals together, each with its weight:
-    Bayesian linear regression, as in I-optimal designs (Box & Draper 1959; Goos, Jones & Syafitri 2016).
+    A candidate's worth is the variance that solving it is expected to take from the fit at all candidates together,
+    each weighted by the square of the disagreement there: Bayesian linear regression, as in I-optimal designs.
 
     Attributes
     ----------

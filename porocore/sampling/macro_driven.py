@@ -99,15 +99,14 @@ class MacroDriven(Learning):
         allowed = reachable & (distance > apart)
         if not allowed.any():
             return self._filling(size)
-        chance = allowed.astype(float)
-        far = spread_out(visited, chance, self.points, size // 2)
+        far = spread_out(visited, allowed.astype(float), self.points, size // 2)
         judgement = self.judge(visited)
         if judgement is None or not judgement.disagreement.any():
-            return visited[spread_out(visited, chance, self.points, size)]
+            return visited[spread_out(visited, allowed.astype(float), self.points, size)]
         for candidate in far:
             judgement.take(candidate)
         known = np.concatenate([self.points, visited[far]])
-        return visited[far + most_worth(visited, judgement, chance, known, size - len(far), apart)]
+        return visited[far + most_worth(visited, judgement, allowed, known, size - len(far), apart)]
 
     @property
     def settled(self) -> bool:

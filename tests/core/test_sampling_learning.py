@@ -110,7 +110,7 @@ def test_chosen_states_are_apart() -> None:
         COLUMN.scatter(from_unit(COLUMN, candidates))
     )
     for count in (6, 40):
-        chosen = most_worth(candidates, judgement, np.ones(len(candidates)), known, count, 0.05)
+        chosen = most_worth(candidates, judgement, np.ones(len(candidates), dtype=bool), known, count, 0.05)
         assert len(chosen) == len(set(chosen)) <= count
         both = np.concatenate([known, candidates[chosen]])
         gaps = np.linalg.norm(both[:, None] - both, axis=2) + 9 * np.eye(len(both))
