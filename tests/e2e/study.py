@@ -83,9 +83,11 @@ EAGER_SOLVING = (
 )
 
 
-def write_study(path: Path, changes: dict[str, Any] | None = None) -> Path:
-    """The study with ``changes`` by dotted key; None removes a key."""
-    study = copy.deepcopy(STUDY)
+def write_study(
+    path: Path, changes: dict[str, Any] | None = None, *, base: dict[str, Any] = STUDY
+) -> Path:
+    """The study, or another ``base``, with ``changes`` by dotted key; None removes a key."""
+    study = copy.deepcopy(base)
     for key, value in (changes or {}).items():
         *above, last = key.split(".")
         section = study

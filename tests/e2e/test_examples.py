@@ -1,0 +1,147 @@
+"""The examples in a coarse form: what each is there to show, and the figures that this form had."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from study import porocore, succeeded, write_study
+
+from porocore.solution import MacroSolution
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+#: Few states of a coarse cell, and a polynomial, which is the same on every machine.
+COARSE = {
+    "cell.mesh": {"size": 0.4, "fluid_size": 0.2},
+    "surrogate": {"backend": "polynomial"},
+    "sampling.workers": 1,
+    "sampling.test": {"count": 1, "seed": 0},
+}
+#: For bodies whose states need the whole cell.
+GENERAL = COARSE | {"sampling.sampler": "latin-hypercube", "sampling.tolerance": None}
+#: Relative; beyond round-off a figure moves by what quadrature and solvers are changed to.
+SAME = 1e-4
+
+
+def run(folder: Path, name: str, changes: dict) -> dict[str, MacroSolution]:
+    """Solutions of the example by the file's name."""
+    base = yaml.safe_load((EXAMPLES / f"{name}.yaml").read_text(encoding="utf-8"))
+    config = write_study(folder / "example.yaml", changes, base=base)
+    succeeded(porocore("run", config, "--out", folder / "run", timeout=900))
+    assert list((folder / "run" / "fields").glob("*.pvd"))
+    return {path.stem: MacroSolution.load_file(path) for path in (folder / "run" / "solutions").glob("*.h5")}
+
+
+def test_confined_compression_relaxes(tmp_path):
+    found = run(
+        tmp_path,
+        "cartilage-confined",
+        COARSE
+        | {
+            "sampling.options": {"count": 12, "corners": True},
+            "macro.body.elements": [1, 5, 1],
+            "macro.time.tolerance": 1e-2,
+        },
+    )["potential_load1.0"]
+    force = -found.reactions["y+"][:, 1] / (np.pi * 0.5**2 / 4)
+    t = found.history.time
+    assert t[force.argmax()] == pytest.approx(0.2, abs=1e-9)  # at the end of the ramp
+    assert force.max() > 1.4 * force[-1]
+    np.testing.assert_allclose(found.reactions["y-"][1:, 1], -found.reactions["y+"][1:, 1], rtol=1e-7)
+    assert found.probes["half height"][-1, 1] == pytest.approx(-0.075, rel=1e-6)  # uniform at last
+    assert found.history.pressure_max[-1] < 1e-4
+    assert (force.max(), force[-1]) == pytest.approx(CONFINED, rel=SAME)
+
+
+def test_a_filter_lets_less_through_than_in_proportion(tmp_path):
+    found = run(
+        tmp_path,
+        "filter",
+        COARSE
+        | {
+            "sampling.options": {"count": 12, "corners": True},
+            "macro.body.elements": [1, 6, 1],
+            "macro.loads": [0.02, 0.12],
+            "macro.time": {"end": 4.0, "step": 0.5, "ramp_increments": 2, "ramp_step": 0.05, "profiles": [0.1]},
+        },
+    )
+    rate = {}
+    for load in (0.02, 0.12):
+        solution = found[f"potential_load{load}"]
+        through = solution.inflow
+        assert through["y+"][-1] == pytest.approx(-through["y-"][-1], rel=1e-3)  # steady
+        rate[load] = through["y+"][-1] / load
+        linear = found[f"linear_load{load}"].inflow["y+"][-1] / load
+        assert linear == pytest.approx(found["linear_load0.02"].inflow["y+"][-1] / 0.02, rel=1e-6)
+        assert rate[load] < linear
+    assert rate[0.12] < 0.9 * rate[0.02]
+    assert (rate[0.02], rate[0.12]) == pytest.approx(FILTER, rel=SAME)
+
+
+@pytest.mark.slow
+def test_unconfined_compression_widens_and_its_axis_bears_more_for_a_while(tmp_path):
+    found = run(
+        tmp_path,
+        "cartilage-unconfined",
+        GENERAL | {"sampling.options": {"count": 16}, "macro.body.elements": [3, 1, 1]},
+    )["potential_load1.0"]
+    t, p, wide = found.history.time, found.probes["axis"][:, 3], found.probes["rim"][:, 0]
+    loaded = int(np.flatnonzero(np.isclose(t, 0.008))[0])
+    peak = int(p.argmax())
+    assert peak > loaded  # Mandel–Cryer
+    assert p[peak] > 1.05 * p[loaded]
+    assert wide.argmax() <= loaded + 2
+    assert wide[-1] < 0.75 * wide.max()
+    assert (p[loaded], p[peak], wide.max(), wide[-1]) == pytest.approx(UNCONFINED, rel=SAME)
+
+
+@pytest.mark.slow
+def test_soil_settles_under_the_strip_and_is_dragged_along_beside_it(tmp_path):
+    found = run(
+        tmp_path,
+        "soil-strip",
+        GENERAL
+        | {
+            "sampling.options": {"count": 14},
+            "macro.body.elements": [6, 4, 1],
+            "macro.time.tolerance": 1e-2,
+            "macro.time.profiles": [0.5],
+        },
+    )["potential_load0.04"]
+    down = {name: -values[-1, 1] for name, values in found.probes.items()}
+    assert down["centre"] > down["beneath"] > down["beside"] > 0
+    # The base bears the load of the strip of 1 × 0.5.
+    assert found.reactions["y-"][-1, 1] == pytest.approx(0.04 * 0.5, rel=1e-6)
+    assert found.history.pressure_max[-1] < 0.02 * found.history.pressure_max.max()
+    assert (down["centre"], down["beneath"], down["beside"]) == pytest.approx(SOIL, rel=SAME)
+
+
+@pytest.mark.slow
+def test_an_indenter_feels_the_brain_relax(tmp_path):
+    found = run(
+        tmp_path,
+        "brain-indentation",
+        GENERAL
+        | {
+            "sampling.options": {"count": 30},
+            "macro.body.elements": [4, 4, 4],
+            "macro.time.tolerance": 1e-2,
+        },
+    )["potential_load1.0"]
+    force = -found.reactions["punch"][:, 1]
+    assert force.max() > 1.1 * force[-1] > 0
+    assert (force.max(), force[-1]) == pytest.approx(BRAIN, rel=SAME)
+
+
+#: Greatest and last stress on the piston.
+CONFINED = (0.0, 0.0)
+#: Flow per area and pressure under the two.
+FILTER = (0.0, 0.0)
+#: Pressure on the axis when the load is there and at its peak; greatest and last widening.
+UNCONFINED = (0.0, 0.0, 0.0, 0.0)
+#: Settlements of the three probes.
+SOIL = (0.0, 0.0, 0.0)
+#: Greatest and last force.
+BRAIN = (0.0, 0.0)
