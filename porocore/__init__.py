@@ -1,6 +1,6 @@
 """Two-scale finite-strain poroelasticity with learned cell problems and swappable backends.
 
-This is the public interface: what is listed in ``__all__`` is what a plugin needs, besides
+This is the public interface: ``Study`` and ``CellProblem`` for whoever computes, and what a plugin needs, besides
 ``porocore.testing``. Names are imported when they are first used, so that ``import porocore`` costs nothing.
 """
 
@@ -10,6 +10,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from porocore.api.cells import CellProblem as CellProblem
+    from porocore.api.solved import LawsSolved as LawsSolved
+    from porocore.api.solved import Solutions as Solutions
+    from porocore.api.solved import Solved as Solved
+    from porocore.api.study import Samples as Samples
+    from porocore.api.study import Study as Study
     from porocore.cell.cell import Cell as Cell
     from porocore.config import RunConfig as RunConfig
     from porocore.config import load_config as load_config
@@ -52,6 +58,9 @@ if TYPE_CHECKING:
     from porocore.states import Status as Status
 
 _HOMES = {
+    "porocore.api.cells": ["CellProblem"],
+    "porocore.api.solved": ["LawsSolved", "Solutions", "Solved"],
+    "porocore.api.study": ["Samples", "Study"],
     "porocore.cell.cell": ["Cell"],
     "porocore.config": ["RunConfig", "load_config"],
     "porocore.errors": [

@@ -167,6 +167,10 @@ class _OnlyScales(_Section):
     scales: Scales
 
 
+class _OnlyCell(_Section):
+    cell: Cell = Cell()
+
+
 @dataclass(frozen=True)
 class StageIdentities:
     """Hash of everything that the result of each stage depends on, as far as the configuration goes."""
@@ -315,6 +319,22 @@ def config_from(settings: Mapping[str, Any], folder: Path | str = ".") -> RunCon
         As :func:`load_config`, with dotted keys and without lines.
     """
     return _validated(YamlDocument.of(settings, Path(folder)))
+
+
+def cell_from(settings: Mapping[str, Any], folder: Path | str = ".") -> Cell:
+    """Validate the settings of a cell alone; see :func:`config_from`.
+
+    Raises
+    ------
+    ConfigurationError
+        As there.
+    """
+    document = YamlDocument.of({"cell": settings}, Path(folder))
+    try:
+        return _OnlyCell.model_validate(document.data, context={"folder": document.folder}).cell
+    except ValidationError as error:
+        found = faults(document, error.errors(), _OnlyCell)
+        raise ConfigurationError("\n".join(f"{document.at_line(0)}: {text}" for _, text in found)) from error
 
 
 def _validated(document: YamlDocument) -> RunConfig:

@@ -18,3 +18,19 @@ def json_ready(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested settings in which those of ``above`` win.
+
+    An empty section, or one of another ``kind`` or ``backend``, replaces the whole section.
+    """
+    found = dict(below)
+    for key, value in above.items():
+        old = found.get(key)
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            other = any(name in value and value[name] != old.get(name) for name in ("kind", "backend"))
+            found[key] = dict(value) if other or not value else merged(old, value)
+        else:
+            found[key] = value.tolist() if hasattr(value, "tolist") else value
+    return found

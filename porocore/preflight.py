@@ -101,7 +101,8 @@ def _body(config: RunConfig) -> Iterator[str]:
     )
     for name, facets in mesh.surfaces.items():
         said = _said(macro.boundary.get(name))
-        yield f"  surface {name}, {len(facets)} {'facet' if len(facets) == 1 else 'facets'}: {said or 'free of traction and impermeable'}"
+        count = f"{len(facets)} {'facet' if len(facets) == 1 else 'facets'}"
+        yield f"  surface {name}, {count}: {said or 'free of traction and impermeable'}"
     for name, at in macro.probes.items():
         yield f"  probe {name} at {', '.join(f'{x * length:.4g}' for x in at)}{name_of_length}"
     loads = ", ".join(f"{load:g}" for load in macro.loads)

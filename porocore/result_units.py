@@ -36,24 +36,48 @@ class OutputUnits(BaseModel):
     """Of stresses and pressures, such as kPa."""
     force: str = "N"
     """Of reactions."""
-    volume: str = "m**3"
-    """Of drained fluid."""
-    velocity: str = "m/s"
-    """Of the fluid relative to the solid."""
-    flow: str = "m**3/s"
-    """Of fluid that enters through a surface."""
-    conductivity: str = "m**2/(Pa*s)"
-    """Of the pores, K."""
+    volume: str | None = None
+    """Of drained fluid; that of the length cubed where it is left out."""
+    velocity: str | None = None
+    """Of the fluid relative to the solid; length by time where it is left out."""
+    flow: str | None = None
+    """Of fluid that enters through a surface; volume by time where it is left out."""
+    conductivity: str | None = None
+    """Of the pores, K; length squared by stress and time where it is left out."""
 
     @field_validator("*")
     @classmethod
-    def _of_its_kind(cls, unit: str, info: ValidationInfo) -> str:
+    def _of_its_kind(cls, unit: str | None, info: ValidationInfo) -> str | None:
+        if unit is None:
+            return None
         try:
             unit_in_si(unit, MEANS[str(info.field_name)][0])
         except UnitError as error:
             wanted = str(error).replace("such as ", "in a unit such as that of ", 1)
             raise ValueError(wanted) from None
         return unit
+
+    def of(self, quantity: str) -> str:
+        """The unit of a quantity."""
+        name = _FIELD[quantity]
+        given = getattr(self, name)
+        if given is not None:
+            return str(given)
+        volume = self.volume or _power(self.length, 3)
+        return {
+            "volume": volume,
+            "velocity": f"{self.length}/{_group(self.time)}",
+            "flow": f"{volume}/{_group(self.time)}",
+            "conductivity": f"{_power(self.length, 2)}/({self.stress}*{self.time})",
+        }[name]
+
+
+def _group(unit: str) -> str:
+    return unit if unit.isalpha() else f"({unit})"
+
+
+def _power(unit: str, exponent: int) -> str:
+    return f"{_group(unit)}**{exponent}"
 
 
 @dataclass(frozen=True)
@@ -80,11 +104,11 @@ class ResultUnits:
         """By which a dimensionless result is multiplied; 1 without scales or for a plain number, whose name is ''."""
         if self.scales is None or not quantity:
             return 1.0
-        unit = unit_in_si(getattr(self.units, _FIELD[quantity]), quantity)
+        unit = unit_in_si(self.units.of(quantity), quantity)
         return float(QUANTITIES[quantity].factor(self.scales.exact) / unit)
 
     def name(self, quantity: str) -> str:
         """Of the unit, such as ``mm``; a dash without scales or for a plain number."""
         if self.scales is None or not quantity:
             return "–"
-        return pretty(getattr(self.units, _FIELD[quantity]))
+        return pretty(self.units.of(quantity))
