@@ -93,7 +93,8 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
         return f"{key}: unknown key; {_nearest(at[-1], names)}"
     if kind == "missing":
         if at[-1].isdigit():
-            length = len(get_args(_hint(root, at[:-1])[0]))
+            branches = _branches(_hint(root, at[:-1])[0])
+            length = next(len(get_args(branch)) for branch in branches if get_origin(branch) is tuple)
             return unexpected(at[:-1], f"a list of {length} entries", document.value(at[:-1]))
         return f"{key}: missing; add '{at[-1]}:' {_under(at)}"
     if kind == "value_error":

@@ -25,6 +25,8 @@ LATTICES: dict[str, tuple[Array, float]] = {
 }
 #: A body that reaches less far into the part is left out: it only touches it.
 TOUCH = 1e-9
+#: Given centres in one cell.
+MOST = 64
 Radius = Annotated[float, Field(gt=0, lt=0.9)]
 Point = tuple[float, float, float]
 
@@ -51,7 +53,7 @@ class SpherePores(DrawnGeometry):
     kind: Literal["sphere-pores"]
     lattice: Literal["cubic", "bcc", "fcc"] | None = None
     """Centres at the middle of the cell, at its corners too, or at the middles of its edges too."""
-    centres: Annotated[tuple[Point, ...] | None, Field(min_length=1, max_length=64)] = None
+    centres: tuple[Point, ...] | None = None
     """Instead of a lattice; a point beyond [−½, ½]³ stands for its periodic image."""
     radius: Radius | None = None
     """Of all pores."""
@@ -66,6 +68,8 @@ class SpherePores(DrawnGeometry):
     def _complete(self) -> SpherePores:
         if (self.lattice is None) == (self.centres is None):
             raise ValueError("expected one of the keys lattice and centres, not both and not none of them")
+        if self.centres is not None and not 1 <= len(self.centres) <= MOST:
+            raise ValueError(f"expected 1 to {MOST} centres, got {len(self.centres)}")
         if (self.radius is None) == (self.radii is None):
             raise ValueError("expected one of the keys radius and radii, not both and not none of them")
         if self.lattice and self.radii:

@@ -202,6 +202,7 @@ def test_images_of_given_centres_are_the_same_pores():
         ),
         ({"kind": "sphere-pores", "radius": 0.3}, "one of the keys lattice and centres"),
         ({"kind": "sphere-pores", "lattice": "bcc"}, "one of the keys radius and radii"),
+        ({"kind": "sphere-pores", "centres": [], "radius": 0.2}, "expected 1 to 64 centres, got 0"),
         (
             {"kind": "sphere-pores", "lattice": "bcc", "radius": 0.1, "throat": 0.2},
             "throat = 0.2 is not below",

@@ -150,7 +150,8 @@ def test_what_no_mesh_resolves_is_refused(values, message):
         (
             "{kind: sphere-aray, radius: 0.3}",
             "cell.geometry.kind",
-            "expected one of orthogonal-channels, sphere-array, cylinder-array, no-pores, got 'sphere-aray'; "
+            "expected one of orthogonal-channels, sphere-array, cylinder-array, no-pores, "
+            "sphere-pores, tpms, voxels, mesh-file, got 'sphere-aray'; "
             "did you mean 'sphere-array'?",
         ),
         (
