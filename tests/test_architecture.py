@@ -45,7 +45,7 @@ LAYERS = (
     ("interfaces", ("interfaces",)),
     ("hooks", ("hookspecs",)),
     ("work", ()),
-    ("choice", ("registry", "config", "backends")),
+    ("choice", ("registry", "config", "backends", "schema")),
     ("run", ("runfolder",)),
     (
         "pipeline",

@@ -1,6 +1,7 @@
 """The documents say what the code does: keys, defaults, commands, links and the example plugin."""
 
 import inspect
+import json
 import os
 import re
 import shlex
@@ -22,6 +23,8 @@ from pydantic_core import PydanticUndefined
 from porocore.benchmark import benchmark_path
 from porocore.cli.entry import app
 from porocore.config import RunConfig, load_config
+from porocore.courses import Course
+from porocore.dimensions import Dimension
 from porocore.registry import HOOKS, registry
 from porocore.report.words import MEANINGS
 from porocore.sampling.density import DensitySweep
@@ -39,7 +42,25 @@ PAGES = sorted(
     ]
 )
 #: What stands for the keys of a mapping in a dotted key.
-ANY_KEY = {"materials": "REGION", "inputs": "NAME", "boundary": "FACE", "scenarios": "NAME"}
+ANY_KEY = {
+    "materials": "REGION",
+    "inputs": "NAME",
+    "boundary": "SURFACE",
+    "surfaces": "PART",
+    "scenarios": "NAME",
+}
+#: Of the dimension that is declared beside a key, as the table shows it.
+UNITS = {
+    "displacement": "length",
+    "time": "time",
+    "stress": "E",
+    "pressure": "E",
+    "force": "E × area",
+    "body-force": "E / length",
+    "velocity": "velocity",
+    "viscosity": "μ_c",
+}
+SI = {"force": "N", "stress": "Pa", "displacement": "m", "viscosity": "Pa s"}
 
 
 def page(name):
@@ -70,6 +91,8 @@ def section_of(annotation):
                 return section_of(argument)
     if origin is dict:
         return section_of(arguments[1])[0], True
+    if annotation is Course:  # the page has one table for all values
+        return None, False
     is_section = isinstance(annotation, type) and issubclass(annotation, BaseModel)
     return (annotation if is_section else None), False
 
@@ -85,11 +108,31 @@ def keys_of(model, above=""):
             yield from keys_of(below, f"{key}.{ANY_KEY[name]}." if mapped else f"{key}.")
 
 
+def dimensions_of(model, above=""):
+    """Dotted key → the dimensions that are declared for its numbers."""
+    for name, field in model.model_fields.items():
+        below, mapped = section_of(field.annotation)
+        key = f"{above}{name}"
+        if found := list(declared(field.annotation, field.metadata)):
+            yield key, found
+        if below is not None:
+            yield from dimensions_of(below, f"{key}.{ANY_KEY[name]}." if mapped else f"{key}.")
+
+
+def declared(annotation, metadata=()):
+    yield from (extra for extra in metadata if isinstance(extra, Dimension))
+    if get_origin(annotation) is Annotated:
+        yield from declared(get_args(annotation)[0], get_args(annotation)[1:])
+    elif annotation is not Course:
+        for argument in get_args(annotation):
+            yield from declared(argument)
+
+
 def shown(default):
     """A default as the table shows it."""
     if default is PydanticUndefined:
         return "required"
-    plain = list(default) if isinstance(default, tuple) else default
+    plain = json.loads(json.dumps(default))  # lists for tuples, and none of them twice the same
     text = yaml.safe_dump(plain, default_flow_style=True, width=1000).strip().removesuffix("...").strip()
     return f"`{text}`"
 
@@ -104,6 +147,24 @@ def test_every_key_stands_in_the_configuration_page_with_its_default():
     expected = {key: shown(default) for key, default in keys_of(RunConfig)}
     assert len(expected) > 30
     assert documented == expected
+
+
+def test_the_unit_of_a_key_is_that_of_its_dimension():
+    units = {
+        cells[0].strip("`"): cells[3]
+        for cells in rows(page("docs/configuration.md"))
+        if len(cells) == 5 and "." in cells[0]
+    }
+    found = dict(dimensions_of(RunConfig))
+    assert {"macro.body.size", "macro.time.end", "macro.boundary.SURFACE.plate", "cell.viscosity"} <= set(
+        found
+    )
+    for key, dimensions in found.items():
+        if key in units:
+            first = dimensions[0]
+            assert units[key].split(",")[0] == (SI if first.si else UNITS)[first.quantity], key
+    given = {key for key, unit in units.items() if unit.split(",")[0] in UNITS.values()}
+    assert given <= set(found), "a unit without a dimension"
 
 
 def options_below(heading):

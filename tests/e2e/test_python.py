@@ -1,0 +1,93 @@
+"""The Python of the README and of its page runs, on a coarse study, and says what the command line says."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from study import LOADS, write_study
+
+import porocore
+from porocore.errors import ConfigurationError, RunFolderError
+
+ROOT = Path(__file__).parents[2]
+
+
+def blocks(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(r"^```python\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture
+def place(study, a_copy, tmp_path, monkeypatch):
+    """A folder with the coarse study as my.yaml, sampled in runs/mine, but not trained, and one solution is missing."""
+    shutil.copy(study, tmp_path / "my.yaml")
+    missing = "surrogate.h5", "training.csv", f"solutions/linear_load{LOADS[0]!r}.h5"
+    shutil.move(a_copy(*missing), tmp_path / "runs/mine")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_python_of_the_documents_runs(place, finished, capsys):
+    pytest.importorskip("xarray")
+    pytest.importorskip("pyvista")
+    (script,) = blocks("README.md")
+    assert len([line for line in script.splitlines() if line]) <= 10
+    names = {}
+    exec(compile(script, "README.md", "exec"), names)
+    printed = [line.split() for line in capsys.readouterr().out.splitlines()]
+    metrics = json.loads((finished / "metrics.json").read_text(encoding="utf-8"))["macro"]
+    assert [float(load) for load, _ in printed] == list(LOADS)
+    assert [float(ratio) for _, ratio in printed] == [case["settlement_ratio"] for case in metrics]
+    assert names["samples"].responses.stress.shape == (len(names["samples"].x), 3, 3)
+    assert set(names["history"].dims) == {"time", "surface", "component", "drain"}
+    assert names["history"].settlement.attrs["units"] == "1"
+    assert names["body"].n_cells == 8
+    assert_same_results_of_all_loads(place / "runs/mine", finished)
+    names = {}
+    for block in blocks("docs/python.md"):
+        exec(compile(block, "docs/python.md", "exec"), names)
+    assert np.array_equal(names["plug"].config.macro.boundary["y+"].traction, (0, -0.04, 0))
+    assert names["plug"].config.sampling.inputs["p"].range == (0, 0.1)
+    assert names["coarser"].config.macro.loads == (-0.1,)
+    assert np.allclose(names["problem"].conductivity[1, 1], 0.766, rtol=0.02)
+    assert names["response"].stress[0, 1, 1] == pytest.approx(-0.1045, rel=0.01)
+    assert not (place / "runs/study").exists(), "nothing is written before the first stage"
+
+
+def assert_same_results_of_all_loads(folder, finished):
+    for name in ("solutions", "surrogate.h5"):
+        assert (folder / name).exists()
+    for path in sorted((finished / "solutions").iterdir()):
+        here = porocore.MacroSolution.load_file(folder / "solutions" / path.name)
+        there = porocore.MacroSolution.load_file(path)
+        assert np.array_equal(here.history.settlement, there.history.settlement), path.name
+
+
+def test_a_folder_of_another_study_is_refused(finished, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    other = porocore.Study(write_study(tmp_path / "other.yaml", {"sampling.tolerance": 0.2}), out=finished)
+    with pytest.raises(RunFolderError, match="sampling.tolerance"):
+        other.sample()
+
+
+def test_faults_of_settings_are_told_by_their_keys():
+    with pytest.raises(ConfigurationError) as error:
+        porocore.Study(
+            "crosscheck", macro={"loads": [0], "body": {"kind": "bax"}}, cell={"viscosity": "1 mm"}
+        )
+    lines = sorted(str(error.value).splitlines())
+    assert lines[0].startswith(
+        "settings: cell.viscosity: '1 mm' has a unit, but the configuration has no scales"
+    )
+    assert lines[1] == (
+        "settings: macro.body.kind: expected one of box, cylinder, quarter-cylinder, wedge, file, got 'bax'; did you "
+        "mean 'box'?"
+    )
+    assert lines[2] == "settings: macro.loads: a load of 0 moves nothing; remove it"
+    with pytest.raises(
+        ConfigurationError, match=r"^settings: cell.geometry.radius: expected a number with 0 <"
+    ):
+        porocore.CellProblem({"geometry": {"radius": 0.7}})
