@@ -171,7 +171,7 @@ def _case_pictures(case: Case, units: ResultUnits) -> dict[str, list[Picture]]:
     if not column:
         bodies = [
             png_picture(
-                figures.body_figure(case.nonlinear, profile_at(case.nonlinear, time)),
+                figures.body_figure(case.nonlinear, profile_at(case.nonlinear, time), units),
                 f"The deformed body at t = {time:g}, coloured by its pore pressure, load {load}",
             )
             for time in chosen_times(case.nonlinear)

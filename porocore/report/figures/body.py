@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from porocore.body.mesh import boundary_facets
-from porocore.report.figures.style import new_figure, styled
+from porocore.report.figures.style import axis_label, new_figure, styled
+from porocore.result_units import ResultUnits
 from porocore.solution import MacroSolution, Profile
 from porocore.states import Array, IntArray
 
@@ -19,7 +20,7 @@ VIEW = (22, -145)
 
 
 @styled
-def body_figure(solution: MacroSolution, profile: Profile) -> Figure:
+def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | None = None) -> Figure:
     """Surface of the body at one time, deformed as it is and coloured by p; edges of elements where they are few.
 
     Parameters
@@ -28,9 +29,13 @@ def body_figure(solution: MacroSolution, profile: Profile) -> Figure:
         With the mesh.
     profile
         One of its profiles.
+    units
+        Of lengths, time and pressure.
     """
+    units = units or ResultUnits()
     facets = boundary_facets(solution.cells)
-    places, pressure = (solution.points + profile.u)[:, [2, 0, 1]], profile.p
+    places = (solution.points + profile.u)[:, [2, 0, 1]] * units.factor("displacement")
+    pressure = profile.p * units.factor("pressure")
     low, high = float(pressure.min()), float(pressure.max())
     if high - low < 1e-12:
         low, high = low - 0.5e-12, high + 0.5e-12
@@ -49,14 +54,16 @@ def body_figure(solution: MacroSolution, profile: Profile) -> Figure:
     for axis, (a, b) in zip("xyz", zip(first, last, strict=True), strict=True):
         getattr(axes, f"set_{axis}lim")(a, b)
     axes.set_box_aspect(np.maximum(last - first, 0.12 * (last - first).max()), zoom=0.88)
-    axes.set_xlabel("$x_3$")
-    axes.set_ylabel("$x_1$")
-    axes.set_zlabel("$x_2$")
+    for axis, name in zip("xyz", ("$x_3$", "$x_1$", "$x_2$"), strict=True):
+        getattr(axes, f"set_{axis}label")(axis_label(name, "displacement", units) if units.given else name)
     axes.tick_params(labelsize=7, pad=0)
     axes.locator_params(nbins=4)
     axes.view_init(*VIEW)
-    figure.colorbar(colours, ax=axes, shrink=0.7, pad=0.16, label=r"pore pressure $p\,/E$ [–]")
-    axes.set_title(f"$t$ = {profile.time:g}")
+    figure.colorbar(
+        colours, ax=axes, shrink=0.7, pad=0.16, label=axis_label("pore pressure $p$", "pressure", units)
+    )
+    unit = f" {units.name('time')}" if units.given else ""
+    axes.set_title(f"$t$ = {profile.time * units.factor('time'):g}{unit}")
     return figure
 
 

@@ -1,0 +1,86 @@
+"""The pictures of bodies.md: each example's body and what it is there to show.
+
+.venv/bin/python docs/make_example_images.py runs/cartilage-confined runs/soil-strip ...
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from make_images import IMAGES, _pixels
+from matplotlib.figure import Figure
+
+from porocore.report.figures import body_figure, png_bytes, series_figure
+from porocore.report.figures.series import panels
+from porocore.report.figures.style import DASHED, TIME_COLOURS, new_figure, styled
+from porocore.runfolder import RunFolder
+from porocore.solution import MacroSolution
+
+#: Of each example: the number of the profile, and what is shown against time.
+SHOWN = {
+    "cartilage-confined": (1, ("pressure at the probes", "forces of held or moved surfaces")),
+    "cartilage-unconfined": (1, ("pressure at the probes", "displacement of the probes")),
+    "brain-indentation": (0, ("pressure at the probes", "forces of held or moved surfaces")),
+    "soil-strip": (0, ("pressure at the probes", "displacement of the probes")),
+}
+
+
+@styled
+def example_picture(folder: RunFolder, name: str) -> Figure:
+    """The deformed body beside two figures of the report."""
+    config = folder.config
+    load = config.macro.loads[0]
+    nonlinear = MacroSolution.load_file(folder.solution(config.closure, load))
+    linear = MacroSolution.load_file(folder.solution("linear", load))
+    which, kinds = SHOWN[name]
+    known = {panel.plain for panel in panels(nonlinear)}
+    units = config.result_units
+    parts = [body_figure(nonlinear, nonlinear.profiles[which], units)]
+    parts += [series_figure(nonlinear, linear, kind, units) for kind in kinds if kind in known]
+    figure = new_figure(12.6, 3.9)
+    for axes, part in zip(figure.subplots(1, len(parts)), parts, strict=True):
+        axes.imshow(_pixels(part))
+        axes.set_axis_off()
+    return figure
+
+
+@styled
+def filter_picture(folder: RunFolder) -> Figure:
+    """Pore pressure through the filter at last, and the flow for a unit of pressure, at each load."""
+    config = folder.config
+    figure = new_figure(8.4, 3.4)
+    left, right = figure.subplots(1, 2)
+    rates, linear = [], []
+    for load, colour in zip(config.macro.loads, TIME_COLOURS, strict=False):
+        solution = MacroSolution.load_file(folder.solution(config.closure, load))
+        line = (solution.points[:, [0, 2]] == 0).all(axis=1)
+        order = np.argsort(solution.points[line, 1])
+        place = solution.points[line, 1][order]
+        left.plot(solution.profiles[-1].p[line][order] / load, place, color=colour, label=f"{load:g}")
+        area = np.prod(np.ptp(solution.points[:, [0, 2]], axis=0))
+        rates.append(solution.inflow["y+"][-1] / load / area)
+        other = MacroSolution.load_file(folder.solution("linear", load))
+        linear.append(other.inflow["y+"][-1] / load / area)
+    left.plot(place / place.max(), place, color="0.35", ls=DASHED, lw=1.3, label="linear")
+    left.set(xlabel="pore pressure, of that above [–]", ylabel="height in the filter $X_2$ [–]")
+    left.legend(title="pressure above$\\,/E$")
+    right.plot(config.macro.loads, rates, marker="o", label="deformed pore")
+    right.plot(config.macro.loads, linear, color="0.35", ls=DASHED, lw=1.3, label="linear")
+    right.set(xlabel="pressure above$\\,/E$ [–]", ylabel="flow per area and pressure [–]", ylim=(0, None))
+    right.legend()
+    return figure
+
+
+def main() -> None:
+    for path in map(Path, sys.argv[1:]):
+        folder = RunFolder.open(path)
+        picture = filter_picture(folder) if path.name == "filter" else example_picture(folder, path.name)
+        target = IMAGES / f"example-{path.name}.png"
+        target.write_bytes(png_bytes(picture))
+        print(target)
+
+
+if __name__ == "__main__":
+    main()
