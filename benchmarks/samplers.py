@@ -48,7 +48,7 @@ COMPRESSED = (-0.27, 0.036)
 TARGETS = {
     "two": ((0.005, 0.002), (0.005, 0.002)),
     "four": ((0.02, 0.015), (0.12, 0.10)),
-    "seven": ((0.001, 0.0005), (0.005, 0.003)),
+    "seven": ((0.0005, 0.0004), (0.01, 0.007)),
 }
 
 Curve = list[tuple[int, float, float]]
@@ -217,6 +217,9 @@ def plot(path: Path, found: dict[str, dict[str, list[Curve]]]) -> None:
             axes.xaxis.set_major_formatter(ScalarFormatter())
             axes.xaxis.set_minor_formatter(NullFormatter())
             axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axes.yaxis.set_minor_formatter(
+                FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "25" else "")
+            )
             axes.grid(which="major", color="0.9", lw=0.7)
             axes.spines[["top", "right"]].set_visible(False)
             if row == 0:
