@@ -256,9 +256,10 @@ def _as_text(facts: dict[str, Any], whole: bool) -> str:
     if facts["states"]:
         lines.append(f"  responses: {', '.join(facts['responses'])}")
         if "with_conductivity" in facts:
+            rest = facts["states"] - facts["with_conductivity"]
+            why = f"; in {rest} the fluid's mesh cannot follow walls that touch, or the solid has no values"
             lines.append(
-                f"  conductivity of the deformed pore: of {facts['with_conductivity']} states; in the others walls "
-                "touch, or there are no values at all"
+                f"  conductivity of the deformed pore: of {facts['with_conductivity']} states{why if rest else ''}"
             )
         seconds = facts["seconds"]
         lines.append(

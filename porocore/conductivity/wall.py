@@ -26,6 +26,8 @@ ITERATIONS = 20
 ACCURACY = 1e-12
 #: In the coordinates of the element that a node is looked up in; farther outside, the walls do not belong together.
 FARTHEST = 0.5
+#: Elements whose coordinates of a point lie outside by the same, to this, are equally good.
+ALIKE = 1e-8
 
 
 def wall_interpolation(solid: CellMesh, fluid: CellMesh) -> tuple[IntArray, csr_matrix]:
@@ -51,17 +53,20 @@ def wall_interpolation(solid: CellMesh, fluid: CellMesh) -> tuple[IntArray, csr_
     images = fluid.periodic_class
     walled = np.unique(fluid.wall)
     classes, first = np.unique(images[walled], return_index=True)
-    elements, local = _looked_up(solid, fluid.points[walled[first]])
+    rows, elements, local, shares = _looked_up(solid, fluid.points[walled[first]])
     values, _ = shape_functions(local, solid.cells.shape[1])
-    count, width = values.shape
-    rows = np.repeat(np.arange(count), width)
-    matrix = csr_matrix((values.ravel(), (rows, solid.cells[elements].ravel())), (count, len(solid.points)))
+    entries = (shares[:, None] * values).ravel()
+    places = np.repeat(rows, values.shape[1]), solid.cells[elements].ravel()
+    matrix = csr_matrix((entries, places), (len(classes), len(solid.points)))
     nodes = np.flatnonzero(np.isin(images, classes))
     return nodes, matrix[np.searchsorted(classes, images[nodes])]
 
 
-def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, Array]:
-    """Element (k,) and the coordinates (k, 3) in it of each point."""
+def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Array, Array]:
+    """Where the points (k, 3) lie: m numbers of a point, its element, the coordinates (m, 3) in it, and its share.
+
+    Elements that serve a point equally well share it, such as one and its mirror image: so symmetry is kept.
+    """
     owners = _wall_elements(solid)
     centres = solid.points[solid.wall[:, :3]].mean(axis=1)
     shifts = np.zeros((1, 3))
@@ -75,14 +80,15 @@ def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, Array]:
     local, found = _inverted(solid.points[solid.cells[elements.ravel()]], places)
     outside = np.where(found, np.maximum(-local.min(axis=1), local.sum(axis=1) - 1), np.inf)
     outside = outside.reshape(elements.shape)
-    best = outside.argmin(axis=1)
-    row = np.arange(len(points))
-    if not (outside[row, best] < FARTHEST).all():
+    least = outside.min(axis=1)
+    if not (least < FARTHEST).all():
         raise PorocoreError(
             "the pore wall of the fluid's mesh does not lie on that of the solid's, so the fluid cannot follow the "
             "deformation; refine both (cell.mesh.size, cell.mesh.fluid_size)"
         )
-    return elements[row, best], local.reshape(*elements.shape, 3)[row, best]
+    alike = outside <= (least + ALIKE)[:, None]
+    rows = np.nonzero(alike)[0]
+    return rows, elements[alike], local.reshape(*elements.shape, 3)[alike], 1 / alike.sum(axis=1)[rows]
 
 
 def _wall_elements(solid: CellMesh) -> IntArray:

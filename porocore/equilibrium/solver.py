@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.cell.connectivity import blocked, pieces
 from porocore.cell.mesh import CellMesh, Domain
 from porocore.conductivity.fluid import DiscreteFluid
 from porocore.conductivity.pore import Pore
@@ -70,7 +71,18 @@ class PreparedCell:
         if self.cell.geometry.porosity == 0:
             return np.zeros((3, 3))
         pore = self.pore("eighth" if self.cell.symmetric else "whole")
-        return pore.undeformed / self.cell.viscosity
+        return self.open_only(pore.undeformed) / self.cell.viscosity
+
+    def open_only(self, K: Array) -> Array:
+        """K (3, 3) without what is left over by the discretisation along axes that the pores are closed to."""
+        K = K.copy()
+        for axis in self._closed:
+            K[axis] = K[:, axis] = 0.0
+        return K
+
+    @cached_property
+    def _closed(self) -> tuple[int, ...]:
+        return tuple(map("xyz".index, blocked(pieces(self.cell.make_mesh("fluid", "whole")))))
 
 
 class EquilibriumCellSolver(CellSolver):
@@ -159,6 +171,7 @@ def _with_conductivity(
     if solid is not None and here is not None:
         pore = prepared.pore(solid.mesh.domain)
         K, smallest = pore.deformed(here.H, here.displacement, solid.mesh)
+        K = prepared.open_only(K)
     return replace(
         response, conductivity=K[None] / prepared.cell.viscosity, min_fluid_jacobian=np.array([smallest])
     )
