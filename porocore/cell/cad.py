@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.part import PoreGeometry
-from porocore.cell.tetrahedra import EDGES, Element, Phase, Tetrahedra, used, volumes
+from porocore.cell.tetrahedra import EDGES, Element, Phase, Tetrahedra, least_stretch, used, volumes
 from porocore.errors import PorocoreError
-from porocore.states import Array
+from porocore.states import Array, IntArray
 
 #: A narrow channel needs at least some ten elements around it, however coarse the rest may be.
 LARGEST_SIZE_TO_RADIUS = 0.8
@@ -20,6 +20,8 @@ SIZE_TO_FILLET, GROWTH = 0.8, 1.0
 #: Of the distance between a wall and a mirror plane: a quadratic element across it has the parabola of the flow. Where
 #: finer elements than these are asked for, those in the gaps become finer alike.
 SIZE_TO_GAP, COARSE = 0.8, 0.2
+#: A curved element whose volume element falls below this share of the straight one's gets straight edges.
+LEAST_STRETCH = 0.02
 SYSTEM_LIBRARIES = (
     "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
 )
@@ -104,6 +106,8 @@ class DrawnGeometry(PoreGeometry):
                 gmsh.option.setNumber("Mesh.SecondOrderLinear", float(element == "quadratic-straight"))
                 gmsh.model.mesh.setOrder(2)
             nodes = _nodes(gmsh, self, part)
+            if element == "quadratic-curved":
+                _straighten_folds(nodes, _cells(gmsh, part.solid + part.fluid))
             return {
                 "solid": _read(gmsh, part.solid, nodes, element),
                 "fluid": _read(gmsh, part.fluid, nodes, element),
@@ -167,8 +171,23 @@ def _nodes(gmsh: Any, geometry: DrawnGeometry, part: DrawnPart) -> Array:
     return points
 
 
-def _read(gmsh: Any, tags_of_volumes: list[int], nodes: Array, element: str) -> Tetrahedra:
-    """Points and tetrahedra (VTK order) of the given volumes, numbered from 0."""
+def _straighten_folds(nodes: Array, cells: IntArray | None) -> None:
+    """Give straight edges to curved tetrahedra that fold over themselves, beside narrow gaps and where walls touch.
+
+    The neighbours along those edges have them straight too.
+    """
+    if cells is None:
+        return
+    while True:
+        folded = cells[least_stretch(nodes, cells) < LEAST_STRETCH]
+        middles = nodes[folded[:, EDGES]].mean(axis=2)
+        if np.array_equal(nodes[folded[:, 4:]], middles):
+            return
+        nodes[folded[:, 4:]] = middles
+
+
+def _cells(gmsh: Any, tags_of_volumes: list[int]) -> IntArray | None:
+    """Tetrahedra (VTK order) of the given volumes, by the tags of their nodes; None without any volume."""
     blocks = []
     for volume in tags_of_volumes:
         kinds, _, tags_of_kind = gmsh.model.mesh.getElements(3, volume)
@@ -176,12 +195,20 @@ def _read(gmsh: Any, tags_of_volumes: list[int], nodes: Array, element: str) -> 
             per_element = {4: 4, 11: 10}[int(kind)]
             blocks.append(tags.astype(np.int64).reshape(-1, per_element))
     if not blocks:
-        return Tetrahedra(np.empty((0, 3)), np.empty((0, 4 if element == "linear" else 10), dtype=np.int64))
-    cells = np.concatenate(blocks)
+        return None
+    cells: IntArray = np.concatenate(blocks)
     if cells.shape[1] == 10:
         cells = cells[
             :, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
         ]  # gmsh numbers the last two edges the other way round
+    return cells
+
+
+def _read(gmsh: Any, tags_of_volumes: list[int], nodes: Array, element: str) -> Tetrahedra:
+    """Points and tetrahedra of the given volumes, numbered from 0."""
+    cells = _cells(gmsh, tags_of_volumes)
+    if cells is None:
+        return Tetrahedra(np.empty((0, 3)), np.empty((0, 4 if element == "linear" else 10), dtype=np.int64))
     points, cells = used(nodes, cells)
     if element == "quadratic-straight":
         points[cells[:, 4:]] = points[cells[:, EDGES]].mean(axis=2)
