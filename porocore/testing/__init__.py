@@ -1,0 +1,88 @@
+"""The conformance kit: for each interface the laws that its implementations obey, as tests to subclass.
+
+.. code-block:: python
+
+    from porocore.testing import SamplerSuite
+
+    class TestMine(SamplerSuite):
+        kit_version = "1"
+
+        @classmethod
+        def make_sampler(cls, inputs, **options):
+            return MySampler(inputs, **options)
+
+pytest collects the rest; nothing has to be configured. Names are imported when they are first used. All but the
+made-up cells needs pytest.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from porocore.testing.cell import CellSolverSuite as CellSolverSuite
+    from porocore.testing.cell_contact import CellContactSuite as CellContactSuite
+    from porocore.testing.cell_meshed import MeshedCellSuite as MeshedCellSuite
+    from porocore.testing.macro import MacroSolverSuite as MacroSolverSuite
+    from porocore.testing.potential import PotentialSuite as PotentialSuite
+    from porocore.testing.sampler import SamplerSuite as SamplerSuite
+    from porocore.testing.suite import Suite as Suite
+    from porocore.testing.surrogate import SurrogateSuite as SurrogateSuite
+    from porocore.testing.version import KIT_VERSION as KIT_VERSION
+
+_HOMES = {
+    "CellSolverSuite": "cell",
+    "CellContactSuite": "cell_contact",
+    "MeshedCellSuite": "cell_meshed",
+    "MacroSolverSuite": "macro",
+    "PotentialSuite": "potential",
+    "SamplerSuite": "sampler",
+    "Suite": "suite",
+    "SurrogateSuite": "surrogate",
+    "KIT_VERSION": "version",
+}
+#: Modules with assertions, of which pytest is to show what was compared.
+_ASSERTING = (
+    "cell",
+    "cell_contact",
+    "cell_meshed",
+    "cell_suite",
+    "compare",
+    "macro_bodies",
+    "macro_histories",
+    "macro_plates",
+    "macro_runs",
+    "macro_states",
+    "potential",
+    "sampler",
+    "surrogate",
+    "surrogate_files",
+    "surrogate_training",
+)
+
+__all__ = sorted(_HOMES)
+
+if "pytest" in sys.modules:
+    sys.modules["pytest"].register_assert_rewrite(
+        *(name for part in _ASSERTING if (name := f"{__name__}.{part}") not in sys.modules)
+    )
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'porocore.testing' has no attribute '{name}'")
+    if name != "KIT_VERSION" and find_spec("pytest") is None:
+        raise ModuleNotFoundError(
+            f"porocore.testing.{name} needs pytest, which is not installed here; install it: pip install pytest",
+            name="pytest",
+        )
+    value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -2,7 +2,9 @@
 
 .. code-block:: python
 
-    class TestMyCellContact(CellContactConformance):
+    class TestMyCellContact(CellContactSuite):
+        kit_version = "1"
+
         @classmethod
         def make_solver(cls):
             return MyCellSolver()
@@ -29,7 +31,7 @@ STEP = 3e-5
 LOADS = {"H11": 0, "H22": 4, "H33": 8, "p": 9}
 
 
-class CellContactConformance(CellSuite):
+class CellContactSuite(CellSuite):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``."""
 
     @pytest.fixture(scope="class")

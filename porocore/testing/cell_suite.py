@@ -9,9 +9,10 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import MeshSettings
 from porocore.interfaces.cell import CellSolver
+from porocore.testing.suite import Suite
 
 
-class CellSuite:
+class CellSuite(Suite):
     """Subclass a suite, name the class ``Test…`` and give it ``make_solver``."""
 
     #: Kept coarse; what is tested here holds on every mesh.
@@ -22,6 +23,11 @@ class CellSuite:
         """The solver under test, with default options."""
         raise NotImplementedError
 
+    @classmethod
+    def make_cell(cls, **others: Any) -> Cell:
+        """The cell that is solved, with ``others`` of its keys changed; one that the solver is made for."""
+        return Cell(mesh=cls.mesh, **others)
+
     @pytest.fixture(scope="class")
     @classmethod
     def solver(cls) -> CellSolver:
@@ -30,4 +36,4 @@ class CellSuite:
     @pytest.fixture(scope="class")
     @classmethod
     def prepared(cls, solver: CellSolver) -> Any:
-        return solver.prepare(Cell(mesh=cls.mesh))
+        return solver.prepare(cls.make_cell())

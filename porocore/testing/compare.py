@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -44,3 +46,9 @@ def assert_identical(one: CellResponse, other: CellResponse) -> None:
     for name in slopes:
         for a, b in zip(slopes[name], others[name], strict=True):
             np.testing.assert_array_equal(a, b)
+
+
+def global_random_state() -> tuple[Any, ...]:
+    """Of Python's and of numpy's random number generator, to see whether something drew from them."""
+    name, keys, *place = np.random.get_state()  # noqa: NPY002
+    return random.getstate(), name, np.asarray(keys).tobytes(), place

@@ -2,7 +2,9 @@
 
 .. code-block:: python
 
-    class TestMyMacroSolver(MacroSolverConformance):
+    class TestMyMacroSolver(MacroSolverSuite):
+        kit_version = "1"
+
         @classmethod
         def make_solver(cls, **options):
             return MyMacroSolver(**options)
@@ -17,7 +19,7 @@ from porocore.testing.macro_runs import Runs
 from porocore.testing.macro_states import KnownStates
 
 
-class MacroSolverConformance(KnownStates, Plates, Bodies, Histories, Runs):
+class MacroSolverSuite(KnownStates, Plates, Bodies, Histories, Runs):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``.
 
     It expects that :meth:`~porocore.MacroSolver.prepare` returns a ``porocore.macro`` discretisation, that the

@@ -31,7 +31,7 @@ def discrete_terzaghi(layer: Terzaghi, depth: Any, steps: int, dT: float) -> Any
 
 
 class Histories(Solving):
-    """Part of :class:`porocore.testing.macro.MacroSolverConformance`."""
+    """Part of :class:`porocore.testing.macro.MacroSolverSuite`."""
 
     def linear_column(self, elements: int, steps: int, T: float) -> tuple[Terzaghi, float, MacroSolution]:
         """A linear column in ``steps`` equal steps up to T = c_v t/h²; its closed form, its solution."""

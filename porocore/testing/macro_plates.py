@@ -34,7 +34,7 @@ def squeezed(top: dict[str, Any], load: float = -0.05, **settings: Any) -> Macro
 
 
 class Plates(Solving):
-    """Part of :class:`porocore.testing.macro.MacroSolverConformance`."""
+    """Part of :class:`porocore.testing.macro.MacroSolverSuite`."""
 
     @pytest.mark.parametrize("law", [LINEAR, NONLINEAR], ids=["linear", "nonlinear"])
     def test_a_plate_moves_as_one_and_bears_its_force(self, law: Any) -> None:

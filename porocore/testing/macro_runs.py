@@ -32,7 +32,7 @@ STORM = confined_column(4, load=-0.1, time=SHORT | {"profiles": (0.3, 1.0, 4.0)}
 
 
 class Runs(Solving):
-    """Part of :class:`porocore.testing.macro.MacroSolverConformance`."""
+    """Part of :class:`porocore.testing.macro.MacroSolverSuite`."""
 
     @classmethod
     def interrupted(cls, path: Path, after: float) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 from porocore.interfaces.macro import MacroSolver
 from porocore.problem import MacroProblem
 from porocore.solution import MacroSolution
+from porocore.testing.suite import Suite
 from porocore.testing.synthetic import CONDUCTIVITY, SOLID_FRACTION, linear_law, mean_gradient_law
 
 LINEAR, NONLINEAR = linear_law(), mean_gradient_law()
@@ -23,7 +24,7 @@ SIDES: dict[str, Any] = {face: {"displacement": (0, None, 0)} for face in ("x-",
 HELD: dict[str, Any] = {"displacement": (0, 0, 0)}
 
 
-class Solving:
+class Solving(Suite):
     """A suite that solves macro problems with the solver under test."""
 
     @classmethod

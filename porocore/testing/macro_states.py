@@ -29,7 +29,7 @@ from porocore.testing.synthetic import confined_column, cubic_reference
 
 
 class KnownStates(Solving):
-    """Part of :class:`porocore.testing.macro.MacroSolverConformance`."""
+    """Part of :class:`porocore.testing.macro.MacroSolverSuite`."""
 
     @pytest.mark.parametrize("elements", [(1, 2, 1), (2, 1, 2)])
     def test_tangent_is_the_slope_of_the_residual(self, elements: Any) -> None:

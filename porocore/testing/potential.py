@@ -8,10 +8,10 @@ import pytest
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, MacroState
 from porocore.testing.compare import RESPONSES, provided
-from porocore.testing.surrogate import SurrogateConformance
+from porocore.testing.surrogate import SurrogateSuite
 
 
-class PotentialConformance(SurrogateConformance):
+class PotentialSuite(SurrogateSuite):
     """In addition, the laws of a surrogate whose stress and fluid volume derive from one potential.
 
     They hold for every state, whether or not the training came near it.

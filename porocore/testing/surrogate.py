@@ -2,14 +2,16 @@
 
 .. code-block:: python
 
-    class TestMySurrogate(SurrogateConformance):
+    class TestMySurrogate(SurrogateSuite):
+        kit_version = "1"
+
         @classmethod
         def make_surrogate(cls):
             return MySurrogate(epochs=500)
 
 The cell that is learned is :mod:`porocore.testing.synthetic_cell`, known in closed form. A surrogate that derives
 stress and fluid volume from a potential subclasses
-:class:`porocore.testing.potential.PotentialConformance`.
+:class:`porocore.testing.potential.PotentialSuite`.
 """
 
 from __future__ import annotations
@@ -19,16 +21,16 @@ import pytest
 
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
-from porocore.states import Array, MacroState
+from porocore.states import Array, CellResponse, MacroState
 from porocore.testing.compare import RESPONSES, moved, provided
 from porocore.testing.surrogate_files import Files
 from porocore.testing.surrogate_training import Trainings
 from porocore.testing.synthetic_cell import INPUTS, synthetic_training_set
 
-__all__ = ["SurrogateConformance", "synthetic_training_set"]
+__all__ = ["SurrogateSuite", "synthetic_training_set"]
 
 
-class SurrogateConformance(Files, Trainings):
+class SurrogateSuite(Files, Trainings):
     """Subclass it, name the class ``Test…`` and give it ``make_surrogate``."""
 
     def test_shapes(self, fitted: Surrogate, unseen: TrainingSet) -> None:
@@ -110,11 +112,50 @@ class SurrogateConformance(Files, Trainings):
                     column,
                 )
 
-    def test_rows_do_not_depend_on_the_batch(self, fitted: Surrogate, unseen: TrainingSet) -> None:
-        together = fitted.predict(unseen.states[:20])
+    def test_rows_do_not_depend_on_the_batch_or_its_order(
+        self, fitted: Surrogate, unseen: TrainingSet
+    ) -> None:
+        states = unseen.states[:20]
+        together = fitted.predict(states)
+        backwards = fitted.predict(states[::-1])[::-1]
+        _assert_rows(backwards, together)
         for row in range(20):
-            alone = fitted.predict(unseen.states[row : row + 1])
-            np.testing.assert_allclose(alone.mean_grad[0], together.mean_grad[row], rtol=0, atol=1e-12)
+            _assert_rows(fitted.predict(states[row : row + 1]), together[row : row + 1])
+
+    def test_derivatives_only_where_they_are_wanted(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        states = unseen.states[:20]
+        plain, whole = fitted.predict(states, tangent=False), fitted.predict(states)
+        assert plain.tangent is None
+        for name in RESPONSES:
+            if getattr(whole, name) is not None:
+                np.testing.assert_allclose(
+                    getattr(plain, name), getattr(whole, name), rtol=0, atol=1e-12, err_msg=name
+                )
+
+    def test_inputs_are_not_changed(self, fitted: Surrogate, data: TrainingSet, unseen: TrainingSet) -> None:
+        """Neither the states that it predicts nor those that it was trained on."""
+        states = unseen.states[:20]
+        H, p = states.grad_u.copy(), states.p.copy()
+        fitted.predict(states)
+        np.testing.assert_array_equal(states.grad_u, H)
+        np.testing.assert_array_equal(states.p, p)
+        original = self.training_data()
+        np.testing.assert_array_equal(data.states.grad_u, original.states.grad_u)
+        np.testing.assert_array_equal(data.states.p, original.states.p)
+        for name in RESPONSES:
+            np.testing.assert_array_equal(getattr(data.responses, name), getattr(original.responses, name))
+
+    def test_it_provides_what_it_says(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        """``provides``, where a surrogate has it, lists the responses that are there, each with its derivatives."""
+        response = fitted.predict(unseen.states[:3])
+        there = {name for name in RESPONSES if getattr(response, name) is not None}
+        says = getattr(fitted, "provides", None)
+        assert says is None or set(says) & set(RESPONSES) == there
+        with_slopes = dict(provided(response))
+        for name in there & {"mean_grad", "stress", "fluid_volume"}:
+            assert name in with_slopes or np.isnan(getattr(response, name)).all(), (
+                f"{name} has no derivatives"
+            )
 
     def test_reference_state_is_exact(self, fitted: Surrogate, data: TrainingSet) -> None:
         at_rest = fitted.predict(MacroState.zeros(1))
@@ -142,3 +183,20 @@ class SurrogateConformance(Files, Trainings):
             key = next(iter(options))
             with pytest.raises(ConfigurationError, match=key):
                 self.make_invalid(options)
+
+
+def _assert_rows(found: CellResponse, expected: CellResponse) -> None:
+    """Alike but for round-off, derivatives and flags included."""
+    np.testing.assert_array_equal(found.status, expected.status)
+    assert found.outside is not None
+    assert expected.outside is not None
+    np.testing.assert_array_equal(found.outside, expected.outside)
+    for name in RESPONSES:
+        if getattr(expected, name) is not None:
+            np.testing.assert_allclose(
+                getattr(found, name), getattr(expected, name), rtol=0, atol=1e-12, err_msg=name
+            )
+    others = dict(provided(found))
+    for name, slopes in provided(expected):
+        for one, other in zip(others[name], slopes, strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-10, err_msg=f"slope of {name}")

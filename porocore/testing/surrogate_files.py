@@ -15,7 +15,7 @@ from porocore.testing.surrogate_fitting import Fitting
 
 
 class Files(Fitting):
-    """Part of :class:`porocore.testing.surrogate.SurrogateConformance`."""
+    """Part of :class:`porocore.testing.surrogate.SurrogateSuite`."""
 
     def test_saved_and_loaded_it_is_the_same(
         self, fitted: Surrogate, saved: Path, data: TrainingSet, unseen: TrainingSet

@@ -8,10 +8,11 @@ from typing import Any, ClassVar
 import pytest
 
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
+from porocore.testing.suite import Suite
 from porocore.testing.synthetic_cell import synthetic_training_set
 
 
-class Fitting:
+class Fitting(Suite):
     """A suite that trains the surrogate under test on the made-up cell, once."""
 
     #: Root mean square error on states that were not trained on, over the range of each component.
@@ -39,10 +40,15 @@ class Fitting:
     def checkpoint_often(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Make the training write a checkpoint at every opportunity; without it the tests wait for the first."""
 
+    @classmethod
+    def training_data(cls) -> TrainingSet:
+        """A new copy of what it is trained on."""
+        return synthetic_training_set(240, seed=1)
+
     @pytest.fixture(scope="class")
     @classmethod
     def data(cls) -> TrainingSet:
-        return synthetic_training_set(240, seed=1)
+        return cls.training_data()
 
     @pytest.fixture(scope="class")
     @classmethod

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import random
 import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
 
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
-from porocore.testing.compare import assert_identical
+from porocore.testing.compare import assert_identical, global_random_state
 from porocore.testing.surrogate_fitting import Fitting
 
 
@@ -23,13 +20,13 @@ class _Stop(Exception):
 
 
 class Trainings(Fitting):
-    """Part of :class:`porocore.testing.surrogate.SurrogateConformance`."""
+    """Part of :class:`porocore.testing.surrogate.SurrogateSuite`."""
 
     def test_training_is_seeded(self, fitted: Surrogate, data: TrainingSet, unseen: TrainingSet) -> None:
-        before = _global_random_state()
+        before = global_random_state()
         again = self.make_surrogate().fit(data, seed=self.seed)
         other = self.make_surrogate().fit(data, seed=self.seed + 1)
-        assert before == _global_random_state(), "the training drew from a global random number generator"
+        assert before == global_random_state(), "the training drew from a global random number generator"
         assert_identical(fitted.predict(unseen.states), again.predict(unseen.states))
         one, two = fitted.predict(unseen.states), other.predict(unseen.states)
         if not self.random:
@@ -117,8 +114,3 @@ class Trainings(Fitting):
             pytest.skip("this training writes checkpoints")
         self.make_surrogate().fit(data, seed=self.seed, checkpoint=tmp_path / "training.h5")
         assert list(tmp_path.iterdir()) == []
-
-
-def _global_random_state() -> tuple[Any, ...]:
-    name, keys, *place = np.random.get_state()  # noqa: NPY002
-    return random.getstate(), name, np.asarray(keys).tobytes(), place

@@ -5,11 +5,12 @@ import pytest
 
 from porocore.errors import ConfigurationError, DataError
 from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-from porocore.testing.potential import PotentialConformance
+from porocore.testing import PotentialSuite
 from porocore.testing.potential_cell import potential_training_set
 
 
-class TestPolynomial(PotentialConformance):
+class TestPolynomial(PotentialSuite):
+    kit_version = "1"
     random = resumable = False
     invalid_options = (
         {"no_such_option": 1},

@@ -14,7 +14,7 @@ if not find_spec("dolfinx"):
 from porocore import registry
 from porocore.errors import ConfigurationError, SolveError
 from porocore.solution import History, Profile
-from porocore.testing.macro import MacroSolverConformance
+from porocore.testing import MacroSolverSuite
 from porocore.testing.synthetic import confined_column, linear_law, mean_gradient_law
 from porocore_fem_dolfinx.macro import DolfinxMacroSolver
 
@@ -70,7 +70,9 @@ PROBLEMS = {
 }
 
 
-class TestDolfinxMacroSolver(MacroSolverConformance):
+class TestDolfinxMacroSolver(MacroSolverSuite):
+    kit_version = "1"
+
     @classmethod
     def make_solver(cls, **options):
         return DolfinxMacroSolver(**options)

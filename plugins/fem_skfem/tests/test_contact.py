@@ -1,8 +1,10 @@
-from porocore.testing.cell_contact import CellContactConformance
+from porocore.testing import CellContactSuite
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 
-class TestSkfemCellContact(CellContactConformance):
+class TestSkfemCellContact(CellContactSuite):
+    kit_version = "1"
+
     @classmethod
     def make_solver(cls):
         return SkfemCellSolver()

@@ -6,12 +6,14 @@ from skfem import ElementHex1, ElementHex2, FacetBasis, MeshHex
 
 from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
-from porocore.testing.macro import MacroSolverConformance
+from porocore.testing import MacroSolverSuite
 from porocore.testing.synthetic import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
 
 
-class TestSkfemMacroSolver(MacroSolverConformance):
+class TestSkfemMacroSolver(MacroSolverSuite):
+    kit_version = "1"
+
     @classmethod
     def make_solver(cls, **options):
         return SkfemMacroSolver(**options)

@@ -1,10 +1,10 @@
 from porocore.surrogates import adam
-from porocore.testing.potential import PotentialConformance
-from porocore.testing.surrogate import SurrogateConformance
+from porocore.testing import PotentialSuite, SurrogateSuite
 from porocore_surrogate_jax.surrogate import JaxSurrogate
 
 
-class TestMlp(SurrogateConformance):
+class TestMlp(SurrogateSuite):
+    kit_version = "1"
     invalid_options = (
         {"hiden": [40]},
         {"hidden": []},
@@ -25,7 +25,9 @@ class TestMlp(SurrogateConformance):
         monkeypatch.setattr(adam, "CHECKPOINT_INTERVAL", 0.0)
 
 
-class TestMlpWithTanh(SurrogateConformance):
+class TestMlpWithTanh(SurrogateSuite):
+    kit_version = "1"
+
     @classmethod
     def make_surrogate(cls):
         return JaxSurrogate(epochs=2000, hidden=[16, 16], learning_rate=0.05, activation="tanh")
@@ -34,7 +36,8 @@ class TestMlpWithTanh(SurrogateConformance):
         monkeypatch.setattr(adam, "CHECKPOINT_INTERVAL", 0.0)
 
 
-class TestPotential(PotentialConformance):
+class TestPotential(PotentialSuite):
+    kit_version = "1"
     resumable = False
     invalid_options = (
         {"model": "tree"},
@@ -57,7 +60,8 @@ class TestPotential(PotentialConformance):
         return JaxSurrogate(**({"model": "potential"} | options))
 
 
-class TestPotentialOnPolynomial(PotentialConformance):
+class TestPotentialOnPolynomial(PotentialSuite):
+    kit_version = "1"
     resumable = False
 
     @classmethod

@@ -1,10 +1,10 @@
-from porocore.testing.potential import PotentialConformance
-from porocore.testing.surrogate import SurrogateConformance
+from porocore.testing import PotentialSuite, SurrogateSuite
 from porocore_surrogate_torch import training
 from porocore_surrogate_torch.surrogate import TorchSurrogate
 
 
-class TestTorchSurrogate(SurrogateConformance):
+class TestTorchSurrogate(SurrogateSuite):
+    kit_version = "1"
     invalid_options = (
         {"hiden": [40]},
         {"hidden": []},
@@ -26,7 +26,9 @@ class TestTorchSurrogate(SurrogateConformance):
         monkeypatch.setattr(training, "CHECKPOINT_INTERVAL", 0.0)
 
 
-class TestTorchSurrogateWithTanh(SurrogateConformance):
+class TestTorchSurrogateWithTanh(SurrogateSuite):
+    kit_version = "1"
+
     @classmethod
     def make_surrogate(cls):
         return TorchSurrogate(epochs=2000, hidden=[16, 16], learning_rate=0.05, activation="tanh")
@@ -35,7 +37,8 @@ class TestTorchSurrogateWithTanh(SurrogateConformance):
         monkeypatch.setattr(training, "CHECKPOINT_INTERVAL", 0.0)
 
 
-class TestTorchPotential(PotentialConformance):
+class TestTorchPotential(PotentialSuite):
+    kit_version = "1"
     resumable = False
     invalid_options = (
         {"model": "tree"},
@@ -58,7 +61,8 @@ class TestTorchPotential(PotentialConformance):
         return TorchSurrogate(**({"model": "potential"} | options))
 
 
-class TestTorchPotentialOnPolynomial(PotentialConformance):
+class TestTorchPotentialOnPolynomial(PotentialSuite):
+    kit_version = "1"
     resumable = False
 
     @classmethod

@@ -1,0 +1,61 @@
+"""What all suites of the kit share: the version that a plugin pins, and the laws that it breaks knowingly."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import pytest
+
+from porocore.testing.version import complaint
+
+
+class Suite:
+    """Laws of one interface; a plugin subclasses it as ``class TestMine(…)`` and says what is to be tested.
+
+    Attributes
+    ----------
+    kit_version
+        The version of the kit that the plugin passes, such as ``"1"``. With another one a single law fails and says
+        what to do.
+    expected_failures
+        Laws that the implementation is known to break: name of the test → reason. A name without brackets holds for
+        all cases of the law. They are reported as expected failures, and fail if they pass.
+    """
+
+    kit_version: ClassVar[str] = ""
+    expected_failures: ClassVar[Mapping[str, str]] = {}
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        for name, reason in cls.expected_failures.items():
+            law = name.partition("[")[0]
+            if not callable(getattr(cls, law, None)):
+                close = difflib.get_close_matches(law, laws_of(cls), n=1)
+                question = f"; did you mean '{close[0]}'?" if close else ""
+                raise TypeError(f"{cls.__name__}.expected_failures: there is no law '{law}'{question}")
+            if not isinstance(reason, str) or not reason.strip():
+                raise TypeError(
+                    f"{cls.__name__}.expected_failures['{name}']: expected a reason, got {reason!r}"
+                )
+
+    @pytest.fixture(autouse=True)
+    def _expect_failures(self, request: pytest.FixtureRequest) -> None:
+        """Mark the laws that are known to be broken."""
+        item: Any = request.node
+        for name in (item.name, item.originalname):
+            if name in self.expected_failures:
+                request.applymarker(pytest.mark.xfail(reason=self.expected_failures[name], strict=True))
+                return
+
+    def test_version_of_the_kit(self) -> None:
+        """The suite was written for the kit that is installed."""
+        wrong = complaint(self.kit_version)
+        if wrong:
+            pytest.fail(f"{type(self).__name__} {wrong}", pytrace=False)
+
+
+def laws_of(suite: type[Suite]) -> list[str]:
+    """Names of the tests of a suite."""
+    return sorted(name for name in dir(suite) if name.startswith("test_") and callable(getattr(suite, name)))
