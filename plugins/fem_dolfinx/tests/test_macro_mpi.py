@@ -166,3 +166,41 @@ def test_two_processes_share_a_plate(tmp_path):
     np.testing.assert_allclose(two.history.settlement, one.history.settlement, rtol=1e-9)
     np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, rtol=0, atol=1e-10)
     assert np.ptp(two.profiles[-1].u[two.points[:, 1] == 1, 1]) == 0
+
+
+@pytest.mark.slow
+def test_two_processes_share_an_oblique_plane_and_a_pressure_that_follows(tmp_path):
+    """Frames of nodes, reactions and entries of the follower lie on both; curved elements."""
+    make = """
+        from porocore.problem import MacroProblem
+        from porocore.testing.macro_solving import SHORT
+        problem = MacroProblem.model_validate({
+            "body": {"kind": "wedge", "radius": 1, "height": 0.7, "elements": (2, 2, 1), "angle": 60},
+            "boundary": {
+                "oblique": {"normal": 0}, "z-": {"normal": 0}, "y-": {"normal": 0},
+                "y+": {"pressure": 0}, "side": {"follower": 0.02},
+            },
+            "probes": {"rim": (1, 0.35, 0)}, "time": SHORT,
+        })
+    """
+    part = (
+        textwrap.dedent(make)
+        + """
+from porocore.testing.macro_solving import NONLINEAR
+solution = solver.solve(solver.prepare(problem), NONLINEAR)
+if solver.world.rank == 0:
+    solution.save(folder / "solution.h5")
+"""
+    )
+    names: dict = {}
+    exec(textwrap.dedent(make), names)
+    solver = registry().get("macro solver", "dolfinx")()
+    one = solver.solve(solver.prepare(names["problem"]), NONLINEAR)
+    done = run(2, part, tmp_path)
+    assert done.returncode == 0, done.stderr
+    two = MacroSolution.load_file(tmp_path / "solution.h5")
+    np.testing.assert_allclose(two.probes["rim"], one.probes["rim"], atol=1e-10)
+    np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, atol=1e-10)
+    for name, force in one.reactions.items():
+        np.testing.assert_allclose(two.reactions[name], force, atol=1e-10)
+    assert abs(one.probes["rim"]).max() > 1e-3
