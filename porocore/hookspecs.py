@@ -8,13 +8,50 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import pluggy
 
 PROJECT = "porocore"
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
+
+Kind = Literal["cell solver", "macro solver", "surrogate", "sampler"]
+
+
+@dataclass(frozen=True)
+class Versions:
+    """Of an interface: the one that this porocore has, and the oldest whose implementations still work."""
+
+    present: int
+    oldest: int
+
+    def complaint(self, kind: Kind, made_for: int, distribution: str) -> str:
+        """Why a plugin for version ``made_for`` cannot be used, and what to do; empty if it can."""
+        if self.oldest <= made_for <= self.present:
+            return ""
+        old = made_for < self.oldest
+        works = (
+            f"version {self.present}"
+            if self.oldest == self.present
+            else f"versions {self.oldest} to {self.present}"
+        )
+        return (
+            f"made for version {made_for} of the {kind} interface, {'older' if old else 'newer'} than this porocore, "
+            f"which takes {works}; upgrade {'it' if old else 'porocore'}: "
+            f"pip install --upgrade {distribution if old else PROJECT}"
+        )
+
+
+#: Raised by one when implementations of a kind must change; what changed is told in docs/plugins.md.
+INTERFACES: dict[Kind, Versions] = {
+    "cell solver": Versions(1, 1),
+    "macro solver": Versions(1, 1),
+    "surrogate": Versions(1, 1),
+    "sampler": Versions(1, 1),
+}
+#: Attribute of the module that an entry point names: version of the interface of each kind that it offers.
+DECLARATION = "POROCORE_INTERFACES"
 
 
 @dataclass(frozen=True)
@@ -33,6 +70,9 @@ class Offer:
         Importable modules that it needs.
     install
         The command that installs those.
+    suites
+        Imports and returns the subclasses of the suites of ``porocore.testing`` that it passes, for ``porocore plugin
+        check``; None: the suite of its kind, with default options.
     """
 
     name: str
@@ -40,23 +80,32 @@ class Offer:
     summary: str
     requires: Sequence[str] = ()
     install: str = ""
+    suites: Callable[[], Sequence[type[Any]]] | None = None
 
 
 class Hooks:
-    """One hook for each abstract interface."""
+    """One hook for each abstract interface.
+
+    An implementation names those of the arguments that it wants, so that a hook can gain further ones.
+
+    Parameters
+    ----------
+    interface
+        Version of the interface that this porocore has.
+    """
 
     @hookspec
-    def porocore_cell_solvers(self) -> list[Offer]:  # type: ignore[empty-body]
+    def porocore_cell_solvers(self, interface: int) -> list[Offer]:  # type: ignore[empty-body]
         """Offer classes derived from :class:`porocore.CellSolver`."""
 
     @hookspec
-    def porocore_macro_solvers(self) -> list[Offer]:  # type: ignore[empty-body]
+    def porocore_macro_solvers(self, interface: int) -> list[Offer]:  # type: ignore[empty-body]
         """Offer classes derived from :class:`porocore.MacroSolver`."""
 
     @hookspec
-    def porocore_surrogates(self) -> list[Offer]:  # type: ignore[empty-body]
+    def porocore_surrogates(self, interface: int) -> list[Offer]:  # type: ignore[empty-body]
         """Offer classes derived from :class:`porocore.Surrogate`."""
 
     @hookspec
-    def porocore_samplers(self) -> list[Offer]:  # type: ignore[empty-body]
+    def porocore_samplers(self, interface: int) -> list[Offer]:  # type: ignore[empty-body]
         """Offer classes derived from :class:`porocore.Sampler`."""

@@ -18,10 +18,11 @@ from typing import Any, Literal
 import pluggy
 
 from porocore.errors import PluginError
-from porocore.hookspecs import PROJECT, Hooks, Offer
+from porocore.hookspecs import DECLARATION, INTERFACES, PROJECT, Hooks, Kind, Offer
 
-Kind = Literal["cell solver", "macro solver", "surrogate", "sampler"]
-State = Literal["ready", "missing dependency", "broken", "offered twice", "not installed"]
+__all__ = ["FIRST_PARTY", "HOOKS", "Kind", "Offered", "Registry", "get", "plugins_table", "registry"]
+
+State = Literal["ready", "missing dependency", "other interface", "broken", "offered twice", "not installed"]
 
 #: The hook that offers each kind.
 HOOKS: dict[Kind, str] = {
@@ -42,11 +43,18 @@ FIRST_PARTY: dict[str, tuple[str, tuple[Kind, ...]]] = {
 
 @dataclass(frozen=True)
 class Source:
-    """Where an offer comes from."""
+    """Where an offer comes from.
+
+    Attributes
+    ----------
+    requirements
+        What the distribution needs, as its metadata says, without those of extras.
+    """
 
     distribution: str
     version: str
     entry_point: str
+    requirements: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.distribution} {self.version}".rstrip()
@@ -54,11 +62,12 @@ class Source:
 
 @dataclass(frozen=True)
 class Offered:
-    """One implementation and who offers it."""
+    """One implementation and who offers it, made for which version of the interface."""
 
     kind: Kind
     offer: Offer
     source: Source
+    interface: int = 1
 
     @property
     def missing(self) -> list[str]:
@@ -68,15 +77,35 @@ class Offered:
 
 @dataclass(frozen=True)
 class Broken:
-    """A plugin that cannot be used, and why."""
+    """A plugin that cannot be used, and why; of another interface than here, for which ``kind``."""
 
     source: Source
     reason: str
+    kind: Kind | Literal[""] = ""
+    interface: int | None = None
 
 
 @dataclass(frozen=True)
 class PluginRow:
-    """One line of ``porocore plugins``; ``kind`` is empty for one that broke before offering anything."""
+    """One line of ``porocore plugins``.
+
+    Attributes
+    ----------
+    kind
+        Empty for a plugin that broke before offering anything; its ``name`` is then that of the entry point.
+    distribution
+        Where it comes from, with the version where it is installed.
+    state, advice
+        Whether it works; else why not, and what to do.
+    summary
+        What it is.
+    source
+        The installed distribution in full; None where there is none.
+    interface
+        Version of the interface that it was made for; None where it offers nothing.
+    modules
+        What must be importable for it to work.
+    """
 
     kind: Kind | Literal[""]
     name: str
@@ -84,6 +113,9 @@ class PluginRow:
     state: State
     summary: str
     advice: str
+    source: Source | None = None
+    interface: int | None = None
+    modules: tuple[str, ...] = ()
 
 
 class Registry:
@@ -107,26 +139,40 @@ class Registry:
         manager = pluggy.PluginManager(PROJECT)
         manager.add_hookspecs(Hooks)
         sources: dict[str, Source] = {}
+        made_for: dict[str, dict[Kind, int]] = {}
         broken: list[Broken] = []
         for entry_point in metadata.entry_points(group=PROJECT):
             source = _source(entry_point)
             # pluggy registers a name only once, so the distribution belongs to the name.
             key = f"{source.distribution}:{entry_point.name}"
+            others: list[Broken] = []
             try:
-                manager.register(entry_point.load(), name=key)
+                module = entry_point.load()
+                made_for[key] = _declared(module)
+                others = _of_other_interfaces(made_for[key], source)
+                manager.register(module, name=key)
                 manager.check_pending()
             except (Exception, SystemExit) as error:  # noqa: BLE001 - foreign code, kept and shown
                 if manager.has_plugin(key):
                     manager.unregister(name=key)
-                broken.append(Broken(source, _reason(error)))
+                # What a plugin for another interface does that this one does not know is no fault of its own.
+                broken += others or [Broken(source, _reason(error))]
             else:
                 sources[key] = source
+                broken += others
         offers: list[Offered] = []
         for kind, hook in HOOKS.items():
             for implementation in getattr(manager.hook, hook).get_hookimpls():
                 source = sources[implementation.plugin_name]
+                version = made_for[implementation.plugin_name].get(kind, 1)
+                if INTERFACES[kind].complaint(kind, version, ""):
+                    continue
+                # What an implementation does not name it does not get, so that hooks can gain arguments.
+                known = {"interface": INTERFACES[kind].present}
+                arguments = [known[name] for name in implementation.argnames]
                 try:
-                    offers += [Offered(kind, offer, source) for offer in _checked(implementation.function())]
+                    found = _checked(implementation.function(*arguments))
+                    offers += [Offered(kind, offer, source, version) for offer in found]
                 except (Exception, SystemExit) as error:  # noqa: BLE001 - foreign code, kept and shown
                     broken.append(Broken(source, f"{hook}: {_reason(error)}"))
         return cls(offers, broken)
@@ -199,26 +245,53 @@ class Registry:
                 advice = f"uninstall one: pip uninstall {offered.source.distribution}"
             elif offered.missing:
                 state, advice = "missing dependency", _install(offered)
-            rows.append(PluginRow(kind, offer.name, str(offered.source), state, offer.summary, advice))
+            source, modules = offered.source, tuple(offer.requires)
+            rows.append(
+                PluginRow(
+                    kind,
+                    offer.name,
+                    str(source),
+                    state,
+                    offer.summary,
+                    advice,
+                    source,
+                    offered.interface,
+                    modules,
+                )
+            )
         for failed in self.broken:
             source = failed.source
-            rows.append(PluginRow("", source.entry_point, str(source), "broken", "", failed.reason))
-        broken = {failed.source.distribution for failed in self.broken}
+            state = "other interface" if failed.kind else "broken"
+            rows.append(
+                PluginRow(
+                    failed.kind,
+                    source.entry_point,
+                    str(source),
+                    state,
+                    "",
+                    failed.reason,
+                    source,
+                    failed.interface,
+                )
+            )
+        broken = {(failed.source.distribution, failed.kind) for failed in self.broken}
         for name, (distribution, kinds) in FIRST_PARTY.items():
             advice = f"pip install {distribution}"
             for kind in kinds:
-                if name not in self.names(kind) and distribution not in broken:
+                if name not in self.names(kind) and not broken & {(distribution, ""), (distribution, kind)}:
                     rows.append(PluginRow(kind, name, distribution, "not installed", "", advice))
         return rows
 
     def _not_found(self, kind: Kind, name: str) -> str:
         distribution, kinds = FIRST_PARTY.get(name, ("", ()))
-        broken = "".join(f"; the plugin of {b.source} is broken: {b.reason}" for b in self.broken)
+        broken = "".join(f"; {_fault(b)}" for b in self.broken)
         if kind in kinds:
             for failed in self.broken:
-                if failed.source.distribution == distribution:
+                if failed.source.distribution == distribution and failed.kind in ("", kind):
                     return (
-                        f"{kind} '{name}': {failed.source} is installed but broken: {failed.reason}; "
+                        f"{kind} '{name}': {failed.source} is installed but {failed.reason}"
+                        if failed.kind
+                        else f"{kind} '{name}': {failed.source} is installed but broken: {failed.reason}; "
                         f"reinstall it: pip install --force-reinstall {distribution}"
                     )
             return f"{kind} '{name}' is not installed; install it: pip install {distribution}{broken}"
@@ -257,7 +330,33 @@ def _source(entry_point: metadata.EntryPoint) -> Source:
     distribution = entry_point.dist
     if distribution is None:
         return Source(entry_point.module, "", entry_point.name)
-    return Source(distribution.name, distribution.version, entry_point.name)
+    needs = tuple(text for text in distribution.requires or () if "extra ==" not in text.replace("'", '"'))
+    return Source(distribution.name, distribution.version, entry_point.name, needs)
+
+
+def _declared(module: Any) -> dict[Kind, int]:
+    """Versions of the interfaces that a plugin says it was made for; the first where it says nothing."""
+    found = getattr(module, DECLARATION, {})
+    if not isinstance(found, dict) or not all(
+        kind in INTERFACES and isinstance(version, int) for kind, version in found.items()
+    ):
+        raise TypeError(
+            f"{DECLARATION}: expected a number for some of {_join(map(repr, INTERFACES))}, got {found!r}"
+        )
+    return found
+
+
+def _of_other_interfaces(declared: dict[Kind, int], source: Source) -> list[Broken]:
+    complaints = {
+        kind: INTERFACES[kind].complaint(kind, version, source.distribution)
+        for kind, version in declared.items()
+    }
+    return [Broken(source, reason, kind, declared[kind]) for kind, reason in complaints.items() if reason]
+
+
+def _fault(failed: Broken) -> str:
+    what = f"was {failed.reason}" if failed.kind else f"is broken: {failed.reason}"
+    return f"the plugin of {failed.source} {what}"
 
 
 def _checked(offers: Any) -> list[Offer]:

@@ -1,5 +1,6 @@
 """Discovery of plugins: fake distributions on sys.path, read by the same machinery as installed ones."""
 
+import re
 import subprocess
 import sys
 import textwrap
@@ -8,7 +9,7 @@ from importlib import metadata
 import pytest
 
 from porocore.errors import PluginError
-from porocore.hookspecs import Offer
+from porocore.hookspecs import INTERFACES, Offer, Versions
 from porocore.registry import FIRST_PARTY, HOOKS, Offered, Registry, Source
 
 GOOD = """
@@ -64,6 +65,7 @@ def test_a_plugin_is_found_and_its_class_returned(install):
     assert registry.get("sampler", "grid").__name__ == "Grid"
     (row,) = [row for row in registry.table() if row.name == "grid"]
     assert (row.kind, row.distribution, row.state) == ("sampler", "acme-grid 1.0", "ready")
+    assert (row.source.distribution, row.source.version, row.interface) == ("acme-grid", "1.0", 1)
 
 
 @pytest.mark.parametrize(
@@ -224,3 +226,85 @@ def test_listing_plugins_imports_nothing_heavy():
         [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+NEWER = """
+    from porocore import Offer, hookimpl
+
+    POROCORE_INTERFACES = {"sampler": 2, "surrogate": 1}
+
+    @hookimpl
+    def porocore_samplers(interface, something_new):
+        raise AssertionError("a hook of another interface is not called")
+
+    @hookimpl
+    def porocore_surrogates():
+        return [Offer("magic", dict, "")]
+"""
+
+
+@pytest.mark.parametrize(
+    ("version", "advice"),
+    [
+        (
+            2,
+            "made for version 2 .* newer than this porocore, which takes version 1; upgrade porocore: pip .* porocore$",
+        ),
+        (0, "made for version 0 .* older than this porocore, .* upgrade it: pip install --upgrade acme-odd$"),
+    ],
+)
+def test_a_plugin_for_another_interface_is_told_so_and_the_rest_works(install, version, advice):
+    """Its kinds of this interface work too, and so do the other plugins."""
+    source = NEWER.replace("2,", f"{version},").replace("interface, something_new", "")
+    install("acme-odd", "acme_odd", source)
+    install("acme-grid", "acme_grid", GOOD)
+    found = Registry.discover()
+    (row,) = [row for row in found.table() if row.state == "other interface"]
+    assert (row.kind, row.name, row.distribution, row.interface) == (
+        "sampler",
+        "extra",
+        "acme-odd 1.0",
+        version,
+    )
+    assert re.match(advice, row.advice)
+    assert "magic" in found.names("surrogate")
+    assert found.get("sampler", "grid").__name__ == "Grid"
+    with pytest.raises(PluginError, match=r"the plugin of acme-odd 1\.0 was made for version"):
+        found.find("sampler", "griddy")
+
+
+def test_hooks_of_a_newer_interface_that_cannot_be_registered_are_no_fault_of_the_plugin(install):
+    install("acme-new", "acme_new", NEWER)
+    assert "made for version 2 of the sampler interface" in broken_reason(Registry.discover(), "acme-new")
+
+
+def test_versions_of_interfaces_that_mean_nothing_are_named(install):
+    install("acme-odd", "acme_odd", "POROCORE_INTERFACES = {'smapler': 1}")
+    assert "expected a number for some of 'cell solver'" in broken_reason(Registry.discover(), "acme-odd")
+
+
+def test_older_versions_work_as_long_as_they_are_taken(monkeypatch, install):
+    monkeypatch.setitem(INTERFACES, "sampler", Versions(present=3, oldest=1))
+    install("acme-grid", "acme_grid", GOOD)
+    assert Registry.discover().get("sampler", "grid").__name__ == "Grid"
+    assert "takes versions 1 to 3" in INTERFACES["sampler"].complaint("sampler", 4, "acme-grid")
+
+
+def test_a_hook_gets_those_arguments_that_it_names(install):
+    """So that hooks can gain arguments: plugins that do not name them go on working."""
+    source = GOOD.replace("def porocore_samplers()", "def porocore_samplers(interface)")
+    install("acme-grid", "acme_grid", source.replace('summary="a grid"', 'summary=f"interface {interface}"'))
+    install("other-grid", "other_grid", GOOD.replace('"grid"', '"plain"'))
+    found = Registry.discover()
+    assert {"grid", "plain"} <= set(found.names("sampler"))
+    (row,) = [row for row in found.table() if row.name == "grid"]
+    assert row.summary == "interface 1"
+
+
+def test_requirements_come_from_the_metadata(install, tmp_path):
+    install("acme-grid", "acme_grid", GOOD)
+    needs = "Requires-Dist: porocore\nRequires-Dist: scipy>=1.11\nRequires-Dist: pytest; extra == 'dev'\n"
+    metadata_file = tmp_path / "acme_grid-1.0.dist-info" / "METADATA"
+    metadata_file.write_text(metadata_file.read_text() + needs)
+    (row,) = [row for row in Registry.discover().table() if row.name == "grid"]
+    assert row.source.requirements == ("porocore", "scipy>=1.11")
