@@ -24,6 +24,8 @@ WHY = {
 OF_KINDS = ("geometry", "material", "body")
 #: Mappings whose values are such sections.
 OF_KINDS_BY_NAME = ("materials",)
+#: Keys that name a file.
+FILES = ("cell.geometry.path", "macro.body.file")
 #: Names that pydantic adds behind the key of a value that may be a number or a section.
 FORMS = ("number", "course")
 
@@ -42,6 +44,12 @@ def with_lines(document: YamlDocument, text: str) -> str:
     """Complaints, one a line, with file and line before each that begins with a dotted key of the document."""
     found = []
     for complaint in text.splitlines():
+        for key in FILES:
+            # A complaint about a file that the configuration names.
+            if (at := tuple(key.split("."))) in document and complaint.startswith(
+                str((document.folder / str(document.value(at))).absolute())
+            ):
+                complaint = f"{key}: {complaint}"
         at = tuple(complaint.partition(":")[0].split("."))
         known = at[:1] in document
         found.append(f"{document.at_line(document.line(at))}: {complaint}" if known else complaint)

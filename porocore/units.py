@@ -27,6 +27,8 @@ EXAMPLES = {
     "conductivity": "a length squared by a pressure and a time, such as 1 mm**2/(kPa*s)",
 }
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: No power beyond two digits, which could take forever.
+_UNIT = re.compile(r"(?=.{1,60}$)(?!.*\d{3})[\w\s*/^.()·µ°%²³⁻¹-]+")
 _PLAIN = re.compile(rf"\s*{NUMBER}\s*")
 _NUMBER_AND_UNIT = re.compile(rf"\s*(?P<number>{NUMBER})\s*(?P<unit>\S.*?)\s*")
 
@@ -99,12 +101,14 @@ def _measured(unit: str) -> tuple[Fraction, frozenset[tuple[str, Any]] | None]:
     """Factor to base units and dimensions; None where there is no such unit."""
     import pint
 
+    if not _UNIT.fullmatch(unit):
+        return Fraction(0), None
     registry = _registry()
     try:
         known = registry.parse_units(unit)
         quantity = registry.Quantity(Fraction(1), known).to_base_units()
         offset = registry.Quantity(Fraction(0), known).to_base_units().magnitude
-    except (pint.PintError, ValueError, TypeError, AttributeError, KeyError, ArithmeticError, SyntaxError):
+    except (pint.PintError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError):
         return Fraction(0), None
     if offset or not isinstance(quantity.magnitude, Fraction | int):
         return Fraction(0), None

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Literal
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from porocore.body.mesh import BodyMesh
 from porocore.body.structured import box, graded, sector
+from porocore.cell.input_file import absolute_path, content_hash
 from porocore.dimensions import Dimension
 
 Positive = Annotated[float, Field(gt=0)]
@@ -120,13 +131,26 @@ class MeshedBody(Body):
     """From a file: a mesh with names for the parts of its surface, or a geometry that gmsh meshes."""
 
     kind: Literal["file"]
-    file: str
+    sha256: str | None = None
+    """Of the file's content, which is what counts; filled in where it is left out."""
+    file: Annotated[str, Field(min_length=1)]
     """.msh of gmsh, anything else that meshio reads, or .geo, .step and .brep; the path is relative to the
     configuration."""
     size: Length | None = None
     """Of the elements, for a geometry."""
     scale: Length = 1.0
     """Factor of all coordinates; with a unit, that of the file, such as 1 mm."""
+
+    @field_validator("file")
+    @classmethod
+    def _absolute(cls, given: str, info: ValidationInfo) -> str:
+        return absolute_path(given, info)
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        if self.sha256 is None:
+            object.__setattr__(self, "sha256", content_hash(Path(self.file)))
+        return self
 
     def make(self) -> BodyMesh:
         """Quadratic tetrahedra or triquadratic hexahedra; linear elements get straight edges with a node on them."""

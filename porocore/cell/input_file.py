@@ -26,14 +26,7 @@ class FromFile(BaseModel):
     @field_validator("path")
     @classmethod
     def _absolute(cls, given: str, info: ValidationInfo) -> str:
-        path = (Path((info.context or {}).get("folder", ".")) / given).absolute()
-        expected = info.data.get("sha256")
-        # Where the content is known, what was computed of it can be looked at without the file.
-        if expected is None and not path.is_file():
-            raise ValueError(f"no such file: {path}")
-        if expected is not None and path.is_file() and (found := content_hash(path)) != expected:
-            raise ValueError(_changed(path, expected, found))
-        return str(path)
+        return absolute_path(given, info)
 
     @model_validator(mode="after")
     def _known(self) -> Self:
@@ -56,6 +49,24 @@ class FromFile(BaseModel):
         if found != self.sha256:
             raise ConfigurationError(f"cell.geometry.sha256: {_changed(path, self.sha256, found)}")
         return path
+
+
+def absolute_path(given: str, info: ValidationInfo) -> str:
+    """Of a file that is validated behind the key ``sha256``; see :class:`FromFile`.
+
+    Raises
+    ------
+    ValueError
+        There is no such file, or it has changed.
+    """
+    path = (Path((info.context or {}).get("folder", ".")) / given).absolute()
+    expected = info.data.get("sha256")
+    # Where the content is known, what was computed of it can be looked at without the file.
+    if expected is None and not path.is_file():
+        raise ValueError(f"no such file: {path}")
+    if expected is not None and path.is_file() and (found := content_hash(path)) != expected:
+        raise ValueError(_changed(path, expected, found))
+    return str(path)
 
 
 def content_hash(path: Path) -> str:

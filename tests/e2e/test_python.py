@@ -69,7 +69,7 @@ def assert_same_results_of_all_loads(folder, finished):
 def test_a_folder_of_another_study_is_refused(finished, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     other = porocore.Study(write_study(tmp_path / "other.yaml", {"sampling.tolerance": 0.2}), out=finished)
-    with pytest.raises(RunFolderError, match="sampling.tolerance"):
+    with pytest.raises(RunFolderError, match=r"sampling\.tolerance"):
         other.sample()
 
 

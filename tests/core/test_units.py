@@ -1,0 +1,318 @@
+"""Values with units: the same study in SI units and in plain numbers, to the last bit; and what is refused."""
+
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from porocore.config import config_from, differences, load_config
+from porocore.errors import ConfigurationError
+from porocore.result_units import OutputUnits, ResultUnits
+from porocore.scales import Scales
+from porocore.series import all_series, write_series
+from porocore.units import UnitError, has_unit, in_si, pretty
+
+SCALES = {"modulus": "2.5 kPa", "length": "12.5 mm", "pore": "5 um", "viscosity": "1.6 Pa*s"}
+#: With which most values in SI units are no decimal numbers.
+ODD = {"modulus": "2.1 kPa", "length": "13 mm", "pore": "7 um", "viscosity": "1.3 Pa*s"}
+PLAIN = {
+    "cell": {
+        "material": {"kind": "mooney-rivlin", "c10": 0.1, "c01": 0.3, "bulk_modulus": 0.7},
+        "viscosity": 0.003,
+    },
+    "sampling": {
+        "inputs": {"H22": {"range": [-0.1, 0.1], "step": 0.05}, "p": {"range": [-0.02, 0.06], "step": 0.02}}
+    },
+    "macro": {
+        "body": {"kind": "cylinder", "radius": 0.3, "height": 1.1},
+        "surfaces": {"punch": {"of": "y+", "centre": [0, 1.1, 0], "radius": 0.15, "x": [0, 0.2]}},
+        "boundary": {
+            "y-": {"displacement": [0, {"table": [[0, 0], [0.7, -0.1]]}, 0], "pressure": 0.01},
+            "y+": {"traction": [0, {"ramp": -0.3, "until": 0.9}, 0.1], "flux": 0.07},
+            "punch": {"plate": -0.03, "pressure": {"expression": "0.1*t"}},
+            "side": {"follower": 0.017, "pressure": None},
+        },
+        "body_force": [0, -0.23, 0],
+        "initial": {"pressure": 0.011},
+        "probes": {"tip": [0, 1.1, 0]},
+        "time": {
+            "end": 7.3,
+            "step": 0.3,
+            "ramp_step": 0.01,
+            "smallest_step": 1e-5,
+            "profiles": [1.7],
+            "load_curve": [[0.3, 0.5]],
+        },
+        "loads": [0.9],
+    },
+}
+
+
+def units_of(scales):
+    """Unit → what it amounts to in SI units, and the scale of its quantity."""
+    E, L, d, mu = (
+        Fraction(scales[name].split()[0]) / by
+        for name, by in (("modulus", Fraction(1, 1000)), ("length", 1000), ("pore", 10**6), ("viscosity", 1))
+    )
+    velocity = E * d**2 / (L * mu)
+    return {
+        "MPa": (10**6, E),
+        "mm": (Fraction(1, 1000), L),
+        "ms": (Fraction(1, 1000), L / velocity),
+        "mN": (Fraction(1, 1000), E * L**2),
+        "um/s": (Fraction(1, 10**6), velocity),
+        "kN/m**3": (1000, E / L),
+        "mPa*s": (Fraction(1, 1000), mu),
+    }
+
+
+#: By unit, the dotted paths of the values that are given in it.
+WHERE = {
+    "MPa": [
+        "cell.material.c10",
+        "cell.material.c01",
+        "cell.material.bulk_modulus",
+        "sampling.inputs.p.range.0",
+        "sampling.inputs.p.range.1",
+        "sampling.inputs.p.step",
+        "macro.boundary.y-.pressure",
+        "macro.boundary.y+.traction.1.ramp",
+        "macro.boundary.y+.traction.2",
+        "macro.boundary.side.follower",
+        "macro.initial.pressure",
+    ],
+    "mm": [
+        "macro.body.radius",
+        "macro.body.height",
+        "macro.surfaces.punch.centre.1",
+        "macro.surfaces.punch.radius",
+        "macro.surfaces.punch.x.1",
+        "macro.boundary.y-.displacement.1.table.1.1",
+        "macro.probes.tip.1",
+    ],
+    "ms": [
+        "macro.boundary.y-.displacement.1.table.1.0",
+        "macro.boundary.y+.traction.1.until",
+        "macro.time.end",
+        "macro.time.step",
+        "macro.time.ramp_step",
+        "macro.time.smallest_step",
+        "macro.time.profiles.0",
+        "macro.time.load_curve.0.0",
+    ],
+    "mN": ["macro.boundary.punch.plate"],
+    "um/s": ["macro.boundary.y+.flux"],
+    "kN/m**3": ["macro.body_force.1"],
+    "mPa*s": ["cell.viscosity"],
+}
+
+
+def decimals(number):
+    """Every digit of a number whose decimals end."""
+    twos, rest = 0, number.denominator
+    while rest % 2 == 0:
+        twos, rest = twos + 1, rest // 2
+    fives = 0
+    while rest % 5 == 0:
+        fives, rest = fives + 1, rest // 5
+    assert rest == 1
+    places = max(twos, fives)
+    return f"{number.numerator * 10**places // number.denominator}e-{places}"
+
+
+def with_units(scales=SCALES):
+    """The same study, every value with its unit."""
+    study = yaml.safe_load(yaml.safe_dump(PLAIN))
+    for unit, places in WHERE.items():
+        one, scale = units_of(scales)[unit]
+        for place in places:
+            *above, last = place.split(".")
+            section = study
+            for part in above:
+                section = section[int(part) if isinstance(section, list) else part]
+            last = int(last) if isinstance(section, list) else last
+            value = Fraction(repr(section[last])) * scale / one
+            terminates = set(prime_factors(value.denominator)) <= {2, 5}
+            section[last] = f"{decimals(value) if terminates else f'{float(value):.17g}'} {unit}"
+    return {"scales": scales, **study}
+
+
+def prime_factors(number):
+    found, factor = [], 2
+    while factor * factor <= number:
+        while number % factor == 0:
+            found.append(factor)
+            number //= factor
+        factor += 1
+    return found + ([number] if number > 1 else [])
+
+
+def test_a_study_in_si_units_is_its_dimensionless_twin_to_the_last_bit():
+    plain, dimensional = config_from(PLAIN), config_from(with_units())
+    changed = [d for d in differences(plain, dimensional) if not d.startswith("scales")]
+    assert changed == []
+    assert plain.stages == dimensional.stages
+    assert plain.identity == dimensional.identity
+
+
+def test_values_that_no_decimal_number_gives_are_off_by_no_more_than_their_last_digit():
+    plain, dimensional = (dict(leaves(config_from(s).macro.model_dump())) for s in (PLAIN, with_units(ODD)))
+    assert plain.keys() == dimensional.keys()
+    for key, value in plain.items():
+        if isinstance(value, float):
+            assert abs(dimensional[key] - value) <= np.spacing(abs(value)), key
+        else:
+            assert dimensional[key] == value
+
+
+def leaves(data, at=""):
+    pairs = (
+        data.items()
+        if isinstance(data, dict)
+        else enumerate(data)
+        if isinstance(data, list | tuple)
+        else None
+    )
+    if pairs is None:
+        yield at, data
+    for key, value in pairs or ():
+        yield from leaves(value, f"{at}.{key}")
+
+
+def test_scales_are_not_rounded():
+    """1e-3 Pa m² / (0.1 m)² is 0.1 Pa, which three roundings would miss."""
+    scales = Scales(force=1e-3, length=0.1, pore=1e-6)
+    assert scales.exact.stress == Fraction(1, 10)
+    config = config_from(PLAIN | {"scales": {"force": 1e-3, "length": 0.1, "pore": 1e-6}, "cell": {}})
+    assert config.scales == scales
+    assert Scales(modulus=0.1, length=0.1, pore=1e-6).exact == scales.exact
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [("1 kPa", "1000 Pa"), ("0.3 kPa", "300 Pa"), ("1 bar", "1e5 Pa"), ("3kPa", " 3e3  N/m^2 ")],
+)
+def test_one_value_in_two_units_is_one_number(one, other):
+    assert in_si(one, "stress") == in_si(other, "stress")
+
+
+@pytest.mark.parametrize(
+    ("text", "quantity", "parts"),
+    [
+        ("5 kPa", "displacement", ["expected a length, such as 5 mm", "got '5 kPa', which is a pressure"]),
+        ("5 mm", "stress", ["expected a stress", "got '5 mm', which is a length"]),
+        ("5 kPaa", "stress", ["the unit 'kPaa' is not known"]),
+        ("3 degC", "stress", ["the unit 'degC' is not known"]),
+        ("4 %", "time", ["expected a time", "got '4 %'"]),
+        ("five mm", "displacement", ["expected a length", "got 'five mm'"]),
+        ("5 __import__('os')", "displacement", ["is not known"]),
+        ("5 mm**99999", "displacement", ["expected a length"]),
+    ],
+)
+def test_what_is_no_value_of_its_quantity_is_refused(text, quantity, parts):
+    with pytest.raises(UnitError) as error:
+        in_si(text, quantity)
+    assert all(part in str(error.value) for part in parts), str(error.value)
+
+
+def test_plain_numbers_have_no_unit():
+    assert not any(map(has_unit, ("1e-3", "-2", ".5", "", "mm", "y+")))
+    assert all(map(has_unit, ("1e-3 m", "-2kPa", ".5 1/s")))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"macro": {"loads": ["1 kPa"]}}, "macro.loads.0: expected a number, got '1 kPa'"),
+        (
+            {"macro": {"time": {"end": "5 mm"}}},
+            "macro.time.end: expected a time, such as 30 s, got '5 mm', which is a length",
+        ),
+        (
+            {"macro": {"body": {"radius": "-5 mm"}}},
+            "macro.body.radius: expected a number with 0 < radius, got '-5 mm'",
+        ),
+        ({"scales": {"modulus": "2 mm"}}, "scales.modulus: expected a stress, such as 2 kPa, got '2 mm'"),
+        ({"scales": {"force": "1 N"}}, "scales: expected either modulus, which is E, or force"),
+        ({"scales": {"length": -1}}, "scales.length: expected a number with 0 < length, got -1"),
+        ({"output_units": {"length": "kPa"}}, "output_units.length: expected a length"),
+        ({"output_units": {"lenght": "mm"}}, "output_units.lenght: unknown key; did you mean 'length'?"),
+    ],
+)
+def test_faults_of_units_name_the_key(change, message):
+    study = yaml.safe_load(yaml.safe_dump({"scales": SCALES, **PLAIN}))
+    for section, keys in change.items():
+        for key, value in keys.items():
+            below = study.setdefault(section, {})
+            below[key] = {**below[key], **value} if isinstance(value, dict) else value
+    with pytest.raises(ConfigurationError) as error:
+        config_from(study)
+    assert any(f"settings: {message}" in line for line in str(error.value).splitlines()), str(error.value)
+
+
+def test_a_unit_without_scales_is_explained(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text("sampling: {inputs: {p: {range: [0, 1]}}}\nmacro:\n  body:\n    size: [1, 5 mm, 1]\n")
+    with pytest.raises(ConfigurationError) as error:
+        load_config(path)
+    lines = str(error.value).splitlines()
+    assert f"{path}:4: macro.body.size.1: '5 mm' has a unit, but the configuration has no scales" in lines[2]
+    with pytest.raises(ConfigurationError, match="output_units: results get units only with 'scales:'"):
+        config_from(PLAIN | {"output_units": {"length": "mm"}})
+
+
+def test_the_resolved_configuration_of_a_study_with_units_loads_to_the_same(tmp_path):
+    config = config_from({**with_units(), "output_units": {"length": "um", "time": "h"}})
+    path = tmp_path / "resolved.yaml"
+    path.write_text(config.resolved_yaml(), encoding="utf-8")
+    assert load_config(path) == config
+
+
+def test_results_come_in_the_units_asked_for():
+    units = ResultUnits(
+        Scales(modulus=2000, length=0.01, pore=5e-6),
+        OutputUnits(length="mm", stress="kPa", time="min", force="mN"),
+    )
+    scales = units.scales
+    expected = {
+        "displacement": (10, "mm"),
+        "pressure": (2, "kPa"),
+        "time": (scales.factor("time") / 60, "min"),
+        "force": (200, "mN"),
+        "volume": (1000, "mm³"),
+        "flow": (scales.factor("flow") * 1e9 * 60, "mm³/min"),
+        "velocity": (scales.factor("velocity") * 1e3 * 60, "mm/min"),
+        "conductivity": (scales.factor("conductivity") * 1e6 * 1e3 * 60, "mm²/(kPa min)"),
+        "": (1, "–"),
+    }
+    for quantity, (factor, name) in expected.items():
+        assert units.factor(quantity) == pytest.approx(factor, rel=1e-14), quantity
+        assert units.name(quantity) == name
+    assert (ResultUnits().factor("time"), ResultUnits().name("time")) == (1.0, "–")
+    assert pretty("um*m^-2") == "µm m⁻²"
+
+
+def test_the_history_is_a_table_with_units_in_its_header(tmp_path, column):
+    solution = column()
+    units = ResultUnits(Scales(modulus=2000, length=0.01, pore=5e-6), OutputUnits(length="mm", time="h"))
+    for given, header in (
+        (units, "time [h],ramp [-],settlement [mm],"),
+        (ResultUnits(), "time [-],ramp [-],"),
+    ):
+        path = write_series(tmp_path / "history.csv", solution, given)
+        text = path.read_text(encoding="utf-8")
+        assert text.startswith(header)
+        table = np.loadtxt(path, delimiter=",", skiprows=1)
+        assert table.shape == (len(solution.history.time), len(list(all_series(solution))))
+        np.testing.assert_allclose(
+            table[:, 2], solution.history.settlement * given.factor("displacement"), rtol=1e-7
+        )
+
+
+def test_the_example_in_si_units_has_only_texts_that_are_read():
+    path = Path(__file__).parents[2] / "examples" / "brain-indentation.yaml"
+    config = load_config(path)
+    assert config.scales is not None
+    assert max(config.macro.body.size) == pytest.approx(1)
