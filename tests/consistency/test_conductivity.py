@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,9 +15,15 @@ from porocore.cell.cell import Cell
 from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.cell.mesh import MeshSettings
+from porocore.closures import CLOSURES, ClosedLaw
 from porocore.errors import ConfigurationError
+from porocore.macro.newton import newton_step
 from porocore.materials.neo_hookean import NeoHookean
+from porocore.problem import NewtonSettings
 from porocore.states import MacroState, Status
+from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+from porocore.testing.synthetic import confined_column
+from porocore.testing.synthetic_cell import SOLID_FRACTION, synthetic_training_set
 
 COARSE = MeshSettings(size=0.35, fluid_size=0.3)
 NU = 0.35
@@ -182,3 +189,48 @@ def test_what_it_cannot_be_computed_for_is_refused(load):
     several = Cell(supercell=(2, 1, 1), contact=ContactSettings(kind="none"), mesh=COARSE)
     with pytest.raises(ConfigurationError, match=r"cell\.supercell has several"):
         solver.prepare(several, deformed=True)
+
+
+class Dropped:
+    """A cell law that does not tell how its conductivity changes."""
+
+    def __init__(self, law):
+        self.law, self.identity = law, law.identity
+
+    def predict(self, states, *, tangent=True):
+        response = self.law.predict(states, tangent=tangent)
+        if response.tangent is None:
+            return response
+        slopes = replace(response.tangent, conductivity_grad_u=None, conductivity_p=None)
+        return replace(response, tangent=slopes)
+
+
+@pytest.fixture(scope="module")
+def learned():
+    """A made-up cell whose conductivity falls tenfold over the sampled range."""
+    data = synthetic_training_set(60, seed=1)
+    size = np.exp(12 * data.states.grad_u[:, 1, 1] + 2 * data.states.p)
+    K = size[:, None, None] * np.diag([1.0, 0.8, 1.0])
+    rest = replace(data.reference, conductivity=np.diag([1.0, 0.8, 1.0])[None])
+    data = replace(data, responses=replace(data.responses, conductivity=K), reference=rest)
+    return PolynomialSurrogate().fit(data, seed=0)
+
+
+@pytest.mark.parametrize("closure", CLOSURES)
+def test_newtons_iteration_converges_quadratically(macro_solver, load, learned, closure):
+    """And linearly to the same, where the slopes of the conductivity are not known."""
+    closed = CLOSURES[closure](SOLID_FRACTION, NeoHookean(), np.diag([1.0, 0.8, 1.0]), deformed=True)
+    solver = load("macro solver", macro_solver)
+    d = solver.prepare(confined_column(6, load=-0.05))
+    settings = NewtonSettings(tolerance=1e-13, iterations=40)
+    found = []
+    for cells in (learned, Dropped(learned)):
+        law = ClosedLaw(cells, closed)
+        start = np.zeros(d.mesh.size)
+        found.append(newton_step(d, law, law.initial(d.n_points), start, 20.0, d.loads(-0.05), settings))
+    exact, dropped = ([m for m in step.misfits if 1e-13 < m < 1] for step in found)
+    assert len(exact) >= 2
+    assert (np.log(exact[1:]) / np.log(exact[:-1]))[-1] > 1.6
+    assert found[0].iterations <= 8
+    assert len(dropped) > len(exact) + 2
+    np.testing.assert_allclose(found[1].x, found[0].x, atol=1e-10)
