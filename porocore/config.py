@@ -362,7 +362,8 @@ def _validated(document: YamlDocument) -> RunConfig:
         if isinstance(value, bool) and "options" not in at and at not in dict(found)
     ]
     if found or config is None:
-        lines = sorted(((document.line(at), text) for at, text in found), key=lambda fault: fault[0])
+        told = dict.fromkeys((document.line(at), text) for at, text in found)
+        lines = sorted(told, key=lambda fault: fault[0])
         raise ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
     return config
 

@@ -11,6 +11,7 @@ from porocore.body.element import HEXAHEDRON, TETRAHEDRON
 from porocore.body.mesh import BodyMesh, boundary_facets
 from porocore.cell.cad import import_gmsh
 from porocore.errors import ConfigurationError
+from porocore.foreign_mesh import read_mesh
 from porocore.states import Array, IntArray
 
 KEY = "macro.body.file"
@@ -99,12 +100,10 @@ def _by_gmsh(path: Path, size: float) -> tuple[Array, dict[str, IntArray], dict[
 
 
 def _by_meshio(path: Path) -> tuple[Array, dict[str, IntArray], dict[str, list[IntArray]]]:
-    import meshio
-
     try:
-        mesh = meshio.read(path)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - parsing errors of any kind, and it exits on some
-        raise ConfigurationError(f"{KEY}: meshio cannot read {path}: {error}") from None
+        mesh = read_mesh(path)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{KEY}: {error}") from error
     volumes: dict[str, list[Any]] = {}
     faces: dict[str, list[IntArray]] = {}
     names = {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == 2}

@@ -24,6 +24,7 @@ from porocore.cell.tetrahedra import (
     with_middles,
 )
 from porocore.errors import ConfigurationError
+from porocore.foreign_mesh import read_mesh
 from porocore.states import Array, IntArray
 
 Tag = int | str
@@ -99,7 +100,7 @@ def _of_order(mesh: Tetrahedra, element: Element) -> Tetrahedra:
 @lru_cache(maxsize=2)
 def _read(geometry: MeshFile) -> dict[Phase, Tetrahedra]:
     path = geometry.checked()
-    mesh = _opened(path)
+    mesh = read_mesh(path)
     kinds = {block.type for block in mesh.cells if block.dim == 3}
     if not kinds or not kinds <= {"tetra", "tetra10"} or len(kinds) > 1:
         raise ConfigurationError(
@@ -130,19 +131,6 @@ def _read(geometry: MeshFile) -> dict[Phase, Tetrahedra]:
         return Tetrahedra(*part, regions, tuple(str(names.get(number, number)) for number in numbers))
 
     return {"solid": of_phase("solid"), "fluid": of_phase("fluid")}
-
-
-def _opened(path: Path) -> Any:
-    import meshio  # heavy, and needed here only
-
-    try:
-        return meshio.read(path)
-    # meshio's readers raise whatever the file makes them stumble over; some of them end the process.
-    except (Exception, SystemExit) as error:
-        raise ConfigurationError(
-            f"{path}: not a mesh that meshio can read ({error or type(error).__name__}); expected .msh, .vtu, .mesh or "
-            "another of its formats"
-        ) from error
 
 
 def _tags(geometry: MeshFile, path: Path, mesh: Any, blocks: list[int]) -> tuple[IntArray, dict[int, str]]:

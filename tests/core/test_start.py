@@ -1,0 +1,321 @@
+"""From nothing to a configuration: ``porocore init``, ``schema`` and ``check``, and faults with file, line and key."""
+
+import json
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+import porocore
+from porocore import backends
+from porocore.cli.entry import app
+from porocore.config import RunConfig, load_config
+from porocore.errors import ConfigurationError
+from porocore.examples import MODELINE, examples
+from porocore.preflight import check_backends, place
+from porocore.schema import configuration_schema, field_docstrings
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
+BENCHMARK = Path(__file__).parents[2] / "examples" / "dehghani2022.yaml"
+
+
+def invoke(*words):
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def refusal(*words):
+    """The one message of a command that refuses."""
+    done = invoke(*words)
+    assert isinstance(done.exception, ConfigurationError), done.output
+    assert done.stdout == ""
+    return str(done.exception)
+
+
+# ---- init ---------------------------------------------------------------------------------------
+
+
+def test_init_lists_every_example_with_its_title():
+    lines = invoke("init").stdout.splitlines()
+    assert {line.split()[0] for line in lines} == {path.stem for path in EXAMPLES}
+    assert all(len(line.split()) > 1 for line in lines)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_what_init_writes_is_the_example_and_ready_to_run(path, tmp_path, recwarn):
+    to = tmp_path / "mine.yaml"
+    assert invoke("init", path.stem, "--to", to).stdout.strip() == str(to)
+    assert to.read_text(encoding="utf-8").startswith(MODELINE)
+    assert f"examples/{path.name}" not in to.read_text(encoding="utf-8")
+    config = load_config(to)
+    assert config == load_config(path)
+    place(config)
+    assert not list(recwarn)
+
+
+def test_init_overwrites_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert invoke("init", "filter").stdout.strip() == "filter.yaml"
+    Path("filter.yaml").write_text("mine")
+    assert "filter.yaml is there already and is not overwritten" in refusal("init", "filter")
+    assert Path("filter.yaml").read_text() == "mine"
+    assert "no example 'filtre'; did you mean 'filter'?" in refusal("init", "filtre", "--to", "new.yaml")
+    assert "expected a KIND to write to new.yaml" in refusal("init", "--to", "new.yaml")
+    assert not Path("new.yaml").exists()
+    assert next(iter(examples())) == "dehghani2022"
+
+
+# ---- schema -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def validator():
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = configuration_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_every_example_obeys_the_schema(path, validator):
+    data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    assert [error.message for error in validator.iter_errors(data)] == []
+    resolved = yaml.safe_load(load_config(path).resolved_yaml())
+    assert [error.message for error in validator.iter_errors(resolved)] == []
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("cell.geometry.radius", 0.7),
+        ("cell.geometry.radios", 0.2),
+        ("cell.material.kind", "neohookean"),
+        ("sampling.inputs.H44", {"range": [0, 1]}),
+        ("macro.body.elements", [1, 10.5, 1]),
+        ("macro.boundary.y+.tracktion", [0, 1, 0]),
+        ("macro.boundary.y+.traction", [0, {"ramp": 1, "untill": 2}, 0]),
+        ("macro.boundary.y+.traction", [0, "much", 0]),
+        ("macro.time.end", 0),
+        ("closure", 3),
+        ("scales", {"length": "1 mm"}),
+    ],
+)
+def test_the_schema_refuses_what_is_faulty(key, value, validator):
+    data = yaml.safe_load(BENCHMARK.read_text(encoding="utf-8"))
+    *above, last = key.split(".")
+    section = data
+    for part in above:
+        section = section[part]
+    section[last] = value
+    assert list(validator.iter_errors(data)), key
+
+
+def test_the_schema_describes_keys_and_tells_their_dimension():
+    schema = configuration_schema()
+    boundary = schema["$defs"]["Boundary"]["properties"]
+    assert boundary["plate"]["x-dimension"] == "force"
+    assert "rigid frictionless plate" in boundary["plate"]["description"]
+    texts = field_docstrings(RunConfig)
+    assert schema["properties"]["scales"]["description"] == texts["scales"]
+    assert "x-dimension" not in schema["$defs"]["FemSettings"]["properties"]["backend"]
+
+
+def test_the_schema_goes_to_a_file_and_replaces_only_a_schema(tmp_path):
+    path = tmp_path / "porocore.schema.json"
+    assert json.loads(invoke("schema").stdout) == configuration_schema()
+    for _ in range(2):
+        assert invoke("schema", "--to", path).stdout.strip() == str(path)
+    assert json.loads(path.read_text(encoding="utf-8")) == configuration_schema()
+    path.write_text("mine")
+    assert "is no JSON schema" in refusal("schema", "--to", path)
+    assert path.read_text() == "mine"
+
+
+# ---- check --------------------------------------------------------------------------------------
+
+
+def test_check_tells_what_a_run_would_do():
+    done = invoke("check", BENCHMARK.with_name("brain-indentation.yaml"))
+    assert done.exception is None, done.output
+    for part in (
+        "porosity: 0.41",
+        "macro-driven, ",
+        "body: box, 10 × 10 × 10 mm, 216 hexahedron elements",
+        "surface punch",
+        "u_2 = a course",
+        "probe beneath the punch at 0, 8, 0 mm",
+        "up to t = 2000 s",
+        "no faults; next: porocore run",
+    ):
+        assert part in done.stdout, part
+
+
+def solid_mesh(folder):
+    """A cube of two tetrahedra without names for its surface."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    meshio.Mesh(points, [("tetra", np.array([[0, 1, 2, 3]]))]).write(folder / "nameless.vtu")
+
+
+BOX = "kind: box\n    size: [0.1, 7.5, 0.1]\n    elements: [1, 106, 1]"
+SURFACES, BOUNDARY = "  surfaces: ", "  boundary:\n"
+FAULTS = [
+    # what is replaced, by what, the key that is named, a part of the message
+    ("    kind: box", "    kind: boxx", "macro.body.kind", "expected one of box, cylinder"),
+    (BOX, "kind: file\n    file: none.msh", "macro.body.file", "no such file"),
+    (
+        BOX,
+        "kind: file\n    file: nameless.vtu",
+        "macro.body.file",
+        "names no part of its surface",
+    ),
+    (
+        BOX,
+        "kind: file\n    file: text.geo",
+        "macro.body.size",
+        "missing; text.geo is a geometry",
+    ),
+    (BOX, "kind: file\n    file: text.msh", "macro.body.file", "not a mesh that meshio can read"),
+    (BOX, "kind: wedge\n    radius: 1", "macro.body.height", "missing; add 'height:'"),
+    ("    x-: {", "    left: {", "macro.boundary.left", "no such surface"),
+    (
+        "  boundary:\n",
+        "  surfaces: {strip: {of: yy+, x: [0, 1]}}\n  boundary:\n",
+        "macro.surfaces.strip.of",
+        "y+",
+    ),
+    (
+        "  boundary:\n",
+        "  surfaces: {strip: {of: y+, x: [3, 4]}}\n  boundary:\n",
+        "macro.surfaces.strip",
+        "none of the 1",
+    ),
+    (
+        "  boundary:\n",
+        "  surfaces: {strip: {of: y+}}\n  boundary:\n",
+        "macro.surfaces.strip",
+        "expected bounds",
+    ),
+    (
+        "  boundary:\n",
+        "  surfaces: {z+: {of: y+, x: [0, 1]}}\n  boundary:\n",
+        "macro.surfaces.z+",
+        "another name",
+    ),
+    ("  boundary:\n", "  probes: {tip: [0, 9, 0]}\n  boundary:\n", "macro.probes.tip", "outside the body"),
+    ("  boundary:\n", "  probes: {tip: [0, 9]}\n  boundary:\n", "macro.probes.tip", "a list of 3 entries"),
+    (
+        "y-: {displacement: [0, 0, 0]}",
+        "y-: {displacement: [0, null, 0]}",
+        "macro.boundary",
+        "nothing holds the body",
+    ),
+    ("y-: {displacement: [0, 0, 0]}", "y-: {displacement: [1, 0, 0]}", "macro.boundary.y-", "contradicts"),
+    (
+        "traction: [0, 1, 0]",
+        "traction: [0, 1, 0], displacement: [null, 1, null]",
+        "macro.boundary.y+",
+        "keep one",
+    ),
+    ("traction: [0, 1, 0]", "traction: [0, {ramp: 1}, 0]", "macro.boundary.y+.traction.1", "ramp and until"),
+    ("traction: [0, 1, 0]", "traction: [0, {}, 0]", "macro.boundary.y+.traction.1", "exactly one of"),
+    (
+        "traction: [0, 1, 0]",
+        "traction: [0, {table: [[1, 1], [0, 0]]}, 0]",
+        "macro.boundary.y+.traction.1",
+        "do not ascend",
+    ),
+    (
+        "traction: [0, 1, 0]",
+        "traction: [0, {expression: 2*x}, 0]",
+        "macro.boundary.y+.traction.1",
+        "'x' at character 3 of '2*x'",
+    ),
+    (
+        "traction: [0, 1, 0]",
+        "traction: [0, {rmp: 1}, 0]",
+        "macro.boundary.y+.traction.1.rmp",
+        "did you mean 'ramp'?",
+    ),
+    ("traction: [0, 1, 0]", "traction: [0, 1 kPa, 0]", "macro.boundary.y+.traction.1", "has no scales"),
+    (
+        "  loads: [-0.2",
+        "  initial: {gradient: [[0, 0, 0]]}\n  loads: [-0.2",
+        "macro.initial.gradient",
+        "3 entries",
+    ),
+    ("    profiles: [1, 10, 40]", "    profiles: [1000]", "macro.time", "lies behind end"),
+    ("    kind: neo-hookean", "    kind: ogden", "cell.material.terms", "missing"),
+    (
+        "    kind: neo-hookean\n    poisson_ratio: 0.35",
+        "    kind: expression\n    energy: I1 + K",
+        "cell.material.energy",
+        "'K'",
+    ),
+    (
+        "    kind: orthogonal-channels",
+        "    kind: voxels\n    path: no.npy",
+        "cell.geometry.path",
+        "no such file",
+    ),
+    (
+        "    radius: 0.25\n    axes: xyz",
+        "    fillet: 0.4",
+        "cell.geometry.fillet",
+        "expected 0 (sharp ridges)",
+    ),
+    ("  backend: skfem", "  backend: skfem\n  options: {solvr: amg}", "fem.options", "solvr"),
+    ("  sampler: density-sweep", "  sampler: sobol", "sampling.inputs.p.step", "step"),
+    ("  backend: torch", "  backend: polynomial\n  options: {degre: 3}", "surrogate.options.degre", "degree"),
+    ("closure: mean-gradient", "closure: potentail", "closure", "did you mean 'potential'?"),
+    ("scenarios:", "output_units: {length: mm}\nscenarios:", "output_units", "scales"),
+    ("scenarios:", "scales: {length: 1, pore: 1}\nscenarios:", "scales", "either modulus"),
+    (
+        "scenarios:",
+        "scales: {modulus: 1 kPa, length: 1 s, pore: 1}\nscenarios:",
+        "scales.length",
+        "which is a time",
+    ),
+    (
+        "  brain tissue: {force: 1.0e-3,",
+        "  brain tissue: {force: 1 m,",
+        "scenarios.brain tissue.force",
+        "a force",
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "key", "part"), FAULTS, ids=[f"{f[2]}: {f[3]}" for f in FAULTS])
+def test_a_fault_is_told_with_file_line_and_key(old, new, key, part, tmp_path, monkeypatch):
+    """By 'porocore run', before anything is sampled or written."""
+    text = BENCHMARK.read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "folder" / "study.yaml"
+    path.parent.mkdir()
+    solid_mesh(path.parent)
+    (path.parent / "text.geo").write_text("nothing")
+    (path.parent / "text.msh").write_text("nothing")
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    lines = refusal("run", path, "--out", tmp_path / "run").splitlines()
+    (line,) = [line for line in lines if f" {key}: " in line and part in line]
+    file, number, _ = line.split(":", 2)
+    assert file == str(path)
+    source = path.read_text(encoding="utf-8").splitlines()[int(number) - 1]
+    nearest = [piece for piece in key.split(".") if f"{piece}:" in source]
+    assert nearest, f"{line!r} points at {source!r}"
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_checks_mesh_the_body_once(monkeypatch):
+    """A large body is not meshed for each of them."""
+    from porocore.body import kinds
+
+    made = []
+    original = kinds.Box.make
+    monkeypatch.setattr(kinds.Box, "make", lambda self: made.append(1) or original(self))
+    kinds.make_body.cache_clear()
+    check_backends(porocore.load_config(BENCHMARK))
+    assert len(made) == 1
+    assert backends.backend_name("macro solver", porocore.load_config(BENCHMARK)) == "skfem"
