@@ -64,6 +64,7 @@ LAYERS = (
             "verify",
             "reproduce",
             "plugin_check",
+            "scaffold",
         ),
     ),
     ("python", ("api",)),

@@ -16,6 +16,7 @@ from porocore.cli import (
     cell,
     crosscheck,
     data,
+    plugin,
     plugins,
     reproduce,
     sensitivity,
@@ -78,6 +79,7 @@ app.command(rich_help_panel=_LOOK)(sensitivity.sensitivity)
 app.command(rich_help_panel=_LOOK)(stability.stability)
 app.command(rich_help_panel=_LOOK)(units.units)
 app.command(rich_help_panel=_LOOK)(plugins.plugins)
+app.add_typer(plugin.plugin, name="plugin", rich_help_panel=_LOOK)
 app.command(rich_help_panel=_LOOK)(crosscheck.crosscheck)
 app.command(rich_help_panel=_LOOK)(verify.verify)
 

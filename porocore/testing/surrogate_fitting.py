@@ -22,10 +22,10 @@ class Fitting(Suite):
     #: Options that the constructor must refuse, one after the other.
     invalid_options: ClassVar[tuple[dict[str, Any], ...]] = ({"no_such_option": 1},)
     seed = 5
-    #: Whether the training depends on the seed.
-    random = True
-    #: Whether the training writes checkpoints; one of seconds may do without, and begin anew.
-    resumable = True
+    #: Whether the training depends on the seed; None: not said, and not tested.
+    random: ClassVar[bool | None] = True
+    #: Whether the training writes checkpoints; one of seconds may do without, and begin anew. None: not said.
+    resumable: ClassVar[bool | None] = True
 
     @classmethod
     def make_surrogate(cls) -> Surrogate:

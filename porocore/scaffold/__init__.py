@@ -1,0 +1,1 @@
+"""Projects for authors of plugins, written by ``porocore plugin new``."""
