@@ -286,6 +286,7 @@ def test_pyplot_is_not_used():
     assert json.loads(ran.stdout) == [False, True]
 
 
+@pytest.mark.slow
 def test_closures_stand_side_by_side_and_direct_solves_say_what_they_cost(context, column):
     case = context.cases[0]
     others = (column(law="mean-gradient", final=2.1), column(law="direct-potential", final=2.01))

@@ -136,12 +136,12 @@ def test_an_indenter_feels_the_brain_relax(tmp_path):
 
 
 #: Greatest and last stress on the piston.
-CONFINED = (0.0, 0.0)
+CONFINED = (0.13933058, 0.07789691)
 #: Flow per area and pressure under the two.
 FILTER = (0.0, 0.0)
 #: Pressure on the axis when the load is there and at its peak; greatest and last widening.
-UNCONFINED = (0.0, 0.0, 0.0, 0.0)
+UNCONFINED = (0.01545320, 0.01779658, 0.03509623, 0.02116112)
 #: Settlements of the three probes.
-SOIL = (0.0, 0.0, 0.0)
+SOIL = (0.25962891, 0.17913854, 0.04868870)
 #: Greatest and last force.
 BRAIN = (0.0, 0.0)

@@ -99,6 +99,7 @@ def test_the_report_is_one_self_contained_page(finished):
     assert not re.findall(r"""@import|url\(["']?(?!data:|#|["'])""", page)
 
 
+@pytest.mark.slow
 def test_the_steps_give_the_numbers_of_the_run(finished, tmp_path):
     config = write_study(tmp_path / "study.yaml", ONE_LOAD)
     out = tmp_path / "steps"

@@ -122,6 +122,7 @@ def test_a_checkpoint_of_other_options_is_refused(data, tmp_path):
         JaxSurrogate(epochs=200).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
 
 
+@pytest.mark.slow
 def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     """Killed without notice, somewhere, in another process."""
     checkpoint = tmp_path / "training.h5"
