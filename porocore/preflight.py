@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from porocore import backends
+from porocore import backends, registry
 from porocore.body.mesh import BodyMesh
 from porocore.cell.facts import as_lines, facts_of
 from porocore.config import RunConfig
@@ -17,7 +17,7 @@ from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
 from porocore.macro.probes import interpolation
 from porocore.problem import Boundary, MacroProblem
-from porocore.registry import HOOKS, Kind, registry
+from porocore.registry import HOOKS, Kind
 
 
 def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) -> None:
@@ -40,7 +40,7 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
     """
     needed = HOOKS if needed is None else needed
     for kind in needed:
-        registry().find(kind, backends.backend_name(kind, config))
+        registry.registry().find(kind, backends.backend_name(kind, config))
     place(config)
     for kind in HOOKS:
         try:

@@ -300,17 +300,6 @@ def test_the_readme_changes_what_is_in_the_example(tmp_path):
     assert (cell.geometry.radius, cell.material.poisson_ratio) == (0.22, 0.3)
 
 
-def test_the_python_of_the_readme_runs(tmp_path, monkeypatch, column, capsys):
-    solution = column(law="mean-gradient")
-    path = tmp_path / "runs/dehghani2022/solutions/mean-gradient_load-0.2.h5"
-    solution.save(path)
-    monkeypatch.chdir(tmp_path)
-    (code,) = blocks(page("README.md"), "python")
-    exec(compile(code, "README.md", "exec"), {})
-    out = capsys.readouterr().out.splitlines()[0].split()
-    assert [float(x) for x in out] == [solution.history.time[-1], solution.history.settlement[-1]]
-
-
 # ---- links --------------------------------------------------------------------------------------
 
 

@@ -35,6 +35,7 @@ def test_a_run_leaves_every_file(finished):
         "checkpoints",
         "config.yaml",
         "fields",
+        "histories",
         "metrics.json",
         "report.html",
         "run.json",
