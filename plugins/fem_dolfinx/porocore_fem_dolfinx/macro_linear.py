@@ -22,7 +22,7 @@ DEFAULTS: dict[str, Any] = {
 #: Of the preconditioned residual, where an iteration is chosen; Newton's method shall not feel it.
 ACCURACY, ITERATIONS = 1e-10, 1000
 #: Beyond this number of unknowns GMRES goes on with the factor of a system nearby, for as many steps at most.
-LARGE, STEPS = 8_000, 30
+LARGE, STEPS = 3_000, 30
 #: Of the right-hand side; more is no solution.
 LARGEST_RESIDUAL = 1e-5
 

@@ -11,8 +11,8 @@ from porocore.equilibrium.discrete import FactorError
 from porocore.macro.discretisation import StepFailed
 from porocore_fem_skfem import pardiso
 
-#: Below this number of unknowns SuperLU is as fast.
-SMALL = 8_000
+#: Below this number of unknowns SuperLU is as fast: the columns of the benchmark, no more than a few elements in 3D.
+SMALL = 3_000
 #: Of the residual at which the iteration stops; steps between two restarts, and how many of these.
 ACCURACY, STEPS, RESTARTS = 1e-10, 20, 3
 LOOSE = "the body may not be held against rigid motions"
