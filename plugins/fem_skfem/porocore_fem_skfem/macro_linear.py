@@ -1,4 +1,4 @@
-"""The linear systems of the u–p problem: direct where they are small, else GMRES with a factor, perhaps an older one."""
+"""Linear systems of the u–p problem: direct where small, else GMRES with a factor, perhaps that of a system before."""
 
 from __future__ import annotations
 
