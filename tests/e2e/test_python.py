@@ -91,3 +91,24 @@ def test_faults_of_settings_are_told_by_their_keys():
         ConfigurationError, match=r"^settings: cell.geometry.radius: expected a number with 0 <"
     ):
         porocore.CellProblem({"geometry": {"radius": 0.7}})
+
+
+def test_the_study_in_si_units_is_the_same_run(a_copy, tmp_path, capsys):
+    """Nothing is computed again, and the results come with units."""
+    pytest.importorskip("xarray")
+    folder = a_copy()
+    changes = {
+        "scales": {"modulus": "2.5 kPa", "length": "10 mm", "pore": "5 um"},
+        "output_units": {"length": "mm", "stress": "Pa", "time": "min"},
+        "sampling.inputs.p": {"range": ["-50 Pa", "0.15 kPa"], "step": "1e-4 MPa"},
+        "macro.body.size": ["1 mm", "7.5 cm", 0.1],
+        "macro.boundary.y+": {"traction": [0, "2.5 kPa", 0], "pressure": "0 Pa"},
+    }
+    study = porocore.Study(write_study(tmp_path / "si.yaml", changes), out=folder)
+    solved = study.solve()[LOADS[0]].linear
+    notes = capsys.readouterr().err.splitlines()
+    assert len(notes) == 2 * len(LOADS)
+    assert all("is there already" in note for note in notes)
+    dataset = solved.to_xarray()
+    np.testing.assert_allclose(dataset.settlement, 10 * solved.settlement, rtol=1e-14)
+    assert (dataset.settlement.attrs["units"], dataset.time.attrs["units"]) == ("mm", "min")

@@ -1,0 +1,149 @@
+"""Macro solutions from Python: arrays, xarray and pyvista, with units and without; figures and tables with units."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from porocore.api.solved import LawsSolved, Solutions, Solved
+from porocore.api.study import Study
+from porocore.errors import ConfigurationError, PluginError
+from porocore.plain_data import merged
+from porocore.report.dimensional import dimensional_metrics, dimensional_rows
+from porocore.report.figures import body_figure, history_figure, series_figure
+from porocore.report.metrics import case_metrics
+from porocore.result_units import OutputUnits, ResultUnits
+from porocore.scales import Scales
+
+UNITS = ResultUnits(
+    Scales(modulus=2000, length=0.01, pore=5e-6), OutputUnits(length="mm", stress="kPa", time="h", force="mN")
+)
+
+
+@pytest.fixture
+def solution(column):
+    """A column with a probe, a reaction and an inflow."""
+    from dataclasses import replace
+
+    found = column(elements=(1, 4, 1))
+    steps = np.arange(len(found.history.time), dtype=float)
+    return replace(
+        found,
+        probes={"tip": np.outer(steps, [0, -1, 0, 0.5])},
+        reactions={"y-": np.outer(steps, [0, 3, 0])},
+        inflow={"y+": -steps},
+    )
+
+
+def test_a_solution_as_a_dataset(solution):
+    pytest.importorskip("xarray")
+    plain, dimensional = Solved(solution).to_xarray(), Solved(solution, UNITS).to_xarray()
+    steps = len(solution.history.time)
+    assert dict(plain.sizes) == {"time": steps, "probe": 1, "component": 3, "surface": 1, "drain": 1}
+    assert plain.probe_displacement.sel(probe="tip", component="y").values[2] == -2
+    assert plain.probe_pressure.sel(probe="tip").values[2] == 1
+    assert {v.attrs["units"] for v in plain.variables.values() if "units" in v.attrs} == {"1"}
+    for name, unit, quantity in (
+        ("settlement", "mm", "displacement"),
+        ("probe_pressure", "kPa", "pressure"),
+        ("reaction", "mN", "force"),
+        ("inflow", "mm³/h", "flow"),
+        ("drained_flux", "mm³", "volume"),
+        ("ramp", "1", ""),
+        ("time", "h", "time"),
+    ):
+        assert dimensional[name].attrs["units"] == unit
+        assert dimensional[name].attrs["long_name"]
+        np.testing.assert_allclose(dimensional[name], plain[name].values * UNITS.factor(quantity), rtol=1e-14)
+    assert dimensional.attrs["law"] == solution.law
+
+
+def test_a_solution_as_a_grid(solution):
+    pytest.importorskip("pyvista")
+    profile = solution.profiles[1]
+    grid = Solved(solution, UNITS).to_pyvista(profile.time)
+    assert (grid.n_cells, grid.n_points) == (4, len(solution.points))
+    np.testing.assert_allclose(grid.points, 10 * solution.points, rtol=1e-6)
+    np.testing.assert_allclose(grid["u"], 10 * profile.u)
+    np.testing.assert_allclose(grid["p"], 2 * profile.p)
+    np.testing.assert_allclose(grid["P_E"][:, 4], 2 * profile.stress[:, 1, 1])
+    volumes = grid.compute_cell_sizes(length=False, area=False)["Volume"]
+    np.testing.assert_allclose(volumes.sum(), 1000 * np.ptp(solution.points, axis=0).prod(), rtol=1e-6)
+    with pytest.raises(ConfigurationError, match=r"the fields were kept at 1, 10, .*, not at 7"):
+        Solved(solution).to_pyvista(7)
+
+
+@pytest.mark.parametrize(("package", "method"), [("xarray", "to_xarray"), ("pyvista", "to_pyvista")])
+def test_a_missing_package_is_named(solution, package, method, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(PluginError, match=rf"{package} is not installed; .* 'porocore\[notebooks\]'"):
+        getattr(Solved(solution), method)()
+
+
+def test_solutions_are_found_by_load_and_law(column):
+    both = LawsSolved({"potential": Solved(column(law="potential")), "linear": Solved(column(law="linear"))})
+    solutions = Solutions({-0.2: both})
+    assert solutions[-0.2].nonlinear.law == "potential"
+    assert solutions[-0.2].linear is both["linear"]
+    assert list(solutions) == [-0.2]
+    with pytest.raises(ConfigurationError, match=r"nothing was solved for 0.1; there is -0.2"):
+        _ = solutions[0.1]
+
+
+def test_figures_and_metrics_have_the_units(solution):
+    figure = history_figure(solution, solution, units=UNITS)
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert [label.split("[")[1] for label in labels] == ["mm]", "kPa]", "mm³]"]
+    curve = figure.axes[0].lines[0]
+    np.testing.assert_allclose(curve.get_ydata(), 10 * solution.history.settlement)
+    np.testing.assert_allclose(curve.get_xdata(), solution.history.time * UNITS.factor("time"))
+    axes = series_figure(solution, solution, "forces of held or moved surfaces", UNITS).axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time $t$ [h]", "force on the body [mN]")
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), 200 * solution.reactions["y-"][:, 1])
+    body = body_figure(solution, solution.profiles[0], UNITS)
+    assert body.axes[0].get_zlabel() == "$x_2$ [mm]"
+    assert body.axes[1].get_ylabel() == "pore pressure $p$ [kPa]"
+    (found,) = dimensional_metrics([solution], UNITS)
+    assert found["series"]["y-: force 2"]["unit"] == "mN"
+    assert found["series"]["y-: force 2"]["final"] == pytest.approx(200 * solution.reactions["y-"][-1, 1])
+    assert found["series"]["settlement"]["at"] == pytest.approx(found["end_time"])
+
+
+def test_the_table_of_the_report_has_the_units_of_the_study(case):
+    rows = dimensional_rows(case_metrics(case), case.nonlinear, 1.0, {"this study": UNITS})
+    by_name = {row.name: row for row in rows}
+    final = case.nonlinear.history.settlement[-1]
+    text = by_name["final settlement"].values[0]
+    assert text.endswith(" mm")
+    assert float(text.split()[0]) == pytest.approx(10 * final, rel=5e-3)
+
+
+@pytest.fixture
+def case(column):
+    from porocore.report.context import Case
+
+    return Case(column(), column(law="linear", final=2.5))
+
+
+def test_settings_are_merged_section_by_section():
+    below = {"macro": {"body": {"kind": "box", "size": 1}, "loads": [1]}, "surrogate": {"options": {"a": 1}}}
+    assert merged(below, {"macro": {"loads": np.array([2])}})["macro"] == {
+        "body": {"kind": "box", "size": 1},
+        "loads": [2],
+    }
+    assert merged(below, {"macro": {"body": {"kind": "wedge"}}})["macro"]["body"] == {"kind": "wedge"}
+    assert merged(below, {"surrogate": {"options": {}}})["surrogate"] == {"options": {}}
+    assert merged(below, {"surrogate": {"backend": "jax"}})["surrogate"] == {"backend": "jax"}
+    assert below["macro"]["loads"] == [1]
+
+
+def test_a_study_is_named_by_its_source_and_writes_nothing_yet(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    study = Study("crosscheck", macro={"loads": [-0.01]})
+    assert (str(study.path), study.config.macro.loads) == ("runs/crosscheck", (-0.01,))
+    assert repr(study) == "<porocore study 'Crosscheck of the installed backends' in runs/crosscheck>"
+    assert Study(study.config, macro={"loads": [-0.02]}).config.macro.loads == (-0.02,)
+    assert Study(study.config).config.identity == study.config.identity
+    with pytest.raises(ConfigurationError, match="no such file"):
+        Study("absent.yaml")
+    assert not list(tmp_path.iterdir())
