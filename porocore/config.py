@@ -309,7 +309,7 @@ def load_config(path: Path | str) -> RunConfig:
         Lists every fault in one message, one line each: file, line, dotted key, what was expected, what
         came and what to do.
     """
-    return _validated(YamlDocument.read(Path(path)))
+    return validated(YamlDocument.read(Path(path)))
 
 
 def config_from(settings: Mapping[str, Any], folder: Path | str = ".") -> RunConfig:
@@ -320,7 +320,7 @@ def config_from(settings: Mapping[str, Any], folder: Path | str = ".") -> RunCon
     ConfigurationError
         As :func:`load_config`, with dotted keys and without lines.
     """
-    return _validated(YamlDocument.of(settings, Path(folder)))
+    return validated(YamlDocument.of(settings, Path(folder)))
 
 
 def cell_from(settings: Mapping[str, Any], folder: Path | str = ".") -> Cell:
@@ -339,7 +339,8 @@ def cell_from(settings: Mapping[str, Any], folder: Path | str = ".") -> Cell:
         raise ConfigurationError("\n".join(f"{document.at_line(0)}: {text}" for _, text in found)) from error
 
 
-def _validated(document: YamlDocument) -> RunConfig:
+def validated(document: YamlDocument) -> RunConfig:
+    """The configuration that a document holds; see :func:`load_config`."""
     scales = _scales(document)
     data, found = resolved(RunConfig, document.data, scales)
     unread = {at for at, _ in found}

@@ -5,13 +5,15 @@ from __future__ import annotations
 import difflib
 import re
 import types
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
+from porocore.errors import ConfigurationError
 from porocore.yaml_document import Location, YamlDocument
 
 #: Why a bound is where it is, by dotted key.
@@ -54,6 +56,15 @@ def with_lines(document: YamlDocument, text: str) -> str:
         known = at[:1] in document
         found.append(f"{document.at_line(document.line(at))}: {complaint}" if known else complaint)
     return "\n".join(found)
+
+
+@contextmanager
+def located(document: YamlDocument) -> Iterator[None]:
+    """Put file and line before every complaint about a key of the document that the block raises."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise ConfigurationError(with_lines(document, str(error))) from error
 
 
 def unexpected(location: Location, expected: str, got: Any) -> str:

@@ -11,7 +11,8 @@ from typing import Any
 
 from porocore import pipeline
 from porocore.api.solved import LawsSolved, Solutions, Solved
-from porocore.config import RunConfig, config_from, load_config
+from porocore.config import RunConfig, validated
+from porocore.config_errors import located
 from porocore.console import Console
 from porocore.dataset import Dataset
 from porocore.examples import examples
@@ -79,7 +80,7 @@ class Study:
         progress: bool = True,
         **settings: Any,
     ) -> None:
-        name, self.config = _configured(source, settings)
+        name, self.config, self._document = _configured(source, settings)
         self.path = Path("runs") / name if out is None else Path(out)
         self._console = Console(None if progress else io.StringIO())
 
@@ -95,17 +96,19 @@ class Study:
         RunFolderError
             It holds another run, or cannot be written.
         """
-        check_backends(self.config)
+        with located(self._document):
+            check_backends(self.config)
         return RunFolder.claim(self.path, self.config, resume=True)
 
     def check(self) -> list[str]:
         """What a run would do, line by line, after everything was checked that can be without solving."""
-        check_backends(self.config)
-        return list(outline(self.config))
+        with located(self._document):
+            check_backends(self.config)
+            return list(outline(self.config))
 
     def sample(self, *, retry_lost: bool = False) -> Samples:
         """Solve the cell for the sampled states and for the held-out ones; the former are returned."""
-        with self.folder as folder:
+        with self.folder as folder, located(self._document):
             pipeline.sample(folder, self.config, console=self._console, retry_lost=retry_lost)
         dataset = Dataset.open(folder.dataset, identity=self.config.stages.sampling)
         return Samples(tuple(self.config.sampling.inputs), dataset.x(), dataset.states(), dataset.responses())
@@ -152,17 +155,21 @@ class Study:
 
 def _configured(
     source: str | Path | Mapping[str, Any] | RunConfig | None, settings: dict[str, Any]
-) -> tuple[str, RunConfig]:
-    """A name for the folder, and the configuration."""
-    if isinstance(source, RunConfig):
-        return "study", config_from(merged(source.model_dump(), settings)) if settings else source
-    if source is None or isinstance(source, Mapping):
-        return "study", config_from(merged(source or {}, settings))
+) -> tuple[str, RunConfig, YamlDocument]:
+    """A name for the folder, the configuration, and what it was read from."""
+    if not isinstance(source, str | Path):
+        base = source.model_dump() if isinstance(source, RunConfig) else source or {}
+        document = YamlDocument.of(merged(base, settings), Path.cwd())
+        return (
+            "study",
+            source if isinstance(source, RunConfig) and not settings else validated(document),
+            document,
+        )
     path = Path(source)
     known = examples()
     if not path.exists() and path.name.removesuffix(".yaml") in known and path.parent == Path("."):
         path = known[path.name.removesuffix(".yaml")].path
-    if not settings:
-        return path.stem, load_config(path)
     document = YamlDocument.read(path)
-    return path.stem, config_from(merged(document.data, settings), document.folder)
+    if settings:
+        document = YamlDocument.of(merged(document.data, settings), document.folder)
+    return path.stem, validated(document), document

@@ -59,13 +59,11 @@ def interruptible(advice: str = "") -> Iterator[None]:
 @contextmanager
 def located(path: Path) -> Iterator[None]:
     """Put file and line before every complaint about a key of the configuration at ``path``."""
-    try:
-        yield
-    except ConfigurationError as error:
-        from porocore.config_errors import with_lines
-        from porocore.yaml_document import YamlDocument
+    from porocore import config_errors
+    from porocore.yaml_document import YamlDocument
 
-        raise ConfigurationError(with_lines(YamlDocument.read(path), str(error))) from error
+    with config_errors.located(YamlDocument.read(path)):
+        yield
 
 
 def read_config(

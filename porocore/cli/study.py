@@ -210,6 +210,7 @@ def solve(
     """
     from porocore import backends, parallel
     from porocore.registry import registry
+    from porocore.runfolder import CONFIG
     from porocore.solving import USUAL_LAWS, law_names, with_fallback
     from porocore.stage_files import train_command
 
@@ -243,7 +244,11 @@ def solve(
         again += ["--closure", closure] if closure else []
         again += [word for kind in law or () for word in ("--law", kind)]
         again += ["--fallback", fallback] if fallback is not FallbackKind.none else []
-        with interruptible(command("solve", run, *again)), solver.world.holding(folder):
+        with (
+            interruptible(command("solve", run, *again)),
+            located(folder.path / CONFIG),
+            solver.world.holding(folder),
+        ):
             from porocore import pipeline
 
             pipeline.solve(
