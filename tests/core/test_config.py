@@ -73,7 +73,10 @@ def test_the_second_example_differs_in_the_radius_alone():
 def test_the_packaged_benchmark_is_the_example():
     assert load_config(benchmark_path()) == load_config(BENCHMARK)
     build = tomllib.loads((EXAMPLES.parent / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]
-    assert build["build"]["targets"]["wheel"]["force-include"] == {"examples": "porocore/data"}
+    packaged = build["build"]["targets"]["wheel"]["force-include"]
+    assert packaged == {
+        f"examples/{path.name}": f"porocore/data/{path.name}" for path in EXAMPLES.glob("*.yaml")
+    }
     assert crosscheck_path().is_file()
     assert as_stated_path().is_file()
 
