@@ -31,9 +31,11 @@ class Boundary(_Strict):
     alone.
     """
 
-    displacement: Annotated[
-        tuple[Value | None, Value | None, Value | None], Dimension("displacement")
-    ] = (None, None, None)
+    displacement: Annotated[tuple[Value | None, Value | None, Value | None], Dimension("displacement")] = (
+        None,
+        None,
+        None,
+    )
     """Components of u; None leaves a component free."""
     normal: Annotated[Value | None, Dimension("displacement")] = None
     """Displacement along the outward normal of a plane surface, which slides freely along itself."""

@@ -108,7 +108,15 @@ def _measured(unit: str) -> tuple[Fraction, frozenset[tuple[str, Any]] | None]:
         known = registry.parse_units(unit)
         quantity = registry.Quantity(Fraction(1), known).to_base_units()
         offset = registry.Quantity(Fraction(0), known).to_base_units().magnitude
-    except (pint.PintError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError):
+    except (
+        pint.PintError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        AssertionError,
+    ):
         return Fraction(0), None
     if offset or not isinstance(quantity.magnitude, Fraction | int):
         return Fraction(0), None
