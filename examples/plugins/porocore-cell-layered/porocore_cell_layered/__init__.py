@@ -1,0 +1,1 @@
+"""A cell solver for porocore: plane layers in closed form."""
