@@ -8,11 +8,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import numpy as np
 from make_images import IMAGES, _pixels
 from matplotlib.figure import Figure
 
-from porocore.report.figures import body_figure, png_bytes, series_figure
+from porocore.report.figures import QUANTITIES, body_figure, png_bytes, series_figure
+from porocore.report.figures.profiles import Line
 from porocore.report.figures.series import panels
 from porocore.report.figures.style import DASHED, TIME_COLOURS, new_figure, styled
 from porocore.runfolder import RunFolder
@@ -48,27 +48,24 @@ def example_picture(folder: RunFolder, name: str) -> Figure:
 
 @styled
 def filter_picture(folder: RunFolder) -> Figure:
-    """Pore pressure through the filter at last, and the flow for a unit of pressure, at each load."""
+    """Pore pressure and conductivity of the deformed pore through the filter, when the flow is steady."""
     config = folder.config
-    figure = new_figure(8.4, 3.4)
-    left, right = figure.subplots(1, 2)
-    rates, linear = [], []
+    figure = new_figure(8.4, 3.6)
+    left, right = figure.subplots(1, 2, sharey=True)
     for load, colour in zip(config.macro.loads, TIME_COLOURS, strict=False):
         solution = MacroSolution.load_file(folder.solution(config.closure, load))
-        line = (solution.points[:, [0, 2]] == 0).all(axis=1)
-        order = np.argsort(solution.points[line, 1])
-        place = solution.points[line, 1][order]
-        left.plot(solution.profiles[-1].p[line][order] / load, place, color=colour, label=f"{load:g}")
-        area = np.prod(np.ptp(solution.points[:, [0, 2]], axis=0))
-        rates.append(solution.inflow["y+"][-1] / load / area)
-        other = MacroSolution.load_file(folder.solution("linear", load))
-        linear.append(other.inflow["y+"][-1] / load / area)
-    left.plot(place / place.max(), place, color="0.35", ls=DASHED, lw=1.3, label="linear")
+        last, line = solution.profiles[-1], Line.of(solution)
+        height, pressure, _ = line.series(last, QUANTITIES["p"])
+        left.plot(pressure / load, height, color=colour, label=f"{load:g}")
+        height, conductivity, _ = line.series(last, QUANTITIES["K22"])
+        right.plot(conductivity, height, color=colour, label=f"{load:g}")
+    linear = MacroSolution.load_file(folder.solution("linear", config.macro.loads[0]))
+    height, conductivity, _ = Line.of(linear).series(linear.profiles[-1], QUANTITIES["K22"])
+    left.plot([0, 1], [0, float(linear.points[:, 1].max())], color="0.35", ls=DASHED, lw=1.3, label="linear")
+    right.plot(conductivity, height, color="0.35", ls=DASHED, lw=1.3, label="undeformed pore")
     left.set(xlabel="pore pressure, of that above [–]", ylabel="height in the filter $X_2$ [–]")
+    right.set(xlabel="conductivity $k_{22}$ [–]")
     left.legend(title="pressure above$\\,/E$")
-    right.plot(config.macro.loads, rates, marker="o", label="deformed pore")
-    right.plot(config.macro.loads, linear, color="0.35", ls=DASHED, lw=1.3, label="linear")
-    right.set(xlabel="pressure above$\\,/E$ [–]", ylabel="flow per area and pressure [–]", ylim=(0, None))
     right.legend()
     return figure
 

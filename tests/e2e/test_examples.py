@@ -55,29 +55,30 @@ def test_confined_compression_relaxes(tmp_path):
     assert (force.max(), force[-1]) == pytest.approx(CONFINED, rel=SAME)
 
 
-def test_a_filter_lets_less_through_than_in_proportion(tmp_path):
-    found = run(
-        tmp_path,
-        "filter",
-        COARSE
-        | {
-            "sampling.options": {"count": 12, "corners": True},
-            "macro.body.elements": [1, 6, 1],
-            "macro.loads": [0.02, 0.12],
-            "macro.time": {"end": 4.0, "step": 0.5, "ramp_increments": 2, "ramp_step": 0.05, "profiles": [0.1]},
-        },
-    )
-    rate = {}
-    for load in (0.02, 0.12):
-        solution = found[f"potential_load{load}"]
-        through = solution.inflow
-        assert through["y+"][-1] == pytest.approx(-through["y-"][-1], rel=1e-3)  # steady
-        rate[load] = through["y+"][-1] / load
-        linear = found[f"linear_load{load}"].inflow["y+"][-1] / load
-        assert linear == pytest.approx(found["linear_load0.02"].inflow["y+"][-1] / 0.02, rel=1e-6)
-        assert rate[load] < linear
-    assert rate[0.12] < 0.9 * rate[0.02]
-    assert (rate[0.02], rate[0.12]) == pytest.approx(FILTER, rel=SAME)
+@pytest.mark.slow
+def test_a_filter_conducts_less_where_it_is_squeezed_and_as_much_as_a_whole(tmp_path):
+    """The undeformed pore pulled back would let more through the more the filter is squeezed."""
+    changes = COARSE | {
+        "sampling.options": {"count": 12, "corners": True},
+        "macro.body.elements": [1, 6, 1],
+        "macro.loads": [0.02, 0.12],
+        "macro.time": {"end": 4.0, "step": 0.5, "ramp_increments": 2, "ramp_step": 0.05, "profiles": [0.1]},
+    }
+    rates = {}
+    for kind in ("deformed", "piola"):
+        found = run(tmp_path / kind, "filter", changes | {"conductivity": kind})
+        for load in (0.02, 0.12):
+            solution = found[f"potential_load{load}"]
+            through = solution.inflow
+            assert through["y+"][-1] == pytest.approx(-through["y-"][-1], rel=1e-3)  # steady
+            rates[kind, load] = through["y+"][-1] / load
+            squeezed = solution.profiles[-1].conductivity[:, 1, 1]
+            linear = found[f"linear_load{load}"].profiles[-1].conductivity[0, 1, 1]
+            if kind == "deformed" and load == 0.12:
+                assert squeezed.min() < 0.75 * linear < linear < squeezed.max()
+    assert 0.97 < rates["deformed", 0.12] / rates["deformed", 0.02] < 1.02
+    assert rates["piola", 0.12] / rates["piola", 0.02] > 1.08
+    assert (rates["deformed", 0.02], rates["deformed", 0.12]) == pytest.approx(FILTER, rel=SAME)
 
 
 @pytest.mark.slow
@@ -137,8 +138,8 @@ def test_an_indenter_feels_the_brain_relax(tmp_path):
 
 #: Greatest and last stress on the piston.
 CONFINED = (0.13933058, 0.07789691)
-#: Flow per area and pressure under the two.
-FILTER = (0.0, 0.0)
+#: Flow per pressure under the two.
+FILTER = (0.01965588, 0.01951497)
 #: Pressure on the axis when the load is there and at its peak; greatest and last widening.
 UNCONFINED = (0.01545320, 0.01779658, 0.03509623, 0.02116112)
 #: Settlements of the three probes.

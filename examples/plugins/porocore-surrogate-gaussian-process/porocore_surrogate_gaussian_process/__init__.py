@@ -1,0 +1,1 @@
+"""A surrogate for porocore: a Gaussian process with its uncertainty."""
