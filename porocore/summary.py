@@ -289,6 +289,7 @@ def _cell_summary(
         mesh=reference.mesh,
         surface=(solid.points, solid.cells),
         crease=(-0.15, -0.33) if benchmark_like and material == NeoHookean(poisson_ratio=0.35) else None,
+        deformed=config.conductivity == "deformed",
     )
 
 

@@ -90,6 +90,8 @@ class CellSummary:
     crease : (2,)
         (a, b): squeezed beyond H_22 = a + b p the sharp ridges of the solid crease, on a very fine mesh;
         None: not known.
+    deformed
+        Whether the flux has the conductivity of the deformed pore.
     """
 
     description: str
@@ -99,6 +101,7 @@ class CellSummary:
     mesh: Mapping[str, str] = field(default_factory=dict)
     surface: tuple[Array, IntArray] | None = None
     crease: tuple[float, float] | None = None
+    deformed: bool = False
 
 
 @dataclass(frozen=True, eq=False)

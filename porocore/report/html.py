@@ -25,7 +25,7 @@ from porocore.report.words import (
     benchmark_rows,
     case_sentences,
     cell_rows,
-    conductivity_change,
+    conductivity_sentence,
     linear_rows,
 )
 from porocore.result_units import ResultUnits
@@ -69,7 +69,7 @@ def render(context: ReportContext) -> str:
         ]
         if context.result_units
         else [],
-        conductivity=[conductivity_change(case, context.cell) for case in context.cases],
+        conductivity=[conductivity_sentence(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
         linear_rows=linear_rows(context.cell),
         cell_picture=_cell_picture(context),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from porocore.report.context import Case, CellSummary, Published, ReportContext
 from porocore.report.format import NONE, difference, number, percent, plain
 from porocore.report.metrics import case_metrics, case_warnings, leaving
@@ -117,13 +119,29 @@ def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
     ]
 
 
-def conductivity_change(case: Case, cell: CellSummary) -> str:
-    """``; here from ... at rest to ... at t = ...``, of K_t,22; empty without profiles."""
-    if not case.nonlinear.profiles:
-        return ""
-    last = case.nonlinear.profiles[-1]
-    rest, largest = float(cell.linear.conductivity[1, 1]), float(last.conductivity[:, 1, 1].max())
-    return f"; here from {number(rest, 3)} at rest to {number(largest, 3)} at t = {number(last.time, 3)}"
+def conductivity_sentence(case: Case, cell: CellSummary) -> str:
+    """What K_t of the profiles is, and how far K_t,22 has come at the last of them."""
+    profiles, rest = case.nonlinear.profiles, number(float(cell.linear.conductivity[1, 1]), 3)
+    if cell.deformed:
+        change = ""
+        if profiles:
+            least, most = (
+                number(float(end(profiles[-1].conductivity[:, 1, 1])), 3) for end in (np.min, np.max)
+            )
+            when = number(profiles[-1].time, 3)
+            change = f" K_t,22 is {rest} at rest, and between {least} and {most} at t = {when}."
+        return (
+            "K_t is the conductivity of the deformed pore in space, learned from the flow through the deformed pore of "
+            f"every sampled state.{change}"
+        )
+    change = ""
+    if profiles:
+        largest = number(float(profiles[-1].conductivity[:, 1, 1].max()), 3)
+        change = f"; here from {rest} at rest to {largest} at t = {number(profiles[-1].time, 3)}"
+    return (
+        "K_t is the conductivity of the undeformed pore, pulled back with F̄ as in the paper: compression raises K_t,22 "
+        f"(roughly as F̄₂₂⁻²{change}) although the pores close, and the times to 95 % and 99 % depend on it."
+    )
 
 
 def all_warnings(context: ReportContext) -> list[str]:

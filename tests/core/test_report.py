@@ -33,6 +33,7 @@ from porocore.report.context import (
     TrainingCurve,
 )
 from porocore.report.html import render, write_report
+from porocore.report.words import conductivity_sentence
 from porocore.states import CellResponse, CellTangent, Status
 
 VOID = {"meta", "img", "br"}
@@ -208,6 +209,15 @@ def test_says_how_far_the_conductivity_rises(context, page):
     # 1.943 (1 − 0.7 H_22) is the K_t,22 of the made-up column.
     assert float(found[1]) == pytest.approx(1.943 * (1 - 0.7 * last.grad_u[:, 1, 1].min()), abs=0.006)
     assert float(found[2]) == pytest.approx(last.time)
+
+
+def test_says_that_the_conductivity_is_that_of_the_deformed_pore(context):
+    cell = replace(context.cell, deformed=True)
+    words = conductivity_sentence(context.cases[0], cell)
+    found = re.search(r"deformed pore.*1\.94 at rest, and between (\S+) and (\S+) at t = ", words)
+    last = context.cases[0].nonlinear.profiles[-1].conductivity[:, 1, 1]
+    assert [float(found[1]), float(found[2])] == pytest.approx([last.min(), last.max()], abs=0.006)
+    assert "as in the paper" not in words
 
 
 def test_counts_of_statuses(context, page):
