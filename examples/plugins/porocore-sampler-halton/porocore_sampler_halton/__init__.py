@@ -1,1 +1,1 @@
-"""A sampler for porocore: a grid of states in the box of the inputs."""
+"""A sampler for porocore: Halton sequences."""

@@ -1,14 +1,17 @@
 """The laws of every sampler, for this one."""
 
+from typing import ClassVar
+
 from porocore.testing import SamplerSuite
 from porocore_sampler_halton.sampler import HaltonSampler
 
 
 class TestHaltonSampler(SamplerSuite):
     kit_version = "1"
-    options = {"points": 4}
-    budget = 16
-    invalid_options = ({"no_such_option": 1}, {"points": 1}, {"points": 2.5}, {"points": True})
+    options: ClassVar = {"count": 24}
+    budget = 24
+    random = True
+    invalid_options = ({"no_such_option": 1}, {"count": 0}, {"count": True}, {"seed": -1})
 
     @classmethod
     def make_sampler(cls, inputs, **options):

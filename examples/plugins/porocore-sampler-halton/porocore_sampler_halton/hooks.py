@@ -24,8 +24,8 @@ def porocore_samplers():
         Offer(
             name="halton",
             load=_load,
-            summary="a grid of states in the box of the inputs",
-            requires=("numpy",),
+            summary="a Halton sequence in the box of the inputs",
+            requires=("scipy",),
             install="pip install porocore-sampler-halton",
             suites=_suites,
         )

@@ -1,21 +1,12 @@
-"""A grid of states in the box of the inputs."""
+"""Halton sequences."""
 
-from itertools import product
-
-import numpy as np
+from scipy.stats import qmc
 
 from porocore import CellResponse, ConfigurationError, InputSpace, Request, Sampler
 
 
 class HaltonSampler(Sampler):
-    """All combinations of ``points`` equally spaced values of each input, the ends of the ranges included.
-
-    Parameters
-    ----------
-    inputs
-        The box.
-    points
-        Values of each input.
+    """``count`` states of a scrambled Halton sequence (Owen 2017); all start from the undeformed cell.
 
     Raises
     ------
@@ -23,37 +14,29 @@ class HaltonSampler(Sampler):
         An option is unknown or of no use.
     """
 
-    def __init__(self, inputs: InputSpace, points: int = 5, **unknown):
+    def __init__(self, inputs: InputSpace, count: int = 64, seed: int = 0, **unknown):
         if unknown:
             raise ConfigurationError(
-                f"sampling.options.{min(unknown)}: halton has no such option; its option is points"
+                f"sampling.options: unknown option '{min(unknown)}' of halton; its options are count and seed"
             )
-        if isinstance(points, bool) or not isinstance(points, int) or points < 2:
-            raise ConfigurationError(
-                f"sampling.options.points: must be a whole number of at least 2, got {points!r}"
-            )
-        ranges = zip(inputs.lower, inputs.upper, strict=True)
-        axes = [np.linspace(low, high, points) for low, high in ranges]
-        # A key names a state for ever: a run that is resumed finds by it what is solved already.
-        self._ready = [Request(f"halton-{i:05d}", tuple(map(float, x))) for i, x in enumerate(product(*axes))]
-        self._count = len(self._ready)
+        for option, value, least in (("count", count, 1), ("seed", seed, 0)):
+            if isinstance(value, bool) or not isinstance(value, int) or value < least:
+                raise ConfigurationError(
+                    f"sampling.options.{option}: must be a whole number of at least {least}, got {value!r}"
+                )
+        unit = qmc.Halton(len(inputs), seed=seed).random(count)
+        points = qmc.scale(unit, inputs.lower, inputs.upper)
+        self._ready = [Request(f"halton-{i:04d}", tuple(map(float, x))) for i, x in enumerate(points)]
+        self._count = count
         self._waiting: set[str] = set()
         self._told = 0
 
     def ask(self) -> list[Request]:
-        """All states at once: none depends on the outcome of another."""
         ready, self._ready = self._ready, []
         self._waiting |= {request.key for request in ready}
         return ready
 
     def tell(self, key: str, response: CellResponse) -> None:
-        """One outcome; a failed state is one too.
-
-        Raises
-        ------
-        ValueError
-            The key was not asked for, or was told before.
-        """
         if key not in self._waiting:
             raise ValueError(f"state '{key}' was not asked for or has been told before")
         self._waiting.remove(key)

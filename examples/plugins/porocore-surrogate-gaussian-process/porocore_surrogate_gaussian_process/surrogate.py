@@ -26,9 +26,9 @@ ADVICE = "train it again: porocore train"
 
 
 class GaussianProcessSurrogate(Surrogate):
-    """<∇u¹>_s = M:H + Q p + a Gaussian process of the sampled inputs that begins flat at rest (Rasmussen & Williams 2006).
+    """<∇u¹>_s = M:H + Q p + a Gaussian process of the sampled inputs that begins flat at rest.
 
-    One length of correlation for each input, found by maximising the marginal likelihood, and one amplitude for each
+    As in Rasmussen & Williams, Gaussian Processes for Machine Learning (2006), chapters 2 and 5: one length of correlation for each input, found by maximising the marginal likelihood, and one amplitude for each
     component. The states themselves are met but for ``noise``.
 
     Parameters
@@ -83,7 +83,8 @@ class GaussianProcessSurrogate(Surrogate):
         self._lengths = width * np.exp(found.x)
         self._points = x / self._lengths
         factor = self._factor(self._points)
-        self._weights = cho_solve((factor, True), bend)
+        # In the layout that a file gives back, so that sums are added in the same order.
+        self._weights = np.ascontiguousarray(cho_solve((factor, True), bend))
         self._amplitudes = np.sqrt(np.maximum((bend * self._weights).mean(axis=0), 0.0))
         self._sampled = SampledRange.around(data.inputs, data.inputs.gather(data.states))
         self._lower = factor
@@ -146,7 +147,7 @@ class GaussianProcessSurrogate(Surrogate):
         """Lower triangle of the covariance's Cholesky factorisation; the noise is a share of the mean variance."""
         K = covariance(points, points)
         K[np.diag_indices(len(K))] += self.noise**2 * np.trace(K) / len(K)
-        return np.tril(cho_factor(K, lower=True)[0])
+        return np.ascontiguousarray(np.tril(cho_factor(K, lower=True)[0]))
 
     def _cost(self, points, bend) -> float:
         """Negative logarithm of the marginal likelihood, with the best amplitude of each component that moves."""
