@@ -1,0 +1,295 @@
+"""Bodies as meshes, and what is prescribed on them."""
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from porocore.body.element import HEXAHEDRON, TETRAHEDRON
+from porocore.body.kinds import Box, make_body
+from porocore.body.mesh import BodyMesh, boundary_facets
+from porocore.body.mesh_file import read_body
+from porocore.body.structured import sector
+from porocore.body.surfaces import Facets
+from porocore.courses import Course
+from porocore.errors import ConfigurationError
+from porocore.macro.body import body_mesh
+from porocore.macro.boundary import boundary_data
+from porocore.macro.followers import forces, tangent
+from porocore.macro.frames import in_frames
+from porocore.macro.probes import interpolation
+from porocore.problem import MacroProblem
+from porocore.testing.macro_bodies import write_tetrahedra
+from porocore.testing.synthetic import confined_column
+
+SIZE, ELEMENTS = (1.0, 2.0, 1.5), (2, 3, 4)
+PATCH = {"body": {"size": SIZE, "elements": ELEMENTS}}
+
+
+def make(elements=ELEMENTS, size=SIZE):
+    return make_body(Box(size=size, elements=elements))
+
+
+@pytest.mark.parametrize("element", [HEXAHEDRON, TETRAHEDRON], ids=lambda e: e.shape)
+def test_shape_functions_are_one_at_their_node_and_their_slopes_are_slopes(element):
+    np.testing.assert_allclose(element.values(element.nodes), np.eye(len(element.nodes)), atol=1e-14)
+    x, h = np.random.default_rng(0).random((6, 3)) / 3, 1e-6
+    slopes = [(element.values(x + h * e) - element.values(x - h * e)) / (2 * h) for e in np.eye(3)]
+    np.testing.assert_allclose(element.slopes(x), np.stack(slopes, axis=-1), atol=1e-9)
+    np.testing.assert_allclose(element.corner_values(x) @ element.nodes[: element.corners], x, atol=1e-14)
+    middle = element.nodes.mean(axis=0)
+    for facet in element.facets:
+        corners = element.nodes[facet[: element.facet_corners]]
+        outward = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        assert outward @ (corners.mean(axis=0) - middle) > 0
+        between = (corners + np.roll(corners, -1, axis=0)) / 2
+        edges = facet[element.facet_corners : 2 * element.facet_corners]
+        np.testing.assert_allclose(element.nodes[edges], between)
+
+
+def test_nodes_elements_and_corners_of_a_box_run_along_x_first():
+    mesh = make()
+    assert len(mesh.points) == 5 * 7 * 9
+    np.testing.assert_array_equal(np.lexsort(mesh.points.T), np.arange(len(mesh.points)))
+    middles = mesh.points[mesh.cells[:, 26]]
+    np.testing.assert_array_equal(np.lexsort(middles.T), np.arange(2 * 3 * 4))
+    np.testing.assert_allclose(middles, mesh.points[mesh.cells].mean(axis=1), atol=1e-15)
+    np.testing.assert_array_equal(mesh.p_nodes[mesh.p_cells], mesh.cells[:, :8])
+    np.testing.assert_array_equal(mesh.points.max(axis=0), SIZE)
+    assert mesh.size == 3 * 5 * 7 * 9 + 3 * 4 * 5
+    assert mesh.straight
+
+
+def test_a_node_is_found_by_its_place():
+    mesh = make()
+    shifted = mesh.points + 1e-9 * np.sin(np.arange(mesh.points.size)).reshape(mesh.points.shape)
+    np.testing.assert_array_equal(mesh.node_at(shifted), np.arange(len(mesh.points)))
+
+
+def test_the_quadrature_is_exact_as_far_as_it_says():
+    x, w = HEXAHEDRON.points, HEXAHEDRON.weights
+    for powers in [(0, 0, 0), (5, 5, 5), (4, 5, 3), (1, 0, 5)]:
+        exact = np.prod([1 / (n + 1) for n in powers])
+        assert w @ (x**powers).prod(axis=1) == pytest.approx(exact, rel=1e-14)
+    assert w @ x[:, 0] ** 6 != pytest.approx(1 / 7, rel=1e-5)
+    np.testing.assert_array_equal(np.lexsort(x.T), np.arange(27))
+    x, w = TETRAHEDRON.points, TETRAHEDRON.weights
+    assert w @ (x[:, 0] * x[:, 1]) == pytest.approx(1 / 120, rel=1e-13)
+
+
+def test_the_pressure_at_all_nodes_is_trilinear():
+    mesh = make((1, 1, 1))
+
+    def p(X):
+        x, y, z = X.T
+        return 0.3 + x - 2 * y + 3 * z + x * y - 4 * y * z + 5 * x * z - 6 * x * y * z
+
+    found = mesh.pressure_everywhere(p(mesh.points[mesh.p_nodes]))
+    np.testing.assert_allclose(found, p(mesh.points), atol=1e-13)
+
+
+def test_the_stretch_is_that_of_the_node_with_most_of_it():
+    """The middle of a single cube, by hand: N = 4 x (1 − x) along each edge, the rule's points at (1 ± √0.6)/2."""
+    slope = 5 / 9 * 4 * np.sqrt(0.6)
+    assert make((1, 1, 1), (1, 1, 1)).stretch == pytest.approx(3 * slope * (2 / 3) ** 2, rel=1e-13)
+
+
+@pytest.mark.parametrize("angle", [np.pi / 2, np.pi / 7, 2 * np.pi])
+def test_a_sector_has_the_volume_and_the_areas_of_one(angle):
+    """Curved elements: the error goes with the fourth power of their size."""
+    errors = []
+    for n in (1, 2):
+        mesh = sector(2.0, 1.5, angle, (2 * n, 1, n), 1.0)
+        assert mesh.weights.min() > 0
+        area = {name: Facets(mesh, facets).areas.sum() for name, facets in mesh.surfaces.items()}
+        assert area["y+"] == pytest.approx(area["y-"], rel=1e-12)
+        assert area["y+"] * 1.5 == pytest.approx(mesh.weights.sum(), rel=1e-10)
+        assert area["side"] == pytest.approx(angle * 2 * 1.5, rel=2e-3)
+        for name in set(area) - {"y-", "y+", "side"}:
+            assert area[name] == pytest.approx(2 * 1.5, rel=1e-12)
+        assert sum(map(len, mesh.surfaces.values())) == len(boundary_facets(mesh.cells))
+        errors.append(abs(mesh.weights.sum() / (angle / 2 * 4 * 1.5) - 1))
+    assert errors[1] < errors[0] / 10
+
+
+def test_elements_are_graded():
+    mesh = make_body(Box(size=(4, 1, 1), elements=(3, 1, 1), grading=(4, 1, 1)))
+    edges = np.unique(mesh.points[mesh.p_nodes][:, 0])
+    np.testing.assert_allclose(np.diff(edges) / np.diff(edges)[0], [1, 2, 4])
+    assert edges[-1] == 4
+
+
+def test_prescribed_values_and_loads_of_the_faces():
+    side = {"displacement": (0, None, 0)}
+    boundary = {
+        **{face: side for face in ("x-", "x+", "z-", "z+")},
+        "y-": {"displacement": (None, 0, None), "flux": -0.5},
+        "y+": {"traction": (0, 2, 0), "pressure": 0.25},
+    }
+    problem = confined_column(ELEMENTS, size=SIZE, boundary=boundary)
+    mesh = body_mesh(problem)
+    data = boundary_data(mesh, problem)
+    assert data.courses == (1.0,)
+    values = np.full(mesh.size, np.nan)
+    values[data.prescribed] = data.values[:, 0]
+    u, p = values[: mesh.n_u].reshape(-1, 3), values[mesh.n_u :]
+    x, y, z = mesh.points.T
+    on_side = (x == 0) | (x == 1) | (z == 0) | (z == 1.5)
+    np.testing.assert_array_equal(u[:, 0] == 0, on_side)
+    np.testing.assert_array_equal(np.isnan(u[:, 2]), ~on_side)
+    np.testing.assert_array_equal(u[:, 1] == 0, y == 0)
+    corners = mesh.points[mesh.p_nodes]
+    np.testing.assert_array_equal(p == 0.25, corners[:, 1] == 2)
+    assert (~np.isnan(p)).sum() == 3 * 5
+    force, outflow = data.external[0, : mesh.n_u].reshape(-1, 3), data.external[0, mesh.n_u :]
+    np.testing.assert_allclose(force.sum(axis=0), [0, -2 * 1.5, 0], atol=1e-14)
+    assert outflow.sum() == pytest.approx(-0.5 * 1.5)
+    # Consistent loads do the work of the traction on any quadratic displacement.
+    np.testing.assert_allclose(force[:, 1] @ (x**2 * z**2), -2 * (1 / 3) * (1.5**3 / 3), rtol=1e-13)
+    np.testing.assert_allclose(outflow @ (corners[:, 0] * corners[:, 2]), -0.5 * 0.5 * 1.5**2 / 2, rtol=1e-13)
+
+
+def test_a_patch_takes_its_facets_from_the_surface():
+    problem = MacroProblem.model_validate(
+        PATCH
+        | {
+            "surfaces": {
+                "strip": {"of": "y+", "x": (0, 0.5)},
+                "disk": {"of": "y+", "centre": (1, 2, 0), "radius": 0.5},
+            },
+            "boundary": {"y-": {"displacement": (0, 0, 0)}},
+        }
+    )
+    mesh = body_mesh(problem)
+    counts = {name: len(facets) for name, facets in mesh.surfaces.items()}
+    assert (counts["strip"], counts["disk"], counts["y+"]) == (4, 1, 3)
+    assert Facets(mesh, mesh.surfaces["strip"]).areas.sum() == pytest.approx(0.5 * 1.5)
+
+
+def test_a_surface_that_slides_fixes_its_normal_component_with_its_sign():
+    problem = MacroProblem.model_validate(
+        PATCH
+        | {"boundary": {"x-": {"normal": 0.1}, "x+": {"normal": 0.2}, "y-": {"displacement": (None, 0, 0)}}}
+    )
+    mesh = body_mesh(problem)
+    data = boundary_data(mesh, problem)
+    values = dict(zip(data.prescribed.tolist(), data.values[:, 0].tolist(), strict=True))
+    for node in np.flatnonzero(mesh.points[:, 0] == 0):
+        assert values[3 * node] == -0.1
+    for node in np.flatnonzero(mesh.points[:, 0] == 1):
+        assert values[3 * node] == 0.2
+    assert data.rotation is None
+
+
+def test_a_frame_holds_what_is_prescribed_of_an_oblique_node():
+    """n·u = 0.3 and u_2 = −0.1 at one node; of two that say the same the first counts."""
+    mesh = make((1, 1, 1))
+    n = np.array([0.6, 0, -0.8])
+    oblique = {4: [(n, 0, 0.3), (n, 0, 0.3)]}
+    rotation, (unknowns, values) = in_frames(mesh, oblique, lambda node: [(np.eye(3)[1], 1, -0.1)], 2)
+    np.testing.assert_allclose((rotation @ rotation.T).toarray(), np.eye(mesh.size), atol=1e-14)
+    np.testing.assert_array_equal(unknowns, [12, 13])
+    amplitudes = np.array([2.0, 3.0])
+    framed = np.zeros(mesh.size)
+    framed[unknowns] = values @ amplitudes
+    framed[14] = 0.77  # free
+    u = (rotation.T @ framed)[12:15]
+    assert n @ u == pytest.approx(0.6)
+    assert u[1] == pytest.approx(-0.3)
+
+
+def test_courses_have_their_values_and_corners():
+    table = Course(table=((0, 1.0), (2, 3.0)))
+    assert [table.at(t) for t in (0, 1, 2, 9)] == [1, 2, 3, 3]
+    ramp = Course(ramp=-2.0, until=4.0)
+    assert [ramp.at(t) for t in (0, 1, 4, 9)] == [0, -0.5, -2, -2]
+    assert Course(expression="2*t + sin(pi*t)").at(0.5) == pytest.approx(2.0)
+    assert (table.corners, ramp.corners) == ((0.0, 2.0), (4.0,))
+    for wrong in (
+        {},
+        {"ramp": 1.0},
+        {"table": ((1, 0), (0, 1))},
+        {"ramp": 1.0, "until": 1.0, "expression": "t"},
+    ):
+        with pytest.raises(ValidationError):
+            Course.model_validate(wrong)
+    with pytest.raises(ValidationError, match="unknown name"):
+        Course(expression="2*x")
+
+
+def test_a_follower_is_the_slope_of_the_volume_that_it_encloses():
+    """∫ p n N da = p ∂V/∂u for a closed surface; its tangent is the slope of that, and symmetric there."""
+    mesh = make((1, 2, 1))
+    facets = Facets(mesh, boundary_facets(mesh.cells))
+    rng = np.random.default_rng(1)
+    u = 0.05 * rng.standard_normal(mesh.points.shape)
+
+    def volume(u):
+        return BodyMesh(mesh.points + u, mesh.cells).weights.sum()
+
+    direction, h = rng.standard_normal(u.shape), 1e-6
+    slope = (volume(u + h * direction) - volume(u - h * direction)) / (2 * h)
+    assert (forces(facets, u, 0.7) * direction).sum() == pytest.approx(0.7 * slope, rel=1e-7)
+    matrix = tangent(facets, u, 0.7)
+    change = (forces(facets, u + h * direction, 0.7) - forces(facets, u - h * direction, 0.7)) / (2 * h)
+    np.testing.assert_allclose(matrix @ direction.ravel(), change.ravel(), atol=1e-8)
+    assert abs(matrix - matrix.T).max() < 1e-12
+
+
+def test_probes_interpolate_exactly_inside_curved_elements():
+    mesh = sector(1.0, 1.0, np.pi / 2, (2, 1, 1), 1.0)
+    place = (0.3, 0.4, 0.6)
+    rows = interpolation(mesh, {"here": place})
+    A = np.random.default_rng(0).standard_normal((3, 3))
+    x = np.concatenate([(mesh.points @ A.T).ravel(), np.ones(len(mesh.p_nodes))])
+    np.testing.assert_allclose(rows @ x, [*(A @ place), 1], atol=1e-11)
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
+def test_a_mesh_file_gives_the_body(tmp_path, suffix):
+    """Linear tetrahedra become quadratic with straight edges; a .vtu has tags for names."""
+    import meshio
+
+    write_tetrahedra(tmp_path / "box.msh", Box(size=(1, 2, 3), elements=(2, 1, 2)), bend=0.03)
+    path = tmp_path / f"body{suffix}"
+    mesh = meshio.read(tmp_path / "box.msh")
+    if suffix == ".vtu":
+        tags = [data.astype(int) for data in mesh.cell_data["gmsh:physical"]]
+        meshio.write(path, meshio.Mesh(mesh.points, mesh.cells, cell_data={"surface": tags}))
+    else:
+        path = tmp_path / "box.msh"
+    body = read_body(str(path), None, 2.0)
+    names = {"x-", "x+", "y-", "y+", "z-", "z+"} if suffix == ".msh" else {str(n) for n in range(10, 16)}
+    assert set(body.surfaces) == names
+    assert body.cells.shape == (24, 10)
+    assert body.straight
+    assert body.weights.sum() == pytest.approx(8 * 6, rel=1e-12)
+    assert sum(map(len, body.surfaces.values())) == len(boundary_facets(body.cells))
+
+
+def test_a_geometry_is_meshed_by_gmsh_with_its_names(tmp_path):
+    path = tmp_path / "drum.geo"
+    path.write_text(
+        'SetFactory("OpenCASCADE");\nCylinder(1) = {0, 0, 0, 0, 1, 0, 0.5};\nPhysical Volume("body") = {1};\n'
+        'Physical Surface("mantle") = {1};\nPhysical Surface("lids") = {2, 3};\n',
+        encoding="utf-8",
+    )
+    body = read_body(str(path), 0.3, 1.0)
+    assert body.cells.shape[1] == 10
+    assert not body.straight
+    assert body.weights.sum() == pytest.approx(np.pi / 4, rel=2e-3)
+    area = {name: Facets(body, facets).areas.sum() for name, facets in body.surfaces.items()}
+    assert area["mantle"] == pytest.approx(np.pi, rel=2e-3)
+    assert area["lids"] == pytest.approx(np.pi / 2, rel=2e-3)
+
+
+def test_files_that_are_no_body_are_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match="there is no file"):
+        read_body(str(tmp_path / "none.msh"), None, 1.0)
+    broken = tmp_path / "broken.msh"
+    broken.write_text("$MeshFormat\n4.1 0 8\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"broken\.msh"):
+        read_body(str(broken), None, 1.0)
+    geometry = tmp_path / "drum.geo"
+    geometry.write_text("Point(1) = {0, 0, 0};\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"macro\.body\.size: missing"):
+        read_body(str(geometry), None, 1.0)
