@@ -145,4 +145,4 @@ UNCONFINED = (0.01545320, 0.01779658, 0.03509623, 0.02116112)
 #: Settlements of the three probes.
 SOIL = (0.25962891, 0.17913854, 0.04868870)
 #: Greatest and last force.
-BRAIN = (0.0, 0.0)
+BRAIN = (0.01037931, 0.00792053)
