@@ -35,7 +35,7 @@ def problem(file: Path, size: float) -> MacroProblem:
     """A cube pressed on a part of its drained top, by up to 4 % of its height: four steps, 2 to 4 iterations each."""
     return MacroProblem.model_validate(
         {
-            "body": {"kind": "file", "file": str(file), "size": size},
+            "body": {"kind": "file", "path": str(file), "size": size},
             "surfaces": {"strip": {"of": "top", "x": (0, 0.4)}},
             "boundary": {
                 "bottom": {"displacement": (0, 0, 0)},

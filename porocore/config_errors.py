@@ -27,7 +27,7 @@ OF_KINDS = ("geometry", "material", "body")
 #: Mappings whose values are such sections.
 OF_KINDS_BY_NAME = ("materials",)
 #: Keys that name a file.
-FILES = ("cell.geometry.path", "macro.body.file")
+FILES = ("cell.geometry.path", "macro.body.path")
 #: Names that pydantic adds behind the key of a value that may be a number or a section.
 FORMS = ("number", "course")
 

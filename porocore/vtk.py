@@ -14,7 +14,8 @@ from porocore.states import Array
 def write_vtu_series(folder: Path, name: str, solution: MacroSolution) -> Path:
     """Write ``name-000.vtu``, … and ``name.pvd`` into ``folder``, each atomically, the series last.
 
-    Triquadratic hexahedra or quadratic tetrahedra (VTK types 29 and 24). At the nodes: ``u`` [–] and ``p`` [E]. In the elements, as means:
+    Triquadratic hexahedra or quadratic tetrahedra (VTK types 29 and 24).
+    At the nodes: ``u`` [–] and ``p`` [E]. In the elements, as means:
     ``H``, ``mean_grad`` (<∇u¹>_s), ``deformation`` (F̄), ``K_t``, ``P_E`` [E] (tensors of 9 components, row
     by row), ``flux`` (Ḡw), ``element_p`` [E] and ``outside``, the share of the element's points at which the
     cell law was asked beyond its sampled range.

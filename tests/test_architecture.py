@@ -34,6 +34,8 @@ LAYERS = (
             "cell",
             "body",
             "courses",
+            "input_file",
+            "kinds",
             "dimensions",
             "foreign_mesh",
             "laws",

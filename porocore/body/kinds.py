@@ -4,25 +4,21 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import lru_cache
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
     BaseModel,
     ConfigDict,
-    Discriminator,
     Field,
     Tag,
-    ValidationInfo,
-    field_validator,
-    model_validator,
 )
 
 from porocore.body.mesh import BodyMesh
 from porocore.body.structured import box, graded, sector
-from porocore.cell.input_file import absolute_path, content_hash
 from porocore.dimensions import Dimension
+from porocore.input_file import FromFile
+from porocore.kinds import by_kind
 
 Positive = Annotated[float, Field(gt=0)]
 Length = Annotated[Positive, Dimension("displacement")]
@@ -127,47 +123,27 @@ class Wedge(_Round):
         return float(np.deg2rad(self.angle))
 
 
-class MeshedBody(Body):
-    """From a file: a mesh with names for the parts of its surface, or a geometry that gmsh meshes."""
+class MeshedBody(FromFile, Body):
+    """From a file: a mesh with names for the parts of its surface, or a geometry that gmsh meshes.
+
+    .msh of gmsh, anything else that meshio reads, or .geo, .step and .brep.
+    """
 
     kind: Literal["file"]
-    sha256: str | None = None
-    """Of the file's content, which is what counts; filled in where it is left out."""
-    file: Annotated[str, Field(min_length=1)]
-    """.msh of gmsh, anything else that meshio reads, or .geo, .step and .brep; the path is relative to the
-    configuration."""
     size: Length | None = None
     """Of the elements, for a geometry."""
     scale: Length = 1.0
     """Factor of all coordinates; with a unit, that of the file, such as 1 mm."""
 
-    @field_validator("file")
-    @classmethod
-    def _absolute(cls, given: str, info: ValidationInfo) -> str:
-        return absolute_path(given, info)
-
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        if self.sha256 is None:
-            object.__setattr__(self, "sha256", content_hash(Path(self.file)))
-        return self
-
     def make(self) -> BodyMesh:
         """Quadratic tetrahedra or triquadratic hexahedra; linear elements get straight edges with a node on them."""
         from porocore.body.mesh_file import read_body
 
-        return read_body(self.file, self.size, self.scale)
+        return read_body(self.checked("macro.body"), self.size, self.scale)
 
     def coarsened(self, elements: int) -> MeshedBody:
         """Itself."""
         return self
-
-
-def _kind(value: Any) -> Any:
-    """Of a mapping or of a body; a box where none is given."""
-    if isinstance(value, Body):
-        return getattr(value, "kind", None)
-    return value.get("kind", "box") if isinstance(value, dict) else "box"
 
 
 AnyBody = Annotated[
@@ -176,7 +152,7 @@ AnyBody = Annotated[
     | Annotated[QuarterCylinder, Tag("quarter-cylinder")]
     | Annotated[Wedge, Tag("wedge")]
     | Annotated[MeshedBody, Tag("file")],
-    Discriminator(_kind),
+    by_kind(Body, "box"),
 ]
 
 

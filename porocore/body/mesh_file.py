@@ -14,7 +14,7 @@ from porocore.errors import ConfigurationError
 from porocore.foreign_mesh import read_mesh
 from porocore.states import Array, IntArray
 
-KEY = "macro.body.file"
+KEY = "macro.body.path"
 #: What gmsh meshes itself.
 GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs", ".opt")
 #: Volume and surface elements that are understood: VTK's name in meshio, dimension, corners.
@@ -22,15 +22,14 @@ VOLUMES = {"tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron27": 27}
 FACES = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
 
-def read_body(file: str, size: float | None, scale: float) -> BodyMesh:
-    """Read or make the mesh of ``file``; see :class:`porocore.body.kinds.MeshedBody`.
+def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
+    """Read or make the mesh of ``path``; see :class:`porocore.body.kinds.MeshedBody`.
 
     Raises
     ------
     ConfigurationError
         There is no such file, it cannot be read or meshed, or it holds no tetrahedra and hexahedra of one kind.
     """
-    path = Path(file)
     if not path.is_file():
         raise ConfigurationError(
             f"{KEY}: there is no file {path}; the path is relative to the configuration file"

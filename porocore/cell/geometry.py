@@ -6,9 +6,9 @@ A geometry names its smallest part that mirror planes unfold into the whole cell
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import Discriminator, Tag
+from pydantic import Tag
 
 from porocore.cell.channels import OrthogonalChannels
 from porocore.cell.mesh_file import MeshFile
@@ -17,6 +17,7 @@ from porocore.cell.part import PoreGeometry
 from porocore.cell.spheres import SpherePores
 from porocore.cell.tpms import TriplyPeriodic
 from porocore.cell.voxels import Voxels
+from porocore.kinds import by_kind
 
 __all__ = [
     "CylinderArray",
@@ -34,13 +35,6 @@ __all__ = [
 DEFAULT = "orthogonal-channels"
 
 
-def _kind(value: Any) -> Any:
-    """Of a mapping or of a geometry; channels where none is given."""
-    if isinstance(value, PoreGeometry):
-        return getattr(value, "kind", None)
-    return value.get("kind", DEFAULT) if isinstance(value, dict) else DEFAULT
-
-
 Geometry = Annotated[
     Annotated[OrthogonalChannels, Tag(DEFAULT)]
     | Annotated[SphereArray, Tag("sphere-array")]
@@ -50,5 +44,5 @@ Geometry = Annotated[
     | Annotated[TriplyPeriodic, Tag("tpms")]
     | Annotated[Voxels, Tag("voxels")]
     | Annotated[MeshFile, Tag("mesh-file")],
-    Discriminator(_kind),
+    by_kind(PoreGeometry, DEFAULT),
 ]

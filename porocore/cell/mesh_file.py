@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from porocore.cell.input_file import FromFile
 from porocore.cell.part import PoreGeometry, Unfolding
 from porocore.cell.periodicity import matched
 from porocore.cell.tetrahedra import (
@@ -25,6 +24,7 @@ from porocore.cell.tetrahedra import (
 )
 from porocore.errors import ConfigurationError
 from porocore.foreign_mesh import read_mesh
+from porocore.input_file import FromFile
 from porocore.states import Array, IntArray
 
 Tag = int | str
@@ -99,7 +99,7 @@ def _of_order(mesh: Tetrahedra, element: Element) -> Tetrahedra:
 
 @lru_cache(maxsize=2)
 def _read(geometry: MeshFile) -> dict[Phase, Tetrahedra]:
-    path = geometry.checked()
+    path = geometry.checked("cell.geometry")
     mesh = read_mesh(path)
     kinds = {block.type for block in mesh.cells if block.dim == 3}
     if not kinds or not kinds <= {"tetra", "tetra10"} or len(kinds) > 1:

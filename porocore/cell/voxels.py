@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import Field
 
 from porocore.cell.image import Mask, SmoothImage, read_image
-from porocore.cell.input_file import FromFile
 from porocore.cell.level_set import LevelSetGeometry
 from porocore.cell.part import Unfolding
 from porocore.errors import ConfigurationError
+from porocore.input_file import FromFile
 
 
 class Voxels(FromFile, LevelSetGeometry):
@@ -64,7 +64,7 @@ class Voxels(FromFile, LevelSetGeometry):
 
 @lru_cache(maxsize=2)
 def _solid(geometry: Voxels) -> Mask:
-    path = geometry.checked()
+    path = geometry.checked("cell.geometry")
     image = read_image(path)
     solid: Mask = image != geometry.pore
     if solid.all() or not solid.any():

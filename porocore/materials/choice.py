@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import Discriminator, Tag
+from pydantic import Tag
 
+from porocore.kinds import by_kind
 from porocore.materials.expression import ExpressionMaterial
 from porocore.materials.holzapfel import HolzapfelGasserOgden
 from porocore.materials.material import Material
@@ -16,18 +17,11 @@ from porocore.materials.ogden import Ogden
 DEFAULT = "neo-hookean"
 
 
-def _kind(value: Any) -> Any:
-    """Of a mapping or of a material; neo-Hookean where none is given."""
-    if isinstance(value, Material):
-        return getattr(value, "kind", None)
-    return value.get("kind", DEFAULT) if isinstance(value, dict) else DEFAULT
-
-
 AnyMaterial = Annotated[
     Annotated[NeoHookean, Tag(DEFAULT)]
     | Annotated[MooneyRivlin, Tag("mooney-rivlin")]
     | Annotated[Ogden, Tag("ogden")]
     | Annotated[HolzapfelGasserOgden, Tag("holzapfel-gasser-ogden")]
     | Annotated[ExpressionMaterial, Tag("expression")],
-    Discriminator(_kind),
+    by_kind(Material, DEFAULT),
 ]

@@ -60,7 +60,7 @@ def make(kind: str, folder: Path) -> dict[str, Any]:
     """A small body."""
     if kind == "tetrahedra":
         write_tetrahedra(folder / "box.msh", Box(size=(1, 1.2, 0.8), elements=(2, 2, 2)), bend=0.05)
-        return {"kind": "file", "file": str(folder / "box.msh")}
+        return {"kind": "file", "path": str(folder / "box.msh")}
     angle = {"angle": 60} if kind == "wedge" else {}
     return {"kind": kind, "radius": 1.0, "height": 0.7, "elements": (1, 2, 1), **angle}
 

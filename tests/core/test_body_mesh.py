@@ -257,7 +257,7 @@ def test_a_mesh_file_gives_the_body(tmp_path, suffix):
         meshio.write(path, meshio.Mesh(mesh.points, mesh.cells, cell_data={"surface": tags}))
     else:
         path = tmp_path / "box.msh"
-    body = read_body(str(path), None, 2.0)
+    body = read_body(path, None, 2.0)
     names = {"x-", "x+", "y-", "y+", "z-", "z+"} if suffix == ".msh" else {str(n) for n in range(10, 16)}
     assert set(body.surfaces) == names
     assert body.cells.shape == (24, 10)
@@ -273,7 +273,7 @@ def test_a_geometry_is_meshed_by_gmsh_with_its_names(tmp_path):
         'Physical Surface("mantle") = {1};\nPhysical Surface("lids") = {2, 3};\n',
         encoding="utf-8",
     )
-    body = read_body(str(path), 0.3, 1.0)
+    body = read_body(path, 0.3, 1.0)
     assert body.cells.shape[1] == 10
     assert not body.straight
     assert body.weights.sum() == pytest.approx(np.pi / 4, rel=2e-3)
@@ -284,12 +284,12 @@ def test_a_geometry_is_meshed_by_gmsh_with_its_names(tmp_path):
 
 def test_files_that_are_no_body_are_refused(tmp_path):
     with pytest.raises(ConfigurationError, match="there is no file"):
-        read_body(str(tmp_path / "none.msh"), None, 1.0)
+        read_body(tmp_path / "none.msh", None, 1.0)
     broken = tmp_path / "broken.msh"
     broken.write_text("$MeshFormat\n4.1 0 8\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"broken\.msh"):
-        read_body(str(broken), None, 1.0)
+        read_body(broken, None, 1.0)
     geometry = tmp_path / "drum.geo"
     geometry.write_text("Point(1) = {0, 0, 0};\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"macro\.body\.size: missing"):
-        read_body(str(geometry), None, 1.0)
+        read_body(geometry, None, 1.0)

@@ -163,20 +163,20 @@ SURFACES, BOUNDARY = "  surfaces: ", "  boundary:\n"
 FAULTS = [
     # what is replaced, by what, the key that is named, a part of the message
     ("    kind: box", "    kind: boxx", "macro.body.kind", "expected one of box, cylinder"),
-    (BOX, "kind: file\n    file: none.msh", "macro.body.file", "no such file"),
+    (BOX, "kind: file\n    path: none.msh", "macro.body.path", "no such file"),
     (
         BOX,
-        "kind: file\n    file: nameless.vtu",
-        "macro.body.file",
+        "kind: file\n    path: nameless.vtu",
+        "macro.body.path",
         "names no part of its surface",
     ),
     (
         BOX,
-        "kind: file\n    file: text.geo",
+        "kind: file\n    path: text.geo",
         "macro.body.size",
         "missing; text.geo is a geometry",
     ),
-    (BOX, "kind: file\n    file: text.msh", "macro.body.file", "not a mesh that meshio can read"),
+    (BOX, "kind: file\n    path: text.msh", "macro.body.path", "not a mesh that meshio can read"),
     (BOX, "kind: wedge\n    radius: 1", "macro.body.height", "missing; add 'height:'"),
     ("    x-: {", "    left: {", "macro.boundary.left", "no such surface"),
     (

@@ -1,4 +1,4 @@
-"""A geometry that is read from a file: where the file is, and that it is still the one that was meant."""
+"""Sections that are read from a file: where it is, and that it is still the one that was meant."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class FromFile(BaseModel):
             object.__setattr__(self, "sha256", content_hash(Path(self.path)))
         return self
 
-    def checked(self) -> Path:
-        """The file, after another look at its content.
+    def checked(self, key: str) -> Path:
+        """The file, after another look at its content; ``key`` is that of this section.
 
         Raises
         ------
@@ -44,10 +44,10 @@ class FromFile(BaseModel):
         """
         path = Path(self.path)
         if not path.is_file():
-            raise ConfigurationError(f"cell.geometry.path: no such file: {path}")
+            raise ConfigurationError(f"{key}.path: no such file: {path}")
         found = content_hash(path)
         if found != self.sha256:
-            raise ConfigurationError(f"cell.geometry.sha256: {_changed(path, self.sha256, found)}")
+            raise ConfigurationError(f"{key}.sha256: {_changed(path, self.sha256, found)}")
         return path
 
 
