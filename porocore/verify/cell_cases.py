@@ -108,7 +108,11 @@ def general(solver: CellSolver, long: bool) -> Sequence[Check]:
 
 def homogeneous(state: tuple[Array, float], solver: CellSolver, long: bool) -> Sequence[Check]:
     """⟨∇u¹⟩ = 0, P_E = P(I + H) whatever p is, no fluid, and K = 0."""
-    cell = Cell(geometry=NoPores(kind="no-pores"), material=NeoHookean(), mesh=MeshSettings(size=0.15 if long else 0.3))
+    cell = Cell(
+        geometry=NoPores(kind="no-pores"),
+        material=NeoHookean(),
+        mesh=MeshSettings(size=0.15 if long else 0.3),
+    )
     prepared = solver.prepare(cell)
     H, p = state
     found = solver.solve(prepared, MacroState.single(H, p)).response

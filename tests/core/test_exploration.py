@@ -38,7 +38,11 @@ def test_a_coarse_problem_is_the_same_problem(config: RunConfig) -> None:
     coarse = coarse_problem(problem, 8, 20)
     assert coarse.body.elements == (1, 8, 1)
     assert coarse.time.step == pytest.approx((150 - 0.75) / 20)
-    assert (coarse.load, coarse.body.size, coarse.boundary) == (problem.load, problem.body.size, problem.boundary)
+    assert (coarse.load, coarse.body.size, coarse.boundary) == (
+        problem.load,
+        problem.body.size,
+        problem.boundary,
+    )
     # What is coarse already stays.
     assert coarse_problem(problem, 200, 10**6).body.elements == problem.body.elements
     assert coarse_problem(problem, 200, 10**6).time.step == problem.time.step

@@ -80,7 +80,10 @@ def coarse(path):
         update={"mesh": config.cell.mesh.model_copy(update={"size": 0.4, "fluid_size": 0.3})}
     )
     macro = config.macro.model_copy(
-        update={"body": config.macro.body.coarsened(12), "time": config.macro.time.model_copy(update={"step": 3.0})}
+        update={
+            "body": config.macro.body.coarsened(12),
+            "time": config.macro.time.model_copy(update={"step": 3.0}),
+        }
     )
     surrogate = config.surrogate.model_copy(update={"backend": "polynomial"})
     test = config.sampling.test.model_copy(update={"count": 10})

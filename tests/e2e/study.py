@@ -83,9 +83,7 @@ EAGER_SOLVING = (
 )
 
 
-def write_study(
-    path: Path, changes: dict[str, Any] | None = None, *, base: dict[str, Any] = STUDY
-) -> Path:
+def write_study(path: Path, changes: dict[str, Any] | None = None, *, base: dict[str, Any] = STUDY) -> Path:
     """The study, or another ``base``, with ``changes`` by dotted key; None removes a key."""
     study = copy.deepcopy(base)
     for key, value in (changes or {}).items():
