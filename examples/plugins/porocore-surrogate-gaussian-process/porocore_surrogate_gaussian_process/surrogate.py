@@ -28,8 +28,9 @@ ADVICE = "train it again: porocore train"
 class GaussianProcessSurrogate(Surrogate):
     """<∇u¹>_s = M:H + Q p + a Gaussian process of the sampled inputs that begins flat at rest.
 
-    As in Rasmussen & Williams, Gaussian Processes for Machine Learning (2006), chapters 2 and 5: one length of correlation for each input, found by maximising the marginal likelihood, and one amplitude for each
-    component. The states themselves are met but for ``noise``.
+    As in Rasmussen & Williams, Gaussian Processes for Machine Learning (2006), chapters 2 and 5: one length of
+    correlation for each input, found by maximising the marginal likelihood, and one amplitude for each component. The
+    states themselves are met but for ``noise``.
 
     Parameters
     ----------

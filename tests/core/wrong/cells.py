@@ -1,0 +1,222 @@
+"""Cell solvers that break one law each, made of the one for layers; the class attribute says which."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from porocore.interfaces.cell import CellField, CellSolution
+from porocore.states import MacroState, Status
+from porocore.testing import CellSolverSuite
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "examples/plugins/porocore-cell-layered"))
+import porocore_cell_layered.conformance as layered
+from porocore_cell_layered.cell_solver import LayeredCellSolver
+
+
+class Altered(LayeredCellSolver):
+    """Answers what ``alter`` makes of the right response."""
+
+    def alter(self, response, states):
+        return response
+
+    def solve(self, prepared, states, *, start=None, tangent=True, fields=False):
+        solution = super().solve(prepared, states, tangent=tangent)
+        return CellSolution(self.alter(solution.response, states))
+
+
+def with_slopes(response, **changed):
+    """With some derivatives replaced, where there are any."""
+    if response.tangent is None:
+        return response
+    slopes = {name: change(getattr(response.tangent, name)) for name, change in changed.items()}
+    return replace(response, tangent=replace(response.tangent, **slopes))
+
+
+class _Law(CellSolverSuite):
+    kit_version = "1"
+    caught_by: ClassVar[str]
+    solver_class: ClassVar[type[LayeredCellSolver]] = Altered
+
+    @classmethod
+    def make_solver(cls):
+        return cls.solver_class()
+
+    @classmethod
+    def make_cell(cls, **others):
+        return layered.TestLayeredCellSolver.make_cell(**others)
+
+
+class TestFine(_Law):
+    caught_by = ""
+
+
+class TestStressAtRest(_Law):
+    caught_by = "test_rest"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            return replace(response, stress=response.stress + 1e-6)
+
+
+class TestFlatResponses(_Law):
+    caught_by = "test_shapes"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            return replace(response, stress=response.stress.reshape(-1, 9))
+
+
+class TestWrongSign(_Law):
+    caught_by = "test_derivatives_are_the_slopes"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            return with_slopes(response, mean_grad_p=lambda values: -values)
+
+
+class TestNoShear(_Law):
+    caught_by = "test_shear_derivatives_of_a_diagonal_state"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            def without(values):
+                values = values.copy()
+                values[:, 0, 1, 0, 1] = 0.0
+                return values
+
+            return with_slopes(response, stress_grad_u=without)
+
+
+class TestNoPotential(_Law):
+    caught_by = "test_reciprocity"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            return with_slopes(response, stress_p=lambda values: 1.001 * values)
+
+
+class TestPressureOnHalfTheWall(_Law):
+    caught_by = "test_uniform_pressure_identity"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            return with_slopes(response, mean_grad_p=lambda values: values / 2)
+
+
+class TestNotObjective(_Law):
+    caught_by = "test_objectivity"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            return replace(response, stress=response.stress + 1e-3 * states.grad_u)
+
+
+class TestRowsKnowEachOther(_Law):
+    caught_by = "test_rows_do_not_depend_on_the_batch_or_its_order"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            return replace(response, potential=response.potential + 1e-4 * (len(states) - 1))
+
+
+class TestRemembers(_Law):
+    caught_by = "test_a_new_solver_gives_the_same"
+
+    class solver_class(Altered):
+        made = 0
+
+        def __init__(self):
+            super().__init__()
+            type(self).made += 1
+            self.bias = 1e-4 * type(self).made
+
+        def alter(self, response, states):
+            return replace(response, potential=response.potential + self.bias)
+
+
+class TestAlwaysDerivatives(_Law):
+    caught_by = "test_derivatives_only_where_they_are_wanted"
+
+    class solver_class(LayeredCellSolver):
+        def solve(self, prepared, states, *, start=None, tangent=True, fields=False):
+            return super().solve(prepared, states, tangent=True)
+
+
+class TestChangesItsInputs(_Law):
+    caught_by = "test_inputs_are_not_changed"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            states.p[:] *= 1.01
+            return response
+
+
+class TestHidesAFailedState(_Law):
+    caught_by = "test_a_state_without_solution_is_a_row_with_a_status"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            return replace(response, status=np.full(len(states), int(Status.converged)))
+
+
+class TestInventsNumbers(_Law):
+    caught_by = "test_a_state_without_solution_is_a_row_with_a_status"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            return replace(response, potential=np.nan_to_num(response.potential))
+
+
+class TestOneFailureFailsAll(_Law):
+    caught_by = "test_a_state_without_solution_is_a_row_with_a_status"
+
+    class solver_class(LayeredCellSolver):
+        def solve(self, prepared, states, *, start=None, tangent=True, fields=False):
+            if (np.linalg.det(np.eye(3) + states.grad_u) <= 0).any():
+                bad = MacroState(np.tile(np.diag([0.0, -1.2, 0.0]), (len(states), 1, 1)), states.p)
+                return super().solve(prepared, bad, tangent=tangent)
+            return super().solve(prepared, states, tangent=tangent)
+
+
+class TestAnswersFromTheStart(_Law):
+    """It returns what was asked for at the start."""
+
+    caught_by = "test_a_start_changes_the_way_and_not_the_answer"
+
+    class solver_class(LayeredCellSolver):
+        def solve(self, prepared, states, *, start=None, tangent=True, fields=False):
+            if start and start[0] is not None:
+                states = MacroState(np.stack([f.grad_u for f in start]), np.array([f.p for f in start]))
+            response = super().solve(prepared, states, tangent=tangent).response
+            rows = zip(states.grad_u, states.p, strict=True)
+            kept = [CellField(H, float(p), "whole", np.zeros((1, 3))) for H, p in rows]
+            return CellSolution(response, kept if fields else None)
+
+
+class TestConductivityWithoutViscosity(_Law):
+    caught_by = "test_conductivity"
+
+    class solver_class(LayeredCellSolver):
+        def conductivity(self, prepared):
+            return super().conductivity(prepared) * prepared.cell.viscosity
+
+
+class TestNegativeConductivity(_Law):
+    caught_by = "test_conductivity"
+
+    class solver_class(LayeredCellSolver):
+        def conductivity(self, prepared):
+            return super().conductivity(prepared) - 0.1 * np.eye(3)
+
+
+class TestSwallowsOptions(_Law):
+    caught_by = "test_unknown_options_are_refused"
+
+    class solver_class(LayeredCellSolver):
+        def __init__(self, **ignored):
+            super().__init__()
