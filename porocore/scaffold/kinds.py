@@ -55,7 +55,7 @@ TEMPLATES = {
         "porocore_cell_solvers",
         "cell",
         "A cell solver",
-        "the estimate of Voigt in closed form, an upper bound of the energy",
+        "the estimate of Mori and Tanaka for round pores, in closed form",
         "fem:\n  backend: {name}\n  options: {{grain: 0.2}}",
     ),
     "macro": Template(

@@ -361,7 +361,7 @@ def halton(tmp_path):
     named = re.findall(
         r"^`porocore_sampler_halton/(\w+\.py)`.*?^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL
     )
-    assert [name for name, _ in named] == ["hooks.py", "sampler.py"]
+    assert [name for name, _ in named] == ["hooks.py", "sampler.py", "conformance.py"]
     for name, code in named:
         (package / name).write_text(code, encoding="utf-8")
     name, version = project["project"]["name"], project["project"]["version"]
