@@ -16,8 +16,9 @@ BoolArray = npt.NDArray[np.bool_]
 #: A round looks so many times at what its first states leave to be learned.
 MOST_UPDATES = 8
 
-#: Up to so many inputs a sampling begins with the corners of the box.
-MOST_CORNER_INPUTS = 4
+#: Up to so many inputs a sampling begins with the corners of the box. With four they would be the first 16 states, of
+#: which those of the largest compression are often unstable.
+MOST_CORNER_INPUTS = 3
 BLOCK = 10
 
 
@@ -115,7 +116,7 @@ def spacing(points: int, d: int) -> float:
 def opening(d: int, count: int, seed: int) -> Array:
     """What a sampling begins with when nothing is known, (count, d) in the unit box.
 
-    In a box of up to four inputs the corners, then always the point farthest from all before. Of more inputs, where
+    In a box of up to three inputs the corners, then always the point farthest from all before. Of more inputs, where
     farthest points all lie on the faces, a Sobol sequence.
     """
     if d > MOST_CORNER_INPUTS:

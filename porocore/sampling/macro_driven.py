@@ -38,7 +38,7 @@ class MacroDriven(Learning):
     count
         The budget of states.
     initial
-        Size of the design at the beginning: the corners of a box of up to four inputs and farthest points, or a Sobol
+        Size of the design at the beginning: the corners of a box of up to three inputs and farthest points, or a Sobol
         sequence. By default the corners and two states for each input, at least eight.
     batch
         States in a round; more where a tenth of what is known is more.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -167,6 +168,19 @@ def test_the_neighbourhood_of_unstable_states_is_left_alone() -> None:
     kept = active.training_set()
     assert kept is not None
     assert (kept.states.grad_u[:, 1, 1] >= -0.1).all()
+
+
+@pytest.mark.parametrize("kind", [Active, MacroDriven])
+def test_the_corners_come_first_in_up_to_three_inputs(kind: type[Active | MacroDriven]) -> None:
+    names = ("H11", "H22", "H33", "p")
+    for d in (1, 2, 3, 4):
+        inputs = InputSpace(names[:d], (-0.1,) * d, (0.1,) * d)
+        sampler = kind(inputs, count=20)
+        asked = {request.x for request in sampler.ask()}
+        corners = set(product((-0.1, 0.1), repeat=d))
+        assert len(asked) == sampler.initial
+        assert (corners <= asked) == (d <= 3)
+        assert d <= 3 or not corners & asked
 
 
 def test_active_sampling_ends_when_the_committee_agrees() -> None:
