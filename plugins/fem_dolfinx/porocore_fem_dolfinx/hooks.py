@@ -19,6 +19,18 @@ def _macro_solver() -> type[Any]:
     return DolfinxMacroSolver
 
 
+def _cell_suites() -> list[type[Any]]:
+    from porocore_fem_dolfinx.conformance import TestDolfinxCellContact, TestDolfinxCellSolver
+
+    return [TestDolfinxCellSolver, TestDolfinxCellContact]
+
+
+def _macro_suites() -> list[type[Any]]:
+    from porocore_fem_dolfinx.conformance import TestDolfinxMacroSolver
+
+    return [TestDolfinxMacroSolver]
+
+
 _NEEDS = {
     "requires": ("dolfinx", "petsc4py"),
     "install": "apt-get install python3-dolfinx-real (Debian, in a virtual environment made with "
@@ -28,9 +40,15 @@ _NEEDS = {
 
 @hookimpl
 def porocore_cell_solvers() -> list[Offer]:
-    return [Offer("dolfinx", _cell_solver, "UFL forms, PETSc's sparse direct solvers", **_NEEDS)]
+    return [
+        Offer(
+            "dolfinx", _cell_solver, "UFL forms, PETSc's sparse direct solvers", suites=_cell_suites, **_NEEDS
+        )
+    ]
 
 
 @hookimpl
 def porocore_macro_solvers() -> list[Offer]:
-    return [Offer("dolfinx", _macro_solver, "UFL forms on hexahedra, PETSc, MPI", **_NEEDS)]
+    return [
+        Offer("dolfinx", _macro_solver, "UFL forms on hexahedra, PETSc, MPI", suites=_macro_suites, **_NEEDS)
+    ]

@@ -1,10 +1,3 @@
-from porocore.testing import MeshedCellSuite
-from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
+from porocore_fem_dolfinx.conformance import TestDolfinxCellSolver
 
-
-class TestDolfinxCellSolver(MeshedCellSuite):
-    kit_version = "1"
-
-    @classmethod
-    def make_solver(cls):
-        return DolfinxCellSolver()
+__all__ = ["TestDolfinxCellSolver"]

@@ -1,10 +1,3 @@
-from porocore.testing import CellContactSuite
-from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
+from porocore_fem_dolfinx.conformance import TestDolfinxCellContact
 
-
-class TestDolfinxCellContact(CellContactSuite):
-    kit_version = "1"
-
-    @classmethod
-    def make_solver(cls):
-        return DolfinxCellSolver()
+__all__ = ["TestDolfinxCellContact"]

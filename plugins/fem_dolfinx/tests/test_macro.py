@@ -14,9 +14,11 @@ if not find_spec("dolfinx"):
 from porocore import registry
 from porocore.errors import ConfigurationError, SolveError
 from porocore.solution import History, Profile
-from porocore.testing import MacroSolverSuite
 from porocore.testing.synthetic import confined_column, linear_law, mean_gradient_law
+from porocore_fem_dolfinx.conformance import TestDolfinxMacroSolver
 from porocore_fem_dolfinx.macro import DolfinxMacroSolver
+
+__all__ = ["TestDolfinxMacroSolver"]
 
 SHORT = {"end": 6.0, "step": 0.5, "ramp_increments": 4, "ramp_step": 0.05, "profiles": (1.0,)}
 SIDES = {face: {"displacement": (0, None, 0)} for face in ("x-", "x+", "z-", "z+")}
@@ -68,14 +70,6 @@ PROBLEMS = {
         6, load=-0.15, time=SHORT | {"step": 1.0, "ramp_increments": 1, "ramp_step": 1e-3}
     ),
 }
-
-
-class TestDolfinxMacroSolver(MacroSolverSuite):
-    kit_version = "1"
-
-    @classmethod
-    def make_solver(cls, **options):
-        return DolfinxMacroSolver(**options)
 
 
 def solve(problem, law, **options):

@@ -19,16 +19,42 @@ def _macro_solver() -> type[Any]:
     return SkfemMacroSolver
 
 
+def _cell_suites() -> list[type[Any]]:
+    from porocore_fem_skfem.conformance import TestSkfemCellContact, TestSkfemCellSolver
+
+    return [TestSkfemCellSolver, TestSkfemCellContact]
+
+
+def _macro_suites() -> list[type[Any]]:
+    from porocore_fem_skfem.conformance import TestSkfemMacroSolver
+
+    return [TestSkfemMacroSolver]
+
+
 _NEEDS = {"requires": ("skfem",), "install": "pip install porocore-fem-skfem"}
 
 
 @hookimpl
 def porocore_cell_solvers() -> list[Offer]:
     return [
-        Offer("skfem", _cell_solver, "scikit-fem elements, batched assembly, kept sparse factor", **_NEEDS)
+        Offer(
+            "skfem",
+            _cell_solver,
+            "scikit-fem elements, batched assembly, kept sparse factor",
+            suites=_cell_suites,
+            **_NEEDS,
+        )
     ]
 
 
 @hookimpl
 def porocore_macro_solvers() -> list[Offer]:
-    return [Offer("skfem", _macro_solver, "scikit-fem hexahedra, quadratic u and linear p", **_NEEDS)]
+    return [
+        Offer(
+            "skfem",
+            _macro_solver,
+            "scikit-fem hexahedra, quadratic u and linear p",
+            suites=_macro_suites,
+            **_NEEDS,
+        )
+    ]

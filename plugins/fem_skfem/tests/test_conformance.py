@@ -1,10 +1,3 @@
-from porocore.testing import MeshedCellSuite
-from porocore_fem_skfem.cell_solver import SkfemCellSolver
+from porocore_fem_skfem.conformance import TestSkfemCellSolver
 
-
-class TestSkfemCellSolver(MeshedCellSuite):
-    kit_version = "1"
-
-    @classmethod
-    def make_solver(cls):
-        return SkfemCellSolver()
+__all__ = ["TestSkfemCellSolver"]

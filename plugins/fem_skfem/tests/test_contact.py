@@ -1,10 +1,3 @@
-from porocore.testing import CellContactSuite
-from porocore_fem_skfem.cell_solver import SkfemCellSolver
+from porocore_fem_skfem.conformance import TestSkfemCellContact
 
-
-class TestSkfemCellContact(CellContactSuite):
-    kit_version = "1"
-
-    @classmethod
-    def make_solver(cls):
-        return SkfemCellSolver()
+__all__ = ["TestSkfemCellContact"]

@@ -6,17 +6,11 @@ from skfem import ElementHex1, ElementHex2, FacetBasis, MeshHex
 
 from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
-from porocore.testing import MacroSolverSuite
 from porocore.testing.synthetic import confined_column
+from porocore_fem_skfem.conformance import TestSkfemMacroSolver
 from porocore_fem_skfem.macro import SkfemMacroSolver
 
-
-class TestSkfemMacroSolver(MacroSolverSuite):
-    kit_version = "1"
-
-    @classmethod
-    def make_solver(cls, **options):
-        return SkfemMacroSolver(**options)
+__all__ = ["TestSkfemMacroSolver"]
 
 
 def test_unknown_options_are_refused():

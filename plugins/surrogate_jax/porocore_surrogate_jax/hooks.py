@@ -13,6 +13,17 @@ def _networks() -> type[Any]:
     return JaxSurrogate
 
 
+def _suites() -> list[type[Any]]:
+    from porocore_surrogate_jax.conformance import (
+        TestMlp,
+        TestMlpWithTanh,
+        TestPotential,
+        TestPotentialOnPolynomial,
+    )
+
+    return [TestMlp, TestMlpWithTanh, TestPotential, TestPotentialOnPolynomial]
+
+
 @hookimpl
 def porocore_surrogates() -> list[Offer]:
     """The network of Dehghani & Zilian and that of the potential."""
@@ -23,5 +34,6 @@ def porocore_surrogates() -> list[Offer]:
             summary="networks for <∇u¹> (Dehghani & Zilian) and for W(ln U, p), compiled by JAX",
             requires=("jax",),
             install="pip install porocore-surrogate-jax",
+            suites=_suites,
         )
     ]

@@ -13,6 +13,22 @@ def _networks() -> type[Any]:
     return TorchSurrogate
 
 
+def _suites() -> list[type[Any]]:
+    from porocore_surrogate_torch.conformance import (
+        TestTorchPotential,
+        TestTorchPotentialOnPolynomial,
+        TestTorchSurrogate,
+        TestTorchSurrogateWithTanh,
+    )
+
+    return [
+        TestTorchSurrogate,
+        TestTorchSurrogateWithTanh,
+        TestTorchPotential,
+        TestTorchPotentialOnPolynomial,
+    ]
+
+
 @hookimpl
 def porocore_surrogates() -> list[Offer]:
     """The network of Dehghani & Zilian and that of the potential."""
@@ -23,5 +39,6 @@ def porocore_surrogates() -> list[Offer]:
             summary="networks for <∇u¹> (Dehghani & Zilian) and for W(ln U, p), trained by PyTorch",
             requires=("torch",),
             install="pip install porocore-surrogate-torch",
+            suites=_suites,
         )
     ]

@@ -1,72 +1,13 @@
-from porocore.testing import PotentialSuite, SurrogateSuite
-from porocore_surrogate_torch import training
-from porocore_surrogate_torch.surrogate import TorchSurrogate
+from porocore_surrogate_torch.conformance import (
+    TestTorchPotential,
+    TestTorchPotentialOnPolynomial,
+    TestTorchSurrogate,
+    TestTorchSurrogateWithTanh,
+)
 
-
-class TestTorchSurrogate(SurrogateSuite):
-    kit_version = "1"
-    invalid_options = (
-        {"hiden": [40]},
-        {"hidden": []},
-        {"hidden": [40, 0]},
-        {"hidden": 40},
-        {"activation": "relu"},
-        {"epochs": 0},
-        {"epochs": True},
-        {"learning_rate": 0},
-        {"validation_fraction": 0.9},
-        {"patience": 1.5},
-    )
-
-    @classmethod
-    def make_surrogate(cls):
-        return TorchSurrogate(epochs=2000, hidden=[20, 20], learning_rate=0.1)
-
-    def checkpoint_often(self, monkeypatch):
-        monkeypatch.setattr(training, "CHECKPOINT_INTERVAL", 0.0)
-
-
-class TestTorchSurrogateWithTanh(SurrogateSuite):
-    kit_version = "1"
-
-    @classmethod
-    def make_surrogate(cls):
-        return TorchSurrogate(epochs=2000, hidden=[16, 16], learning_rate=0.05, activation="tanh")
-
-    def checkpoint_often(self, monkeypatch):
-        monkeypatch.setattr(training, "CHECKPOINT_INTERVAL", 0.0)
-
-
-class TestTorchPotential(PotentialSuite):
-    kit_version = "1"
-    resumable = False
-    invalid_options = (
-        {"model": "tree"},
-        {"hidden": []},
-        {"activation": "relu"},
-        {"iterations": 0},
-        {"epochs": 10},
-        {"symmetry": "hexagonal"},
-        {"anchor": "spline"},
-        {"derivatives": "no"},
-        {"device": "tpu"},
-    )
-
-    @classmethod
-    def make_surrogate(cls):
-        return TorchSurrogate(model="potential", iterations=150, hidden=[10, 10])
-
-    @classmethod
-    def make_invalid(cls, options):
-        return TorchSurrogate(**({"model": "potential"} | options))
-
-
-class TestTorchPotentialOnPolynomial(PotentialSuite):
-    kit_version = "1"
-    resumable = False
-
-    @classmethod
-    def make_surrogate(cls):
-        return TorchSurrogate(
-            model="potential", iterations=100, hidden=[8], activation="tanh", anchor="polynomial"
-        )
+__all__ = [
+    "TestTorchPotential",
+    "TestTorchPotentialOnPolynomial",
+    "TestTorchSurrogate",
+    "TestTorchSurrogateWithTanh",
+]
