@@ -90,6 +90,17 @@ def test_no_law_is_without_a_wrong_implementation(file):
     assert set(laws_of(SUITES[file])) <= caught
 
 
+@pytest.mark.slow
+def test_wrong_macro_solvers_are_caught(tmp_path):
+    """Those that change what the core does not do for every backend; the rest of the laws hold by the core's loop."""
+    cases = classes("macros")
+    found = run_pytest(
+        tmp_path, WRONG, *(f"{WRONG / 'macros'}.py::{name}::{law}" for name, law in cases.items())
+    )
+    for name, law in cases.items():
+        assert "failure" in found[f"macros.{name}", law], (name, law)
+
+
 # ---- versions and expected failures ---------------------------------------------------------------
 
 
