@@ -1,6 +1,12 @@
 """Options of the test suite, and how its tests are shared among workers."""
 
+import signal
+
 import pytest
+
+# A shell that starts the tests in the background has Ctrl-C ignored, and so it would be in all that tests start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 #: Scopes that share what is expensive to set up, or that must not run side by side: each is done by one worker.
 TOGETHER = {

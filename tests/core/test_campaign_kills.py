@@ -30,7 +30,10 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return sample(tmp_path_factory.mktemp("undisturbed") / "data.h5")[0]
 
 
-@pytest.mark.parametrize(("moment", "workers"), [(0, 1), (1, 2), (2, 2), (3, 2)])
+@pytest.mark.parametrize(
+    ("moment", "workers"),
+    [(0, 1), (1, 2), *(pytest.param(moment, 2, marks=pytest.mark.slow) for moment in (2, 3))],
+)
 def test_killed_and_resumed(tmp_path: Path, undisturbed: Dataset, moment: int, workers: int) -> None:
     """SIGKILL at random moments: nothing finished is solved again, and the dataset has the same bits."""
     path, log = tmp_path / "data.h5", tmp_path / "log"

@@ -130,6 +130,7 @@ def test_statuses_under_strong_compression(p):
     )
 
 
+@pytest.mark.slow
 def test_whole_cell_notices_overlap_too():
     solver = SkfemCellSolver()
     prepared = solver.prepare(Cell(mesh=COARSE, symmetry="none", contact=NO_CONTACT))
