@@ -289,9 +289,7 @@ class RunConfig(_Section):
         ranges = [(name, swept.range) for name, swept in self.sampling.inputs.items()]
         test = _hash(cell, ranges, self.sampling.test.model_dump(), *more)
         training = _hash(sampling, self.surrogate.model_dump(), self.surrogate_model)
-        macro = _hash(
-            training, self.closure, self.macro.model_dump(exclude={"options": True, "body": {"file"}})
-        )
+        macro = _hash(training, self.closure, self.macro.specification())
         return StageIdentities(cell, sampling, test, training, macro)
 
     @property

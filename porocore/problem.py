@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -172,6 +172,10 @@ class MacroSetup(_Strict):
         courses += [value for value in self.body_force if isinstance(value, Course)]
         times = {t for course in courses for t in course.corners} | {t for t, _ in self.time.load_curve}
         return tuple(sorted(t for t in times if 0 < t <= self.time.end))
+
+    def specification(self) -> dict[str, Any]:
+        """What determines the solution; of a body from a file its content, and not where it lies."""
+        return self.model_dump(exclude={"options": True, "body": {"path"}})
 
     def ramp(self, time: float) -> float:
         """Share of the load that acts at ``time``."""

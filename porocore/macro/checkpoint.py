@@ -7,6 +7,7 @@ what another one began: the equations are the same, and so is the solution up to
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ SAME_LAW = 1e-8
 
 def identity(problem: MacroProblem, law: MacroLaw) -> str:
     """Hash of everything that determines the solution."""
-    text = f"{problem.model_dump_json()}|{law.name}|{law.identity}"
+    text = f"{json.dumps(problem.specification())}|{law.name}|{law.identity}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 

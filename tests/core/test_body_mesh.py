@@ -293,3 +293,16 @@ def test_files_that_are_no_body_are_refused(tmp_path):
     geometry.write_text("Point(1) = {0, 0, 0};\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"macro\.body\.size: missing"):
         read_body(geometry, None, 1.0)
+
+
+def test_a_body_from_a_file_counts_by_its_content_and_not_by_where_it_lies(tmp_path):
+    def specification(folder, elements):
+        folder.mkdir()
+        write_tetrahedra(folder / "box.msh", Box(size=(1, 1, 1), elements=elements))
+        body = {"kind": "file", "path": str(folder / "box.msh")}
+        return MacroProblem.model_validate({"body": body, "boundary": {}}).specification()
+
+    here = specification(tmp_path / "here", (1, 1, 1))
+    assert specification(tmp_path / "there", (1, 1, 1)) == here
+    assert specification(tmp_path / "other", (2, 1, 1)) != here
+    assert str(tmp_path) not in str(here)
