@@ -13,7 +13,7 @@ from common import table
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import MeshSettings
 from porocore.closures import CellLaw, ClosedLaw, MeanGradientClosure, PotentialClosure
-from porocore.config import SamplingSettings
+from porocore.config_sections import SamplingSettings
 from porocore.direct import DirectCellLaw, DirectWork
 from porocore.execution import CellPool
 from porocore.inputs import InputSpace

@@ -10,164 +10,32 @@ import difflib
 import hashlib
 import json
 import math
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, ValidationError, ValidationInfo, field_validator
 
 from porocore.cell.cell import Cell
 from porocore.closures import CLOSURES, MeanGradientClosure
 from porocore.config_errors import faults, show, unexpected
-from porocore.dimensions import ByKey, Carried, Dimension
+from porocore.config_sections import FemSettings, MacroSettings, SamplingSettings, Section, SurrogateSettings
 from porocore.errors import ConfigurationError
-from porocore.execution.choice import ExecutorName, contradiction
-from porocore.inputs import InputSpace
-from porocore.problem import MacroProblem, MacroSetup
+from porocore.execution.choice import contradiction
+from porocore.problem import MacroSetup
 from porocore.result_units import OutputUnits, ResultUnits
 from porocore.scales import Scales
 from porocore.unit_texts import resolved
 from porocore.yaml_document import Location, YamlDocument
 
-InputName = Literal["H11", "H12", "H13", "H21", "H22", "H23", "H31", "H32", "H33", "p"]
-Positive = Annotated[float, Field(gt=0)]
 
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class FemSettings(_Section):
-    """The finite-element backend, of the cell and of the macroscale alike, and its own options."""
-
-    backend: str = "skfem"
-    options: dict[str, Any] = {}
-
-
-class SweptInput(_Section):
-    """Closed range of one input and the sampler's default step in it."""
-
-    range: Annotated[tuple[float, float], Carried()]
-    """[lower, upper]; H without dimension, p in units of E."""
-    step: Annotated[Positive | None, Carried()] = None
-    """Default step of samplers that take one."""
-
-    @model_validator(mode="after")
-    def _not_empty(self) -> SweptInput:
-        low, high = self.range
-        if not low < high:
-            raise ValueError(f"range [{low:g}, {high:g}] is empty; give [lower, upper] with lower < upper")
-        return self
-
-
-class HeldOutSettings(_Section):
-    """Random states that no surrogate is trained on; its error is measured there."""
-
-    count: Annotated[int, Field(ge=1)] = 100
-    seed: Annotated[int, Field(ge=0)] = 0
-
-
-class SamplingSettings(_Section):
-    """Which states of the cell are solved to learn from."""
-
-    sampler: str = "density-sweep"
-    inputs: Annotated[dict[InputName, SweptInput], Field(min_length=1), ByKey({"p": Dimension("pressure")})]
-    """In the order of the sweeps: the first is swept alone, the next from every value of it."""
-    tolerance: Positive | None = None
-    options: dict[str, Any] = {}
-    """Further options of the sampler."""
-    workers: Literal["auto"] | Annotated[int, Field(ge=1)] = "auto"
-    executor: ExecutorName = "auto"
-    scheduler: str | None = None
-    """Address of a dask scheduler."""
-    state_seconds: Positive | None = None
-    """Time limit of one solve."""
-    test: HeldOutSettings = HeldOutSettings()
-
-    @model_validator(mode="after")
-    def _executor_fits(self) -> SamplingSettings:
-        if fault := contradiction(self.executor, self.scheduler, self.state_seconds):
-            raise ValueError(fault)
-        return self
-
-    def input_space(self) -> InputSpace:
-        """The inputs and their ranges."""
-        return InputSpace.from_ranges({name: swept.range for name, swept in self.inputs.items()})
-
-    def sampler_options(self) -> dict[str, Any]:
-        """Keyword arguments of the sampler, as far as set: ``step`` by input, ``tolerance``, ``options``."""
-        options: dict[str, Any] = {}
-        steps = {name: swept.step for name, swept in self.inputs.items() if swept.step is not None}
-        if steps:
-            options["step"] = steps
-        if self.tolerance is not None:
-            options["tolerance"] = self.tolerance
-        return options | self.options
-
-    def worker_count(self) -> int:
-        """Number of processes; 'auto' is one for each core that this process may use."""
-        if self.workers != "auto":
-            return self.workers
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-    def pool_options(self) -> dict[str, Any]:
-        """Keyword arguments of :class:`porocore.execution.CellPool`: who solves the cells."""
-        return {
-            "workers": self.worker_count(),
-            "executor": self.executor,
-            "scheduler": self.scheduler,
-            "state_seconds": self.state_seconds,
-        }
-
-
-class SurrogateSettings(_Section):
-    """The surrogate's backend, its seed and its own options."""
-
-    backend: str = "torch"
-    model: Literal["auto", "mlp", "potential"] = "auto"
-    """What is learned: <∇u¹>_s (mlp) or W and all that follows from it (potential); auto: what the closure needs."""
-    seed: Annotated[int, Field(ge=0)] = 0
-    options: dict[str, Any] = {}
-
-
-class MacroSettings(MacroSetup):
-    """The macroscale set-up and the loads under which it is solved."""
-
-    loads: Annotated[tuple[float, ...], Field(min_length=1)]
-    """Factors of every prescribed value."""
-    options: dict[str, Any] = Field(default={})
-    """Of the backend's macro solver; they change how the equations are solved, not the solution."""
-
-    @field_validator("loads")
-    @classmethod
-    def _useful(cls, loads: tuple[float, ...]) -> tuple[float, ...]:
-        if 0.0 in loads:
-            raise ValueError("a load of 0 moves nothing; remove it")
-        if len(set(loads)) < len(loads):
-            raise ValueError("a load is listed twice; keep one")
-        return loads
-
-    def problem(self, load: float) -> MacroProblem:
-        """The problem under one load."""
-        return MacroProblem(load=load, **{name: getattr(self, name) for name in MacroSetup.model_fields})
-
-
-class _OnlyScales(_Section):
+class _OnlyScales(Section):
     scales: Scales
 
 
-class _OnlyCell(_Section):
+class _OnlyCell(Section):
     cell: Cell = Cell()
 
 
@@ -182,7 +50,7 @@ class StageIdentities:
     macro: str
 
 
-class RunConfig(_Section):
+class RunConfig(Section):
     """A whole study."""
 
     title: str = ""
@@ -198,7 +66,7 @@ class RunConfig(_Section):
     """By which values with a unit are made dimensionless, and results get theirs; plain numbers are dimensionless."""
     output_units: OutputUnits | None = None
     """Of the results, which need scales; SI units where there are scales and nothing is said."""
-    scenarios: dict[str, Scales] = {}
+    scenarios: dict[str, Scales] = Field(default={})
     """For which the report gives the main results in SI units, by name."""
 
     @field_validator("output_units")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.config import FemSettings
+from porocore.config_sections import FemSettings
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.inputs import NAMES
 from porocore.local_fields.nodal import NodalFields

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from porocore.cell.cell import Cell
-from porocore.config import FemSettings
+from porocore.config_sections import FemSettings
 from porocore.errors import DataError
 from porocore.execution import CellPool
 from porocore.reference import CellReference

@@ -8,7 +8,8 @@ import yaml
 
 from porocore import benchmark
 from porocore.benchmark import NAME, as_stated_path, benchmark_path, crosscheck_path
-from porocore.config import InputName, RunConfig, differences, load_config
+from porocore.config import RunConfig, differences, load_config
+from porocore.config_sections import InputName
 from porocore.errors import ConfigurationError
 from porocore.inputs import NAMES
 from porocore.yaml_document import YamlDocument

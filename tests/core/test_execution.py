@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import porocore.execution.dask_workers as dask_workers
-from porocore.config import SamplingSettings
+from porocore.config_sections import SamplingSettings
 from porocore.dataset import Dataset
 from porocore.errors import ConfigurationError, PluginError, PorocoreError
 from porocore.execution import CellPool

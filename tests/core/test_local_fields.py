@@ -15,7 +15,7 @@ from porocore.cell.mesh import MeshSettings
 from porocore.cell.mirror import unfold_displacement
 from porocore.cell.quadrature import tetrahedron_rule
 from porocore.cli.entry import main
-from porocore.config import FemSettings
+from porocore.config_sections import FemSettings
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.interfaces.cell import CellField
 from porocore.local_fields import pictures

@@ -8,7 +8,7 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import MeshSettings
 from porocore.cli.entry import main
-from porocore.config import FemSettings
+from porocore.config_sections import FemSettings
 from porocore.errors import DataError
 from porocore.sensitivity import figures
 from porocore.sensitivity import study as module
