@@ -73,7 +73,7 @@ def backend_name(kind: Kind, config: RunConfig) -> str:
     """What the configuration chooses for ``kind``."""
     names: dict[Kind, str] = {
         "cell solver": config.fem.backend,
-        "macro solver": config.fem.backend,
+        "macro solver": config.macro_backend,
         "sampler": config.sampling.sampler,
         "surrogate": config.surrogate.backend,
     }

@@ -97,12 +97,26 @@ class RunConfig(Section):
             return self.surrogate.model
         return "potential" if "stress" in CLOSURES[self.closure].responses else "mlp"
 
-    def with_backends(self, fem: str | None = None, surrogate: str | None = None) -> RunConfig:
-        """With another backend; options that were written for the old one do not go over to the new one."""
+    @property
+    def macro_backend(self) -> str:
+        """Name of the macro solver."""
+        return self.macro.backend or self.fem.backend
+
+    def with_backends(
+        self, fem: str | None = None, surrogate: str | None = None, macro: str | None = None
+    ) -> RunConfig:
+        """With another backend; options that were written for the old one do not go over to the new one.
+
+        ``fem`` is that of the cell, and of the macroscale too unless ``macro`` names another.
+        """
         update: dict[str, Any] = {}
         if fem is not None and fem != self.fem.backend:
             update["fem"] = FemSettings(backend=fem)
-            update["macro"] = self.macro.model_copy(update={"options": {}})
+        backend = macro or fem
+        if backend is not None:
+            options = self.macro.options if backend == self.macro_backend else {}
+            own = None if backend == (fem or self.fem.backend) else backend
+            update["macro"] = self.macro.model_copy(update={"backend": own, "options": options})
         if surrogate is not None and surrogate != self.surrogate.backend:
             update["surrogate"] = SurrogateSettings(backend=surrogate, seed=self.surrogate.seed)
         return self.model_copy(update=update)

@@ -120,6 +120,8 @@ class MacroSettings(MacroSetup):
 
     loads: Annotated[tuple[float, ...], Field(min_length=1)]
     """Factors of every prescribed value."""
+    backend: str | None = None
+    """Of the macroscale; null: the one of ``fem.backend``."""
     options: dict[str, Any] = Field(default={})
     """Of the backend's macro solver; they change how the equations are solved, not the solution."""
 
@@ -131,6 +133,11 @@ class MacroSettings(MacroSetup):
         if len(set(loads)) < len(loads):
             raise ValueError("a load is listed twice; keep one")
         return loads
+
+    def specification(self) -> dict[str, Any]:
+        """See :meth:`porocore.problem.MacroSetup.specification`; with the backend where it is not the cell's."""
+        said = super().specification()
+        return {name: value for name, value in said.items() if name != "backend" or value is not None}
 
     def problem(self, load: float) -> MacroProblem:
         """The problem under one load."""

@@ -32,6 +32,14 @@ HOOKS: dict[Kind, str] = {
     "sampler": "porocore_samplers",
 }
 
+#: Where a study says which one it takes.
+CHOICES: dict[Kind, str] = {
+    "cell solver": "fem.backend or --fem",
+    "macro solver": "macro.backend or --macro",
+    "surrogate": "surrogate.backend or --surrogate",
+    "sampler": "sampling.sampler",
+}
+
 #: What the project itself publishes: name → (distribution, kinds).
 FIRST_PARTY: dict[str, tuple[str, tuple[Kind, ...]]] = {
     "skfem": ("porocore-fem-skfem", ("cell solver", "macro solver")),
@@ -304,8 +312,10 @@ class Registry:
             for o in sorted(self.offers, key=lambda o: o.offer.name)
             if o.kind == kind
         )
+        others = _join(o.kind for o in self.offers if o.offer.name == name)
+        also = f", which is a {others}; choose another by {CHOICES[kind]}" if others else ""
         return (
-            f"unknown {kind} '{name}'; {advice}installed: {installed or 'none'}; "
+            f"unknown {kind} '{name}'{also}; {advice}installed: {installed or 'none'}; "
             f"'porocore plugins' shows all{broken}"
         )
 

@@ -199,7 +199,7 @@ def _solve_load(
 
                 fallback.on_work = say
             solution = solver.solve(prepared, law, checkpoint=checkpoint, on_step=show)
-            solution = replace(solution, backend=backend or config.fem.backend)
+            solution = replace(solution, backend=backend or config.macro_backend)
             world.first(partial(solution.save, path))
         if direct is not None:
             work = direct.work

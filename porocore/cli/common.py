@@ -24,6 +24,12 @@ FemOption = Annotated[
     str | None,
     typer.Option("--fem", metavar="NAME", help="Finite-element backend instead of the configured one."),
 ]
+MacroOption = Annotated[
+    str | None,
+    typer.Option(
+        "--macro", metavar="NAME", help="Backend of the macroscale, where it is not that of the cell."
+    ),
+]
 SurrogateOption = Annotated[
     str | None,
     typer.Option("--surrogate", metavar="NAME", help="Surrogate backend instead of the configured one."),
@@ -67,7 +73,11 @@ def located(path: Path) -> Iterator[None]:
 
 
 def read_config(
-    path: Path | None, fem: str | None, surrogate: str | None = None, closure: str | None = None
+    path: Path | None,
+    fem: str | None,
+    surrogate: str | None = None,
+    closure: str | None = None,
+    macro: str | None = None,
 ) -> tuple[Path, RunConfig]:
     """The configuration, the packaged one for None, with the chosen backends and closure."""
     from porocore.backends import with_closure
@@ -81,7 +91,7 @@ def read_config(
             f"{path}: expected a configuration file, got a run folder; its configuration is {path / CONFIG}, and "
             f"to go on with it: {command('run', path / CONFIG, '--out', path, '--resume')}"
         )
-    return path, with_closure(load_config(path).with_backends(fem, surrogate), closure)
+    return path, with_closure(load_config(path).with_backends(fem, surrogate, macro), closure)
 
 
 def command(*words: object) -> str:

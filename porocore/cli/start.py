@@ -11,6 +11,7 @@ from porocore.cli.common import (
     ClosureOption,
     ConfigArgument,
     FemOption,
+    MacroOption,
     SurrogateOption,
     command,
     interruptible,
@@ -76,6 +77,7 @@ def schema(
 def check(
     config: ConfigArgument = None,
     fem: FemOption = None,
+    macro: MacroOption = None,
     surrogate: SurrogateOption = None,
     closure: ClosureOption = None,
 ) -> None:
@@ -85,7 +87,7 @@ def check(
     """
     from porocore.preflight import check_backends, outline
 
-    path, settings = read_config(config, fem, surrogate, closure)
+    path, settings = read_config(config, fem, surrogate, closure, macro)
     with interruptible(), located(path):
         check_backends(settings)
         for line in outline(settings):

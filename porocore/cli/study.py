@@ -13,6 +13,7 @@ from porocore.cli.common import (
     ClosureOption,
     ConfigArgument,
     FemOption,
+    MacroOption,
     OutOption,
     ResumeOption,
     SurrogateOption,
@@ -91,6 +92,7 @@ RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", 
 def run(
     config: ConfigArgument = None,
     fem: FemOption = None,
+    macro: MacroOption = None,
     surrogate: SurrogateOption = None,
     closure: ClosureOption = None,
     fallback: FallbackOption = FallbackKind.none,
@@ -103,14 +105,15 @@ def run(
 
     Prints the path of the report, a page to open in a browser. With --fem, --surrogate or a --closure that needs
     another model of surrogate, the options that the configuration gives for its own do not go over to the other
-    one. With --closure NAME --resume, a run that is there goes on with another closure: its solutions and the
+    one. --fem chooses the solvers of the cell and of the macroscale, --macro the second alone.
+    With --closure NAME --resume, a run that is there goes on with another closure: its solutions and the
     surrogate that they need are added, and the report shows both.
     """
-    path, settings = read_config(config, fem, surrogate, closure)
+    path, settings = read_config(config, fem, surrogate, closure, macro)
     settings = settings.with_executor(executor, scheduler)
     _check_backends(path, settings, "cell solver", "macro solver", "sampler", "surrogate")
     folder = _claim(path, settings, out, resume)
-    again = ["--fem", fem] if fem else []
+    again = _backends(fem, macro)
     again += ["--surrogate", surrogate] if surrogate else []
     again += ["--closure", closure] if closure else []
     again += _where(executor, scheduler)
@@ -195,15 +198,16 @@ def train(run: RunArgument, closure: ClosureOption = None) -> None:
 def solve(
     run: RunArgument,
     fem: FemOption = None,
+    macro: MacroOption = None,
     closure: ClosureOption = None,
     law: LawOption = None,
     fallback: FallbackOption = FallbackKind.none,
 ) -> None:
     """Solve the macroscopic problem, with the surrogate and linearly.
 
-    Prints the paths of the solutions. Those that are there already stay; with --fem NAME, those of another
-    backend are replaced, while cell and surrogate remain as they are. Solutions of another --closure are added to
-    those that are there. --law direct solves the cell at every quadrature point instead of asking a surrogate
+    Prints the paths of the solutions. Those that are there already stay; with --macro NAME (or --fem NAME), those of
+    another backend are replaced, while cell and surrogate remain as they are. Solutions of another --closure are
+    added to those that are there. --law direct solves the cell at every quadrature point instead of asking a surrogate
     (closure potential unless another is named); it is slow and the judge of every surrogate. A solve that was
     interrupted is continued by any backend. With a backend that can, several processes share the work: mpirun -n 2
     porocore solve RUN --fem dolfinx.
@@ -221,11 +225,12 @@ def solve(
     direct_closure = closure or "potential"
     if "surrogate" in laws or "fallback" in laws:
         folder.require(folder.surrogate_of(own), train_command(folder, own))
-    config = own.with_backends(fem)
+    backend = macro or fem
+    config = own.with_backends(macro=backend)
     rank, size = parallel.launched()
-    if size > 1 and not registry().get("macro solver", config.fem.backend).distributed:
+    if size > 1 and not registry().get("macro solver", config.macro_backend).distributed:
         raise PluginError(
-            f"macro solver '{config.fem.backend}' cannot share its work among {size} MPI processes; "
+            f"macro solver '{config.macro_backend}' cannot share its work among {size} MPI processes; "
             "start it without mpirun, or choose one that can, such as --fem dolfinx"
         )
     if size > 1 and ("direct" in laws or "fallback" in laws):
@@ -235,12 +240,12 @@ def solve(
     solver = backends.make_backend("macro solver", config)
     if solver.world.size != size:
         raise PluginError(
-            f"{size} processes were started, but the MPI of macro solver '{config.fem.backend}' knows of "
+            f"{size} processes were started, but the MPI of macro solver '{config.macro_backend}' knows of "
             f"{solver.world.size}; start them with the mpirun of that MPI"
         )
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
         console = Console(nowhere if rank else None)
-        again = ["--fem", fem] if fem else []
+        again = _backends(fem, macro)
         again += ["--closure", closure] if closure else []
         again += [word for kind in law or () for word in ("--law", kind)]
         again += ["--fallback", fallback] if fallback is not FallbackKind.none else []
@@ -256,7 +261,7 @@ def solve(
                 own,
                 console=console,
                 solver=solver,
-                backend=fem,
+                backend=backend,
                 laws=laws,
                 direct_closure=direct_closure,
             )
@@ -292,6 +297,12 @@ def _open(path: Path) -> RunFolder:
     from porocore.runfolder import RunFolder
 
     return RunFolder.open(path)
+
+
+def _backends(fem: str | None, macro: str | None) -> list[str]:
+    """The options of a command to go on with."""
+    words = ["--fem", fem] if fem else []
+    return words + (["--macro", macro] if macro else [])
 
 
 def _where(executor: ExecutorName | None, scheduler: str | None) -> list[str]:

@@ -107,6 +107,12 @@ def test_backends_can_be_chosen_for_a_run(porocore_command, pipeline, tmp_path):
     assert RunFolder.open(tmp_path / "a").config.fem.backend == "other-fem"
 
 
+def test_the_macroscale_can_be_given_to_another_backend(porocore_command, pipeline, tmp_path):
+    words = ("run", "--fem", "other-fem", "--macro", "skfem", "--out", tmp_path / "a")
+    assert porocore_command(*words)[0] == 0
+    assert RunFolder.open(tmp_path / "a").config.macro_backend == "skfem"
+
+
 def test_the_steps_follow_one_another(porocore_command, pipeline, tmp_path):
     out = tmp_path / "run"
     assert porocore_command("sample", benchmark_path(), "--out", out)[:2] == (0, f"{out / 'samples.h5'}\n")

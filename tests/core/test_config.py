@@ -167,6 +167,21 @@ def test_another_backend_starts_without_the_options_of_the_configured_one(edit):
     assert other.surrogate.seed == config.surrogate.seed
 
 
+def test_the_macroscale_may_have_a_backend_of_its_own(edit):
+    config = load_config(edit(("  loads:", "  options: {solver: superlu}\n  loads:")))
+    assert (config.macro.backend, config.macro_backend) == (None, "skfem")
+    assert config.with_backends(fem="layered", macro="skfem").macro.options == {"solver": "superlu"}
+    mixed = config.with_backends(fem="layered", macro="dolfinx")
+    assert (mixed.fem.backend, mixed.macro_backend, mixed.macro.options) == ("layered", "dolfinx", {})
+    assert mixed.stages.macro != config.with_backends(fem="layered").stages.macro
+    # --fem alone is for both again, and what says the same is the same.
+    assert mixed.with_backends(fem="skfem").macro_backend == "skfem"
+    assert config.with_backends(macro="skfem") == config == config.with_backends(fem="skfem", macro="skfem")
+    other = config.with_backends(macro="dolfinx")
+    assert other.stages.training == config.stages.training
+    assert other.stages.macro != config.stages.macro
+
+
 @pytest.mark.parametrize(
     ("old", "new", "key", "parts"),
     [

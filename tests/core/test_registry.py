@@ -183,6 +183,14 @@ def test_a_class_that_does_not_implement_the_interface_is_refused():
         registry.get("sampler", "half")
 
 
+def test_a_name_of_another_kind_gets_the_key_that_chooses(install):
+    install("acme-grid", "acme_grid", GOOD)
+    with pytest.raises(PluginError) as error:
+        Registry.discover().get("macro solver", "grid")
+    expected = "unknown macro solver 'grid', which is a sampler; choose another by macro.backend or --macro; "
+    assert str(error.value).startswith(expected)
+
+
 def test_an_unknown_name_gets_the_nearest_and_what_is_installed():
     registry = Registry([offered("density-sweep", dict), offered("latin-hypercube", dict)], [])
     with pytest.raises(PluginError, match=r"did you mean 'density-sweep'\?") as error:
