@@ -7,9 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.closures import reference_tangents
+from porocore.errors import ConfigurationError
 from porocore.laws import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
 from porocore.materials.composite import Composite, Solid
 from porocore.states import Array, CellResponse, MacroState
+
+#: 1/M_B [1/E] up to this is round-off of a cell without pores.
+NO_STORAGE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +60,10 @@ class LinearCoefficients:
 
         Raises
         ------
+        ConfigurationError
+            1/M_B = −tr Q is not positive: the cell has no pores, or its response a wrong sign.
         ValueError
-            The response is not one solved row with its tangent, or 1/M_B = −tr Q is not positive.
+            The response is not one solved row with its tangent.
         """
         M, Q = reference_tangents(reference)
         stiffness, biot_of_stress = _of_stress(reference, solid_fraction, material)
@@ -65,10 +71,16 @@ class LinearCoefficients:
         stiffness = (stiffness + stiffness.swapaxes(2, 3)) / 2
         fluid = (1 - solid_fraction) * np.eye(3)
         biot = fluid - np.einsum("iikl->kl", M)
-        storage = -float(np.trace(Q))
-        if storage <= 0:
-            raise ValueError(
-                f"expected tr Q < 0, got {-storage:g}; the reference response is not that of a cell"
+        storage = 0.0 - float(np.trace(Q))
+        if storage <= NO_STORAGE:
+            raise ConfigurationError(
+                f"linear poroelasticity: expected 1/M_B = −tr Q > 0, got {storage:.3g}: "
+                + (
+                    "the cell takes up no fluid under pressure; give it pores (cell.geometry)"
+                    if storage >= -NO_STORAGE
+                    else "the cell gives off fluid under pressure; its solver has the sign of ∂<∇u¹>/∂p wrong, "
+                    "'porocore plugin check' shows it"
+                )
             )
         return cls(
             stiffness,

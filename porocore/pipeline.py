@@ -191,11 +191,8 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
     rest = solver.solve(prepared, MacroState.zeros(1), tangent=False).response
     ready = time.perf_counter()
     response = solver.solve_one(prepared, grad_u, p)
-    assert rest.fluid_volume is not None
-    assert response.tangent is not None
-    assert response.peaks is not None
     return {
-        "porosity": float(rest.fluid_volume[0]),
+        "porosity": geometry.porosity if rest.fluid_volume is None else float(rest.fluid_volume[0]),
         "conductivity": conductivity,
         "status": Status(int(response.status[0])).name,
         "mean_grad": response.mean_grad[0],
@@ -210,8 +207,12 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
                 "min_fluid_jacobian": response.min_fluid_jacobian[0],
             }
         ),
-        "tangent": {name: value[0] for name, value in vars(response.tangent).items() if value is not None},
-        "peaks": {name: value[0] for name, value in vars(response.peaks).items()},
+        # A solver need not provide them.
+        **{
+            part: {name: value[0] for name, value in vars(holder).items() if value is not None}
+            for part, holder in (("tangent", response.tangent), ("peaks", response.peaks))
+            if holder is not None
+        },
         "seconds": {"set_up": ready - began, "solve": time.perf_counter() - ready},
     }
 

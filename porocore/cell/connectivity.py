@@ -16,12 +16,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from porocore.cell.mesh import CellMesh
-from porocore.cell.periodicity import FACETS
+from porocore.cell.periodicity import FACETS, facet_classes
 from porocore.cell.tetrahedra import volumes
 from porocore.states import IntArray
-
-#: Sides of a facet's three corners must agree about the shift to its image to this.
-SAME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -113,9 +110,9 @@ def _neighbours(mesh: CellMesh) -> tuple[IntArray, IntArray, IntArray]:
     """Pairs of tetrahedra that share a facet within the cell, and across its faces with the cell of the second one."""
     facets = mesh.cells[:, FACETS].reshape(-1, 3)
     owner = np.repeat(np.arange(len(mesh.cells)), 4)
-    classes = np.sort(mesh.periodic_class[facets], axis=1)
-    order = np.lexsort(classes.T)
-    same = (np.diff(classes[order], axis=0) == 0).all(axis=1)
+    classes = facet_classes(mesh.points, facets, np.array(mesh.periods) - 0.5)
+    order = np.argsort(classes, kind="stable")
+    same = np.diff(classes[order]) == 0
     first, second = order[:-1][same], order[1:][same]
     step = mesh.points[facets[first]].mean(axis=1) - mesh.points[facets[second]].mean(axis=1)
     shifts = np.rint(step / mesh.periods).astype(np.int64)

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from porocore.cell.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.part import PoreGeometry
+from porocore.cell.periodicity import facet_classes
 from porocore.cell.tetrahedra import Element, Phase, Tetrahedra, with_middles
 from porocore.states import Array, IntArray
 
@@ -122,9 +123,8 @@ class CellMesh:
             for plane in (0.0, 0.5):
                 on_plane |= (corners == plane).all(axis=1).any(axis=1)
             return self.boundary[~on_plane]
-        facets = np.sort(self.periodic_class[self.boundary[:, :3]], axis=1)
-        _, inverse, count = np.unique(facets, axis=0, return_inverse=True, return_counts=True)
-        wall: npt.NDArray[np.int64] = self.boundary[count[inverse.reshape(-1)] == 1]
+        number = facet_classes(self.points, self.boundary, self._last)
+        wall: npt.NDArray[np.int64] = self.boundary[np.bincount(number)[number] == 1]
         return wall
 
     @property

@@ -50,6 +50,29 @@ def matched(points: Array, cells: IntArray, what: str) -> Array:
     return points
 
 
+def facet_classes(points: Array, facets: IntArray, last: Array) -> IntArray:
+    """(K,) number of each facet (K, 3) of the block [−½, ``last``]³, that of its partner on the opposite face.
+
+    Facets are told apart by their nodes in the block, not by the classes of these: where one or two elements span a
+    period, different facets have corners of the same classes.
+    """
+    corners = np.sort(facets[:, :3], axis=1)
+    for axis in range(3):
+        low, high = (np.flatnonzero(points[:, axis] == side) for side in (-0.5, last[axis]))
+        others = np.delete(points, axis, axis=1)
+        _, place = np.unique(others[np.concatenate([low, high])], axis=0, return_inverse=True)
+        place = place.reshape(-1)
+        partner = np.full(int(place.max(initial=-1)) + 1, -1)
+        partner[place[: len(low)]] = low
+        below = np.full(len(points), -1)
+        below[high] = partner[place[len(low) :]]
+        images = below[corners]
+        there = (images >= 0).all(axis=1)
+        corners[there] = np.sort(images[there], axis=1)
+    number: IntArray = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
+    return number
+
+
 def _check_facets(points: Array, cells: IntArray, what: str) -> None:
     """The boundary of both phases together lies on the faces, and opposite faces have the same facets."""
     facets = cells[:, FACETS].reshape(-1, 3)
@@ -61,10 +84,7 @@ def _check_facets(points: Array, cells: IntArray, what: str) -> None:
             f"{what}: {int((~on_face).sum())} facets inside of the cell belong to one tetrahedron only; solid and "
             "fluid must fill the cell and share their nodes on the wall"
         )
-    wrapped = np.where(points == 0.5, -0.5, points)
-    images = np.unique(wrapped, axis=0, return_inverse=True)[1].reshape(-1)
-    _, count = np.unique(np.sort(images[boundary], axis=1), axis=0, return_counts=True)
-    alone = int((count == 1).sum())
+    alone = int((np.bincount(facet_classes(points, boundary, np.full(3, 0.5))) == 1).sum())
     if alone:
         raise ConfigurationError(
             f"{what}: not periodic: the nodes of opposite faces match, but {alone} facets between them do not; mesh "

@@ -24,7 +24,7 @@ def _by_component(name: str, tensors: Array) -> dict[str, Array]:
 def quantities(
     states: MacroState, response: CellResponse, porosity: float, conductivity: Array
 ) -> dict[str, Array]:
-    """Name → (n,), NaN where a state has no values.
+    """Name → (n,), NaN where a state has no values, or the cell solver does not provide them.
 
     By the definitions of Dehghani & Zilian (eqs. intavg_cell and intavg_domain) the "integral average" <·>_s is per
     volume of the whole cell, and the "average", written with a bar, is that of the solid, <·>_s/φ_s. Their figures of
@@ -51,7 +51,7 @@ def quantities(
     Parameters
     ----------
     states, response
-        n of them, with tangent and peaks.
+        n of them, with tangent; without peaks the maxima and the energy are NaN.
     porosity
         φ_f of the undeformed cell.
     conductivity : (3, 3)
@@ -60,7 +60,6 @@ def quantities(
     assert response.tangent is not None
     assert response.tangent.mean_grad_grad_u is not None
     assert response.tangent.mean_grad_p is not None
-    assert response.peaks is not None
     solid = 1 - porosity
     average = response.mean_grad / solid
     pulled = PulledBack.of(states, response.mean_grad, np.zeros((len(states), 3)), solid, conductivity)
@@ -72,8 +71,12 @@ def quantities(
     biot = -1 / np.trace(Q, axis1=1, axis2=2)
     found = _by_component("mean_grad", response.mean_grad)
     found |= _by_component("avg_grad", average)
-    found |= _by_component("max_grad", response.peaks.grad)
-    found |= {"avg_energy": response.peaks.energy_mean / solid, "max_energy": response.peaks.energy}
+    peaks, unknown = response.peaks, np.full(len(states), np.nan)
+    found |= _by_component("max_grad", np.full_like(average, np.nan) if peaks is None else peaks.grad)
+    found |= {
+        "avg_energy": unknown if peaks is None else peaks.energy_mean / solid,
+        "max_energy": unknown if peaks is None else peaks.energy,
+    }
     found |= {"J_bar": pulled.J, "J_hat": J_hat}
     found |= {f"Kt_{i + 1}{i + 1}": normalised[:, i] for i in range(3)}
     found |= _by_component("M", M)

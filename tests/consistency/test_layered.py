@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
+from porocore.cell.connectivity import pieces
 from porocore.cell.mesh import CellMesh
 from porocore.errors import ConfigurationError
 from porocore.registry import registry
@@ -45,14 +46,15 @@ def registry_lacks(backend: str) -> bool:
     return bool([o for o in registry().offers if o.offer.name == backend and o.missing])
 
 
-def tetrahedra_of(parts: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Points, tetrahedra (3 × layers × 3 boxes of six) and the name of each."""
-    x = np.linspace(-0.5, 0.5, 4)
+def tetrahedra_of(parts: tuple[str, ...], across: int = 3) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Points, tetrahedra (``across`` × layers × ``across`` boxes of six) and the name of each."""
+    n = across + 1
+    x = np.linspace(-0.5, 0.5, n)
     points = np.array([(a, b, c) for c in x for b in HEIGHTS for a in x])
     tetrahedra, names = [], []
-    for i, j, k in product(range(3), range(len(parts)), range(3)):
+    for i, j, k in product(range(across), range(len(parts)), range(across)):
         corner = [
-            (i + (b & 1)) + 4 * (j + (b >> 1 & 1)) + 4 * len(HEIGHTS) * (k + (b >> 2)) for b in range(8)
+            (i + (b & 1)) + n * (j + (b >> 1 & 1)) + n * len(HEIGHTS) * (k + (b >> 2)) for b in range(8)
         ]
         tetrahedra += [[corner[b] for b in kuhn] for kuhn in KUHN]
         names += [parts[j]] * 6
@@ -62,9 +64,9 @@ def tetrahedra_of(parts: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, list[
     return points, cells, names
 
 
-def with_fluid(tmp_path: Path, parts: tuple[str, ...]) -> Cell:
+def with_fluid(tmp_path: Path, parts: tuple[str, ...], across: int = 3) -> Cell:
     """From a mesh file with the layers by name."""
-    points, cells, names = tetrahedra_of(parts)
+    points, cells, names = tetrahedra_of(parts, across)
     known = sorted(set(parts))
     tags = [np.array([1 + known.index(name) for name in names])]
     mesh = meshio.Mesh(
@@ -126,6 +128,34 @@ def test_conductivity_of_a_layer_of_fluid(layered, backend):
     np.testing.assert_allclose(expected, np.diag([1, 1, 0]) * 0.375**3 / 1.2, atol=1e-12)
     solver = registry().get("cell solver", backend)()
     np.testing.assert_allclose(solver.conductivity(solver.prepare(cell)), expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("backend", ["skfem", "dolfinx"])
+def test_two_elements_along_a_period_are_enough(layered, monkeypatch, tmp_path, backend):
+    """Facets of both halves then have corners of the same periodic classes, and are different facets all the same."""
+    if backend not in registry().names("cell solver") or registry_lacks(backend):
+        pytest.skip(f"{backend} is not installed")
+    monkeypatch.setattr(Cell, "loose", "")
+    cell = with_fluid(tmp_path, PARTS, across=2)
+    solver = registry().get("cell solver", backend)()
+    prepared = solver.prepare(cell)
+    np.testing.assert_allclose(
+        solver.conductivity(prepared), np.diag([1, 0, 1]) * 0.3**3 / 1.2, rtol=0, atol=1e-10
+    )
+    found, exact = (s.solve_one(s.prepare(cell), *STATES["sheared"]) for s in (solver, layered))
+    np.testing.assert_allclose(found.stress, exact.stress, atol=1e-8)
+
+
+@pytest.mark.parametrize("across", [1, 2, 3])
+def test_the_wall_of_layers_is_known_on_any_mesh(tmp_path, across):
+    """Two planes of squares, two facets each; nothing of the faces of the cell, through which both phases run on."""
+    cell = with_fluid(tmp_path, PARTS, across)
+    for phase in ("solid", "fluid"):
+        mesh = cell.make_mesh(phase, "whole")
+        corners = mesh.points[mesh.wall[:, :3]]
+        assert len(corners) == 2 * 2 * across**2
+        assert set(np.unique(corners[:, :, 1].round(12))) == {-0.2, 0.1}
+        assert [(piece.rank, piece.axes) for piece in pieces(mesh)] == [(2, "xz")]
 
 
 def test_what_is_no_laminate_is_refused(layered):

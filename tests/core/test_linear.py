@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from porocore.errors import ConfigurationError
 from porocore.laws import LawMemory
 from porocore.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.materials.neo_hookean import NeoHookean
@@ -98,9 +99,18 @@ def test_a_reference_without_tangent_is_refused():
         LinearCoefficients.from_reference(bare, PHI_S, MATERIAL, K)
 
 
-def test_a_reference_that_gives_off_fluid_under_pressure_is_refused():
+@pytest.mark.parametrize(
+    ("factor", "message"),
+    [
+        (-1.0, r"got -0\.34.*: the cell gives off fluid under pressure; its solver has the sign"),
+        (0.0, r"got 0: the cell takes up no fluid under pressure; give it pores \(cell\.geometry\)"),
+        (1e-16, r"the cell takes up no fluid under pressure"),
+        (-1e-16, r"the cell takes up no fluid under pressure"),
+    ],
+)
+def test_a_reference_that_takes_up_no_fluid_under_pressure_is_refused(factor, message):
     reference = cubic_reference(NU)
-    wrong = CellTangent(reference.tangent.mean_grad_grad_u, -reference.tangent.mean_grad_p)
+    wrong = CellTangent(reference.tangent.mean_grad_grad_u, factor * reference.tangent.mean_grad_p)
     response = CellResponse(reference.mean_grad, reference.status, tangent=wrong)
-    with pytest.raises(ValueError, match=r"expected tr Q < 0, got 0\.34"):
+    with pytest.raises(ConfigurationError, match=rf"expected 1/M_B = −tr Q > 0, .*{message}"):
         LinearCoefficients.from_reference(response, PHI_S, MATERIAL, K)

@@ -1,6 +1,7 @@
 """Sensitivity studies without a cell: plans, where lines end, quantities, files, tables and figures."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -232,6 +233,22 @@ def test_every_figure_shows_every_state_and_marks_its_status(study):
     np.testing.assert_allclose(end.get_xdata(), [-0.2])
     names = [text.get_text() for text in made["psi_Av"].legends[0].get_texts()]
     assert names == ["in contact", "unstable", "not solved beyond"]
+
+
+def test_without_peaks_the_largest_values_and_the_energy_are_unknown(study, tmp_path):
+    """A cell solver need not provide them; all else is there."""
+    lines = {
+        name: replace(line, response=replace(line.response, peaks=None)) for name, line in study.lines.items()
+    }
+    bare = replace(study, rest=replace(study.rest, peaks=None), lines=lines)
+    save(tmp_path / "sensitivity.h5", bare)
+    for found in (bare, load(tmp_path / "sensitivity.h5")):
+        along, known = found.loads["shear"].quantities, study.loads["shear"].quantities
+        assert along.keys() == known.keys()
+        unknown = {name for name, values in along.items() if np.isnan(values).all()}
+        assert unknown == {"avg_energy", "max_energy", *(f"max_grad_{i}{j}" for i in "123" for j in "123")}
+        np.testing.assert_array_equal(along["biot"], known["biot"])
+    assert set(figures(bare)) == set(MAKERS)
 
 
 def test_a_part_of_the_loads_and_figures_can_be_drawn(study, tmp_path):
