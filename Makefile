@@ -3,7 +3,7 @@
 PORO := .venv/bin/porocore
 RUN ?= runs/dehghani2022
 
-.PHONY: run test test-slow lint benchmarks clean
+.PHONY: run test test-slow lint docs benchmarks clean
 
 run: .venv/.ready-run
 	$(PORO) run --out $(RUN) --resume
@@ -19,6 +19,10 @@ lint: .venv/.ready-test
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
+
+# The site, below build/docs.
+docs: .venv/.ready-test
+	.venv/bin/python -m sphinx -W --keep-going -c docs -b html . build/docs
 
 benchmarks: .venv/.ready-test
 	.venv/bin/python benchmarks/run.py

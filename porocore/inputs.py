@@ -97,7 +97,7 @@ class InputSpace:
         return self.others_move(components(states), tolerance)
 
     def others_move(self, rows: Array, tolerance: float = 1e-6) -> npt.NDArray[np.bool_]:
-        """The same of the ten :func:`components` (10, n)."""
+        """The same of the ten ``components`` (10, n)."""
         rest = rows[[column for column in range(10) if column not in self.columns]]
         moves: npt.NDArray[np.bool_] = np.abs(rest, out=rest).max(axis=0, initial=0.0) > tolerance
         return moves

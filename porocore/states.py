@@ -132,7 +132,7 @@ class CellTangent(_Batch):
 class CellPeaks(_Batch):
     """Local extremes over the solid and signs of trouble."""
 
-    grad: Array  #: (n, 3, 3)  largest |∂u¹_i/∂Y_j|
+    grad: Array  #: (n, 3, 3)  largest ``|∂u¹_i/∂Y_j|``
     energy: Array  #: (n,)       largest Ψ [E]
     energy_mean: Array  #: (n,)       <Ψ>_s [E]
     min_jacobian: Array  #: (n,)       smallest J

@@ -112,4 +112,4 @@ class StudySampler(Sampler):
 
     @abstractmethod
     def inform(self, study: StudyFacts) -> None:
-        """Called once, before the first :meth:`ask`."""
+        """Called once, before the first :meth:`~porocore.Sampler.ask`."""

@@ -48,13 +48,13 @@ class CellSolverSuite(CellSuite):
     @pytest.fixture(scope="class")
     @classmethod
     def responses(cls, solver: CellSolver, prepared: Any) -> dict[str, Any]:
-        """Of :data:`STATES`, one row each."""
+        """Of ``STATES``, one row each."""
         return {name: solver.solve_one(prepared, *state) for name, state in STATES.items()}
 
     @pytest.fixture(scope="class")
     @classmethod
     def batch(cls) -> MacroState:
-        """:data:`STATES` together."""
+        """``STATES`` together."""
         return MacroState.concatenate([MacroState.single(*state) for state in STATES.values()])
 
     def test_rest(self, solver: CellSolver, prepared: Any) -> None:

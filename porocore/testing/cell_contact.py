@@ -37,7 +37,7 @@ class CellContactSuite(CellSuite):
     @pytest.fixture(scope="class")
     @classmethod
     def touching(cls, solver: CellSolver, prepared: Any) -> Any:
-        """The solution at :data:`TOUCHING`, with its field."""
+        """The solution at ``TOUCHING``, with its field."""
         return solver.solve(prepared, TOUCHING, fields=True)
 
     @pytest.fixture(scope="class")

@@ -1,0 +1,99 @@
+"""Settings of the documentation site; ``make docs`` builds it.
+
+The pages are where GitHub shows them, in docs/ and at the root, so the source directory is the repository itself and
+a link that works on GitHub works on the site.
+"""
+
+import sys
+from importlib.metadata import version as version_of
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "extensions"))
+
+project = "porocore"
+author = "The porocore developers"
+copyright = f"{author}, MIT licence"
+version = release = version_of("porocore")
+language = "en"
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "signatures",
+    "commands",
+    "front_page",
+]
+
+root_doc = "docs/index"
+include_patterns = [
+    "docs/*.md",
+    "docs/*/*.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "README.md",
+    "benchmarks/README.md",
+    "examples/plugins/*/README.md",
+    "plugins/*/README.md",
+]
+# Folders that need not be walked through.
+exclude_patterns = [
+    ".*",
+    "build",
+    "dist",
+    "runs",
+    "tests",
+    "porocore",
+    "**/.*",
+    "**/node_modules",
+    "**/tests",
+]
+
+# ---- Markdown -----------------------------------------------------------------------------------
+
+myst_enable_extensions = ["amsmath", "dollarmath"]
+# As on GitHub: a heading can be linked to by its words.
+myst_heading_anchors = 4
+
+# ---- API ----------------------------------------------------------------------------------------
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+# The names are documented once, where the reference pages put them.
+autosummary_generate = False
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+napoleon_use_param = False
+napoleon_use_rtype = False
+python_maximum_signature_line_length = 90
+add_module_names = False
+
+nitpicky = True
+nitpick_ignore_regex = [
+    # Other packages: their pages are not at hand where the site is built without a network.
+    (
+        "py:.*",
+        r"(annotated_types|collections|concurrent|numpy|pathlib|pluggy|pydantic|pyvista|typing|xarray)\..*",
+    ),
+    # The inside of porocore, which the pages of the reference leave out.
+    (
+        "py:class",
+        r"porocore\.(api\.solved\.T|cell\.(contact|mesh)|config\.StageIdentities|courses|materials|parallel|result_units|runfolder"
+        r"|terzaghi|testing\.sampling)\b.*",
+    ),
+    # What stands where a type stands in a docstring, such as (n, 3, 3).
+    ("py:class", r"(?!porocore\.)[^A-Z].*"),
+]
+
+# ---- HTML ---------------------------------------------------------------------------------------
+
+html_theme = "furo"
+html_title = f"porocore {release}"
+html_show_sphinx = False
+html_copy_source = False
+html_show_sourcelink = False
+html_theme_options = {"navigation_with_keys": True}
