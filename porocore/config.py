@@ -54,20 +54,30 @@ class RunConfig(Section):
     """A whole study."""
 
     title: str = ""
+    """Heading of the report."""
     cell: Cell = Cell()
+    """The periodic cell: pores, solid, fluid and mesh."""
     fem: FemSettings = FemSettings()
+    """Finite elements."""
     sampling: SamplingSettings
+    """Which states of the cell are solved to learn from, and by whom."""
     surrogate: SurrogateSettings = SurrogateSettings()
-    closure: Annotated[str, Field(validate_default=True)] = "mean-gradient"
+    """What is learned from the states, and how."""
+    closure: Annotated[str, Field(validate_default=True, json_schema_extra={"enum": list(CLOSURES)})] = (
+        "mean-gradient"
+    )
+    """How stress, storage and flux follow from the cell."""
     conductivity: Literal["piola", "deformed"] = "piola"
-    """piola: K of the undeformed cell, carried along; deformed: that of the flow through every deformed pore."""
+    """``piola``: K of the undeformed cell, carried along with the deformation; ``deformed``: that of the flow through
+    every deformed pore."""
     macro: MacroSettings
+    """The body, what is done to it, and when."""
     scales: Scales | None = None
     """By which values with a unit are made dimensionless, and results get theirs; plain numbers are dimensionless."""
     output_units: OutputUnits | None = None
     """Of the results, which need scales; SI units where there are scales and nothing is said."""
     scenarios: dict[str, Scales] = Field(default={})
-    """For which the report gives the main results in SI units, by name."""
+    """Scales by names of their own, for each of which the report gives the main results in SI units."""
 
     @field_validator("output_units")
     @classmethod

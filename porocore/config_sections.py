@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from porocore.dimensions import ByKey, Carried, Dimension
+from porocore.dimensions import ByKey, Carried, Dimension, Unit
 from porocore.execution.choice import ExecutorName, contradiction
 from porocore.inputs import InputSpace
 from porocore.problem import MacroProblem, MacroSetup
@@ -26,16 +26,19 @@ class FemSettings(Section):
     """The finite-element backend, of the cell and of the macroscale alike, and its own options."""
 
     backend: str = "skfem"
+    """Backend of the cell, and of the macroscale where nothing else is said there; ``porocore run --fem NAME``
+    overrides it."""
     options: dict[str, Any] = {}
+    """Options of the backend's cell solver."""
 
 
 class SweptInput(Section):
     """Closed range of one input and the sampler's default step in it."""
 
     range: Annotated[tuple[float, float], Carried()]
-    """[lower, upper]; H without dimension, p in units of E."""
+    """[lower, upper], closed; for ``density-sweep`` it includes 0."""
     step: Annotated[Positive | None, Carried()] = None
-    """Default step of samplers that take one."""
+    """Default step; ``density-sweep`` needs it for every input, the other samplers take none."""
 
     @model_validator(mode="after")
     def _not_empty(self) -> SweptInput:
@@ -49,25 +52,36 @@ class HeldOutSettings(Section):
     """Random states that no surrogate is trained on; its error is measured there."""
 
     count: Annotated[int, Field(ge=1)] = 100
+    """Random states with values that no surrogate is trained on."""
     seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of their draw."""
 
 
 class SamplingSettings(Section):
     """Which states of the cell are solved to learn from."""
 
     sampler: str = "density-sweep"
+    """Which states are solved; ``porocore plugins`` lists the samplers that are installed."""
     inputs: Annotated[dict[InputName, SweptInput], Field(min_length=1), ByKey({"p": Dimension("pressure")})]
-    """In the order of the sweeps: the first is swept alone, the next from every value of it."""
+    """The components that move, H11 … H33 and p, in the order of the sweeps: the first is swept alone, the next from
+    every value of it."""
     tolerance: Positive | None = None
+    """Tolerance of the samplers that have one; null leaves it to the sampler."""
     options: dict[str, Any] = {}
     """Further options of the sampler."""
     workers: Literal["auto"] | Annotated[int, Field(ge=1)] = "auto"
+    """Processes; ``auto`` is one for each core; the result does not depend on it."""
     executor: ExecutorName = "auto"
+    """Where the cells are solved: in this process, in processes of this machine, or by the workers of dask; ``auto`` is
+    ``dask`` with a scheduler, ``serial`` for one worker without a time limit, else ``processes``; the result does not
+    depend on it."""
     scheduler: str | None = None
-    """Address of a dask scheduler."""
-    state_seconds: Positive | None = None
-    """Time limit of one solve."""
+    """Address of a dask scheduler, such as ``tcp://node:8786``; null: dask starts workers on this machine."""
+    state_seconds: Annotated[Positive | None, Unit("s")] = None
+    """Time limit for the solve of one state, after which its worker is ended; the state is tried once more, then
+    recorded as ``lost``; null: none."""
     test: HeldOutSettings = HeldOutSettings()
+    """States apart from the training, at which the surrogate's error is measured."""
 
     @model_validator(mode="after")
     def _executor_fits(self) -> SamplingSettings:
@@ -109,21 +123,26 @@ class SurrogateSettings(Section):
     """The surrogate's backend, its seed and its own options."""
 
     backend: str = "torch"
+    """Which surrogate; ``porocore run --surrogate NAME`` overrides it."""
     model: Literal["auto", "mlp", "potential"] = "auto"
-    """What is learned: <∇u¹>_s (mlp) or W and all that follows from it (potential); auto: what the closure needs."""
+    """What is learned: ⟨∇u¹⟩ by the paper's network (``mlp``), or the potential W and all that follows from it
+    (``potential``); ``auto`` is what the closure needs."""
     seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of the first weights and of the split into training and validation states."""
     options: dict[str, Any] = {}
+    """Options of the surrogate."""
 
 
 class MacroSettings(MacroSetup):
     """The macroscale set-up and the loads under which it is solved."""
 
     loads: Annotated[tuple[float, ...], Field(min_length=1)]
-    """Factors of every prescribed value."""
+    """Each, none of them 0, is solved with the cell's law and with linear poroelasticity; it multiplies every
+    prescribed value."""
     backend: str | None = None
     """Of the macroscale; null: the one of ``fem.backend``."""
     options: dict[str, Any] = Field(default={})
-    """Of the backend's macro solver; they change how the equations are solved, not the solution."""
+    """Options of the backend's macro solver; they change how the equations are solved, not the solution."""
 
     @field_validator("loads")
     @classmethod

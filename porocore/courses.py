@@ -21,13 +21,13 @@ class Course(BaseModel):
     table: tuple[
         tuple[Annotated[float, Field(ge=0), Dimension("time")], Annotated[float, Carried()]], ...
     ] = ()
-    """(time, value), linear in between and constant outside."""
+    """[time, value] with ascending times, linear in between, constant before the first and after the last."""
     ramp: Annotated[float | None, Carried()] = None
-    """From 0 at t = 0 linearly to this value at ``until``, and on with it."""
+    """From 0 at t = 0 linearly to this value at ``until``, and constant from then on."""
     until: Annotated[Positive | None, Dimension("time")] = None
     """End of the ramp."""
     expression: str | None = None
-    """Of t, such as ``0.1*sin(2*pi*t)``; t and the result are dimensionless."""
+    """A formula of t such as ``0.1*sin(2*pi*t)``; t and the result are dimensionless, also where there are scales."""
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Course:

@@ -1,4 +1,4 @@
-"""Which physical dimension a key of the configuration has, declared beside the key.
+"""Which physical dimension or unit a key of the configuration has, declared beside the key.
 
 ``Annotated[float, Dimension("time")]`` is a plain number for pydantic. :mod:`porocore.unit_texts` finds the declaration
 where a text such as ``5 s`` stands, and the JSON schema allows such a text there.
@@ -16,6 +16,17 @@ WITH_UNIT = rf"^\s*{NUMBER}\s*[^\s\d.+\-].*$"
 
 JsonSchema = dict[str, Any]
 _OF_THE_KEY = ("default", "title", "description")
+#: By quantity, what a dimensionless number is a multiple of; see :mod:`porocore.scales`.
+MULTIPLES = {
+    "displacement": "length",
+    "time": "time",
+    "stress": "E",
+    "pressure": "E",
+    "force": "E × area",
+    "body-force": "E / length",
+    "velocity": "velocity",
+    "viscosity": "μ_c",
+}
 
 
 @dataclass(frozen=True)
@@ -35,6 +46,19 @@ class Dimension:
 
     def __get_pydantic_json_schema__(self, core: Any, handler: Callable[[Any], JsonSchema]) -> JsonSchema:
         return {**_with_texts(handler(core)), "x-dimension": self.quantity}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Of a number that always is in this unit, and so is written without it.
+
+    Attributes
+    ----------
+    name
+        For readers, such as ``cell``, the edge length of the cell.
+    """
+
+    name: str
 
 
 @dataclass(frozen=True)

@@ -36,19 +36,20 @@ class Boundary(_Strict):
         None,
         None,
     )
-    """Components of u; None leaves a component free."""
+    """Components of u; null leaves a component free."""
     normal: Annotated[Value | None, Dimension("displacement")] = None
-    """Displacement along the outward normal of a plane surface, which slides freely along itself."""
+    """Displacement along the outward normal of a plane surface, which slides along itself; null leaves it free."""
     traction: Annotated[tuple[Value, Value, Value], Dimension("stress")] = (0.0, 0.0, 0.0)
-    """Dead traction t̄ per reference area [E]."""
+    """Components of the dead traction t̄, per reference area."""
     follower: Annotated[Value, Dimension("pressure")] = 0.0
-    """Pressure on the deformed surface, along its current inward normal [E]."""
+    """Pressure on the deformed surface, along its current inward normal."""
     plate: Annotated[Value | None, Dimension("force")] = None
-    """Force along the axis of a plane surface on a rigid frictionless plate: it moves along that axis as one [E L²]."""
+    """Force along the surface's axis on a rigid frictionless plate: it moves along that axis as one, as much as the
+    force demands."""
     pressure: Annotated[Value | None, Dimension("pressure")] = None
-    """Pore pressure; None makes the surface a flux boundary."""
+    """Pore pressure; null makes the surface a flux boundary."""
     flux: Annotated[Value, Dimension("velocity")] = 0.0
-    """Outward flux q̄ per reference area where the pressure is free."""
+    """Outward flux q̄ per reference area, where the pressure is free."""
 
     @model_validator(mode="after")
     def _one_kind_each(self) -> Boundary:
@@ -84,18 +85,23 @@ class TimePlan(_Strict):
     """Backward Euler steps; the load is ramped up linearly in ``ramp_increments`` steps of ``ramp_step`` first."""
 
     end: Time = 100.0
+    """End of the simulation."""
     step: Time = 0.5
+    """Largest step after the ramp."""
     ramp_increments: Count = 10
+    """The load is brought up linearly in so many increments."""
     ramp_step: Time = 0.05
+    """Length of each increment of the ramp."""
     smallest_step: Time = 1e-6
-    """Step halving stops here."""
+    """A step that fails is halved down to this."""
     tolerance: Positive | None = None
     """Error of one step, as a share of the largest displacement and of the largest pressure so far, by which steps are
-    chosen; ``step`` is then the largest. None: all are ``step`` long."""
+    chosen; ``step`` is then the largest; null: all are ``step`` long."""
     profiles: tuple[Time, ...] = (1.0, 10.0, 40.0)
-    """Times at which the fields are kept."""
+    """Times at which the fields are kept, beside the end."""
     load_curve: tuple[tuple[Time, float], ...] = ()
-    """(time, share of the load), linear in between from nothing at 0 and constant at the end; empty: the ramp."""
+    """[time, share of the load] at times that are hit exactly, linear in between from 0 at t = 0 and constant after the
+    last; empty: up the ramp."""
 
     @model_validator(mode="after")
     def _in_order(self) -> TimePlan:
@@ -126,33 +132,39 @@ class NewtonSettings(_Strict):
     """Stops when the residual has fallen to ``tolerance`` times the force and volume scale of the step."""
 
     tolerance: Positive = 1e-9
+    """Residual, relative to the forces and volumes of the step, that ends the iteration."""
     iterations: Count = 25
+    """Iterations at most, before a step is halved."""
 
 
 class InitialState(_Strict):
     """What the body begins with, from which storage and time are counted; it need not be in equilibrium."""
 
     pressure: Annotated[float, Dimension("pressure")] = 0.0
-    """The same everywhere [E]."""
+    """Pore pressure with which the body begins, everywhere."""
     gradient: tuple[Row, Row, Row] = NO_GRADIENT
-    """Displacement gradient H, the same everywhere: u = H X."""
+    """Displacement gradient H with which the body begins, everywhere: u = H X."""
 
 
 class MacroSetup(_Strict):
     """A body, its supports and its drains, for any load."""
 
     body: AnyBody = Box()
+    """Shape of the body."""
     surfaces: dict[str, Patch] = {}
-    """Parts of the body's named surfaces with names of their own."""
+    """Parts of a surface by names of their own, which no longer belong to that surface."""
     boundary: dict[str, Boundary]
-    """By the surface."""
+    """What is prescribed on each surface; one that is not listed is free of traction and impermeable."""
     body_force: Annotated[tuple[Value, Value, Value], Dimension("body-force")] = (0.0, 0.0, 0.0)
-    """Per reference volume of the mixture [E/L]."""
+    """Components of the body force, per reference volume of the mixture."""
     initial: InitialState = InitialState()
+    """What the body begins with; it need not be in equilibrium."""
     probes: dict[str, Annotated[tuple[float, float, float], Dimension("displacement")]] = {}
-    """Material points X whose displacement and pressure the history keeps, by name."""
+    """Material points [x, y, z] by name, whose displacement and pressure are recorded."""
     time: TimePlan = TimePlan()
+    """Time steps, the ramp of the load, and when fields are kept."""
     newton: NewtonSettings = NewtonSettings()
+    """When Newton's iteration of a step ends."""
 
     @model_validator(mode="after")
     def _plates_are_free_to_move(self) -> MacroSetup:

@@ -29,21 +29,21 @@ class OutputUnits(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     length: str = "m"
-    """Of displacements and places, such as mm."""
+    """Unit of displacements and places, such as mm."""
     time: str = "s"
-    """Such as h or day."""
+    """Unit of times, such as h or day."""
     stress: str = "Pa"
-    """Of stresses and pressures, such as kPa."""
+    """Unit of stresses and pressures, such as kPa."""
     force: str = "N"
-    """Of reactions."""
+    """Unit of reactions, such as mN."""
     volume: str | None = None
-    """Of drained fluid; that of the length cubed where it is left out."""
+    """Unit of drained fluid; null: that of the length, cubed."""
     velocity: str | None = None
-    """Of the fluid relative to the solid; length by time where it is left out."""
+    """Unit of the fluid's velocity relative to the solid; null: length by time."""
     flow: str | None = None
-    """Of fluid that enters through a surface; volume by time where it is left out."""
+    """Unit of inflows through a surface; null: volume by time."""
     conductivity: str | None = None
-    """Of the pores, K; length squared by stress and time where it is left out."""
+    """Unit of the conductivity K of the pores; null: length squared by stress and time."""
 
     @field_validator("*")
     @classmethod

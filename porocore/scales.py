@@ -54,15 +54,15 @@ class Scales(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     force: Annotated[Positive, Dimension("force", si=True)] | None = None
-    """f_c [N]; E is f_c/L²."""
+    """f_c = E L², as in the paper; this or ``modulus``."""
     modulus: Annotated[Positive, Dimension("stress", si=True)] | None = None
-    """E, Young's modulus of the solid or another reference [Pa], instead of the force."""
+    """E, Young's modulus of the solid, or the reference modulus of another material; this or ``force``."""
     pore: Annotated[Positive, Dimension("displacement", si=True)]
-    """d, edge length of the cell [m]."""
+    """d, edge length of the cell."""
     viscosity: Annotated[Positive, Dimension("viscosity", si=True)] = 1.0
-    """μ_c [Pa s]; the dimensionless viscosity of the configuration is relative to it."""
+    """μ_c; ``cell.viscosity`` is relative to it."""
     length: Annotated[Positive, Dimension("displacement", si=True)]
-    """L, characteristic length of the body [m]."""
+    """L, the length of the body that is 1."""
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:

@@ -1,4 +1,4 @@
-"""The JSON schema of the configuration, by which editors complete and check it."""
+"""What the models of the configuration say of their keys, and the JSON schema that editors check a file by."""
 
 from __future__ import annotations
 
@@ -6,25 +6,32 @@ import ast
 import inspect
 import json
 import textwrap
+from collections.abc import Iterable, Iterator
 from functools import cache
-from typing import Any
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
 from porocore.config import RunConfig
+from porocore.dimensions import MULTIPLES, Dimension, Unit
+from porocore.scales import QUANTITIES
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class _WithDescriptions(GenerateJsonSchema):
-    """The docstring below a field is its description."""
+    """The docstring below a field is its description, with the unit behind it."""
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
         found = super().model_schema(schema)
-        for name, text in field_docstrings(schema["cls"]).items():
+        model: type[BaseModel] = schema["cls"]
+        for name, text in field_docstrings(model).items():
             if name in found.get("properties", {}):
-                found["properties"][name].setdefault("description", text)
+                field = model.model_fields[name]
+                unit = unit_of(field.annotation, field.metadata)
+                said = f"{text} Unit: {unit}." if unit else text
+                found["properties"][name].setdefault("description", said)
         return found
 
 
@@ -45,7 +52,7 @@ def schema_text() -> str:
 
 @cache
 def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
-    """Field → the docstring that stands below it, in the class or in one that it derives."""
+    """Field → the docstring that stands below it, in the class or in one that it derives; code in single backquotes."""
     found: dict[str, str] = {}
     for cls in reversed(model.__mro__):
         if not issubclass(cls, BaseModel) or cls is BaseModel:
@@ -60,5 +67,44 @@ def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
                 and isinstance(below.value, ast.Constant)
                 and isinstance(below.value.value, str)
             ):
-                found[field.target.id] = " ".join(inspect.cleandoc(below.value.value).split())
+                text = " ".join(inspect.cleandoc(below.value.value).split())
+                found[field.target.id] = text.replace("``", "`")
     return found
+
+
+def unit_of(annotation: Any, metadata: Iterable[Any] = ()) -> str:
+    """Of what the numbers of a field are multiples, ``, `` between those that differ; empty where none is declared.
+
+    Parameters
+    ----------
+    annotation, metadata
+        Of the field; what it holds of other sections is left out.
+    """
+    found = list(dict.fromkeys(_units(annotation, metadata)))
+    return ", ".join(unit or "–" for unit in found) if any(found) else ""
+
+
+def _units(annotation: Any, metadata: Iterable[Any] = ()) -> Iterator[str]:
+    """Of every number in a value, empty for one without."""
+    for extra in metadata:
+        if isinstance(extra, Unit):
+            yield extra.name
+            return
+        if isinstance(extra, Dimension):
+            yield QUANTITIES[extra.quantity].unit if extra.si else MULTIPLES[extra.quantity]
+            return
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        yield from _units(arguments[0], arguments[1:])
+    elif origin is dict:
+        yield from _units(arguments[1])
+    elif arguments and origin is not Literal:
+        for argument in arguments:
+            if argument not in (type(None), Ellipsis):
+                yield from _units(argument)
+    elif not _is_section(annotation):
+        yield ""
+
+
+def _is_section(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)

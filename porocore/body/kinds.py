@@ -16,7 +16,7 @@ from pydantic import (
 
 from porocore.body.mesh import BodyMesh
 from porocore.body.structured import box, graded, sector
-from porocore.dimensions import Dimension
+from porocore.dimensions import Dimension, Unit
 from porocore.input_file import FromFile
 from porocore.kinds import by_kind
 
@@ -51,8 +51,11 @@ class Box(Body):
 
     surfaces = ("x-", "x+", "y-", "y+", "z-", "z+")
     kind: Literal["box"] = "box"
+    """[0, a] × [0, b] × [0, c]."""
     size: tuple[Length, Length, Length] = (0.1, 7.5, 0.1)
+    """a, b and c."""
     elements: tuple[Count, Count, Count] = (1, 106, 1)
+    """Hexahedra along each axis: quadratic displacement, linear pressure."""
     grading: tuple[Grading, Grading, Grading] = (1.0, 1.0, 1.0)
     """Length of the last element along each axis over that of the first."""
 
@@ -68,7 +71,9 @@ class Box(Body):
 
 class _Round(Body):
     radius: Length
+    """Radius of the mantle about the y axis."""
     height: Length
+    """Length along the y axis, from y = 0."""
     elements: tuple[Count, Count, Count] = (8, 8, 3)
     """From the inner block to the mantle; along y; around each of a quarter's two blocks, and along the inner one."""
     grading: Grading = 1.0
@@ -93,6 +98,7 @@ class Cylinder(_Round):
 
     surfaces = ("y-", "y+", "side")
     kind: Literal["cylinder"]
+    """A cylinder about the y axis, 0 ≤ y ≤ height."""
 
 
 class QuarterCylinder(_Round):
@@ -100,6 +106,7 @@ class QuarterCylinder(_Round):
 
     surfaces = ("y-", "y+", "side", "z-", "x-")
     kind: Literal["quarter-cylinder"]
+    """The part x, z ≥ 0 of a cylinder."""
 
     @property
     def sweep(self) -> float:
@@ -112,10 +119,11 @@ class Wedge(_Round):
 
     surfaces = ("y-", "y+", "side", "z-", "oblique")
     kind: Literal["wedge"]
+    """A sector of a cylinder, from the plane z = 0 to an oblique one."""
     elements: tuple[Count, Count, Count] = (8, 8, 1)
-    """As for a cylinder."""
-    angle: Annotated[float, Field(ge=1, lt=90)] = 15.0
-    """In degrees."""
+    """From the axis to the mantle; along y; around."""
+    angle: Annotated[float, Field(ge=1, lt=90), Unit("degrees")] = 15.0
+    """Angle between the two plane sides."""
 
     @property
     def sweep(self) -> float:
@@ -130,10 +138,11 @@ class MeshedBody(FromFile, Body):
     """
 
     kind: Literal["file"]
+    """A mesh with names for the parts of its surface, or a geometry that gmsh meshes, from a file."""
     size: Length | None = None
-    """Of the elements, for a geometry."""
+    """Size of the elements, for a geometry; null: for a mesh."""
     scale: Length = 1.0
-    """Factor of all coordinates; with a unit, that of the file, such as 1 mm."""
+    """Factor of the file's coordinates; with a unit, that of the file, such as ``1 mm``."""
 
     def make(self) -> BodyMesh:
         """Quadratic tetrahedra or triquadratic hexahedra; linear elements get straight edges with a node on them."""

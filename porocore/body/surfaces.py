@@ -25,11 +25,15 @@ class Patch(BaseModel):
     of: str
     """The surface that it is a part of."""
     x: Range | None = None
+    """[from, to] of the middles of its facets along x."""
     y: Range | None = None
+    """[from, to] of the middles of its facets along y."""
     z: Range | None = None
+    """[from, to] of the middles of its facets along z."""
     centre: Annotated[tuple[float, float, float] | None, Dimension("displacement")] = None
-    """With ``radius``: facets no farther than that from here."""
+    """[x, y, z] of the middle of a ball that the middles of its facets lie in."""
     radius: Annotated[float | None, Dimension("displacement")] = None
+    """Radius of that ball."""
 
     @model_validator(mode="after")
     def _bounds(self) -> Patch:

@@ -21,7 +21,7 @@ from porocore.cell.contact import ContactSettings
 from porocore.cell.geometry import Geometry, OrthogonalChannels
 from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.supercell import block
-from porocore.dimensions import Dimension
+from porocore.dimensions import Dimension, Unit
 from porocore.materials.choice import AnyMaterial
 from porocore.materials.composite import Composite, Solid
 from porocore.materials.neo_hookean import NeoHookean
@@ -37,18 +37,21 @@ class Cell(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     geometry: Geometry = OrthogonalChannels()
+    """Shape of the pores."""
     material: AnyMaterial | None = None
-    """Of the whole solid; neo-Hookean where neither this nor ``materials`` is given."""
+    """Strain energy of the solid; neo-Hookean where neither this nor ``materials`` is given."""
     materials: Annotated[dict[Region, AnyMaterial], Field(min_length=1)] | None = None
-    """One for each region of the solid, by its name, instead of ``material``."""
+    """Instead of ``material``, one for each region of the solid by its name."""
     viscosity: Annotated[float, Field(gt=0), Dimension("viscosity")] = 1e-3
-    """μ_f; K is proportional to its inverse."""
+    """μ_f of the pore fluid; the conductivity K is proportional to its inverse."""
     mesh: MeshSettings = MeshSettings()
+    """How finely the cell is meshed, and with which elements."""
     contact: ContactSettings = ContactSettings()
+    """What happens where the pore wall meets itself."""
     symmetry: Literal["auto", "none"] = "auto"
-    """auto: the eighth of the cell wherever pores and load are mirror-symmetric; none: always the whole cell."""
-    supercell: tuple[Cells, Cells, Cells] = (1, 1, 1)
-    """Whole cells along each axis that are solved as one; more than one leaves the mirror symmetry out."""
+    """``auto``: an eighth of the cell where geometry and load allow it; ``none``: always the whole cell."""
+    supercell: Annotated[tuple[Cells, Cells, Cells], Unit("cells")] = (1, 1, 1)
+    """Whole cells along each axis that are solved as one periodic domain; more than one leaves the mirrors out."""
 
     @model_validator(mode="before")
     @classmethod

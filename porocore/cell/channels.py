@@ -14,6 +14,7 @@ from porocore.cell.drawing import eighth, split, wedge
 from porocore.cell.fillet import onto_fillet, opened_volume
 from porocore.cell.part import Unfolding
 from porocore.cell.rounded_wedge import draw_wedge
+from porocore.dimensions import Unit
 from porocore.states import Array
 
 #: The mesh resolves every fillet, so that a smaller one would only cost elements.
@@ -29,14 +30,18 @@ class OrthogonalChannels(DrawnGeometry):
     """
 
     kind: Literal["orthogonal-channels"] = "orthogonal-channels"
-    radius: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
+    """Straight circular channels along the axes that meet in the middle of the cube."""
+    radius: Annotated[float, Field(gt=0, lt=0.5), Unit("cell")] = 0.25
+    """Radius of the channels; at 0.5 a channel would touch its image."""
     axes: Annotated[str, Field(pattern="^(x|y|z|xy|xz|yz|xyz)$")] = "xyz"
+    """Directions of the channels."""
 
-    fillet: float = 0.0
-    """Radius with which the ridges are rounded where two channels meet; 0 leaves them sharp."""
+    fillet: Annotated[float, Unit("cell")] = 0.0
+    """Radius with which the ridges are rounded where two channels meet, from 0.005 to that of the channels, with
+    radius + fillet < 0.5; 0 leaves them sharp."""
 
-    radii: tuple[AxisRadius, AxisRadius, AxisRadius] | None = None
-    """Of the channels along x, y and z."""
+    radii: Annotated[tuple[AxisRadius, AxisRadius, AxisRadius] | None, Unit("cell")] = None
+    """Of the channels along x, y and z, 0 for none; in place of ``radius`` and ``axes``."""
 
     @field_validator("fillet")
     @classmethod

@@ -15,6 +15,7 @@ from porocore.cell.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.part import PoreGeometry
 from porocore.cell.periodicity import facet_classes
 from porocore.cell.tetrahedra import Element, Phase, Tetrahedra, with_middles
+from porocore.dimensions import Unit
 from porocore.states import Array, IntArray
 
 __all__ = ["CellMesh", "Domain", "MeshSettings", "Phase", "make_mesh"]
@@ -27,11 +28,12 @@ class MeshSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    size: Annotated[float, Field(ge=0.01, le=0.5)] = 0.2
-    """Of the solid's elements; narrow channels are meshed finer where they need it."""
-    fluid_size: Annotated[float, Field(ge=0.01, le=0.5)] = 0.07
-    """Of the fluid's; Stokes flow around the sharp ridges converges slowly, and it is solved only once."""
+    size: Annotated[float, Field(ge=0.01, le=0.5), Unit("cell")] = 0.2
+    """Size of the solid's tetrahedra; narrow channels are meshed finer, with at most 0.8 of their radius."""
+    fluid_size: Annotated[float, Field(ge=0.01, le=0.5), Unit("cell")] = 0.07
+    """Size of the fluid's tetrahedra; Stokes flow converges slowly around sharp ridges, and it is solved only once."""
     element: Element = "quadratic-curved"
+    """Order and shape of the tetrahedra: curved ones follow the pore wall."""
 
 
 @dataclass(frozen=True, eq=False)

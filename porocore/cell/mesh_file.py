@@ -44,10 +44,13 @@ class MeshFile(FromFile, PoreGeometry):
     """
 
     kind: Literal["mesh-file"]
+    """Tetrahedra of solid and fluid from a file that meshio reads."""
     solid: Tags = ("solid",)
+    """Tags of the solid's tetrahedra: names of physical groups, or numbers; several are its regions."""
     fluid: Tags = ("fluid",)
+    """Tags of the fluid's tetrahedra."""
     tags: str | None = None
-    """Name of the element data with the tags; else the first known one that the file has."""
+    """Name of the element data with the tags; null: the first known one that the file has."""
 
     @model_validator(mode="after")
     def _apart(self) -> MeshFile:

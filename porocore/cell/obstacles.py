@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from porocore.cell.cad import DrawnGeometry, DrawnPart
 from porocore.cell.drawing import split, wedge
 from porocore.cell.part import Unfolding
+from porocore.dimensions import Unit
 
 #: Neighbours with less than this between them have a gap that no mesh resolves.
 SMALLEST_GAP = 0.002
@@ -19,10 +20,12 @@ class SphereArray(DrawnGeometry):
     """Equal spheres on a simple cubic lattice, one in the middle of each cell (Zick & Homsy 1982)."""
 
     kind: Literal["sphere-array"]
-    radius: Annotated[float, Field(gt=0, le=0.5)]
-    """At 0.5 neighbours touch, which needs a neck."""
-    neck: Annotated[float, Field(ge=0)] = 0.0
-    """Radius of round bars along the axes that join neighbours; 0: none, and the spheres are loose."""
+    """Solid spheres on a simple cubic lattice, the pores around them."""
+    radius: Annotated[float, Field(gt=0, le=0.5), Unit("cell")]
+    """Radius of the spheres; at 0.5 they touch, which needs a neck."""
+    neck: Annotated[float, Field(ge=0), Unit("cell")] = 0.0
+    """Radius of round bars along the axes that join the spheres, below ``radius``; 0: none, and the spheres are
+    loose."""
 
     @model_validator(mode="after")
     def _can_be_meshed(self) -> SphereArray:
@@ -82,8 +85,9 @@ class CylinderArray(DrawnGeometry):
     """Equal cylinders along z on a square lattice (Sangani & Acrivos 1982)."""
 
     kind: Literal["cylinder-array"]
-    radius: Annotated[float, Field(gt=0, lt=0.5)]
-    """At 0.5 neighbours would touch."""
+    """Solid cylinders along z on a square lattice, the pores around them."""
+    radius: Annotated[float, Field(gt=0, lt=0.5), Unit("cell")]
+    """Radius of the cylinders; at 0.5 neighbours would touch."""
 
     @model_validator(mode="after")
     def _can_be_meshed(self) -> CylinderArray:
@@ -144,6 +148,7 @@ class NoPores(DrawnGeometry):
     """A cell that is all solid, for checks: its response is that of the material."""
 
     kind: Literal["no-pores"]
+    """A cell that is all solid, for checks: its response is that of the material."""
 
     @property
     def porosity(self) -> float:

@@ -15,6 +15,7 @@ from porocore.cell.drawing import split, wedge
 from porocore.cell.level_set import stuffed
 from porocore.cell.part import Unfolding
 from porocore.cell.tetrahedra import Element, Phase, Tetrahedra
+from porocore.dimensions import Unit
 from porocore.states import Array
 
 #: Centres of the presets, and the distance of nearest neighbours.
@@ -27,7 +28,7 @@ LATTICES: dict[str, tuple[Array, float]] = {
 TOUCH = 1e-9
 #: Given centres in one cell.
 MOST = 64
-Radius = Annotated[float, Field(gt=0, lt=0.9)]
+Radius = Annotated[float, Field(gt=0, lt=0.9), Unit("cell")]
 Point = tuple[float, float, float]
 
 
@@ -37,11 +38,12 @@ class Throat(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     join: tuple[int, int]
-    """Their places in the list of centres, from 0; the same place twice joins a pore with its periodic image."""
-    shift: tuple[int, int, int] | None = None
-    """Periods from the cell to the image of the second pore that is meant; else it is the nearest."""
+    """Places of the two pores in the list of centres, from 0; the same place twice joins a pore with its periodic
+    image."""
+    shift: Annotated[tuple[int, int, int] | None, Unit("cells")] = None
+    """Periods from the cell to the image of the second pore that is meant; null: to the nearest one."""
     radius: Radius | None = None
-    """Else that of the geometry."""
+    """Radius of this throat; null: that of ``throat``."""
 
 
 class SpherePores(DrawnGeometry):
@@ -51,16 +53,19 @@ class SpherePores(DrawnGeometry):
     """
 
     kind: Literal["sphere-pores"]
+    """Spherical pores at the places of a lattice or at given centres, joined by throats or because they overlap."""
     lattice: Literal["cubic", "bcc", "fcc"] | None = None
-    """Centres at the middle of the cell, at its corners too, or at the middles of its edges too."""
-    centres: tuple[Point, ...] | None = None
-    """Instead of a lattice; a point beyond [−½, ½]³ stands for its periodic image."""
+    """Centres at the middle of the cell, at its corners too, or at the middles of its edges too; this or
+    ``centres``."""
+    centres: Annotated[tuple[Point, ...] | None, Unit("cell")] = None
+    """1 to 64 points instead of a lattice; one beyond [−½, ½]³ stands for its periodic image."""
     radius: Radius | None = None
-    """Of all pores."""
+    """Radius of all pores; this or ``radii``."""
     radii: tuple[Radius, ...] | None = None
-    """One for each centre, instead of ``radius``."""
-    throat: Annotated[float, Field(ge=0, lt=0.9)] = 0.0
-    """Radius of the throats; 0: none, but for those with a radius of their own."""
+    """One radius for each centre."""
+    throat: Annotated[float, Field(ge=0, lt=0.9), Unit("cell")] = 0.0
+    """Radius of the throats, below that of the pores, in a lattice between nearest neighbours; 0: none, but for those
+    with a radius of their own."""
     throats: tuple[Throat, ...] | None = None
     """Which of the given centres are joined."""
 

@@ -30,11 +30,13 @@ class TriplyPeriodic(LevelSetGeometry):
     """
 
     kind: Literal["tpms"]
+    """Pores bounded by a triply periodic surface, where its function f is below a level."""
     surface: Surface
+    """Family of the surface, which says what f is."""
     level: float | None = None
-    """Of f on the wall; this or the void fraction."""
+    """Value of f on the pore wall, 0 near the minimal surface; this or ``void_fraction``."""
     void_fraction: Annotated[float | None, Field(gt=0, lt=1)] = None
-    """φ_f, for which the level is solved; this or the level."""
+    """φ_f, for which the level is solved; this or ``level``."""
     solid: Literal["network", "sheet"] = "network"
     """What is solid: the side of the surface where f is larger, or the neighbourhood of the surface."""
 

@@ -12,6 +12,7 @@ from pydantic import Field
 from porocore.cell.image import Mask, SmoothImage, read_image
 from porocore.cell.level_set import LevelSetGeometry
 from porocore.cell.part import Unfolding
+from porocore.dimensions import Unit
 from porocore.errors import ConfigurationError
 from porocore.input_file import FromFile
 
@@ -25,11 +26,13 @@ class Voxels(FromFile, LevelSetGeometry):
     """
 
     kind: Literal["voxels"]
+    """A segmented image of equal voxels from a ``.npy`` or TIFF file."""
     pore: int = 0
     """Value of the voxels in the pores; all others are solid."""
     repeat: Literal["mirror", "periodic"] = "mirror"
-    smoothing: Annotated[float, Field(ge=0, le=10)] = 1.0
-    """Standard deviation of the Gaussian in voxels."""
+    """``mirror``: the image is the eighth of the cell, ``periodic``: it is the whole cell."""
+    smoothing: Annotated[float, Field(ge=0, le=10), Unit("voxels")] = 1.0
+    """Standard deviation of the Gaussian that smooths the steps of the voxels."""
 
     @property
     def solid(self) -> Mask:

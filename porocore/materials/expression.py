@@ -28,12 +28,14 @@ class ExpressionMaterial(InvariantMaterial):
     """
 
     kind: Literal["expression"]
+    """A strain energy that is written as a formula."""
     parameters: Annotated[dict[str, float], Dimension("stress")] = Field(default={})
-    """By the names that the energy uses; one with a unit is a stress."""
+    """Values by the names that the energy uses, every one of which must occur in it; one with a unit is a stress."""
     directions: Annotated[tuple[Direction, ...], Field(max_length=4)] = ()
-    """Of fibres in the undeformed solid, of any length but 0."""
+    """Directions [a1, a2, a3] of fibres in the undeformed solid, of any length but 0."""
     energy: Annotated[str, Field(max_length=1000)]
-    """Ψ [E], of + − * / **, numbers, brackets, exp, log, sqrt, sinh, cosh, tanh, sin, cos and ramp."""
+    """Ψ as a formula of I1, I2, I3, J, of I4, I5, … for directions, and of parameters, with + − * / **, numbers,
+    brackets, exp, log, sqrt, sinh, cosh, tanh, sin, cos and ramp."""
 
     @field_validator("parameters")
     @classmethod

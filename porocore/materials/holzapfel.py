@@ -30,20 +30,21 @@ class HolzapfelGasserOgden(InvariantMaterial):
     """
 
     kind: Literal["holzapfel-gasser-ogden"]
+    """A neo-Hookean matrix with families of fibres that stiffen exponentially, in tension only."""
     shear_modulus: Modulus
-    """μ of the matrix [E]."""
+    """μ of the matrix at small strains."""
     bulk_modulus: Modulus
-    """K [E]."""
+    """K at small strains."""
     k1: Modulus
-    """Stiffness of the fibres [E]."""
+    """Stiffness of the fibres."""
     k2: Annotated[float, Field(gt=0, le=1000)]
-    """How fast they stiffen [–]."""
+    """How fast the fibres stiffen."""
     dispersion: Annotated[float, Field(ge=0, le=1 / 3)] = 0.0
     """κ: 0 for aligned fibres, 1/3 for fibres in all directions."""
     directions: Annotated[tuple[Direction, ...], Field(min_length=1, max_length=6)]
-    """One for each family, of any length but 0."""
+    """Mean direction [a1, a2, a3] of the fibres of each family, of any length but 0."""
     toe: Annotated[float, Field(gt=0, le=1)] = 0.02
-    """t: within this E the fibres come to bear; E is about twice the strain."""
+    """Within this a·Ca − 1, about twice the strain along the fibres, they come to bear."""
 
     @property
     def description(self) -> str:

@@ -19,12 +19,13 @@ class MooneyRivlin(InvariantMaterial):
     """
 
     kind: Literal["mooney-rivlin"]
+    """Ψ = c₁₀ (J^(−2/3) I₁ − 3) + c₀₁ (J^(−4/3) I₂ − 3) + K/4 (J² − 1 − 2 ln J)."""
     c10: Annotated[float, Dimension("stress")]
-    """[E]; c10 + c01 is half the shear modulus."""
+    """c₁₀; 2 (c10 + c01) is the shear modulus of small strains."""
     c01: Annotated[float, Dimension("stress")]
-    """[E]; 0 is a neo-Hookean solid of another volumetric energy than that of the kind neo-hookean."""
+    """c₀₁; 0 is a neo-Hookean solid of another volumetric energy than that of the kind ``neo-hookean``."""
     bulk_modulus: Annotated[float, Field(gt=0), Dimension("stress")]
-    """K [E]."""
+    """K of small strains."""
 
     @property
     def description(self) -> str:

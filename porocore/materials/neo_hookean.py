@@ -20,7 +20,9 @@ class NeoHookean(Material):
     """
 
     kind: Literal["neo-hookean"] = "neo-hookean"
+    """Ψ = μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)² with E = 1."""
     poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5)] = 0.35
+    """Poisson's ratio of the solid; μ and λ follow with E = 1."""
 
     @property
     def mu(self) -> float:

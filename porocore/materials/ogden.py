@@ -19,7 +19,7 @@ class OgdenTerm(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     mu: Annotated[float, Dimension("stress")]
-    """μ_p [E]."""
+    """μ_p; ½ Σ μ_p α_p is the shear modulus of small strains."""
     alpha: Annotated[float, Field(ge=-50, le=50)]
     """α_p, any number but 0."""
 
@@ -41,9 +41,11 @@ class Ogden(InvariantMaterial):
     """
 
     kind: Literal["ogden"]
+    """Ψ = Σ_p μ_p/α_p (J^(−α_p/3) (λ₁^α_p + λ₂^α_p + λ₃^α_p) − 3) + K/4 (J² − 1 − 2 ln J)."""
     terms: tuple[OgdenTerm, ...]
+    """The terms of the sum, 1 to 8."""
     bulk_modulus: Annotated[float, Field(gt=0), Dimension("stress")]
-    """K [E]."""
+    """K of small strains."""
 
     @field_validator("terms")
     @classmethod
