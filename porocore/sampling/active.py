@@ -133,20 +133,20 @@ class Active(Learning):
     ----------
     inputs
         The box.
-    count
-        The budget of states.
-    initial
-        Size of the design at the beginning: the corners of a box of up to three inputs and farthest points, or a Sobol
-        sequence. By default the corners and one state for each input, at least six.
-    batch
-        States in a round; more where a tenth of what is known is more.
-    candidates
-        Candidates for each state of a round. Few keep close to an even design, which serves the error on average; many
-        go to the faces and corners of the box, which serves the largest error.
+    count : int, at least 2
+        The budget of states, those without values included.
+    initial : int, at least 2
+        States before the first round: the corners of a box of up to three inputs and farthest points, or a Sobol
+        sequence; null: the corners and one state for each input, at least 6.
+    batch : int, at least 1
+        States in a round, or a tenth of those that are known if this is more.
+    candidates : int, at least 2
+        Candidates for each state of a round, of which there are at most 512. Few keep close to an even design, which
+        serves the error on average; many go to the faces and corners of the box, which serves the largest error.
     tolerance
         Sampling ends when the largest disagreement is below this share of the range; None: when the budget is used up.
-    seed
-        Of the design and of the candidates.
+    seed : int, at least 0
+        Seed of the design and of the candidates.
 
     Raises
     ------

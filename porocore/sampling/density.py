@@ -39,8 +39,8 @@ class DensitySweep(Sampler):
         Default step of each input, by name.
     tolerance
         Largest residual, a fraction of ‖<∇u¹>_s‖_F.
-    smallest
-        Smallest interval as a fraction of the default step, in (0, 1].
+    smallest : float, above 0, at most 1
+        Smallest interval as a fraction of the default step.
 
     Raises
     ------

@@ -27,12 +27,13 @@ class Design(RoundSampler):
     ----------
     inputs
         The box.
-    count
+    count : int, at least 1
         Number of states, corners included.
-    seed
-        Of the randomisation.
-    corners
-        Whether the 2^d corners come first; a surrogate then never extrapolates within the box.
+    seed : int, at least 0
+        Seed of the randomisation.
+    corners : bool
+        Whether the 2^d corners of the box come first, of up to eight inputs; a surrogate then never extrapolates within
+        the box.
 
     Raises
     ------

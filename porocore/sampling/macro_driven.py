@@ -35,19 +35,21 @@ class MacroDriven(Learning):
     ----------
     inputs
         The box.
-    count
-        The budget of states.
-    initial
-        Size of the design at the beginning: the corners of a box of up to three inputs and farthest points, or a Sobol
-        sequence. By default the corners and two states for each input, at least eight.
-    batch
-        States in a round; more where a tenth of what is known is more.
+    count : int, at least 2
+        The budget of states, those without values included.
+    initial : int, at least 2
+        States before the first round: the corners of a box of up to three inputs and farthest points, or a Sobol
+        sequence; null: the corners and two states for each input, at least 8.
+    batch : int, at least 1
+        States in a round, or a tenth of those that are known if this is more.
     tolerance
         Largest change of a macro result that counts as none, relative.
-    elements, steps
-        Of the macro runs: at most so many elements along each axis, and about so many time steps.
-    seed
-        Of the design.
+    elements : int, at least 1
+        Elements of the macro runs along each axis, at most.
+    steps : int, at least 2
+        Time steps of the macro runs after the ramp, about.
+    seed : int, at least 0
+        Seed of the design.
 
     Raises
     ------

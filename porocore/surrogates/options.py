@@ -16,11 +16,12 @@ Device = Literal["auto", "cpu", "cuda"]
 
 
 class NetworkOptions(BaseModel):
-    """What both models have; the descriptions are used in messages."""
+    """What both models have; a field's description says in messages what was expected, its docstring what it means."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     device: Device = Field("cpu", description="'auto', 'cpu' or 'cuda'")
+    """Where networks are trained and evaluated; ``auto`` is a GPU where there is one."""
 
     @classmethod
     def parse(cls, options: dict[str, Any], backend: str) -> Self:
@@ -56,11 +57,17 @@ class MlpOptions(NetworkOptions):
         min_length=1,
         description="a list of layer widths, whole numbers ≥ 1, such as [40, 40, 40]",
     )
+    """Widths of the hidden layers."""
     activation: Literal["sigmoid", "tanh"] = Field("sigmoid", description="'sigmoid' or 'tanh'")
+    """Activation of the hidden layers."""
     epochs: Count = Field(15000, description="a whole number ≥ 1")
+    """Full-batch steps of Adam at most."""
     learning_rate: Rate = Field(1e-2, description="a number above 0 and at most 1")
+    """At the start; it falls to a hundredth along half a cosine."""
     validation_fraction: Share = Field(0.15, description="a number above 0 and at most 0.5")
+    """Share of the states that chooses the best weights on the way."""
     patience: Count = Field(4000, description="a whole number of epochs ≥ 1")
+    """Epochs without a smaller validation loss after which training ends."""
 
 
 class PotentialOptions(NetworkOptions):
@@ -71,12 +78,20 @@ class PotentialOptions(NetworkOptions):
         min_length=1,
         description="a list of layer widths, whole numbers ≥ 1, such as [12, 12]",
     )
+    """Widths of the hidden layers."""
     activation: Literal["softplus", "tanh", "sigmoid"] = Field(
         "softplus", description="'softplus', 'tanh' or 'sigmoid'"
     )
+    """Activation of the hidden layers."""
     iterations: Count = Field(1500, description="a whole number ≥ 1")
+    """Steps of L-BFGS at most."""
     symmetry: Literal["auto", "none", "cubic"] = Field(
         "auto", description="'auto' (cubic where the cell is), 'none' or 'cubic'"
     )
+    """Terms that the network sees: ``auto`` takes those with the symmetry of the cube, if the cell has it and more than
+    three variables move."""
     anchor: Literal["polynomial", "none"] = Field("polynomial", description="'polynomial' or 'none'")
+    """``polynomial``: the network learns what a polynomial of degree 4 leaves over, which is also what is continued
+    beyond the sampled states."""
     derivatives: Annotated[bool, Strict()] = Field(True, description="true or false")
+    """Whether stress and fluid volume are learned beside W."""

@@ -22,10 +22,10 @@ class PolynomialSurrogate(ModelSurrogate):
     ----------
     model
         ``potential``, the only one.
-    degree : int
-        Largest weight of a monomial; by default the one with the smallest cross-validated error, among those
-        that leave two equations for each coefficient, and at most 4 in up to three variables: what is finer is
-        not continued beyond the sampled states, whose hull is no box.
+    degree : int, 2 to 12
+        Largest weight of a monomial, which leaves two equations for each coefficient; null: the one with the smallest
+        cross-validated error, and at most 4 in up to three variables: what is finer is not continued beyond the sampled
+        states, whose hull is no box.
     """
 
     backend = "polynomial"

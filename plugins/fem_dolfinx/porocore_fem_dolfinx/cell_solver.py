@@ -18,14 +18,16 @@ from porocore_fem_dolfinx.stokes import StokesProblem
 class DolfinxCellSolver(EquilibriumCellSolver):
     """Cell problems as UFL forms, with PETSc's linear solvers; each process solves its own states.
 
-    Options
-    -------
-    quadrature_degree : int
-        Of the solid; by default 2 (four points), and 1 for linear elements, whose gradients are constant.
+    Parameters
+    ----------
+    quadrature_degree : int, 1 to 12
+        Degree that the solid's quadrature integrates exactly; null: 2 (four points), and 1 for linear elements, whose
+        gradients are constant.
     solver : {"auto", "mumps", "cholmod", "gamg"}
-        Linear solver of the solid; auto is MUMPS up to 100,000 unknowns and multigrid beyond.
+        PETSc's linear solver of the solid; ``auto`` is MUMPS up to 30,000 unknowns, CHOLMOD up to 100,000 and multigrid
+        beyond.
     petsc : mapping
-        PETSc options for it, such as ``{"mat_mumps_icntl_7": 5}``; they go before the defaults.
+        PETSc options for it, such as ``mat_mumps_icntl_7: 5``; they go before what ``solver`` means.
     """
 
     def __init__(

@@ -21,12 +21,13 @@ class DolfinxMacroSolver(MarchingMacroSolver):
 
     The processes of MPI's world share the elements among them.
 
-    Options
-    -------
+    Parameters
+    ----------
     petsc : mapping
-        PETSc options for the linear solver; by default MUMPS' factors.
-    checkpoint_seconds : float
-        Wall time between two checkpoints; 0 writes one after every step.
+        PETSc options for the linear solver, without prefix; null: MUMPS' factors, which are ``ksp_type: preonly``,
+        ``pc_type: lu``, ``pc_factor_mat_solver_type: mumps``.
+    checkpoint_seconds : float, at least 0
+        Wall time between two checkpoints, in seconds; 0 writes one after every step.
     """
 
     distributed = True

@@ -17,12 +17,13 @@ from porocore_fem_skfem.stokes import StokesProblem
 class SkfemCellSolver(EquilibriumCellSolver):
     """Cell problems with scikit-fem's elements, batched numpy assembly and a sparse factor that is kept.
 
-    Options
-    -------
-    quadrature_degree : int
-        Of the solid; by default 2 (four points), and 1 for linear elements, whose gradients are constant.
+    Parameters
+    ----------
+    quadrature_degree : int, 1 to 12
+        Degree that the solid's quadrature integrates exactly; null: 2 (four points), and 1 for linear elements, whose
+        gradients are constant.
     solver : {"auto", "pardiso", "superlu", "amg"}
-        Linear solver; auto takes the best that is installed, multigrid beyond 100,000 unknowns.
+        Linear solver of the cell; ``auto`` takes the best that is installed, multigrid beyond 100,000 unknowns.
     """
 
     def __init__(self, *, quadrature_degree: int | None = None, solver: str = "auto", **unknown: Any) -> None:

@@ -14,8 +14,8 @@ class SkfemMacroSolver(MarchingMacroSolver):
 
     Parameters
     ----------
-    checkpoint_seconds
-        Wall time between two checkpoints; 0 writes one after every step.
+    checkpoint_seconds : float, at least 0
+        Wall time between two checkpoints, in seconds; 0 writes one after every step.
     """
 
     def __init__(self, *, checkpoint_seconds: float = 5.0) -> None:
