@@ -7,7 +7,8 @@ from typing import Any
 from porocore.closures import CLOSURES
 from porocore.config import RunConfig
 from porocore.errors import ConfigurationError, PluginError
-from porocore.registry import Kind, registry
+from porocore.hookspecs import Kind
+from porocore.registry import registry
 
 
 def make_backend(kind: Kind, config: RunConfig) -> Any:

@@ -18,8 +18,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal, get_args
 
+from porocore.discovery import Offered
 from porocore.errors import PluginError
-from porocore.registry import HOOKS, Kind, Offered, registry
+from porocore.hookspecs import Kind
+from porocore.plugin_kinds import HOOKS
+from porocore.registry import registry
 
 Result = Literal["passed", "failed", "expected failure", "skipped"]
 #: Seconds between two looks at what the process has told.

@@ -13,11 +13,12 @@ from porocore.config import RunConfig
 from porocore.courses import Course, Value
 from porocore.drainage import undrained
 from porocore.errors import PluginError
+from porocore.hookspecs import Kind
 from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
 from porocore.macro.probes import interpolation
+from porocore.plugin_kinds import HOOKS
 from porocore.problem import Boundary, MacroProblem
-from porocore.registry import HOOKS, Kind
 
 
 def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) -> None:

@@ -48,7 +48,7 @@ LAYERS = (
     ("interfaces", ("interfaces",)),
     ("hooks", ("hookspecs",)),
     ("work", ()),
-    ("choice", ("registry", "config", "config_sections", "backends", "schema")),
+    ("choice", ("plugin_kinds", "discovery", "plugin_table", "registry", "config", "config_sections", "backends", "schema")),
     ("run", ("runfolder",)),
     (
         "pipeline",

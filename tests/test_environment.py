@@ -4,7 +4,8 @@ import os
 
 import pytest
 
-from porocore.registry import FIRST_PARTY, Registry
+from porocore.plugin_kinds import FIRST_PARTY
+from porocore.registry import Registry
 
 BACKENDS = [(kind, name) for name, (_, kinds) in FIRST_PARTY.items() for kind in kinds]
 

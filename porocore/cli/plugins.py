@@ -11,7 +11,7 @@ import typer
 from porocore.errors import PluginError
 
 if TYPE_CHECKING:
-    from porocore.registry import PluginRow
+    from porocore.plugin_table import PluginRow
 
 
 def plugins(

@@ -27,7 +27,7 @@ from porocore.errors import ConfigurationError, PluginError
 
 if TYPE_CHECKING:
     from porocore.config import RunConfig
-    from porocore.registry import Kind
+    from porocore.hookspecs import Kind
     from porocore.runfolder import RunFolder
 
 

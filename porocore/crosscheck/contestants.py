@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from porocore.crosscheck.comparison import Comparison
 from porocore.errors import PluginError
-from porocore.registry import Kind, registry
+from porocore.hookspecs import Kind
+from porocore.registry import registry
 
 FEM: tuple[Kind, ...] = ("cell solver", "macro solver")
 KINDS: tuple[Kind, ...] = (*FEM, "surrogate")

@@ -13,7 +13,8 @@ from string import Template as Text
 
 from porocore.errors import ConfigurationError
 from porocore.hookspecs import INTERFACES
-from porocore.registry import FIRST_PARTY, registry
+from porocore.plugin_kinds import FIRST_PARTY
+from porocore.registry import registry
 from porocore.scaffold.kinds import TEMPLATES, Template
 from porocore.testing.version import KIT_VERSION
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.registry import Kind
+from porocore.hookspecs import Kind
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from typing import Any
 
 from porocore.crosscheck.attempt import attempt
 from porocore.errors import ConfigurationError, PluginError
-from porocore.registry import Kind, registry
+from porocore.hookspecs import Kind
+from porocore.registry import registry
 from porocore.verify import cell_cases, consolidation, permeability, small_strain, unconfined, xie_leo
 from porocore.verify.case import Case, Check, Solve
 

@@ -17,8 +17,10 @@ from porocore.benchmark import benchmark_path
 from porocore.cli import main
 from porocore.cli.cell import as_text, parse_grad_u
 from porocore.config import load_config
+from porocore.discovery import Offered, Source
 from porocore.errors import ConfigurationError, SolveError
 from porocore.hookspecs import Offer
+from porocore.plugin_table import PluginRow
 from porocore.runfolder import RunFolder
 
 
@@ -67,7 +69,7 @@ def pipeline(monkeypatch):
 @pytest.fixture(autouse=True)
 def offers(monkeypatch):
     """Backends that exist by name only, so that no test depends on what is installed."""
-    source = registry.Source("acme", "1.0", "extra")
+    source = Source("acme", "1.0", "extra")
     names = {
         "cell solver": ["skfem", "other-fem"],
         "macro solver": ["skfem", "other-fem"],
@@ -75,7 +77,7 @@ def offers(monkeypatch):
         "surrogate": ["torch"],
     }
     offers = [
-        registry.Offered(kind, Offer(name=name, load=dict, summary=""), source)
+        Offered(kind, Offer(name=name, load=dict, summary=""), source)
         for kind, known in names.items()
         for name in known
     ]
@@ -360,8 +362,8 @@ def test_help_is_fast_and_version_is_that_of_the_package(porocore_command):
 
 def test_plugins_lists_what_can_be_done(porocore_command, monkeypatch):
     rows = [
-        registry.PluginRow("surrogate", "torch", "acme 1.0", "missing dependency", "", "pip install acme"),
-        registry.PluginRow("", "odd", "odd 2.0", "broken", "", "ValueError: no"),
+        PluginRow("surrogate", "torch", "acme 1.0", "missing dependency", "", "pip install acme"),
+        PluginRow("", "odd", "odd 2.0", "broken", "", "ValueError: no"),
     ]
     monkeypatch.setattr(registry, "plugins_table", lambda: rows)
     status, out, _ = porocore_command("plugins")

@@ -14,6 +14,7 @@ from porocore.cli.entry import main
 from porocore.config import RunConfig, load_config
 from porocore.direct import DirectWork
 from porocore.direct_record import direct_records, noted
+from porocore.discovery import Offered, Source
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 from porocore.hookspecs import Offer
 from porocore.interfaces.macro import MacroSolver
@@ -159,9 +160,9 @@ def test_direct_solves_are_not_started_by_mpirun(tmp_path, config, monkeypatch, 
     """They share their cells among processes themselves."""
     folder = RunFolder.claim(tmp_path / "run", config)
     touch(folder.dataset)
-    source = registry.Source("acme", "1.0", "extra")
+    source = Source("acme", "1.0", "extra")
     offer = Offer(name="skfem", load=lambda: SharedSolver, summary="")
-    shop = registry.Registry([registry.Offered("macro solver", offer, source)], [])
+    shop = registry.Registry([Offered("macro solver", offer, source)], [])
     monkeypatch.setattr(registry, "registry", lambda: shop)
     monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
     monkeypatch.setenv("OMPI_COMM_WORLD_RANK", "0")

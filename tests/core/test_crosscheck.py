@@ -19,6 +19,8 @@ from porocore.cli import main
 from porocore.config import load_config
 from porocore.crosscheck import find_contestants
 from porocore.crosscheck.cells import AVERAGES, DERIVATIVES, STATES
+from porocore.discovery import Offered, Source
+from porocore.hookspecs import Offer
 
 pytest.importorskip("skfem")
 
@@ -292,9 +294,7 @@ def test_one_of_each_is_nothing_to_compare(crosscheck):
 
 def test_what_to_install_when_there_is_nothing_to_compare(crosscheck, monkeypatch):
     offers = [
-        registry.Offered(
-            kind, registry.Offer(name, dict, "", needs, "apt-get install it"), registry.Source("a", "1", "a")
-        )
+        Offered(kind, Offer(name, dict, "", needs, "apt-get install it"), Source("a", "1", "a"))
         for kind, name, needs in (
             ("cell solver", "skfem", ()),
             ("macro solver", "skfem", ()),

@@ -16,7 +16,7 @@ import yaml
 from porocore.benchmark import benchmark_path
 from porocore.cli.entry import app
 from porocore.config import load_config
-from porocore.registry import HOOKS
+from porocore.plugin_kinds import HOOKS
 from porocore.report.words import MEANINGS
 from porocore.states import Status
 

@@ -8,9 +8,11 @@ from importlib import metadata
 
 import pytest
 
+from porocore.discovery import Offered, Source
 from porocore.errors import PluginError
 from porocore.hookspecs import INTERFACES, Offer, Versions
-from porocore.registry import FIRST_PARTY, HOOKS, Offered, Registry, Source
+from porocore.plugin_kinds import FIRST_PARTY, HOOKS
+from porocore.registry import Registry
 
 GOOD = """
     from porocore import Offer, hookimpl

@@ -9,6 +9,7 @@ import pytest
 from porocore import registry
 from porocore.cli import main
 from porocore.errors import ConfigurationError, PluginError
+from porocore.plugin_table import PluginRow
 from porocore.verify import document, ladder
 from porocore.verify.case import Case, Check, number, observed_order
 from porocore.verify.ladder import Backends, Row, climb, find_backends, find_cases
@@ -135,8 +136,8 @@ def test_unknown_names_are_refused():
 
 def test_a_broken_plugin_is_a_failure_unless_backends_are_named(monkeypatch):
     rows = registry.registry().table()
-    fault = registry.PluginRow("", "bent", "porocore-bent 1", "broken", "", "ImportError: no")
-    missing = registry.PluginRow("cell solver", "thin", "porocore-thin 1", "missing dependency", "", "pip")
+    fault = PluginRow("", "bent", "porocore-bent 1", "broken", "", "ImportError: no")
+    missing = PluginRow("cell solver", "thin", "porocore-thin 1", "missing dependency", "", "pip")
 
     class Registry:
         def table(self):
