@@ -49,6 +49,13 @@ class DirectWork:
         """Of these, without values."""
         return sum(n for status, n in self.counts.items() if not status.has_values)
 
+    def in_words(self) -> str:
+        """For a reader."""
+        return (
+            f"{self.solves} cells solved in this session ({self.failed} without solution), {self.seconds:.1f} s in all "
+            f"processes together, for {self.points} responses"
+        )
+
     def numbers(self) -> dict[str, float]:
         """To be kept beside the solution."""
         statuses = {status.name: self.counts[status] for status in Status if self.counts[status]}
@@ -88,8 +95,8 @@ class DirectCellLaw:
     ----------
     work
         Counts and seconds.
-    on_solved
-        Called with the cells solved and the cells to solve of the present batch.
+    on_work
+        Called after every solve, with where the present iteration is.
     """
 
     noise = NOISE
@@ -97,7 +104,7 @@ class DirectCellLaw:
     def __init__(self, pool: CellPool, reference: CellResponse, identity: str) -> None:
         self.pool, self.identity = pool, f"direct-{identity}"
         self.work = DirectWork()
-        self.on_solved: Callable[[int, int], None] | None = None
+        self.on_work: Callable[[str], None] = lambda text: None
         self._rest = _Solved(_lean(reference), None)
         self._known: dict[bytes, _Solved] = {}
 
@@ -157,8 +164,7 @@ class DirectCellLaw:
             found[bytes.fromhex(outcome.key)] = _Solved(_lean(outcome.response), outcome.field)
             self.work.counts[Status(int(outcome.response.status[0]))] += 1
             self.work.seconds += outcome.seconds
-            if self.on_solved is not None:
-                self.on_solved(done + 1, total)
+            self.on_work(f"cell {done + 1} of {total} of this iteration")
 
 
 def _place(states: MacroState) -> IntArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,6 +20,25 @@ class Work(Protocol):
 
     def numbers(self) -> dict[str, float]:
         """By name; each only grows."""
+
+    def in_words(self) -> str:
+        """For a reader."""
+
+
+class SolvesCells(Protocol):
+    """What solves cells while a macro run goes on.
+
+    Attributes
+    ----------
+    on_work
+        Called with what was done, in words.
+    """
+
+    on_work: Callable[[str], None]
+
+    @property
+    def work(self) -> Work:
+        """Since this process began."""
 
 
 @contextmanager

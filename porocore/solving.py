@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 from porocore.backends import make_backend
@@ -14,7 +15,7 @@ from porocore.config import RunConfig
 from porocore.console import Console
 from porocore.dataset import Dataset
 from porocore.direct import DirectCellLaw
-from porocore.direct_record import noted
+from porocore.direct_record import SolvesCells, noted
 from porocore.execution import CellPool
 from porocore.fallback import Fallback
 from porocore.interfaces.macro import MacroSolver
@@ -37,6 +38,21 @@ from porocore.stage_times import timed
 LawKind = Literal["surrogate", "linear", "direct", "fallback"]
 #: What is solved unless something else is asked for.
 USUAL_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
+
+
+@dataclass(frozen=True)
+class RunLaw:
+    """A law of a run, and what solves cells on its way, with the file that says how many."""
+
+    law: MacroLaw
+    cells: SolvesCells | None = None
+    record: Path | None = None
+
+    def noted(self, solution: str) -> AbstractContextManager[None]:
+        """The cells solved during the block are added to the record of ``solution``."""
+        if self.cells is None or self.record is None:
+            return nullcontext()
+        return noted(self.record, solution, self.cells.work)
 
 
 def solve(
@@ -83,10 +99,10 @@ def macro_laws(
     stack: ExitStack,
     kinds: Sequence[LawKind] = USUAL_LAWS,
     direct_closure: str = "potential",
-) -> dict[str, MacroLaw]:
+) -> dict[str, RunLaw]:
     """The laws of a run by name; processes that a law needs end with ``stack``."""
     reference = load_reference(folder, config)
-    laws: dict[str, MacroLaw] = {}
+    laws: dict[str, RunLaw] = {}
     for kind in dict.fromkeys(kinds):
         if kind == "surrogate":
             law = ClosedLaw(
@@ -94,9 +110,9 @@ def macro_laws(
                 _closure(config, config.closure, reference),
                 identity=config.stages.training,
             )
-            laws[config.closure] = law
+            laws[config.closure] = RunLaw(law)
         elif kind == "linear":
-            laws[LINEAR] = LinearPoroelasticity(linear_coefficients(reference, config))
+            laws[LINEAR] = RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
         elif kind == "fallback":
             name = fallback_law(config.closure)
             laws[name] = _learning(folder, config, stack, reference, name)
@@ -105,7 +121,8 @@ def macro_laws(
             identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
             cells = DirectCellLaw(stack.enter_context(_pool(config)), rest, identity)
             name = direct_law(direct_closure)
-            laws[name] = ClosedLaw(cells, _closure(config, direct_closure, reference), name=name)
+            closed = ClosedLaw(cells, _closure(config, direct_closure, reference), name=name)
+            laws[name] = RunLaw(closed, cells, folder.direct_work)
     return laws
 
 
@@ -116,7 +133,7 @@ def _pool(config: RunConfig) -> CellPool:
 
 def _learning(
     folder: RunFolder, config: RunConfig, stack: ExitStack, reference: CellReference, name: str
-) -> LearningLaw:
+) -> RunLaw:
     """The closure of a run with a surrogate that learns where the run takes it."""
     surrogate = load_surrogate(folder, config)
     dataset = Dataset.create_or_open(
@@ -134,13 +151,14 @@ def _learning(
         config.surrogate.seed,
         objective=config.surrogate_model == "potential",
     )
-    return LearningLaw(
+    law = LearningLaw(
         extend.known(surrogate),
         _closure(config, config.closure, reference),
         extend,
         identity=f"{config.stages.training} with fallback",
         name=name,
     )
+    return RunLaw(law, extend, folder.fallback_work)
 
 
 def _closure(config: RunConfig, name: str, reference: CellReference) -> Any:
@@ -154,30 +172,22 @@ def _solve_load(
     folder: RunFolder,
     config: RunConfig,
     load: float,
-    laws: dict[str, MacroLaw],
+    laws: dict[str, RunLaw],
     solver: MacroSolver,
     backend: str | None,
     console: Console,
 ) -> None:
     world, prepared = solver.world, None
-    for name, law in laws.items():
+    for name, run in laws.items():
         path = folder.solution(name, load)
         if world.first(partial(_is_solved, folder, name, load, backend, console)):
             continue
         if prepared is None:
             prepared = solver.prepare(config.macro.problem(load))
         checkpoint = folder.macro_checkpoint(name, load)
-        cells = law.cell_law if isinstance(law, ClosedLaw) else None
-        direct = cells if isinstance(cells, DirectCellLaw) else None
-        fallback = law.extend if isinstance(law, LearningLaw) and isinstance(law.extend, Fallback) else None
-        record: AbstractContextManager[None] = nullcontext()
-        if direct is not None:
-            record = noted(folder.direct_work, path.stem, direct.work)
-        elif fallback is not None:
-            record = noted(folder.fallback_work, path.stem, fallback.work)
         with (
             world.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
-            record,
+            run.noted(path.stem),
             console.task(f"column, {name}, load {load:g}", "time") as task,
         ):
             reached = [0.0, config.macro.time.end]
@@ -186,29 +196,17 @@ def _solve_load(
                 reached[:] = round(step.time, 6), step.end
                 task.update(*reached, detail=f"settlement {step.settlement:.4g}")
 
-            if direct is not None:
-
-                def tell(done: int, total: int, task: Any = task, reached: list[float] = reached) -> None:
-                    task.update(*reached, detail=f"cell {done} of {total} of this iteration")
-
-                direct.on_solved = tell
-            if fallback is not None:
+            if run.cells is not None:
 
                 def say(text: str, task: Any = task, reached: list[float] = reached) -> None:
                     task.update(*reached, detail=text)
 
-                fallback.on_work = say
-            solution = solver.solve(prepared, law, checkpoint=checkpoint, on_step=show)
+                run.cells.on_work = say
+            solution = solver.solve(prepared, run.law, checkpoint=checkpoint, on_step=show)
             solution = replace(solution, backend=backend or config.macro_backend)
             world.first(partial(solution.save, path))
-        if direct is not None:
-            work = direct.work
-            console.note(
-                f"{path.stem}: {work.solves} cells solved in this session ({work.failed} without solution), "
-                f"{work.seconds:.1f} s in all processes together, for {work.points} responses"
-            )
-        if fallback is not None:
-            console.note(f"{path.stem}: {fallback.work.in_words()}")
+        if run.cells is not None:
+            console.note(f"{path.stem}: {run.cells.work.in_words()}")
         world.first(partial(checkpoint.unlink, missing_ok=True))
 
 

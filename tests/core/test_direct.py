@@ -217,9 +217,9 @@ def test_it_closes_like_any_cell_law(law, closure):
 
 def test_the_batch_tells_how_far_it_is(law):
     told = []
-    law.on_solved = lambda done, total: told.append((done, total))
+    law.on_work = told.append
     law.predict(along(-0.1, -0.2, -0.3, -0.1))
-    assert told == [(1, 3), (2, 3), (3, 3)]
+    assert told == [f"cell {done} of 3 of this iteration" for done in (1, 2, 3)]
 
 
 def test_an_exception_of_the_solver_is_an_error_that_says_so(law, diary):
