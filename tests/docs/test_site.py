@@ -70,3 +70,9 @@ def test_links_to_files_lead_to_the_files(site):
     (link,) = set(links)
     copied = (site / "docs" / link).resolve()
     assert copied.read_bytes() == (ROOT / "examples/cartilage-confined.yaml").read_bytes()
+
+
+def test_equations_and_tables_are_rendered(site):
+    page = (site / "docs/theory.html").read_text(encoding="utf-8")
+    assert page.count('class="math notranslate') > 10
+    assert "$$" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
