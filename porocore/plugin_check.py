@@ -21,7 +21,7 @@ from typing import Any, Literal, get_args
 from porocore.discovery import Offered
 from porocore.errors import PluginError
 from porocore.hookspecs import Kind
-from porocore.plugin_kinds import HOOKS
+from porocore.plugin_kinds import FIRST_PARTY, HOOKS
 from porocore.registry import registry
 
 Result = Literal["passed", "failed", "expected failure", "skipped"]
@@ -78,6 +78,8 @@ def offers_of(name: str, kind: Kind | None = None) -> list[Offered]:
     kinds = [k for k in HOOKS if name in known.names(k)]
     if kind is not None:
         return [known.find(kind, name)]
+    if not kinds and name in FIRST_PARTY:
+        return [known.find(FIRST_PARTY[name][1][0], name)]
     if not kinds:
         everything = sorted({offered.offer.name for offered in known.offers})
         faults = "".join(f"; the plugin of {b.source}: {b.reason}" for b in known.broken)

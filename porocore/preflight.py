@@ -40,8 +40,7 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
         loose, or a probe lies outside.
     """
     needed = HOOKS if needed is None else needed
-    for kind in needed:
-        registry.registry().find(kind, backends.backend_name(kind, config))
+    find_backends(config, needed)
     place(config)
     for kind in HOOKS:
         try:
@@ -49,6 +48,25 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
         except PluginError:
             if kind in needed:
                 raise
+
+
+def find_backends(config: RunConfig, needed: Collection[Kind]) -> None:
+    """Look for the backends; all that are missing are told at once, each name once.
+
+    Raises
+    ------
+    PluginError
+        Some are unknown, missing or broken; one line for each.
+    """
+    faults: dict[str, str] = {}
+    for kind in needed:
+        name = backends.backend_name(kind, config)
+        try:
+            registry.registry().find(kind, name)
+        except PluginError as error:
+            faults.setdefault(name, str(error))
+    if faults:
+        raise PluginError("\n".join(faults.values()))
 
 
 def place(config: RunConfig) -> BodyMesh:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from porocore.cli.common import FemOption, SurrogateOption, command, interruptible, read_config
 from porocore.console import Console
 from porocore.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from porocore.hookspecs import Kind
 
 PAPERS = ("dehghani2022",)
 
@@ -63,6 +66,7 @@ def reproduce(
     with interruptible(again):
         from porocore.benchmark import as_stated_path
         from porocore.local_fields.pictures import require
+        from porocore.preflight import find_backends
         from porocore.reproduce.make import claim_folder, draw, write_pages
         from porocore.reproduce.study import Results
 
@@ -82,6 +86,10 @@ def reproduce(
             Console(),
             pictures,
         )
+        needed: tuple[Kind, ...] = ("cell solver",)
+        if any(f.stage == "column" for f in figures):
+            needed = ("cell solver", "macro solver", "sampler", "surrogate")
+        find_backends(config, needed)
         claim_folder(results, resume=resume)
         paths = draw(results, figures)
         if figure is None:

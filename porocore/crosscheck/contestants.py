@@ -50,7 +50,8 @@ def find_contestants(fem: Sequence[str] = (), surrogates: Sequence[str] = ()) ->
     advice: dict[str, str] = {}
     broken: list[Comparison] = []
     absent: list[str] = []
-    for row in registry().table():
+    table = registry().table()
+    for row in table:
         if row.state == "ready" and row.kind in ready:
             ready[row.kind].append(row.name)
         elif row.state in ("broken", "offered twice") and row.kind != "sampler":
@@ -68,8 +69,9 @@ def find_contestants(fem: Sequence[str] = (), surrogates: Sequence[str] = ()) ->
         () if fem or surrogates else tuple(dict.fromkeys(absent)),
     )
     if not chosen.cells:
+        why = [f"{row.name} ({row.state}): {row.advice}" for row in table if row.kind in ("cell solver", "")]
         raise PluginError(
-            "there is nothing to compare: no cell solver takes part; install one (docs/plugins.md)"
+            f"there is nothing to compare: no cell solver takes part; install one: {'; '.join(why)}"
         )
     if not chosen.broken and max(map(len, (chosen.cells, chosen.bodies, chosen.surrogates))) < 2:
         named = [*dict.fromkeys((*chosen.cells, *chosen.bodies)), *chosen.surrogates]

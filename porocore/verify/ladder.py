@@ -108,7 +108,8 @@ def find_backends(fem: Sequence[str] = ()) -> Backends:
         chosen = {kind: tuple(n for n in dict.fromkeys(fem) if n in ready[kind]) for kind in KINDS}
         return Backends(chosen)
     if not any(ready.values()):
-        raise PluginError("there is no finite-element backend; install one (docs/plugins.md)")
+        why = [f"{row.name} ({row.state}): {row.advice}" for row in table if row.kind in (*KINDS, "")]
+        raise PluginError(f"there is no finite-element backend; install one: {'; '.join(dict.fromkeys(why))}")
     broken = [
         Row("", "", row.distribution, None, f"{row.state}: {row.advice}")
         for row in table
