@@ -25,9 +25,11 @@ from porocore.exploration import inform
 from porocore.files import atomic_path
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress
+from porocore.provenance import versions
 from porocore.reference import CellReference
 from porocore.registry import registry
-from porocore.runfolder import LINEAR, RunFolder, versions
+from porocore.run_files import LINEAR
+from porocore.runfolder import RunFolder
 from porocore.sampling.campaign import CampaignSummary, Progress, run_campaign
 from porocore.sampling.random_states import RandomStates
 from porocore.solving import USUAL_LAWS, LawKind, solve

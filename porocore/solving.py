@@ -21,8 +21,10 @@ from porocore.fallback import Fallback
 from porocore.interfaces.macro import MacroSolver
 from porocore.laws import MacroLaw
 from porocore.linear import LinearPoroelasticity
+from porocore.provenance import versions
 from porocore.reference import CellReference
-from porocore.runfolder import LINEAR, RunFolder, direct_law, fallback_law, versions
+from porocore.run_files import LINEAR, direct_law, fallback_law
+from porocore.runfolder import RunFolder
 from porocore.solution import StepReport
 from porocore.stage_files import (
     linear_coefficients,

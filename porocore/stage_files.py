@@ -19,9 +19,10 @@ from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.linear import LinearCoefficients
+from porocore.provenance import versions
 from porocore.reference import CellReference
 from porocore.registry import registry
-from porocore.runfolder import RunFolder, versions
+from porocore.runfolder import RunFolder
 from porocore.sampling.campaign import is_complete
 from porocore.solution import MacroSolution
 from porocore.states import CellResponse

@@ -19,6 +19,7 @@ from porocore.drainage import undrained
 from porocore.interfaces.surrogate import Surrogate
 from porocore.linear import LinearCoefficients
 from porocore.materials.neo_hookean import NeoHookean
+from porocore.provenance import versions
 from porocore.reference import CellReference
 from porocore.report.context import (
     DEHGHANI_ZILIAN,
@@ -37,7 +38,8 @@ from porocore.report.dimensional import dimensional_metrics
 from porocore.report.gaps import case_gaps
 from porocore.report.metrics import report_metrics, rms_percent, worst_percent
 from porocore.report.statuses import solved_shares, visited_shares
-from porocore.runfolder import LINEAR, RunFolder, direct_law, fallback_law, versions
+from porocore.run_files import LINEAR, direct_law, fallback_law
+from porocore.runfolder import RunFolder
 from porocore.sampled_range import SampledRange
 from porocore.solution import MacroSolution
 from porocore.states import Status

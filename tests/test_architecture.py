@@ -48,8 +48,20 @@ LAYERS = (
     ("interfaces", ("interfaces",)),
     ("hooks", ("hookspecs",)),
     ("work", ()),
-    ("choice", ("plugin_kinds", "discovery", "plugin_table", "registry", "config", "config_sections", "backends", "schema")),
-    ("run", ("runfolder",)),
+    (
+        "choice",
+        (
+            "plugin_kinds",
+            "discovery",
+            "plugin_table",
+            "registry",
+            "config",
+            "config_sections",
+            "backends",
+            "schema",
+        ),
+    ),
+    ("run", ("provenance", "run_files", "runfolder")),
     (
         "pipeline",
         (

@@ -10,7 +10,7 @@ import numpy as np
 
 from porocore.errors import ConfigurationError, PluginError
 from porocore.result_units import ResultUnits
-from porocore.runfolder import LINEAR
+from porocore.run_files import LINEAR
 from porocore.series import HISTORY
 from porocore.solution import MacroSolution, Profile
 from porocore.states import Array

@@ -277,7 +277,7 @@ def report(run: RunArgument) -> None:
     Prints the path of the report, a page to open in a browser. Solutions of several closures, and of direct FE², are
     set beside one another.
     """
-    from porocore.runfolder import LINEAR
+    from porocore.run_files import LINEAR
     from porocore.stage_files import train_command
 
     folder = _open(run)

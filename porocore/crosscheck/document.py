@@ -10,7 +10,7 @@ from porocore.crosscheck.cells import AVERAGES, DERIVATIVES, CellRun
 from porocore.crosscheck.check import CrossCheck
 from porocore.crosscheck.comparison import Comparison
 from porocore.plain_data import json_ready
-from porocore.runfolder import versions
+from porocore.provenance import versions
 from porocore.states import CellResponse, Status
 
 FORMAT, VERSION = "porocore-crosscheck", 1

@@ -8,8 +8,8 @@ from typing import Any
 from porocore.crosscheck.check import CrossCheck
 from porocore.crosscheck.comparison import Comparison, Part
 from porocore.crosscheck.figure import difference_figure
+from porocore.provenance import versions
 from porocore.report.page import Picture, environment, svg_picture
-from porocore.runfolder import versions
 
 #: Title, what the first column holds, and what is compared, of each part.
 PARTS: dict[Part, tuple[str, str, str]] = {

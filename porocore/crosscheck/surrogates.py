@@ -24,9 +24,9 @@ from porocore.exploration import inform
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 from porocore.pipeline import prepare_cell
+from porocore.provenance import versions
 from porocore.reference import CellReference
 from porocore.registry import registry
-from porocore.runfolder import versions
 from porocore.sampling.campaign import Progress, run_campaign
 from porocore.sampling.random_states import RandomStates, random_requests
 from porocore.states import Array, CellResponse, MacroState

@@ -18,7 +18,8 @@ from porocore.discovery import Offered, Source
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 from porocore.hookspecs import Offer
 from porocore.interfaces.macro import MacroSolver
-from porocore.runfolder import RunFolder, direct_law
+from porocore.run_files import direct_law
+from porocore.runfolder import RunFolder
 from porocore.states import Status
 
 
