@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -53,9 +54,9 @@ def new(
     _kind(kind)
     folder = write_project(name, kind, to)
     typer.echo(folder)
-    typer.secho(
-        f"next: pip install -e {folder}, then {command('plugin', 'check', name, '--kind', kind)}", err=True
-    )
+    # The laws are run by pytest, which the extra brings.
+    install = shlex.join(["pip", "install", "-e", f"{folder}[test]"])
+    typer.secho(f"next: {install}, then {command('plugin', 'check', name, '--kind', kind)}", err=True)
 
 
 @plugin.command()

@@ -56,7 +56,7 @@ TEMPLATES = {
         "cell",
         "A cell solver",
         "the estimate of Mori and Tanaka for round pores, in closed form",
-        "fem:\n  backend: {name}\n  options: {{grain: 0.2}}",
+        "fem:\n  backend: {name}\n  options: {{grain: 0.2}}\nmacro:\n  backend: skfem",
     ),
     "macro": Template(
         "macro solver",
@@ -66,7 +66,7 @@ TEMPLATES = {
         "macro",
         "A macro solver",
         "finite elements with numpy and scipy alone",
-        "fem:\n  backend: {name}",
+        "macro:\n  backend: {name}",
         ("scipy>=1.11",),
     ),
     "surrogate": Template(

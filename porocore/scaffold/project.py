@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import subprocess
+from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from string import Template as Text
@@ -90,6 +91,7 @@ def project_files(name: str, kind: str, distribution: str) -> dict[str, str]:
         "dependencies": "".join(f', "{text}"' for text in template.dependencies),
         "interface": str(INTERFACES[template.kind].present),
         "kit": KIT_VERSION.partition(".")[0],
+        "version": version("porocore"),
         "author": _author(distribution),
         "year": str(datetime.date.today().year),
     }

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -140,12 +141,12 @@ def test_what_is_there_is_not_overwritten(tmp_path):
 def test_new_and_check_by_the_command(site):
     out, err = porocore(site, "plugin", "new", "my-own", "--kind", "sampler")
     assert out.strip() == "porocore-sampler-my-own"
-    assert "next: pip install -e porocore-sampler-my-own" in err
+    assert "next: pip install -e 'porocore-sampler-my-own[test]', then porocore plugin check my-own" in err
     install(site / "porocore-sampler-my-own", site)
     (row,) = [r for r in json.loads(porocore(site, "plugins", "--json")[0]) if r["name"] == "my-own"]
     assert (row["distribution"], row["version"]) == ("porocore-sampler-my-own", "0.1.0")
     assert (row["kind"], row["interface"], row["state"], row["works"]) == ("sampler", 1, "ready", True)
-    assert row["requirements"] == ["porocore", "numpy>=1.26"]
+    assert row["requirements"] == [f"porocore>={version('porocore')}", "numpy>=1.26"]
     assert row["modules"] == ["numpy"]
     out, _ = porocore(site, "plugin", "check", "my-own")
     assert re.search(r"any number of inputs \[three inputs\] +│ passed", out)
