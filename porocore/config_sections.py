@@ -26,7 +26,7 @@ class FemSettings(Section):
     """The finite-element backend, of the cell and of the macroscale alike, and its own options."""
 
     backend: str = "skfem"
-    """Backend of the cell, and of the macroscale where nothing else is said there; ``porocore run --fem NAME``
+    """Backend of the cell, and of the macroscale unless ``macro.backend`` is given; ``porocore run --fem NAME``
     overrides it."""
     options: dict[str, Any] = {}
     """Options of the backend's cell solver."""
@@ -52,7 +52,7 @@ class HeldOutSettings(Section):
     """Random states that no surrogate is trained on; its error is measured there."""
 
     count: Annotated[int, Field(ge=1)] = 100
-    """Random states with values that no surrogate is trained on."""
+    """Random states with values that no surrogate is trained on; the surrogate's error is measured there."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of their draw."""
 
@@ -81,7 +81,7 @@ class SamplingSettings(Section):
     """Time limit for the solve of one state, after which its worker is ended; the state is tried once more, then
     recorded as ``lost``; null: none."""
     test: HeldOutSettings = HeldOutSettings()
-    """States apart from the training, at which the surrogate's error is measured."""
+    """States apart from the training."""
 
     @model_validator(mode="after")
     def _executor_fits(self) -> SamplingSettings:
@@ -140,7 +140,7 @@ class MacroSettings(MacroSetup):
     """Each, none of them 0, is solved with the cell's law and with linear poroelasticity; it multiplies every
     prescribed value."""
     backend: str | None = None
-    """Of the macroscale; null: the one of ``fem.backend``."""
+    """Backend of the macroscale; null: that of ``fem.backend``; ``porocore run --macro NAME`` overrides it."""
     options: dict[str, Any] = Field(default={})
     """Options of the backend's macro solver; they change how the equations are solved, not the solution."""
 

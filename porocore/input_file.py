@@ -20,7 +20,7 @@ class FromFile(BaseModel):
     """
 
     sha256: str | None = None
-    """Of the file's content, which is what counts; filled in where it is left out."""
+    """SHA-256 of the file's content, which is what counts; filled in where it is left out."""
     path: Annotated[str, Field(min_length=1)]
     """Where the file is; a relative path starts at the folder of the configuration."""
 

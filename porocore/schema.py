@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
 from porocore.config import RunConfig
-from porocore.dimensions import MULTIPLES, Dimension, Unit
+from porocore.dimensions import MULTIPLES, Carried, Dimension, Unit
 from porocore.scales import QUANTITIES
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -29,7 +29,7 @@ class _WithDescriptions(GenerateJsonSchema):
         for name, text in field_docstrings(model).items():
             if name in found.get("properties", {}):
                 field = model.model_fields[name]
-                unit = unit_of(field.annotation, field.metadata)
+                unit = unit_of(field.annotation, field.metadata, carried="that of the key above")
                 said = f"{text} Unit: {unit}." if unit else text
                 found["properties"][name].setdefault("description", said)
         return found
@@ -72,19 +72,21 @@ def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
     return found
 
 
-def unit_of(annotation: Any, metadata: Iterable[Any] = ()) -> str:
+def unit_of(annotation: Any, metadata: Iterable[Any] = (), carried: str = "") -> str:
     """Of what the numbers of a field are multiples, ``, `` between those that differ; empty where none is declared.
 
     Parameters
     ----------
     annotation, metadata
         Of the field; what it holds of other sections is left out.
+    carried
+        What stands for the unit of the value that the section belongs to.
     """
-    found = list(dict.fromkeys(_units(annotation, metadata)))
+    found = list(dict.fromkeys(_units(annotation, metadata, carried)))
     return ", ".join(unit or "–" for unit in found) if any(found) else ""
 
 
-def _units(annotation: Any, metadata: Iterable[Any] = ()) -> Iterator[str]:
+def _units(annotation: Any, metadata: Iterable[Any], carried: str) -> Iterator[str]:
     """Of every number in a value, empty for one without."""
     for extra in metadata:
         if isinstance(extra, Unit):
@@ -93,15 +95,18 @@ def _units(annotation: Any, metadata: Iterable[Any] = ()) -> Iterator[str]:
         if isinstance(extra, Dimension):
             yield QUANTITIES[extra.quantity].unit if extra.si else MULTIPLES[extra.quantity]
             return
+        if isinstance(extra, Carried):
+            yield carried
+            return
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
-        yield from _units(arguments[0], arguments[1:])
+        yield from _units(arguments[0], arguments[1:], carried)
     elif origin is dict:
-        yield from _units(arguments[1])
+        yield from _units(arguments[1], (), carried)
     elif arguments and origin is not Literal:
         for argument in arguments:
             if argument not in (type(None), Ellipsis):
-                yield from _units(argument)
+                yield from _units(argument, (), carried)
     elif not _is_section(annotation):
         yield ""
 

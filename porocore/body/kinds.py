@@ -51,9 +51,9 @@ class Box(Body):
 
     surfaces = ("x-", "x+", "y-", "y+", "z-", "z+")
     kind: Literal["box"] = "box"
-    """[0, a] × [0, b] × [0, c]."""
+    """A box, [0, a] × [0, b] × [0, c]."""
     size: tuple[Length, Length, Length] = (0.1, 7.5, 0.1)
-    """a, b and c."""
+    """Lengths a, b and c along the axes."""
     elements: tuple[Count, Count, Count] = (1, 106, 1)
     """Hexahedra along each axis: quadratic displacement, linear pressure."""
     grading: tuple[Grading, Grading, Grading] = (1.0, 1.0, 1.0)

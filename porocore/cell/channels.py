@@ -41,7 +41,7 @@ class OrthogonalChannels(DrawnGeometry):
     radius + fillet < 0.5; 0 leaves them sharp."""
 
     radii: Annotated[tuple[AxisRadius, AxisRadius, AxisRadius] | None, Unit("cell")] = None
-    """Of the channels along x, y and z, 0 for none; in place of ``radius`` and ``axes``."""
+    """Radii of the channels along x, y and z, 0 for none; in place of ``radius`` and ``axes``."""
 
     @field_validator("fillet")
     @classmethod

@@ -34,7 +34,7 @@ class ExpressionMaterial(InvariantMaterial):
     directions: Annotated[tuple[Direction, ...], Field(max_length=4)] = ()
     """Directions [a1, a2, a3] of fibres in the undeformed solid, of any length but 0."""
     energy: Annotated[str, Field(max_length=1000)]
-    """Ψ as a formula of I1, I2, I3, J, of I4, I5, … for directions, and of parameters, with + − * / **, numbers,
+    """Ψ as a formula of I1, I2, I3, J, of I4, I5, … for directions, and of parameters, with ``+ - * / **``, numbers,
     brackets, exp, log, sqrt, sinh, cosh, tanh, sin, cos and ramp."""
 
     @field_validator("parameters")

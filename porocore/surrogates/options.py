@@ -63,7 +63,7 @@ class MlpOptions(NetworkOptions):
     epochs: Count = Field(15000, description="a whole number ≥ 1")
     """Full-batch steps of Adam at most."""
     learning_rate: Rate = Field(1e-2, description="a number above 0 and at most 1")
-    """At the start; it falls to a hundredth along half a cosine."""
+    """Learning rate at the start; it falls to a hundredth along half a cosine."""
     validation_fraction: Share = Field(0.15, description="a number above 0 and at most 0.5")
     """Share of the states that chooses the best weights on the way."""
     patience: Count = Field(4000, description="a whole number of epochs ≥ 1")

@@ -99,6 +99,7 @@ def test_every_example_obeys_the_schema(path, validator):
         ("macro.boundary.y+.traction", [0, "much", 0]),
         ("macro.time.end", 0),
         ("closure", 3),
+        ("closure", "mean-gradients"),
         ("scales", {"length": "1 mm"}),
     ],
 )
@@ -120,6 +121,21 @@ def test_the_schema_describes_keys_and_tells_their_dimension():
     texts = field_docstrings(RunConfig)
     assert schema["properties"]["scales"]["description"] == texts["scales"]
     assert "x-dimension" not in schema["$defs"]["FemSettings"]["properties"]["backend"]
+
+
+def test_the_schema_says_what_every_key_means_and_in_which_unit():
+    schema = configuration_schema()
+    count = 0
+    for section in (schema, *schema["$defs"].values()):
+        for key, value in section.get("properties", {}).items():
+            text = value.get("description", "")
+            assert text.endswith("."), f"{section['title']}.{key}: {text!r}"
+            assert "``" not in text, key
+            assert "x-dimension" not in value or " Unit: " in text, key
+            count += 1
+    assert count > 150
+    assert schema["$defs"]["Boundary"]["properties"]["plate"]["description"].endswith(" Unit: E × area.")
+    assert schema["$defs"]["MeshSettings"]["properties"]["size"]["description"].endswith(" Unit: cell.")
 
 
 def test_the_schema_goes_to_a_file_and_replaces_only_a_schema(tmp_path):
