@@ -1,203 +1,288 @@
-"""The configuration page and the models: every key and option with its default and unit."""
+"""The configuration page: its tables are those of docs/make_configuration.py, and these say what the code does."""
 
 import inspect
-import json
 import re
-import types
 from importlib.util import find_spec
-from typing import Annotated, Union, get_args, get_origin
+from typing import Annotated
 
+import make_configuration
 import pytest
 import yaml
+from configuration_tables.models import all_keys, keys_by_kind, keys_of
+from configuration_tables.parameters import options_of
+from configuration_tables.words import default_words, type_words
 from pages import page, rows
-from pydantic import BaseModel
-from pydantic_core import PydanticUndefined
+from pydantic import BaseModel, Field
+from pydantic.fields import FieldInfo
 
-from porocore.config import RunConfig
-from porocore.courses import Course
-from porocore.dimensions import Dimension
+from porocore.config import config_from
+from porocore.dimensions import Dimension, Unit
 from porocore.registry import registry
-from porocore.sampling.density import DensitySweep
+from porocore.schema import configuration_schema
 from porocore.surrogates.options import MlpOptions, PotentialOptions
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
 
-#: What stands for the keys of a mapping in a dotted key.
-ANY_KEY = {
-    "materials": "REGION",
-    "inputs": "NAME",
-    "boundary": "SURFACE",
-    "surfaces": "PART",
-    "scenarios": "NAME",
-}
-#: Of the dimension that is declared beside a key, as the table shows it.
-UNITS = {
-    "displacement": "length",
-    "time": "time",
-    "stress": "E",
-    "pressure": "E",
-    "force": "E × area",
-    "body-force": "E / length",
-    "velocity": "velocity",
-    "viscosity": "μ_c",
-}
-SI = {"force": "N", "stress": "Pa", "displacement": "m", "viscosity": "Pa s"}
+PAGE = "docs/configuration.md"
 
 
-def section_of(annotation):
-    """(model, whether it is the value of a mapping) of a key that has keys below it, else (None, False)."""
-    origin, arguments = get_origin(annotation), get_args(annotation)
-    if origin is Annotated or origin in (Union, types.UnionType):
-        for argument in arguments:
-            if section_of(argument)[0]:
-                return section_of(argument)
-    if origin is dict:
-        return section_of(arguments[1])[0], True
-    if annotation is Course:  # the page has one table for all values
-        return None, False
-    is_section = isinstance(annotation, type) and issubclass(annotation, BaseModel)
-    return (annotation if is_section else None), False
-
-
-def keys_of(model, above=""):
-    """Dotted key → default, for all that a configuration may hold; PydanticUndefined where it must be given."""
-    for name, field in model.model_fields.items():
-        below, mapped = section_of(field.annotation)
-        key = f"{above}{name}"
-        if below is None or mapped:
-            yield key, field.default
-        if below is not None:
-            yield from keys_of(below, f"{key}.{ANY_KEY[name]}." if mapped else f"{key}.")
-
-
-def dimensions_of(model, above=""):
-    """Dotted key → the dimensions that are declared for its numbers."""
-    for name, field in model.model_fields.items():
-        below, mapped = section_of(field.annotation)
-        key = f"{above}{name}"
-        if found := list(declared(field.annotation, field.metadata)):
-            yield key, found
-        if below is not None:
-            yield from dimensions_of(below, f"{key}.{ANY_KEY[name]}." if mapped else f"{key}.")
-
-
-def declared(annotation, metadata=()):
-    yield from (extra for extra in metadata if isinstance(extra, Dimension))
-    if get_origin(annotation) is Annotated:
-        yield from declared(get_args(annotation)[0], get_args(annotation)[1:])
-    elif annotation is not Course:
-        for argument in get_args(annotation):
-            yield from declared(argument)
-
-
-def shown(default):
-    """A default as the table shows it."""
-    if default is PydanticUndefined:
-        return "required"
-    plain = json.loads(json.dumps(default))  # lists for tuples, and none of them twice the same
-    text = yaml.safe_dump(plain, default_flow_style=True, width=1000).strip().removesuffix("...").strip()
-    return f"`{text}`"
-
-
-def test_every_key_stands_in_the_configuration_page_with_its_default():
-    documented = {}
-    for cells in rows(page("docs/configuration.md")):
-        key = cells[0].strip("`")
-        if len(cells) == 5 and (re.fullmatch(r"\w+(\.\w+)+", key) or key in RunConfig.model_fields):
-            assert key not in documented, f"{key} is documented twice"
-            documented[key] = cells[2]
-    expected = {key: shown(default) for key, default in keys_of(RunConfig)}
-    assert len(expected) > 30
-    assert documented == expected
-
-
-def test_the_unit_of_a_key_is_that_of_its_dimension():
-    units = {
-        cells[0].strip("`"): cells[3]
-        for cells in rows(page("docs/configuration.md"))
-        if len(cells) == 5 and "." in cells[0]
-    }
-    found = dict(dimensions_of(RunConfig))
-    assert {"macro.body.size", "macro.time.end", "macro.boundary.SURFACE.plate", "cell.viscosity"} <= set(
-        found
+def tables():
+    """Of the page: what a table is of → its rows, heading first."""
+    found = re.findall(
+        r"^<!-- ([a-z-]+ [^\n]+) -->\n\n(.*?)\n<!-- end -->", page(PAGE), re.MULTILINE | re.DOTALL
     )
-    for key, dimensions in found.items():
-        if key in units:
-            first = dimensions[0]
-            assert units[key].split(",")[0] == (SI if first.si else UNITS)[first.quantity], key
-    given = {key for key, unit in units.items() if unit.split(",")[0] in UNITS.values()}
-    assert given <= set(found), "a unit without a dimension"
+    return {of: list(rows(table)) for of, table in found}
 
 
-def options_below(heading):
-    """Option → default of the first table below a line of the configuration page."""
-    text = page("docs/configuration.md").split(heading)[1]
-    table = re.search(r"(\| .*?\n)\n", text + "\n", flags=re.DOTALL)[1]
-    return {cells[0].strip("`"): cells[2] for cells in rows(table) if cells[0].startswith("`")}
+def test_the_page_is_what_the_generator_makes():
+    text = page(PAGE)
+    assert make_configuration.with_tables(text) == text, "run .venv/bin/python docs/make_configuration.py"
+
+
+def test_a_table_that_was_changed_by_hand_is_made_anew():
+    text = page(PAGE)
+    assert text.count("Size of the solid's tetrahedra") == 1
+    changed = text.replace("Size of the solid's tetrahedra", "Size of the elephants")
+    assert make_configuration.with_tables(changed) == text
+    beside = text.replace("Nothing is started before", "Nothing is begun before")
+    assert make_configuration.with_tables(beside) == beside != text
+
+
+def test_every_key_stands_on_the_page_once():
+    shown = [
+        cells[0].strip("`") for of, table in tables().items() if of.startswith("keys ") for cells in table[1:]
+    ]
+    assert sorted(shown) == sorted(key.name for key in all_keys())
+    assert len(set(shown)) == len(shown) > 70
+
+
+def test_no_property_of_the_schema_is_left_out():
+    """The schema knows the models by pydantic alone: sections, kinds, entries of lists and mappings."""
+    shown = {
+        cells[of.startswith("keys-by-kind ")].strip("`").split(".")[-1]
+        for of, table in tables().items()
+        for cells in table[1:]
+    }
+    sections = {"cell", "fem", "sampling", "surrogate", "macro", "scales", "output_units"}
+    sections |= {"geometry", "material", "mesh", "contact", "test", "body", "initial", "time", "newton"}
+    for section in [configuration_schema(), *configuration_schema()["$defs"].values()]:
+        assert set(section.get("properties", {})) - sections <= shown, section.get("title")
+
+
+def test_the_defaults_are_those_of_a_configuration_that_gives_nothing_else():
+    given = {
+        "sampling": {"inputs": {"p": {"range": [0, 1], "step": 0.1}}},
+        "macro": {"boundary": {"y-": {}}, "surfaces": {"part": {"of": "y+", "x": [0, 1]}}, "loads": [1]},
+        "scales": {"modulus": 1, "length": 1, "pore": 1},
+        "output_units": {},
+    }
+    settings = yaml.safe_load(config_from(given).resolved_yaml())
+    names = {"NAME": "p", "SURFACE": "y-", "PART": "part"}
+    compared = 0
+    for of, table in tables().items():
+        for key, _, default, *_ in table[1:] if of.startswith("keys ") else ():
+            value = settings
+            for part in key.strip("`").split("."):
+                value = value.get(names.get(part, part)) if isinstance(value, dict) else None
+            wanted = yaml.safe_load(default.strip("`"))
+            if default == "required" or value != wanted:
+                last = key.strip("`").split(".")[-1]
+                assert default == "required" or last in ("modulus", "x", "step", "surfaces"), key
+            else:
+                compared += 1
+    assert compared > 60
+
+
+def test_every_line_has_a_type_a_default_and_a_meaning():
+    for of, table in tables().items():
+        for cells in table[1:]:
+            assert len(cells) == len(table[0]), (of, cells)
+            said = cells[1:] if of.split()[0] == "keys-by-kind" else cells
+            assert all(said), (of, cells)
+
+
+# ---- in words ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("annotation", "constraint", "words"),
+    [
+        (float, Field(gt=0), "number > 0"),
+        (float, Field(gt=-1, lt=0.5), "number, −1 < key < 0.5"),
+        (float, Field(ge=0, le=1 / 3), "number, 0 to 1/3"),
+        (float, Field(lt=2), "number < 2"),
+        (int, Field(ge=1, le=8), "whole number, 1 to 8"),
+        (int | None, Field(ge=1), "whole number ≥ 1"),
+        (bool, Field(), "true, false"),
+        (str, Field(pattern="^(x|y|xy)$"), "`x`, `y`, `xy`"),
+        (str, Field(json_schema_extra={"enum": ["one", "two"]}), "`one`, `two`"),
+        (tuple[float, float], Field(), "two numbers"),
+        (tuple[int | str, ...], Field(min_length=1), "list of whole numbers or texts, not empty"),
+        (tuple[tuple[float, float, float], ...], Field(max_length=4), "list of at most 4 triples of numbers"),
+        (tuple[tuple[float, float], tuple[float, float]], Field(), "2 × 2 numbers"),
+        (tuple[tuple[float, str], ...], Field(), "list of [number, text]"),
+        (dict[str, float], Field(), "mapping of names to numbers"),
+    ],
+)
+def test_types_in_words(annotation, constraint, words):
+    field = FieldInfo.from_annotated_attribute(annotation, constraint)
+    assert type_words(field, "key") == words
+
+
+def test_defaults_in_words():
+    assert default_words(None) == "`null`"
+    assert default_words(1e-6) == "`1.0e-06`"
+    assert default_words(((1.0, None), "x")) == "`[[1.0, null], x]`"
+
+
+def test_a_length_is_told_from_a_number():
+    keys = {key.name: key.unit for key in all_keys()}
+    assert keys["macro.body.size"] == "length"
+    assert keys["macro.time.load_curve"] == "time, –"
+    assert keys["macro.boundary.SURFACE.plate"] == "E × area"
+    assert keys["scales.viscosity"] == "Pa s"
+    assert keys["cell.mesh.size"] == "cell"
+    assert keys["sampling.inputs.NAME.range"] == "p: E, else –"
+    assert keys["macro.time.tolerance"] == ""
+
+
+class Inner(BaseModel):
+    a: int
+    """First. Of two."""
+
+
+class Other(BaseModel):
+    b: float
+    """Third."""
+
+
+class Outer(BaseModel):
+    inner: Inner
+    """Not shown."""
+    many: tuple[Other, ...] = ()
+    """``code`` and
+    more."""
+
+
+def test_sections_and_lists_of_sections_are_walked_through():
+    found = [(key.name, key.type, key.default, key.meaning) for key in keys_of(Outer)]
+    assert found == [
+        ("inner.a", "whole number", "required", "First. Of two"),
+        ("many", "list of `{b}`", "`[]`", "`code` and more"),
+        ("many[].b", "number", "required", "Third"),
+    ]
+
+
+def test_keys_that_kinds_share_are_listed_once():
+    shared = [kinds for kinds, key in keys_by_kind("macro.body") if key.name == "radius"]
+    assert shared == [["cylinder", "quarter-cylinder", "wedge"]]
+
+
+# ---- options -------------------------------------------------------------------------------------
+
+
+def with_defaults(make):
+    parameters = inspect.signature(make).parameters.values()
+    return {p.name: default_words(p.default) for p in parameters if p.default is not p.empty}
+
+
+def options_in(table):
+    return {cells[0].strip("`"): cells[2] for cells in tables()[table][1:]}
 
 
 def test_the_options_of_the_cell_solver():
     solver = pytest.importorskip("porocore_fem_skfem.cell_solver").SkfemCellSolver
-    parameters = inspect.signature(solver).parameters.values()
-    expected = {p.name: shown(p.default) for p in parameters if p.kind is not p.VAR_KEYWORD}
-    assert options_below("Options of `skfem`") == expected
+    path = "plugins/fem_skfem/porocore_fem_skfem/cell_solver.py"
+    assert options_in(f"parameters {path} SkfemCellSolver") == with_defaults(solver)
 
 
-def test_the_options_of_the_cell_solver_of_dolfinx():
+def test_the_options_of_the_solvers_of_dolfinx():
     pytest.importorskip("porocore_fem_dolfinx.hooks")
     if find_spec("dolfinx") is None:
         pytest.skip("dolfinx is not installed")
     from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
+    from porocore_fem_dolfinx.macro import DolfinxMacroSolver
 
-    parameters = inspect.signature(DolfinxCellSolver).parameters.values()
-    expected = {p.name: shown(p.default) for p in parameters if p.kind is not p.VAR_KEYWORD}
-    assert options_below("Options of the cell solver of `dolfinx`") == expected
-
-
-@pytest.mark.parametrize(("model", "options"), [("mlp", MlpOptions), ("potential", PotentialOptions)])
-def test_the_options_of_the_networks(model, options):
-    expected = {name: shown(field.default) for name, field in options.model_fields.items()}
-    assert options_below(f"ptions of `torch` and `jax` for `model: {model}`") == expected
+    folder = "plugins/fem_dolfinx/porocore_fem_dolfinx"
+    assert options_in(f"parameters {folder}/cell_solver.py DolfinxCellSolver") == with_defaults(
+        DolfinxCellSolver
+    )
+    assert options_in(f"parameters {folder}/macro.py DolfinxMacroSolver") == with_defaults(DolfinxMacroSolver)
 
 
-def test_the_option_of_the_polynomial():
-    parameters = inspect.signature(PolynomialSurrogate).parameters.values()
-    expected = {
-        p.name: shown(p.default) for p in parameters if p.kind is not p.VAR_KEYWORD and p.name != "model"
-    }
-    assert options_below("Option of `polynomial`") == expected
-
-
-def test_the_options_of_the_density_sweep():
-    parameters = inspect.signature(DensitySweep).parameters.values()
-    found = {
-        p.name: shown(p.default)
-        for p in parameters
-        if p.kind is not p.VAR_KEYWORD and p.default is not p.empty
-    }
-    assert found.pop("step") == "`null`"
-    assert found.pop("tolerance") == "`0.05`"
-    assert "(0.05 for `density-sweep`)" in page("docs/configuration.md")
-    assert options_below("option of `density-sweep` beside") == found
+@pytest.mark.parametrize("options", [MlpOptions, PotentialOptions])
+def test_the_options_of_the_networks(options):
+    expected = {name: default_words(field.default) for name, field in options.model_fields.items()}
+    assert options_in(f"fields porocore.surrogates.options.{options.__name__}") == expected
 
 
 @pytest.mark.parametrize(
-    ("heading", "name"),
+    ("table", "kind", "name", "elsewhere"),
     [
-        ("Options of `sobol` and", "sobol"),
-        ("Options of `sobol` and", "latin-hypercube"),
-        ("Options of `active`; with", "active"),
-        ("Options of `macro-driven`; `sampling.tolerance`", "macro-driven"),
+        (
+            "porocore/surrogates/polynomial_surrogate.py PolynomialSurrogate",
+            "surrogate",
+            "polynomial",
+            {"model"},
+        ),
+        ("porocore/sampling/density.py DensitySweep", "sampler", "density-sweep", {"step", "tolerance"}),
+        ("porocore/sampling/designs.py Design", "sampler", "sobol", set()),
+        ("porocore/sampling/designs.py Design", "sampler", "latin-hypercube", set()),
+        ("porocore/sampling/active.py Active", "sampler", "active", {"tolerance"}),
+        ("porocore/sampling/macro_driven.py MacroDriven", "sampler", "macro-driven", {"tolerance"}),
     ],
 )
-def test_the_options_of_the_other_samplers(heading, name):
-    parameters = inspect.signature(registry().get("sampler", name)).parameters.values()
-    found = {
-        p.name: shown(p.default)
-        for p in parameters
-        if p.kind is not p.VAR_KEYWORD and p.default is not p.empty
-    }
-    tolerance = found.pop("tolerance", None)
-    assert tolerance in (None, "`null`") or f"{tolerance.strip('`')} by default" in page(
-        "docs/configuration.md"
-    )
-    assert options_below(heading) == found
+def test_the_options_of_what_is_built_in(table, kind, name, elsewhere):
+    expected = with_defaults(registry().get(kind, name))
+    assert elsewhere <= set(expected)
+    for option in elsewhere:
+        default = expected.pop(option).strip("`")
+        assert default == "null" or f"{default} by default" in page(PAGE)
+    assert options_in(f"parameters {table}") == expected
+
+
+def test_an_option_without_a_paragraph_is_refused(tmp_path):
+    path = tmp_path / "sampler.py"
+    source = '''
+class Mine:
+    """Mine.
+
+    Parameters
+    ----------
+    count : {type}
+        Number of ``things``
+        to do.
+
+    Raises
+    ------
+    ValueError
+        Never.
+    """
+
+    def __init__(self, inputs, count=3, {more}**unknown):
+        pass
+'''
+    path.write_text(source.format(type="int, above 2, at most 9", more=""), encoding="utf-8")
+    (option,) = options_of(path, "Mine")
+    assert (option.name, option.type, option.default) == ("count", "whole number, 2 < count ≤ 9", "`3`")
+    assert option.meaning == "Number of `things` to do"
+    path.write_text(source.format(type="int, positive", more=""), encoding="utf-8")
+    with pytest.raises(ValueError, match="for 'count', got 'int, positive'"):
+        options_of(path, "Mine")
+    path.write_text(source.format(type="int", more="seed=0, "), encoding="utf-8")
+    with pytest.raises(ValueError, match="Mine has no paragraph on 'seed'"):
+        options_of(path, "Mine")
+
+
+# ---- declarations --------------------------------------------------------------------------------
+
+
+def test_declarations_say_nothing_to_pydantic():
+    """A dimension or a unit beside a key changes neither what is read nor what is hashed."""
+
+    class Plain(BaseModel):
+        a: float = 1.0
+
+    class Declared(BaseModel):
+        a: Annotated[float, Unit("cell"), Dimension("time")] = 1.0
+        """Described."""
+
+    assert Plain(a=2).model_dump_json() == Declared(a=2).model_dump_json()
