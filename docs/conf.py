@@ -15,6 +15,8 @@ author = "The porocore developers"
 copyright = f"{author}, MIT licence"
 version = release = version_of("porocore")
 language = "en"
+# "--resume" stays what is typed.
+smartquotes = False
 
 extensions = [
     "myst_parser",
@@ -93,6 +95,8 @@ nitpick_ignore_regex = [
 
 html_theme = "furo"
 html_title = f"porocore {release}"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_show_sphinx = False
 html_copy_source = False
 html_show_sourcelink = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy
+from sphinx.domains.python import PyObject
 
 import porocore.states
 
@@ -30,6 +31,9 @@ def process_signature(
 
 
 def setup(app: Any) -> dict[str, Any]:
+    for field in PyObject.doc_field_types:
+        if field.name == "variable":
+            field.label = "Attributes"
     # Before napoleon, whose priority is 500.
     app.connect("autodoc-process-docstring", process_docstring, priority=400)
     app.connect("autodoc-process-signature", process_signature)

@@ -26,7 +26,7 @@ class CellField:
     domain : {"eighth", "whole"}
         The part of the cell on which it is known.
     u : (nodes, 3)
-        u¹ at the nodes of that domain's solid mesh, in the order of :class:`~porocore.cell.mesh.CellMesh.points`.
+        u¹ at the nodes of that domain's solid mesh, in the order of ``CellMesh.points``.
     """
 
     grad_u: Array

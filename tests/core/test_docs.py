@@ -152,13 +152,13 @@ def test_every_hook_is_listed():
     assert set(HOOKS.values()) <= listed
 
 
-# ---- the plugin of docs/plugins.md ----------------------------------------------------------------
+# ---- the plugin of docs/plugin-tutorial.md ----------------------------------------------------------------
 
 
 @pytest.fixture
 def halton(tmp_path):
-    """The files of docs/plugins.md, installed by hand; returns a function that runs Python with them."""
-    text = page("docs/plugins.md")
+    """The files of docs/plugin-tutorial.md, installed by hand; returns a function that runs Python with them."""
+    text = page("docs/plugin-tutorial.md")
     project = tomllib.loads(blocks(text, "toml")[0])
     package = tmp_path / "porocore_sampler_halton"
     package.mkdir()
@@ -166,7 +166,7 @@ def halton(tmp_path):
     named = re.findall(
         r"^`porocore_sampler_halton/(\w+\.py)`.*?^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL
     )
-    assert [name for name, _ in named] == ["hooks.py", "sampler.py", "conformance.py"]
+    assert [name for name, _ in named] == ["sampler.py", "hooks.py", "conformance.py"]
     for name, code in named:
         (package / name).write_text(code, encoding="utf-8")
     name, version = project["project"]["name"], project["project"]["version"]
@@ -201,7 +201,7 @@ def test_the_example_plugin_is_found(halton):
 
 def test_the_example_plugin_samples(halton, tmp_path):
     config = yaml.safe_load(benchmark_path().read_text(encoding="utf-8"))
-    config |= yaml.safe_load(blocks(page("docs/plugins.md"), "yaml")[0])
+    config |= yaml.safe_load(blocks(page("docs/plugin-tutorial.md"), "yaml")[0])
     study = tmp_path / "my.yaml"
     study.write_text(yaml.safe_dump(config), encoding="utf-8")
     code = """

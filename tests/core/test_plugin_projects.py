@@ -95,8 +95,8 @@ def test_new_projects_pass_a_strangers_linter(tmp_path):
 
 
 def test_the_plugin_of_the_page_is_the_example():
-    """docs/plugins.md shows the files of the sampler as they are."""
-    page = (ROOT / "docs/plugins.md").read_text(encoding="utf-8")
+    """docs/plugin-tutorial.md shows the files of the sampler as they are."""
+    page = (ROOT / "docs/plugin-tutorial.md").read_text(encoding="utf-8")
     (project,) = [path for path in EXAMPLES if path.name == "porocore-sampler-halton"]
     for name in (
         "pyproject.toml",
