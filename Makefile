@@ -3,7 +3,7 @@
 PORO := .venv/bin/porocore
 RUN ?= runs/dehghani2022
 
-.PHONY: run test test-slow lint docs benchmarks clean
+.PHONY: run test test-slow lint docs dist benchmarks clean
 
 run: .venv/.ready-run
 	$(PORO) run --out $(RUN) --resume
@@ -24,6 +24,11 @@ lint: .venv/.ready-test
 docs: .venv/.ready-test
 	.venv/bin/python -m sphinx -W --keep-going -c docs -b html . build/docs
 
+# The distributions, in dist/: built, and tried in empty environments, which fetches what they need (some 2 GB on the disk).
+dist: .venv/.ready-test
+	.venv/bin/python tools/build.py --out dist
+	POROCORE_DIST=dist .venv/bin/python -m pytest --run-slow tests/release
+
 benchmarks: .venv/.ready-test
 	.venv/bin/python benchmarks/run.py
 
@@ -31,4 +36,4 @@ benchmarks: .venv/.ready-test
 	sh tools/setup.sh $*
 
 clean:
-	rm -rf .venv runs
+	rm -rf .venv runs build dist
