@@ -21,11 +21,13 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class _WithDescriptions(GenerateJsonSchema):
-    """The docstring below a field is its description, with the unit behind it."""
+    """The docstring below a field is its description, with the unit behind it; of a section the first paragraph is."""
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
         found = super().model_schema(schema)
         model: type[BaseModel] = schema["cls"]
+        if "description" in found:
+            found["description"] = _plain(found["description"].partition("\n\n")[0])
         for name, text in field_docstrings(model).items():
             if name in found.get("properties", {}):
                 field = model.model_fields[name]
@@ -67,9 +69,13 @@ def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
                 and isinstance(below.value, ast.Constant)
                 and isinstance(below.value.value, str)
             ):
-                text = " ".join(inspect.cleandoc(below.value.value).split())
-                found[field.target.id] = text.replace("``", "`")
+                found[field.target.id] = _plain(inspect.cleandoc(below.value.value))
     return found
+
+
+def _plain(text: str) -> str:
+    """A docstring in one line, with code as Markdown has it."""
+    return " ".join(text.split()).replace("``", "`")
 
 
 def unit_of(annotation: Any, metadata: Iterable[Any] = (), carried: str = "") -> str:

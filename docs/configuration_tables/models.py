@@ -133,7 +133,13 @@ def keys_by_kind(key: str) -> list[tuple[list[str], Key]]:
     groups: dict[tuple[str, ...], list[Key]] = {}
     for own, kinds in found.items():
         groups.setdefault(tuple(kinds), []).append(own)
-    return [(list(kinds), own) for kinds, group in groups.items() for own in group]
+    return [(list(kinds), own) for kinds, group in groups.items() for own in _required_first(group)]
+
+
+def _required_first(keys: list[Key]) -> list[Key]:
+    """In the order of the models else; what is below a list stays behind it."""
+    optional = {key.name: key.default != "required" for key in keys}
+    return sorted(keys, key=lambda key: optional[key.name.partition("[]")[0]])
 
 
 def _is_default(model: type[BaseModel]) -> bool:

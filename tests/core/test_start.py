@@ -133,6 +133,8 @@ def test_the_schema_says_what_every_key_means_and_in_which_unit():
             assert "``" not in text, key
             assert "x-dimension" not in value or " Unit: " in text, key
             count += 1
+        said = section.get("description", "")
+        assert not any(markup in said for markup in ("``", ":class:", "\n")), said
     assert count > 150
     assert schema["$defs"]["Boundary"]["properties"]["plate"]["description"].endswith(" Unit: E × area.")
     assert schema["$defs"]["MeshSettings"]["properties"]["size"]["description"].endswith(" Unit: cell.")
