@@ -5,7 +5,7 @@
     from porocore.testing import SamplerSuite
 
     class TestMine(SamplerSuite):
-        kit_version = "1"
+        kit_version = "2"
 
         @classmethod
         def make_sampler(cls, inputs, **options):

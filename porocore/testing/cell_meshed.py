@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMyCellSolver(MeshedCellSuite):
-        kit_version = "1"
+        kit_version = "2"
 
         @classmethod
         def make_solver(cls):

@@ -21,7 +21,7 @@ class CellSuite(Suite):
     @classmethod
     def make_solver(cls) -> CellSolver:
         """The solver under test, with default options."""
-        raise NotImplementedError
+        raise cls.undefined("make_solver(cls)", "MyCellSolver()", "a new porocore.CellSolver")
 
     @classmethod
     def make_cell(cls, **others: Any) -> Cell:

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from porocore.errors import ConfigurationError
 from porocore.problem import MacroProblem
@@ -75,7 +74,3 @@ class Plates(Solving):
             ConfigurationError, match=r"boundary.y\+: the plate moves as one, but .* u_2 on their common edge"
         ):
             self.prepare(squeezed({"plate": 1}, boundary={**faces, "y+": {"plate": 1}}))
-
-    def test_a_plate_that_is_moved_is_refused(self) -> None:
-        with pytest.raises(ValidationError, match=r"y\+ has both a plate.* and a displacement u_2.*keep one"):
-            squeezed({"plate": 1, "displacement": (None, 0.1, None)})

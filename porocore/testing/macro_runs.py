@@ -126,6 +126,19 @@ class Runs(Solving):
             for field in fields(Profile):
                 assert np.array_equal(getattr(mine, field.name), getattr(other, field.name)), field.name
 
+    def test_what_is_prepared_serves_several_solves(self) -> None:
+        """Whatever was solved before, under this law or another one."""
+        solver = self.make_solver()
+        prepared = solver.prepare(confined_column(4, load=-0.1, time=SHORT))
+        first, _, again = (solver.solve(prepared, law).history for law in (NONLINEAR, LINEAR, NONLINEAR))
+        np.testing.assert_array_equal(again.time, first.time)
+        np.testing.assert_allclose(again.settlement, first.settlement, rtol=1e-9)
+        np.testing.assert_allclose(again.pressure_max, first.pressure_max, rtol=1e-9)
+
+    def test_unknown_options_are_refused(self) -> None:
+        with pytest.raises((ConfigurationError, TypeError), match="no_such_option"):
+            self.make_solver(no_such_option=1)
+
     def test_a_finished_run_is_not_run_again(self, tmp_path: Any, whole: Any) -> None:
         path = tmp_path / "macro.h5"
         reports: list[StepReport] = []

@@ -29,8 +29,10 @@ class Solving(Suite):
 
     @classmethod
     def make_solver(cls, **options: Any) -> MacroSolver:
-        """The solver under test; the suite gives no option but ``checkpoint_seconds``."""
-        raise NotImplementedError
+        """The solver under test with the options: ``checkpoint_seconds``, and one that it has to refuse."""
+        raise cls.undefined(
+            "make_solver(cls, **options)", "MyMacroSolver(**options)", "a new porocore.MacroSolver"
+        )
 
     @classmethod
     def prepare(cls, problem: MacroProblem) -> Any:

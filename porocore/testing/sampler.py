@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMySampler(SamplerSuite):
-        kit_version = "1"
+        kit_version = "2"
 
         @classmethod
         def make_sampler(cls, inputs, **options):
@@ -49,7 +49,11 @@ class SamplerSuite(Suite):
     @classmethod
     def make_sampler(cls, inputs: InputSpace, **options: Any) -> Sampler:
         """A new sampler of the box."""
-        raise NotImplementedError
+        raise cls.undefined(
+            "make_sampler(cls, inputs, **options)",
+            "MySampler(inputs, **options)",
+            "a new porocore.Sampler of the box of the inputs",
+        )
 
     @classmethod
     def ready(cls, inputs: InputSpace = INPUTS, **options: Any) -> Sampler:

@@ -17,7 +17,7 @@ class Suite:
     Attributes
     ----------
     kit_version
-        The version of the kit that the plugin passes, such as ``"1"``. With another one a single law fails and says
+        The version of the kit that the plugin passes, such as ``"2"``. With another one a single law fails and says
         what to do.
     expected_failures
         Laws that the implementation is known to break: name of the test → reason. A name without brackets holds for
@@ -39,6 +39,24 @@ class Suite:
                 raise TypeError(
                     f"{cls.__name__}.expected_failures['{name}']: expected a reason, got {reason!r}"
                 )
+
+    @classmethod
+    def undefined(cls, arguments: str, example: str, what: str) -> NotImplementedError:
+        """What to raise where a subclass does not define a function that it must define.
+
+        Parameters
+        ----------
+        arguments
+            The function as its first line has it, such as ``make_solver(cls)``.
+        example
+            What it may return.
+        what
+            What that is, in words.
+        """
+        return NotImplementedError(
+            f"{cls.__name__} does not say what is tested; write in it a function that returns {what}:\n\n"
+            f"    @classmethod\n    def {arguments}:\n        return {example}\n"
+        )
 
     @pytest.fixture(autouse=True)
     def _expect_failures(self, request: pytest.FixtureRequest) -> None:

@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMySurrogate(SurrogateSuite):
-        kit_version = "1"
+        kit_version = "2"
 
         @classmethod
         def make_surrogate(cls):

@@ -30,7 +30,7 @@ class Fitting(Suite):
     @classmethod
     def make_surrogate(cls) -> Surrogate:
         """An untrained surrogate whose training takes seconds and reports progress at least five times."""
-        raise NotImplementedError
+        raise cls.undefined("make_surrogate(cls)", "MySurrogate()", "an untrained porocore.Surrogate")
 
     @classmethod
     def make_invalid(cls, options: dict[str, Any]) -> Surrogate:

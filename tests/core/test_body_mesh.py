@@ -148,6 +148,21 @@ def test_prescribed_values_and_loads_of_the_faces():
     np.testing.assert_allclose(outflow @ (corners[:, 0] * corners[:, 2]), -0.5 * 0.5 * 1.5**2 / 2, rtol=1e-13)
 
 
+@pytest.mark.parametrize(
+    ("face", "message"),
+    [
+        (
+            {"plate": 1, "displacement": (None, 0.1, None)},
+            r"y\+ has both a plate.* and a displacement u_2.*keep one",
+        ),
+        ({"plate": 1, "normal": 0.1}, "both a plate, which is pushed, and a normal displacement; keep one"),
+    ],
+)
+def test_a_plate_that_is_moved_is_refused(face, message):
+    with pytest.raises(ValidationError, match=message):
+        MacroProblem.model_validate({"body": {"size": (2, 1, 0.5)}, "boundary": {"y+": face}})
+
+
 def test_a_patch_takes_its_facets_from_the_surface():
     problem = MacroProblem.model_validate(
         PATCH

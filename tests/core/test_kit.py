@@ -1,107 +1,29 @@
-"""The conformance kit: every law catches the wrong implementation that it is meant for, and passes the right one."""
+"""The conformance kit: versions, expected failures, and what it says to authors; its laws are in test_kit_laws.py."""
 
 from __future__ import annotations
 
 import ast
-import os
 import subprocess
 import sys
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 
 from porocore.testing import (
     KIT_VERSION,
+    CellContactSuite,
     CellSolverSuite,
+    MacroSolverSuite,
+    MeshedCellSuite,
     PotentialSuite,
     SamplerSuite,
     Suite,
     SurrogateSuite,
 )
-from porocore.testing.suite import laws_of
 from porocore.testing.version import complaint
 
-WRONG = Path(__file__).parent / "wrong"
-SUITES = {"samplers": SamplerSuite, "cells": CellSolverSuite, "surrogates": PotentialSuite}
-
-
-def classes(file: str) -> dict[str, str]:
-    """Name of each suite in a file → the law that is to catch it; empty for those that obey all."""
-    found = {}
-    for node in ast.parse((WRONG / f"{file}.py").read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.ClassDef) and node.name.startswith("Test"):
-            (law,) = [
-                statement.value.value
-                for statement in node.body
-                if isinstance(statement, ast.Assign) and statement.targets[0].id == "caught_by"
-            ]
-            found[node.name] = law
-    return found
-
-
-CASES = [(file, name, law) for file in SUITES for name, law in classes(file).items()]
-
-
-def run_pytest(folder: Path, root: Path, *words: str) -> dict[tuple[str, str], list[str]]:
-    """Outcomes of each (class, law) of one run: passed, failed, error or skipped; also an xfail is skipped."""
-    report = folder / "report.xml"
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull),
-            *("--rootdir", str(root), f"--junitxml={report}", "--import-mode=importlib", *words),
-        ],
-        env={**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert report.exists(), done.stdout + done.stderr
-    found: dict[tuple[str, str], list[str]] = {}
-    for case in ElementTree.parse(report).iter("testcase"):
-        place = case.attrib["classname"].rsplit(".", 2)[-2:]
-        key = f"{place[0]}.{place[1]}", case.attrib["name"].partition("[")[0]
-        found.setdefault(key, []).append(case[0].tag if len(case) else "passed")
-    return found
-
-
-@pytest.fixture(scope="module")
-def outcomes(tmp_path_factory):
-    """Of the wrong ones the law that is meant for them, of the right ones all."""
-    nodes = [f"{WRONG / file}.py::{name}" + (f"::{law}" if law else "") for file, name, law in CASES]
-    return run_pytest(tmp_path_factory.mktemp("kit"), WRONG, *nodes)
-
-
-@pytest.mark.parametrize(("file", "name", "law"), [case for case in CASES if case[2]])
-def test_a_wrong_implementation_is_caught_by_the_law_meant_for_it(outcomes, file, name, law):
-    assert "failure" in outcomes[f"{file}.{name}", law], outcomes[f"{file}.{name}", law]
-
-
-@pytest.mark.parametrize(("file", "name"), [case[:2] for case in CASES if not case[2]])
-def test_a_right_implementation_passes_all(outcomes, file, name):
-    found = {law: results for (suite, law), results in outcomes.items() if suite == f"{file}.{name}"}
-    assert set(found) == set(laws_of(SUITES[file]))
-    assert {result for results in found.values() for result in results} <= {"passed", "skipped"}
-
-
-@pytest.mark.parametrize("file", SUITES)
-def test_no_law_is_without_a_wrong_implementation(file):
-    caught = set(classes(file).values()) | set(classes("samplers").values()) & {"test_version_of_the_kit"}
-    assert set(laws_of(SUITES[file])) <= caught
-
-
-@pytest.mark.slow
-def test_wrong_macro_solvers_are_caught(tmp_path):
-    """Those that change what the core does not do for every backend; the rest of the laws hold by the core's loop."""
-    cases = classes("macros")
-    found = run_pytest(
-        tmp_path, WRONG, *(f"{WRONG / 'macros'}.py::{name}::{law}" for name, law in cases.items())
-    )
-    for name, law in cases.items():
-        assert "failure" in found[f"macros.{name}", law], (name, law)
-
-
-# ---- versions and expected failures ---------------------------------------------------------------
+sys.path.insert(0, str(Path(__file__).parent))
+from kit_runs import run_pytest
 
 
 def test_versions_of_the_kit():
@@ -121,7 +43,7 @@ from porocore.testing import Suite
 import pytest
 
 class Laws(Suite):
-    kit_version = "1"
+    kit_version = "2"
     def test_holds(self): pass
     def test_breaks(self): assert 1 == 2
     @pytest.mark.parametrize("n", [1, 2])
@@ -134,9 +56,10 @@ class TestStale(Laws):
     expected_failures = {"test_holds": "mended long ago", "test_breaks": "numbers differ"}
 """
     )
-    found = run_pytest(tmp_path, tmp_path, str(tmp_path / "test_laws.py"))
+    found = run_pytest(tmp_path, tmp_path, [str(tmp_path / "test_laws.py")])
     known, stale = (
-        {law: v for (name, law), v in found.items() if name.endswith(n)} for n in ("Known", "Stale")
+        {law: [outcome for outcome, _ in cases] for (name, law), cases in found.items() if name.endswith(n)}
+        for n in ("Known", "Stale")
     )
     assert known["test_breaks"] == ["skipped"]
     assert sorted(known["test_cases"]) == ["passed", "skipped"]
@@ -155,6 +78,49 @@ class TestStale(Laws):
 
         class Silent(SurrogateSuite):
             expected_failures = {"test_shapes": ""}  # noqa: RUF012
+
+
+@pytest.mark.parametrize(
+    ("suite", "arguments", "interface"),
+    [
+        (CellSolverSuite, "make_solver(cls)", "CellSolver"),
+        (MeshedCellSuite, "make_solver(cls)", "CellSolver"),
+        (CellContactSuite, "make_solver(cls)", "CellSolver"),
+        (MacroSolverSuite, "make_solver(cls, **options)", "MacroSolver"),
+        (SurrogateSuite, "make_surrogate(cls)", "Surrogate"),
+        (PotentialSuite, "make_surrogate(cls)", "Surrogate"),
+        (SamplerSuite, "make_sampler(cls, inputs, **options)", "Sampler"),
+    ],
+)
+def test_a_suite_without_its_function_says_what_to_write(suite, arguments, interface):
+    class TestMine(suite):
+        kit_version = KIT_VERSION
+
+    function = arguments.partition("(")[0]
+    with pytest.raises(NotImplementedError) as error:
+        getattr(TestMine, function)(*[None] * arguments.count("inputs"))
+    words, _, code = str(error.value).partition("\n\n")
+    assert words.startswith("TestMine does not say what is tested; write in it a function that returns a")
+    assert words.endswith(":")
+    assert f"porocore.{interface}" in words
+    assert f"    @classmethod\n    def {arguments}:\n" in code
+    # What is shown can be pasted into the class.
+    (mine,) = ast.parse(f"class TestMine:\n{code}").body
+    (definition,) = mine.body
+    assert definition.name == function
+
+
+def test_a_suite_without_its_function_is_told_so_once_for_each_law(tmp_path):
+    (tmp_path / "test_mine.py").write_text(
+        f"from porocore.testing import SamplerSuite\nclass TestMine(SamplerSuite):\n    kit_version = '{KIT_VERSION}'\n"
+    )
+    found = run_pytest(tmp_path, tmp_path, [str(tmp_path / "test_mine.py")])
+    assert found.pop(("test_mine.TestMine", "test_version_of_the_kit")) == [("passed", "")]
+    messages = {
+        message for cases in found.values() for outcome, message in cases if outcome in ("error", "failure")
+    }
+    assert len(found) > 10
+    assert all("TestMine does not say what is tested" in message for message in messages), messages
 
 
 def test_without_pytest_the_kit_says_what_to_install():

@@ -38,7 +38,7 @@ def with_slopes(response, **changed):
 
 
 class _Law(CellSolverSuite):
-    kit_version = "1"
+    kit_version = "2"
     caught_by: ClassVar[str]
     solver_class: ClassVar[type[LayeredCellSolver]] = Altered
 

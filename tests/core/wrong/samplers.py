@@ -47,7 +47,7 @@ class Fine(Sampler):
 
 
 class _Law(SamplerSuite):
-    kit_version = "1"
+    kit_version = "2"
     budget = 12
     random = True
     caught_by: ClassVar[str]

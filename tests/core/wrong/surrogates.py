@@ -44,7 +44,7 @@ def with_slopes(response, **changed):
 
 
 class _Law(PotentialSuite):
-    kit_version = "1"
+    kit_version = "2"
     random: ClassVar = False
     resumable: ClassVar = False
     caught_by: ClassVar[str]

@@ -1,0 +1,179 @@
+"""The conformance kit: every law of every suite catches the wrong implementation that is meant for it.
+
+The wrong ones lie in ``wrong/``, each a right one with one thing spoilt. What a class there says:
+
+``caught_by``
+    The law that it breaks; empty for a right one, which obeys all.
+``raises``
+    The error in which the law ends, where that is none of its own assertions.
+``slow``
+    That the law takes a second or more.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import porocore.testing
+from porocore.testing.suite import Suite, laws_of
+
+sys.path.insert(0, str(Path(__file__).parent))
+from kit_runs import Outcomes, run_pytest
+
+WRONG = Path(__file__).parent / "wrong"
+#: The suite of the classes in each file.
+SUITES: dict[str, type[Suite]] = {
+    "samplers": porocore.testing.SamplerSuite,
+    "cells": porocore.testing.CellSolverSuite,
+    "surrogates": porocore.testing.PotentialSuite,
+    "meshed": porocore.testing.MeshedCellSuite,
+    "contact": porocore.testing.CellContactSuite,
+    "macro_states": porocore.testing.MacroSolverSuite,
+    "macro_plates": porocore.testing.MacroSolverSuite,
+    "macro_bodies": porocore.testing.MacroSolverSuite,
+    "macro_histories": porocore.testing.MacroSolverSuite,
+    "macro_runs": porocore.testing.MacroSolverSuite,
+}
+#: Whose right implementation is cheap, so that it is held to all laws here; the others are those of a backend, which is
+#: held to all of them by its own tests.
+WHOLE = ("samplers", "cells", "surrogates")
+#: How a failed assertion begins, in words of Python, numpy and pytest.
+ASSERTIONS = ("AssertionError", "assert ", "Failed: ")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A class of ``wrong/``."""
+
+    file: str
+    name: str
+    caught_by: str
+    raises: str = ""
+    slow: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.file}.{self.name}"
+
+    def node(self, law: str = "") -> str:
+        """As pytest names it, or one of its laws."""
+        return f"{WRONG / self.file}.py::{self.name}" + (f"::{law}" if law else "")
+
+
+def cases(file: str) -> Iterable[Case]:
+    """Read, not imported: backends are slow to import."""
+    for node in ast.parse((WRONG / f"{file}.py").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef) and node.name.startswith("Test"):
+            said = {
+                statement.targets[0].id: statement.value.value
+                for statement in node.body
+                if isinstance(statement, ast.Assign) and isinstance(statement.value, ast.Constant)
+            }
+            yield Case(
+                file, node.name, **{key: said[key] for key in ("caught_by", "raises", "slow") if key in said}
+            )
+
+
+CASES = [case for file in SUITES for case in cases(file)]
+RIGHT = [case for case in CASES if not case.caught_by]
+WRONGS = [case for case in CASES if case.caught_by]
+
+
+def run(folder: Path, slow: bool) -> Outcomes:
+    """The wrong ones by the law that is meant for them. If slow, also the right ones by the laws of their file."""
+    there = [case for case in CASES if case.file in WHOLE or find_spec("porocore_fem_skfem")]
+    nodes = [case.node(case.caught_by) for case in there if case.caught_by and case.slow == slow]
+    for case in there:
+        if not case.caught_by and slow and case.file not in WHOLE:
+            nodes += sorted({case.node(other.caught_by) for other in cases(case.file) if other.caught_by})
+        elif not case.caught_by and not slow and case.file in WHOLE:
+            nodes.append(case.node())
+    return run_pytest(folder, WRONG, nodes)
+
+
+@pytest.fixture(scope="module")
+def fast(tmp_path_factory: pytest.TempPathFactory) -> Outcomes:
+    return run(tmp_path_factory.mktemp("kit"), slow=False)
+
+
+@pytest.fixture(scope="module")
+def slow(tmp_path_factory: pytest.TempPathFactory) -> Outcomes:
+    return run(tmp_path_factory.mktemp("kit"), slow=True)
+
+
+def assert_caught(case: Case, outcomes: Outcomes) -> None:
+    """By an assertion of the law, so that a slip in the wrong implementation itself does not count."""
+    if case.file not in WHOLE:
+        pytest.importorskip("porocore_fem_skfem")
+    found = outcomes[str(case), case.caught_by]
+    caught = [message for outcome, message in found if outcome == "failure"]
+    if case.raises:
+        assert any(re.match(rf"(\w+\.)*{case.raises}: ", message) for message in caught), found
+    else:
+        assert any(message.startswith(ASSERTIONS) for message in caught), found
+
+
+@pytest.mark.parametrize("case", [case for case in WRONGS if not case.slow], ids=str)
+def test_a_wrong_implementation_is_caught_by_the_law_meant_for_it(fast, case):
+    assert_caught(case, fast)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [case for case in WRONGS if case.slow], ids=str)
+def test_a_wrong_implementation_is_caught_by_the_slow_law_meant_for_it(slow, case):
+    assert_caught(case, slow)
+
+
+@pytest.mark.parametrize("case", [case for case in RIGHT if case.file in WHOLE], ids=str)
+def test_a_right_implementation_passes_all(fast, case):
+    found = {law: results for (name, law), results in fast.items() if name == str(case)}
+    assert set(found) == set(laws_of(SUITES[case.file]))
+    assert {outcome for results in found.values() for outcome, _ in results} <= {"passed", "skipped"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [case for case in RIGHT if case.file not in WHOLE], ids=str)
+def test_a_right_implementation_passes_the_laws_that_catch_the_wrong_ones(slow, case):
+    """So that a wrong one differs from it by what is spoilt alone."""
+    pytest.importorskip("porocore_fem_skfem")
+    found = {law: results for (name, law), results in slow.items() if name == str(case)}
+    assert set(found) == {other.caught_by for other in cases(case.file) if other.caught_by}
+    assert {outcome for results in found.values() for outcome, _ in results} == {"passed"}
+
+
+def suites() -> list[type[Suite]]:
+    """All that the kit has."""
+    found = [getattr(porocore.testing, name) for name in porocore.testing.__all__]
+    return [suite for suite in found if isinstance(suite, type) and issubclass(suite, Suite)]
+
+
+@pytest.mark.parametrize("suite", suites(), ids=lambda suite: suite.__name__)
+def test_no_law_is_without_a_wrong_implementation(suite):
+    """Laws that several suites share are one law; those of one name in different suites are not."""
+    caught = {getattr(SUITES[case.file], case.caught_by) for case in WRONGS}
+    assert [law for law in laws_of(suite) if getattr(suite, law) not in caught] == []
+
+
+@pytest.mark.parametrize("suite", sorted(set(SUITES.values()), key=str), ids=lambda suite: suite.__name__)
+def test_every_suite_has_a_law_that_is_shown_at_once_to_catch_a_wrong_one(suite):
+    fast = {case.caught_by for case in WRONGS if SUITES[case.file] is suite and not case.slow}
+    inherited = {law for base in suite.__bases__ if base in SUITES.values() for law in laws_of(base)}
+    assert fast - inherited
+
+
+def test_what_is_spoilt_is_told_apart_from_a_slip():
+    """An implementation that does not run at all proves nothing about a law."""
+    case = Case("cells", "TestX", "test_rest")
+    for message in ("NameError: name 'npp' is not defined", "TypeError: alter() takes 2 arguments"):
+        with pytest.raises(AssertionError):
+            assert_caught(case, {("cells.TestX", "test_rest"): [("failure", message)]})
+    assert_caught(case, {("cells.TestX", "test_rest"): [("passed", ""), ("failure", "assert 1 == 2")]})
+    with pytest.raises(AssertionError):
+        assert_caught(case, {("cells.TestX", "test_rest"): [("error", "assert 1 == 2")]})

@@ -1,0 +1,98 @@
+"""Cell solvers of any geometry that break one law each, made of the one on scikit-fem."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from porocore.states import Status
+
+sys.path.insert(0, str(Path(__file__).parent))
+from skfem_cells import Altered, Meshed, with_slopes
+
+
+class TestFine(Meshed):
+    caught_by = ""
+
+
+class TestPrefersAnAxis(Meshed):
+    caught_by = "test_cubic_symmetry"
+    slow = True
+
+    class solver_class(Altered):
+        def alter(self, response, cell):
+            along = np.ones((3, 3, 3, 3))
+            along[2, 2, 2, 2] = 1.001
+            return with_slopes(response, mean_grad_grad_u=lambda values: along * values)
+
+
+class TestForgetsTheImages(Meshed):
+    """An eighth of the energy, where an eighth of the cell is solved."""
+
+    caught_by = "test_eighth_and_whole_cell_agree"
+    slow = True
+
+    class solver_class(Altered):
+        def alter(self, response, cell):
+            share = 1 if cell.symmetry == "none" else 1 / 8
+            return replace(response, potential=share * response.potential)
+
+
+class TestClosedAlongAnAxis(Meshed):
+    caught_by = "test_the_flow_percolates_along_every_axis"
+    slow = True
+
+    class solver_class(Altered):
+        def conductivity(self, prepared):
+            return super().conductivity(prepared) * np.diag([1, 1, 0])
+
+
+class TestCountsTheImagesTwice(Meshed):
+    caught_by = "test_the_flow_percolates_along_every_axis"
+    slow = True
+
+    class solver_class(Altered):
+        def conductivity(self, prepared):
+            return super().conductivity(prepared) * (2 if prepared.cell.symmetry == "none" else 1)
+
+
+class TestSlipsAlongTheWall(Meshed):
+    """Parabola and a uniform velocity."""
+
+    caught_by = "test_conductivity_of_a_straight_channel"
+
+    class solver_class(Altered):
+        def conductivity(self, prepared):
+            return 1.05 * super().conductivity(prepared)
+
+
+class TestFlowsThroughTheSolid(Meshed):
+    caught_by = "test_conductivity_of_a_straight_channel"
+
+    class solver_class(Altered):
+        def conductivity(self, prepared):
+            K = super().conductivity(prepared)
+            return K + 0.01 * K.max() * np.eye(3)
+
+
+class TestDoesNotSeeTheOverlap(Meshed):
+    caught_by = "test_a_failed_state_does_not_take_the_others_along"
+    slow = True
+
+    class solver_class(Altered):
+        def alter(self, response, cell):
+            status = np.where(response.status == Status.overlap, Status.not_converged, response.status)
+            return replace(response, status=status)
+
+
+class TestOneFailureFailsAll(Meshed):
+    caught_by = "test_a_failed_state_does_not_take_the_others_along"
+    slow = True
+
+    class solver_class(Altered):
+        def alter(self, response, cell):
+            lost = np.where(response.valid.all(), 1.0, np.nan)
+            return replace(response, stress=lost * response.stress)
