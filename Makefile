@@ -26,7 +26,7 @@ docs: .venv/.ready-test
 
 # The distributions, in dist/: built, and tried in empty environments, which fetches what they need (some 2 GB on the disk).
 dist: .venv/.ready-test
-	.venv/bin/python tools/build.py --out dist
+	.venv/bin/python tools/distributions.py --out dist
 	POROCORE_DIST=dist .venv/bin/python -m pytest --run-slow tests/release
 
 benchmarks: .venv/.ready-test

@@ -12,6 +12,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 TOGETHER = {
     # Every process in which jax compiles keeps gigabytes; what one test compiles, the next one finds.
     "jax": ("plugins/surrogate_jax/", "tests/consistency/test_surrogate"),
+    # Built once, and one environment with gigabytes of libraries for all that look into it.
+    "distributions": ("tests/release/",),
     # One finished run for all of them; and on two cores two MPI runs of two processes would wait for one another.
     "finished run": (
         "tests/e2e/test_damaged.py",

@@ -94,6 +94,16 @@ class Environment:
         shutil.rmtree(self.folder)
 
 
+def copy_libraries(source: Environment, target: Environment) -> None:
+    """What is installed in one environment into another as hard links, porocore and its plugins excepted."""
+    there = {path.name for path in target.site.iterdir()}
+    for path in source.site.iterdir():
+        if not OWN.match(path.name) and path.name not in there:
+            shutil.copytree(
+                path, target.site / path.name, copy_function=os.link
+            ) if path.is_dir() else os.link(path, target.site / path.name)
+
+
 def link_libraries(environment: Environment) -> None:
     """Let an environment see every package of the Python that runs the tests, porocore and its plugins excepted.
 

@@ -1,6 +1,6 @@
 """Build all distributions: an sdist of each, and each wheel from its sdist.
 
-    .venv/bin/python tools/build.py [--out dist] [--no-isolation]
+    .venv/bin/python tools/distributions.py [--out dist] [--no-isolation]
 
 The folder holds the new files alone afterwards, or what it held before where one of them could not be built.
 """

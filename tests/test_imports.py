@@ -1,0 +1,58 @@
+"""What is asked first and most often imports nothing heavy, whatever is installed."""
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = {
+    *("torch", "jax", "dolfinx", "petsc4py", "mpi4py", "skfem", "pyamg", "mkl"),
+    *(
+        "matplotlib",
+        "gmsh",
+        "meshio",
+        "pyvista",
+        "vtkmodules",
+        "sympy",
+        "pint",
+        "jinja2",
+        "xarray",
+        "distributed",
+    ),
+    *("scipy.optimize", "scipy.sparse", "scipy.interpolate", "pytest"),
+}
+COMMAND = "import sys; sys.argv = ['porocore', {}]; from porocore.cli import main; main()"
+
+
+def loaded(code: str) -> set[str]:
+    """Modules that are there when a process with this code ends, its own standard output left out."""
+    words = f"import atexit, sys\natexit.register(lambda: print(*sys.modules, file=sys.stderr))\n{code}"
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    return set(done.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ("code", "too_much"),
+    [
+        (
+            "import porocore",
+            {*HEAVY, "numpy", "scipy", "h5py", "pydantic", "typer", "rich", "yaml", "pluggy"},
+        ),
+        (COMMAND.format("'--help'"), {*HEAVY, "numpy", "scipy", "h5py", "pydantic", "pluggy"}),
+        # Some versions of typer look whether pydantic is there.
+        (COMMAND.format("'run', '--help'"), {*HEAVY, "numpy", "scipy", "h5py", "pluggy"}),
+        (COMMAND.format("'--version'"), {*HEAVY, "numpy", "scipy", "h5py", "pydantic", "pluggy"}),
+        (COMMAND.format("'plugins'"), HEAVY),
+        (COMMAND.format("'plugins', '--json'"), HEAVY),
+        (COMMAND.format("'units', 'time=1'"), HEAVY - {"pint"}),
+    ],
+    ids=["import", "--help", "run --help", "--version", "plugins", "plugins --json", "units"],
+)
+def test_it_is_light(code, too_much):
+    found = loaded(code)
+    assert "porocore" in found
+    assert not too_much & found
+
+
+def test_a_heavy_import_would_be_seen():
+    assert {"pint", "porocore"} <= loaded("import porocore, pint")
