@@ -5,6 +5,7 @@ Nothing heavy is imported: listing plugins works when torch is slow to load, mis
 
 from __future__ import annotations
 
+import difflib
 import importlib.util
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -83,7 +84,7 @@ def discover() -> tuple[list[Offered], list[Broken]]:
             made_for[key] = _declared(module)
             others = _of_other_interfaces(made_for[key], source)
             manager.register(module, name=key)
-            manager.check_pending()
+            _check_hooks(manager, module)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - foreign code, kept and shown
             if manager.has_plugin(key):
                 manager.unregister(name=key)
@@ -128,6 +129,22 @@ def _declared(module: Any) -> dict[Kind, int]:
             f"{DECLARATION}: expected a number for some of {joined(map(repr, INTERFACES))}, got {found!r}"
         )
     return found
+
+
+def _check_hooks(manager: pluggy.PluginManager, module: Any) -> None:
+    """Refuse a plugin without hooks, and one with a hook that there is not."""
+    hooks = list(HOOKS.values())
+    callers = manager.get_hookcallers(module)
+    if not callers:
+        raise pluggy.PluginValidationError(
+            module, f"no function of {module.__name__} is marked @hookimpl; the hooks are {joined(hooks)}"
+        )
+    for caller in callers:
+        optional = all(found.optionalhook for found in caller.get_hookimpls() if found.plugin is module)
+        if caller.name not in hooks and not optional:
+            close = difflib.get_close_matches(caller.name, hooks, n=1)
+            question = f"did you mean '{close[0]}'?" if close else f"the hooks are {joined(hooks)}"
+            raise pluggy.PluginValidationError(module, f"there is no hook '{caller.name}'; {question}")
 
 
 def _of_other_interfaces(declared: dict[Kind, int], source: Source) -> list[Broken]:

@@ -101,7 +101,8 @@ class Registry:
 
     def _not_found(self, kind: Kind, name: str) -> str:
         distribution, kinds = FIRST_PARTY.get(name, ("", ()))
-        broken = "".join(f"; {_fault(b)}" for b in self.broken)
+        # Of another interface of another kind is none of this name.
+        broken = "".join(f"; {_fault(b)}" for b in self.broken if b.kind in ("", kind))
         if kind in kinds:
             for failed in self.broken:
                 if failed.source.distribution == distribution and failed.kind in ("", kind):

@@ -80,7 +80,19 @@ def test_a_plugin_is_found_and_its_class_returned(install):
             "from porocore import hookimpl\n@hookimpl\ndef porocore_samplers(extra): return []",
             "PluginValidationError",
         ),
-        ("from porocore import hookimpl\n@hookimpl\ndef porocore_smaplers(): return []", "porocore_smaplers"),
+        (
+            "from porocore import hookimpl\n@hookimpl\ndef porocore_smaplers(): return []",
+            "there is no hook 'porocore_smaplers'; did you mean 'porocore_samplers'?",
+        ),
+        (
+            "from porocore import hookimpl\n@hookimpl\ndef colours(): return []",
+            "there is no hook 'colours'; the hooks are porocore_cell_solvers, porocore_macro_solvers, "
+            "porocore_surrogates and porocore_samplers",
+        ),
+        (
+            "def porocore_samplers(): return []",
+            "no function of acme_broken is marked @hookimpl; the hooks are",
+        ),
         (
             "from porocore import hookimpl\n@hookimpl\ndef porocore_samplers(): raise ValueError('later')",
             "ValueError: later",
@@ -286,6 +298,30 @@ def test_a_plugin_for_another_interface_is_told_so_and_the_rest_works(install, v
 def test_hooks_of_a_newer_interface_that_cannot_be_registered_are_no_fault_of_the_plugin(install):
     install("acme-new", "acme_new", NEWER)
     assert "made for version 2 of the sampler interface" in broken_reason(Registry.discover(), "acme-new")
+
+
+def test_of_a_plugin_for_another_interface_only_those_are_told_who_ask_for_its_kind(install):
+    install("acme-odd", "acme_odd", NEWER.replace("interface, something_new", ""))
+    found = Registry.discover()
+    with pytest.raises(PluginError, match=r"acme-odd 1\.0 was made for version 2 of the sampler interface"):
+        found.find("sampler", "griddy")
+    with pytest.raises(PluginError) as error:
+        found.find("macro solver", "griddy")
+    assert "acme-odd" not in str(error.value)
+
+
+def test_a_hook_that_need_not_be_there_is_allowed(install):
+    """As pluggy has it, for plugins that also serve a later porocore."""
+    source = (
+        GOOD
+        + """
+    @hookimpl(optionalhook=True)
+    def porocore_meshers():
+        return []
+"""
+    )
+    install("acme-grid", "acme_grid", source)
+    assert Registry.discover().get("sampler", "grid").__name__ == "Grid"
 
 
 def test_versions_of_interfaces_that_mean_nothing_are_named(install):
