@@ -1,0 +1,120 @@
+"""Coarse forms of the studies in the documents: the same commands, files and keys, fewer and larger everything."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import matplotlib.figure
+import pytest
+
+import porocore.config
+from porocore.sensitivity.plan import StudyPlan, Sweep
+from porocore.stability.line import LineSettings
+from porocore.stability.map import MapPlan
+from porocore.surrogates.options import MlpOptions, PotentialOptions
+from porocore.verify import ladder
+from porocore.yaml_document import YamlDocument
+
+#: Iterations of a training.
+TRAINING = {MlpOptions: ("epochs", 400), PotentialOptions: ("iterations", 15)}
+#: Options by which samplers are told how many states they may take, and a number that is enough to learn from.
+COUNTS, STATES = ("count", "budget"), 8
+#: Of H and p: the pore wall is far from creasing there, and a state is solved in few iterations.
+LOWEST, HIGHEST = -0.1, 0.06
+#: Elements of a body along each axis.
+ELEMENTS = 4
+#: Cases of the ladder that are solved in a second.
+CASES = ("terzaghi", "mandel")
+
+
+def coarsened(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of a study with a coarse cell, few states, elements and steps; doing it twice changes nothing."""
+    if not isinstance(data.get("sampling"), dict) or not isinstance(data.get("macro"), dict):
+        return dict(data)
+    cell, sampling, macro = (dict(data.get(name) or {}) for name in ("cell", "sampling", "macro"))
+    cell["mesh"] = dict(cell.get("mesh") or {}) | {"size": 0.5, "fluid_size": 0.3}
+    body, time = dict(macro.get("body") or {}), dict(macro.get("time") or {})
+    if isinstance(body.get("elements"), list | tuple):
+        body["elements"] = [min(count, ELEMENTS) for count in body["elements"]]
+    if time:
+        end = float(time["end"])
+        time |= {"step": end / 4, "ramp_increments": 1, "ramp_step": end / 100}
+        if time.get("tolerance") is not None:
+            time["tolerance"] = 0.1
+    # The smallest first: a command that solves one load only takes that.
+    macro |= {"body": body, "time": time, "loads": sorted(macro["loads"], key=abs)}
+    return dict(data) | {"cell": cell, "sampling": _sampled(sampling), "macro": macro}
+
+
+def _sampled(sampling: dict[str, Any]) -> dict[str, Any]:
+    options, inputs = dict(sampling.get("options") or {}), {}
+    for name, swept in sampling.get("inputs", {}).items():
+        numbers = [value for value in swept["range"] if not isinstance(value, str)]
+        low, high = (
+            swept["range"] if len(numbers) < 2 else (max(numbers[0], LOWEST), min(numbers[1], HIGHEST))
+        )
+        inputs[name] = dict(swept) | {"range": [low, high]}
+        if swept.get("step") is not None:
+            inputs[name]["step"] = high - low
+    coarse = {
+        "workers": 1,
+        "test": dict(sampling.get("test") or {}) | {"count": 2},
+        "options": options | {name: STATES for name in COUNTS if name in options},
+        "inputs": inputs,
+    }
+    if sampling.get("tolerance") is not None:
+        coarse["tolerance"] = 1.0
+    return sampling | coarse
+
+
+def make_coarse(patch: pytest.MonkeyPatch) -> None:
+    """From now on all studies of this process are coarse, and pictures are written without being drawn."""
+    validated = porocore.config.validated
+
+    def coarse(document: YamlDocument) -> porocore.config.RunConfig:
+        return validated(dataclasses.replace(document, data=coarsened(document.data)))
+
+    patch.setattr(porocore.config, "validated", coarse)
+    for options, (name, count) in TRAINING.items():
+        patch.setattr(options, "parse", _with_at_most(options.parse, name, count))
+    _shrink(
+        patch, StudyPlan, sweeps=lambda plan: {name: _short(sweep) for name, sweep in plan.sweeps.items()}
+    )
+    _shrink(
+        patch,
+        MapPlan,
+        along=lambda plan: {name: max(min(goal, HIGHEST), LOWEST) for name, goal in plan.along.items()},
+        values=lambda plan: plan.values[:1],
+        line=lambda plan: LineSettings(1, 0.1, plan.line.eigenvalues),
+    )
+    climb = ladder.climb
+    patch.setattr(ladder, "CASES", {name: ladder.CASES[name] for name in CASES})
+    patch.setattr(ladder, "climb", lambda *words, long, **named: climb(*words, long=False, **named))
+    # What is on them is tested with the reports; most of their time goes into typesetting the numbers at the axes.
+    patch.setattr(matplotlib.figure.Figure, "draw", lambda figure, renderer: None)
+
+
+def _short(sweep: Sweep) -> Sweep:
+    return Sweep(max(sweep.lower, LOWEST), min(sweep.upper, HIGHEST), 0.1)
+
+
+def _with_at_most(parse: Callable[..., Any], name: str, count: int) -> Callable[..., Any]:
+    def parsed(options: dict[str, Any], backend: str) -> Any:
+        given = options.get(name, count)
+        return parse(options | {name: min(given, count) if isinstance(given, int) else given}, backend)
+
+    return parsed
+
+
+def _shrink(patch: pytest.MonkeyPatch, plan: type, **fields: Callable[[Any], Any]) -> None:
+    """Change fields of every new object of a frozen class after it has checked them."""
+    check = plan.__post_init__
+
+    def checked(made: Any) -> None:
+        check(made)
+        for name, field in fields.items():
+            object.__setattr__(made, name, field(made))
+
+    patch.setattr(plan, "__post_init__", checked)

@@ -1,0 +1,79 @@
+"""What pages take for granted: the reader's own configuration, a finished run, files of data, a cluster's queue."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from clone import Clone
+
+#: Words after which a name is one of something to be made.
+_MADE = r"(?:--out|--to|-o|>|out=)\s*[\"']?"
+
+
+def _configuration(clone: Clone, to: Path, finished: Callable[[], Path]) -> None:
+    shutil.copyfile(clone.folder / "examples" / "dehghani2022.yaml", to)
+
+
+def _run(clone: Clone, to: Path, finished: Callable[[], Path]) -> None:
+    shutil.copytree(finished(), to)
+
+
+def _samples(clone: Clone, to: Path, finished: Callable[[], Path]) -> None:
+    shutil.copyfile(finished() / "samples.h5", to)
+
+
+def _image(clone: Clone, to: Path, finished: Callable[[], Path]) -> None:
+    """A cross of three square channels."""
+    x, y, z = np.abs(np.indices((8, 8, 8)) - 3.5) < 2
+    pores = (x & y) | (y & z) | (z & x)
+    np.save(to, pores.astype(np.uint8))
+
+
+def _surrogate(clone: Clone, to: Path, finished: Callable[[], Path]) -> None:
+    to.write_text(
+        "from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate\n\n\n"
+        "class MySurrogate(PolynomialSurrogate):\n"
+        "    def __init__(self, epochs):\n        super().__init__()\n",
+        encoding="utf-8",
+    )
+
+
+def _queue(clone: Clone, to: Path, finished: Callable[[], Path]) -> None:
+    """dask-jobqueue without SLURM: one worker in the process itself, whatever is asked for."""
+    to.write_text(
+        "from distributed import LocalCluster\n\n\n"
+        "class SLURMCluster(LocalCluster):\n"
+        "    def __init__(self, *, queue, account, cores, processes, memory, walltime, job_script_prologue,\n"
+        "                 scheduler_options):\n"
+        "        assert cores == processes and set(scheduler_options) == {'port'}\n"
+        "        super().__init__(n_workers=0, threads_per_worker=1, processes=False, protocol='tcp',\n"
+        "                         dashboard_address=None)\n\n"
+        "    def scale(self, jobs):\n        super().scale(1)\n",
+        encoding="utf-8",
+    )
+
+
+#: By name, for commands and Python; what imports a module needs its file.
+GIVEN = {
+    "my.yaml": _configuration,
+    "runs/mine": _run,
+    "a.h5": _samples,
+    "b.h5": _samples,
+    "pores.npy": _image,
+    "my_surrogate": _surrogate,
+    "dask_jobqueue": _queue,
+}
+
+
+def provide(text: str, folder: Path, clone: Clone, finished: Callable[[], Path]) -> None:
+    """Make what a command or a piece of Python names and does not make itself, unless it is there."""
+    for name, make in GIVEN.items():
+        path = folder / (name if "." in name or "/" in name else f"{name}.py")
+        used = re.search(rf"(?<![\w/.-]){re.escape(name)}(?![\w.-])", text)
+        if used and not path.exists() and not re.search(_MADE + re.escape(name), text):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            make(clone, path, finished)
