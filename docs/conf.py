@@ -27,6 +27,7 @@ extensions = [
     "signatures",
     "commands",
     "front_page",
+    "laws",
 ]
 
 root_doc = "docs/index"

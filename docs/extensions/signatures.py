@@ -69,8 +69,9 @@ def process_signature(
 
 def draw_dashes(app: Any, doctree: nodes.document) -> None:
     """Between a name and its description; nowhere else, so that ``--resume`` stays what it is."""
-    for text in [node for node in doctree.findall(nodes.Text) if node.astext() == " -- "]:
-        text.parent.replace(text, nodes.Text(" – "))
+    for text in [node for node in doctree.findall(nodes.Text) if re.match(r"\)? -- ", node.astext())]:
+        if text.parent.index(text) > 0:
+            text.parent.replace(text, nodes.Text(text.astext().replace(" -- ", " – ", 1)))
 
 
 def setup(app: Any) -> dict[str, Any]:

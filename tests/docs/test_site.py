@@ -76,3 +76,13 @@ def test_equations_and_tables_are_rendered(site):
     page = (site / "docs/theory.html").read_text(encoding="utf-8")
     assert page.count('class="math notranslate') > 10
     assert "$$" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+
+
+def test_every_law_of_the_kit_is_in_the_reference(site):
+    text = text_of(site, "docs/reference/testing.html")
+    suites = [getattr(porocore.testing, name) for name in porocore.testing.__all__ if name.endswith("Suite")]
+    laws = {law for suite in suites for law in dir(suite) if law.startswith("test_")} - set(
+        dir(porocore.testing.Suite)
+    )
+    assert len(laws) > 80
+    assert not {law for law in laws if law.removeprefix("test_").replace("_", " ") not in text}
