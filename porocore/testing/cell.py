@@ -15,6 +15,7 @@ what a mesh and its mirrors bring.
 
 from __future__ import annotations
 
+from inspect import signature
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,6 +25,7 @@ from scipy.spatial.transform import Rotation
 import porocore.cell_identities as identities
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
+from porocore.materials.material import Material
 from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import Array, CellResponse, MacroState, Status
 from porocore.testing.cell_suite import CellSuite
@@ -125,6 +127,23 @@ class CellSolverSuite(CellSuite):
         expected = (1 - 2 * material.poisson_ratio) * np.einsum("iikk->i", tangent.mean_grad_grad_u[0])
         assert np.abs(Q - expected).max() <= 1e-6 * np.abs(expected).max()
 
+    def test_averages_belong_together(self, solver: CellSolver, prepared: Any) -> None:
+        """At rest ∂φ/∂H = φ_f I − I:M and ∂φ/∂p = −tr Q: what the solid gives way is room for the fluid.
+
+        And ∂P_E/∂H = φ_s C + C:M where the solid is one material. So <∇u¹> is per volume of the cell, not of the solid.
+        """
+        rest: Any = solver.solve_one(prepared, np.zeros((3, 3)))
+        tangent, porosity = rest.tangent, rest.fluid_volume[0]
+        M, Q = tangent.mean_grad_grad_u[0], tangent.mean_grad_p[0]
+        biot = porosity * np.eye(3) - np.einsum("iikl->kl", M)
+        _assert_near(tangent.fluid_volume_grad_u[0], biot, 1e-8, "∂φ/∂H")
+        _assert_near(tangent.fluid_volume_p[0], -np.trace(Q), 1e-8, "∂φ/∂p")
+        material = self.make_cell().solid
+        if isinstance(material, Material):
+            C = material.elasticity
+            stiffness = (1 - porosity) * C + np.einsum("ijmn,mnkl->ijkl", C, M)
+            _assert_near(tangent.stress_grad_u[0], stiffness, 1e-8, "∂P_E/∂H")
+
     def test_objectivity(self, solver: CellSolver, prepared: Any, responses: dict[str, Any]) -> None:
         """W and φ do not feel a rotation; P_E and <∇u¹> turn with it."""
         H, p = STATES["sheared"]
@@ -209,6 +228,29 @@ class CellSolverSuite(CellSuite):
         np.testing.assert_allclose(
             solver.conductivity(solver.prepare(thick)), K / 2, rtol=1e-9, atol=1e-9 * np.abs(K).max()
         )
+
+    def test_conductivity_of_the_deformed_pore(self, solver: CellSolver) -> None:
+        """At rest that of the undeformed cell; λ³ times that where solid and pore grow by λ, under a pressure alike."""
+        if "deformed" not in signature(solver.prepare).parameters:
+            pytest.skip("this solver computes the conductivity of the undeformed cell only")
+        cell, grown = self.make_cell(), 1.05
+        if not isinstance(cell.solid, NeoHookean):
+            pytest.skip("the solid of this cell is not one neo-Hookean material")
+        p = -cell.solid.stress(grown * np.eye(3)[None])[0, 0, 0] / grown**2
+        H = np.stack([np.zeros((3, 3)), (grown - 1) * np.eye(3), np.diag([0.0, -1.2, 0.0])])
+        deformed: Any = solver
+        prepared = deformed.prepare(cell, deformed=True)
+        found: Any = solver.solve(prepared, MacroState(H, np.array([0.0, p, 0.0])), tangent=False).response
+        K = solver.conductivity(prepared)
+        assert found.conductivity.shape == (3, 3, 3)
+        assert found.min_fluid_jacobian.shape == (3,)
+        np.testing.assert_allclose(found.conductivity[0], K, atol=1e-9 * K.max())
+        np.testing.assert_allclose(found.conductivity[1], grown**3 * K, atol=1e-7 * K.max())
+        np.testing.assert_allclose(found.min_fluid_jacobian[:2], [1, grown**3], rtol=1e-7)
+        assert np.isnan(found.conductivity[2]).all()
+        assert np.isnan(found.min_fluid_jacobian[2])
+        plain = solver.solve_one(solver.prepare(cell), np.zeros((3, 3)), tangent=False)
+        assert plain.conductivity is None
 
     def test_unknown_options_are_refused(self, solver: CellSolver) -> None:
         with pytest.raises((ConfigurationError, TypeError), match="no_such_option"):

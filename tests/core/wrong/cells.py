@@ -17,6 +17,9 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "examples/plugins/porocore-ce
 import porocore_cell_layered.conformance as layered
 from porocore_cell_layered.cell_solver import LayeredCellSolver
 
+#: Of the layers.
+SOLID_FRACTION = 0.625
+
 
 class Altered(LayeredCellSolver):
     """Answers what ``alter`` makes of the right response."""
@@ -106,6 +109,20 @@ class TestPressureOnHalfTheWall(_Law):
     class solver_class(Altered):
         def alter(self, response, states):
             return with_slopes(response, mean_grad_p=lambda values: values / 2)
+
+
+class TestMeansOfTheSolid(_Law):
+    """Per volume of the solid, which every other law bears, since all of <∇u¹> is larger by as much."""
+
+    caught_by = "test_averages_belong_together"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            def larger(values):
+                return values / SOLID_FRACTION
+
+            altered = with_slopes(response, mean_grad_grad_u=larger, mean_grad_p=larger)
+            return replace(altered, mean_grad=larger(response.mean_grad))
 
 
 class TestNotObjective(_Law):

@@ -60,6 +60,7 @@ class TestReactionsOfTheBodyOnItsSupport(Law):
 
 class TestLosesTheBodyForce(Law):
     caught_by = "test_reactions_balance_the_loads"
+    slow = True
 
     class solver(Altered):
         def problem(self, problem):

@@ -30,6 +30,7 @@ class TestPlateWithoutItsForce(Law):
     """The force of a plate is lost where it is summed over the plate's unknowns."""
 
     caught_by = "test_a_plate_moves_as_one_and_bears_its_force"
+    slow = True
 
     class elements(Loaded):
         def alter(self, loads):

@@ -85,6 +85,7 @@ class TestDamped(Law):
 
 class TestNeverHalves(Law):
     caught_by = "test_failed_steps_are_halved_to_the_same_answer"
+    slow = True
     raises = "SolveError"
 
     class solver(Altered):
@@ -260,6 +261,7 @@ class TestBeginsAnewWithoutAWord(Law):
 
 class TestTakesForeignFiles(Law):
     caught_by = "test_foreign_and_damaged_checkpoints_are_refused"
+    slow = True
 
     class solver(BeginsAnew):
         pass

@@ -71,6 +71,7 @@ class TestOtherOrderOfNodes(Law):
 
 class TestPrescribesTwice(Law):
     caught_by = "test_uniform_drained_strain_is_reproduced"
+    slow = True
 
     class elements(Loaded):
         def alter(self, loads):

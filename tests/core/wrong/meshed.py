@@ -96,3 +96,42 @@ class TestOneFailureFailsAll(Meshed):
         def alter(self, response, cell):
             lost = np.where(response.valid.all(), 1.0, np.nan)
             return replace(response, stress=lost * response.stress)
+
+
+class TestConductivityAtRest(Meshed):
+    """Of the pore, however it is deformed."""
+
+    caught_by = "test_conductivity_of_the_deformed_pore"
+    slow = True
+
+    class solver_class(Altered):
+        def alter(self, response, cell):
+            if response.conductivity is None:
+                return response
+            K = np.where(np.isnan(response.conductivity), np.nan, response.conductivity[:1])
+            return replace(response, conductivity=K)
+
+
+class TestPushesItForward(Meshed):
+    """A conductivity of the deformed cell, k = F K_ref Fᵀ/J, in the place of K_ref."""
+
+    caught_by = "test_conductivity_of_the_deformed_pore"
+    slow = True
+
+    class solver_class(Altered):
+        def alter(self, response, cell):
+            if response.conductivity is None:
+                return response
+            J = response.min_fluid_jacobian[:, None, None]
+            return replace(response, conductivity=response.conductivity * J ** (2 / 3) / J)
+
+
+class TestInventsTheFlowOfAFailedState(Meshed):
+    caught_by = "test_conductivity_of_the_deformed_pore"
+    slow = True
+
+    class solver_class(Altered):
+        def alter(self, response, cell):
+            if response.conductivity is None:
+                return response
+            return replace(response, conductivity=np.nan_to_num(response.conductivity))
