@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import copy
 import hashlib
 import json
@@ -13,6 +14,7 @@ import time
 import uuid
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ import h5py
 import numpy as np
 import pytest
 import yaml
+from warm import WarmCommand
 
 from porocore.dataset import Dataset, parts_folder
 from porocore.errors import DataError
@@ -104,15 +107,14 @@ def porocore(
     *words: object, cwd: Path | None = None, timeout: float = 300
 ) -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
-    return subprocess.run(
-        [str(POROCORE), *map(str, words)],
-        cwd=cwd,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-        check=False,
-    )
+    return _warm().run([str(word) for word in words], cwd, timeout)
+
+
+@cache
+def _warm() -> WarmCommand:
+    warm = WarmCommand(ENVIRONMENT)
+    atexit.register(warm.close)
+    return warm
 
 
 def succeeded(done: subprocess.CompletedProcess[str]) -> str:
