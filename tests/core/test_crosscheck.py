@@ -226,12 +226,19 @@ def test_other_time_steps_fail(crosscheck):
             ("cell", [*STATES][2], "solution"),
             "ArithmeticError: a pivot vanished in",
         ),
-        (["skfem", "late"], ["cubic"], ("cell", "", "set-up"), "RuntimeError: no licence"),
-        (
+        pytest.param(
+            ["skfem", "late"],
+            ["cubic"],
+            ("cell", "", "set-up"),
+            "RuntimeError: no licence",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
             ["skfem", "stuck"],
             ["cubic"],
             ("body", "law cubic", "solution"),
             "SolveError: the smallest step failed",
+            marks=pytest.mark.slow,
         ),
         (
             ["skfem", "unimportable"],

@@ -65,7 +65,9 @@ def test_history(pair, log_time):
     assert_no_overlap(figure)
 
 
-@pytest.mark.parametrize("quantity", list(QUANTITIES))
+@pytest.mark.parametrize(
+    "quantity", ["p", *(pytest.param(q, marks=pytest.mark.slow) for q in QUANTITIES if q != "p")]
+)
 def test_profiles_are_labelled_and_do_not_overlap(pair, quantity):
     figure = profile_figure(*pair, quantity)
     (axes,) = figure.axes

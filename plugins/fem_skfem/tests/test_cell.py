@@ -104,7 +104,7 @@ def test_refinement_converges():
     assert curved < linear[1]
 
 
-@pytest.mark.parametrize("p", [0.0, 0.2])
+@pytest.mark.parametrize("p", [0.0, pytest.param(0.2, marks=pytest.mark.slow)])
 def test_statuses_under_strong_compression(p):
     """Without contact none behind the first overlap is converged; every state has a status, and two meshes agree."""
     solver = SkfemCellSolver()
@@ -151,7 +151,7 @@ def test_suction_ends_in_a_status():
     assert np.isnan(response.potential).all()
 
 
-@pytest.mark.parametrize("solver", ["superlu", "amg"])
+@pytest.mark.parametrize("solver", ["superlu", pytest.param("amg", marks=pytest.mark.slow)])
 def test_linear_solvers_give_the_same_cell(solver):
     state = MacroState.single(np.diag([0.01, -0.06, 0.0]), 0.05)
     results = []

@@ -156,6 +156,7 @@ def test_a_checkpoint_of_other_options_is_refused(data, tmp_path):
         TorchSurrogate(epochs=200).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
 
 
+@pytest.mark.slow
 def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     """Killed without notice, somewhere, in another process."""
     checkpoint, resumed, whole = (tmp_path / f"{name}.h5" for name in ("training", "resumed", "whole"))
