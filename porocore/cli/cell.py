@@ -112,11 +112,13 @@ def fields(
             pictures=not no_pictures,
         )
     peaks = found.response.peaks
-    assert peaks is not None
     from porocore.states import Status
 
     typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")
-    typer.echo(f"strain energy density: mean <Ψ>_s {peaks.energy_mean[0]:.6g}, largest {peaks.energy[0]:.6g}")
+    if peaks is not None:
+        typer.echo(
+            f"strain energy density: mean <Ψ>_s {peaks.energy_mean[0]:.6g}, largest {peaks.energy[0]:.6g}"
+        )
     for written in (found.vtu, *found.pictures.values()):
         typer.echo(written)
 

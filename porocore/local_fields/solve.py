@@ -76,7 +76,7 @@ def solve_and_write(
     Raises
     ------
     ConfigurationError
-        An input is unknown or not finite.
+        An input is unknown or not finite, or the backend returns no fields.
     PorocoreError
         The state has no values, or the pictures cannot be drawn; the .vtu file is written by then.
     RunFolderError
@@ -109,7 +109,11 @@ def solve_fields(
     solver, prepared = prepare_cell(fem.backend, fem.options, cell)
     asked = MacroState.single(row[:9], row[9])
     solution = solver.solve(prepared, asked, tangent=False, fields=True)
-    field = solution.fields[0] if solution.fields else None
+    if solution.fields is None:
+        raise ConfigurationError(
+            f"--fem: backend '{fem.backend}' gives no fields of its cell; choose one that does, such as skfem"
+        )
+    field = solution.fields[0]
     if field is None:
         status = Status(int(solution.response.status[0]))
         raise PorocoreError(

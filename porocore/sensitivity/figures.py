@@ -79,13 +79,14 @@ def figures(study: Sensitivity) -> dict[str, Figure]:
 
     ``dyu1_Av_1``, ``dyu1_Av_2``: average of ∇u¹ in the solid, components with the indices of the load, and others;
     ``dyu1_max_1``, ``dyu1_max_2``: largest magnitude, likewise; ``psi_Av``, ``psi_max``; ``K11``, ``K22``;
-    ``Mijkl_reference``, ``Mijkl_deformed``; ``Q_11``; ``Biot_Modulus``.
+    ``Mijkl_reference``, ``Mijkl_deformed``; ``Q_11``; ``Biot_Modulus``. Those of largest values and of Ψ are left out
+    where the cell solver does not provide them.
     """
-    return {name: make(study) for name, make in MAKERS.items()}
+    return {name: MAKERS[name](study) for name in _known(study)}
 
 
 def write_figures(folder: Path, study: Sensitivity, names: Sequence[str] | None = None) -> dict[str, Path]:
-    """Name → path of the PNG ``folder/<name>.png``; all figures unless names are given.
+    """Name → path of the PNG ``folder/<name>.png``; all of :func:`figures` unless names are given.
 
     Raises
     ------
@@ -93,11 +94,16 @@ def write_figures(folder: Path, study: Sensitivity, names: Sequence[str] | None 
         A file cannot be written.
     """
     paths = {}
-    for name in MAKERS if names is None else names:
+    for name in _known(study) if names is None else names:
         paths[name] = folder / f"{name}.png"
         with atomic_path(paths[name]) as part:
             part.write_bytes(png_bytes(MAKERS[name](study)))
     return paths
+
+
+def _known(study: Sensitivity) -> list[str]:
+    """Names of the figures of what the cell solver provides."""
+    return [name for name in MAKERS if study.rest.peaks is not None or name not in OF_PEAKS]
 
 
 def _together(study: Sensitivity, label: str, curves: Curves) -> Figure:
@@ -284,3 +290,5 @@ MAKERS: dict[str, Callable[[Sensitivity], Figure]] = {
     "Q_11": _second,
     "Biot_Modulus": _biot,
 }
+#: Figures of what is optional for a cell solver.
+OF_PEAKS = ("dyu1_max_1", "dyu1_max_2", "psi_Av", "psi_max")

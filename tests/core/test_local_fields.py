@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from ctypes.util import find_library
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -17,7 +18,7 @@ from porocore.cell.quadrature import tetrahedron_rule
 from porocore.cli.entry import main
 from porocore.config_sections import FemSettings
 from porocore.errors import ConfigurationError, PorocoreError
-from porocore.interfaces.cell import CellField
+from porocore.interfaces.cell import CellField, CellSolution
 from porocore.local_fields import pictures
 from porocore.local_fields.nodal import NodalFields, recovered
 from porocore.local_fields.points import PointFields
@@ -260,3 +261,12 @@ def test_the_command_refuses_what_is_no_state(monkeypatch, capsys, tmp_path, at)
     assert status == 2
     assert f"--at: expected a state such as H22=-0.2,p=0.1, got '{at}'" in err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_backend_without_fields_is_refused(monkeypatch):
+    solver = SimpleNamespace(solve=lambda *_, **__: CellSolution(SimpleNamespace(status=[0])))
+    monkeypatch.setattr("porocore.local_fields.solve.prepare_cell", lambda *_: (solver, None))
+    with pytest.raises(
+        ConfigurationError, match="backend 'mine' gives no fields of its cell; choose one that does"
+    ):
+        solve_fields(CURVED, FemSettings(backend="mine"), {"H22": -0.1})

@@ -248,7 +248,10 @@ def test_without_peaks_the_largest_values_and_the_energy_are_unknown(study, tmp_
         unknown = {name for name, values in along.items() if np.isnan(values).all()}
         assert unknown == {"avg_energy", "max_energy", *(f"max_grad_{i}{j}" for i in "123" for j in "123")}
         np.testing.assert_array_equal(along["biot"], known["biot"])
-    assert set(figures(bare)) == set(MAKERS)
+    made = figures(bare)
+    assert set(MAKERS) - set(made) == {"dyu1_max_1", "dyu1_max_2", "psi_Av", "psi_max"}
+    assert all(drawn(figure, BLUE)[0] for name, figure in made.items() if name != "Biot_Modulus")
+    assert set(write_figures(tmp_path / "figures", bare)) == set(made)
 
 
 def test_a_part_of_the_loads_and_figures_can_be_drawn(study, tmp_path):
