@@ -14,7 +14,11 @@ from typing import Any
 
 #: Another torch may bring its CUDA build (gigabytes).
 CONSTRAINTS = Path(__file__).parents[2] / "constraints/other.txt"
-_KEPT_OUT = ("COLUMNS", "FORCE_COLOR", "PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
+_KEPT_OUT = (
+    *("COLUMNS", "FORCE_COLOR", "PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV"),
+    # What is imported is compiled then, and kept.
+    "PYTHONDONTWRITEBYTECODE",
+)
 ENVIRONMENT = {
     **{name: value for name, value in os.environ.items() if name not in _KEPT_OUT},
     **dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
@@ -64,8 +68,11 @@ class Environment:
         return done.stdout, done.stderr
 
     def pip(self, *words: object) -> str:
-        """Run pip, without what a user's settings would add to where it looks."""
-        return self.run(*self._pip, *words, cwd=self.folder)[0]
+        """Run pip."""
+        command, *more = words
+        # Compiling all of the libraries takes longer than all that is done with them here.
+        extra = ["--no-compile"] if command == "install" else []
+        return self.run(*self._pip, command, *extra, *more, cwd=self.folder)[0]
 
     def install(self, *what: object) -> None:
         """Install, and look whether everything has what it needs."""
