@@ -60,6 +60,7 @@ class CellSolverSuite(CellSuite):
         return MacroState.concatenate([MacroState.single(*state) for state in STATES.values()])
 
     def test_rest(self, solver: CellSolver, prepared: Any) -> None:
+        """No stress, no energy, no displacement, and the fluid volume is the porosity."""
         rest: Any = solver.solve_one(prepared, np.zeros((3, 3)))
         assert rest.status[0] == Status.converged
         for name in ("mean_grad", "potential", "stress"):
@@ -69,6 +70,7 @@ class CellSolverSuite(CellSuite):
 
     @pytest.mark.parametrize("name", STATES)
     def test_shapes(self, responses: dict[str, Any], name: str) -> None:
+        """The batch axis leads; the indices of a response stand before those of the variable."""
         response = responses[name]
         assert response.status.shape == (1,)
         assert response.mean_grad.shape == response.stress.shape == (1, 3, 3)
@@ -84,6 +86,7 @@ class CellSolverSuite(CellSuite):
     def test_derivatives_are_the_slopes(
         self, solver: CellSolver, prepared: Any, responses: dict[str, Any], name: str
     ) -> None:
+        """Central differences of the responses along a random direction of (H, p)."""
         H, p = STATES[name]
         rng = np.random.default_rng(1)
         dH, dp = rng.normal(size=(3, 3)), rng.normal()
@@ -102,6 +105,7 @@ class CellSolverSuite(CellSuite):
     def test_shear_derivatives_of_a_diagonal_state(
         self, solver: CellSolver, prepared: Any, responses: dict[str, Any]
     ) -> None:
+        """Also where a symmetric part of the cell was solved, which shear would leave."""
         H, p = STATES["compressed"]
         dH = np.zeros((3, 3))
         dH[0, 1], dH[2, 0] = 1.0, -0.5
@@ -113,6 +117,7 @@ class CellSolverSuite(CellSuite):
 
     @pytest.mark.parametrize("name", STATES)
     def test_reciprocity(self, responses: dict[str, Any], name: str) -> None:
+        """∂P_E/∂p = −∂φ/∂H, and ∂P_E/∂H has major symmetry."""
         tangent = responses[name].tangent
         assert identities.major_symmetry(tangent) < 1e-9
         assert identities.reciprocity(tangent) < 1e-9

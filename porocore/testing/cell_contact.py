@@ -59,6 +59,7 @@ class CellContactSuite(CellSuite):
         return found
 
     def test_says_so(self, touching: Any) -> None:
+        """The status ``contact``, stable, with the share of the wall that touches."""
         response = touching.response
         assert Status(response.status[0]) is Status.contact
         assert response.valid[0]
@@ -87,6 +88,7 @@ class CellContactSuite(CellSuite):
             assert differences[name]["fluid_volume"] == pytest.approx(volume, rel=1e-5), name
 
     def test_reciprocity(self, touching: Any) -> None:
+        """∂P_E/∂p = −∂φ/∂H, and ∂P_E/∂H has major symmetry."""
         tangent = touching.response.tangent
         A = tangent.stress_grad_u.reshape(9, 9)
         assert np.abs(A - A.T).max() < 1e-8 * np.abs(A).max()
@@ -94,6 +96,7 @@ class CellContactSuite(CellSuite):
 
     @pytest.mark.parametrize("factor", [0.5, 2.0])
     def test_the_stiffness_hardly_matters(self, solver: CellSolver, touching: Any, factor: float) -> None:
+        """The stress with half and twice the contact's stiffness."""
         settings = ContactSettings(stiffness=factor * ContactSettings().stiffness)
         other = solver.solve(
             solver.prepare(Cell(mesh=self.mesh, contact=settings)), TOUCHING, tangent=False

@@ -29,6 +29,7 @@ class MeshedCellSuite(CellSolverSuite):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``."""
 
     def test_cubic_symmetry(self, solver: CellSolver, prepared: Any) -> None:
+        """M of a cubic cell is a cubic tensor."""
         tangent: Any = solver.solve_one(prepared, np.zeros((3, 3))).tangent
         assert identities.cubic_symmetry(tangent.mean_grad_grad_u[0]) < 1e-8
 
@@ -51,6 +52,7 @@ class MeshedCellSuite(CellSolverSuite):
         np.testing.assert_allclose(whole, K, atol=1e-8 * K.max())
 
     def test_conductivity_of_a_straight_channel(self, solver: CellSolver) -> None:
+        """K μ = π r⁴/8 along it (Hagen–Poiseuille), nothing across."""
         r = 0.15
         cell = self.make_cell(geometry=OrthogonalChannels(radius=r, axes="z"), viscosity=0.5)
         K = solver.conductivity(solver.prepare(cell))

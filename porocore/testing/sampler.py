@@ -98,11 +98,13 @@ class SamplerSuite(Suite):
         assert not whole.bad_starts, f"{whole.bad_starts[0]} starts from what has no field yet"
 
     def test_it_is_deterministic(self, whole: Outcome) -> None:
+        """Without drawing from a global random number generator."""
         before = global_random_state()
         assert run(self.ready()).asked == whole.asked
         assert before == global_random_state(), "it drew from a global random number generator"
 
     def test_the_seed_decides(self, whole: Outcome) -> None:
+        """Another seed gives other states, where ``random`` says so."""
         if not self.random:
             pytest.skip("nothing in this sampler is random")
         assert run(self.ready(seed=7)).states != whole.states

@@ -34,6 +34,7 @@ class SurrogateSuite(Files, Trainings):
     """Subclass it, name the class ``Test…`` and give it ``make_surrogate``."""
 
     def test_shapes(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        """The batch axis leads, an empty batch included; each response comes with its slopes."""
         response = fitted.predict(unseen.states)
         n = len(unseen.states)
         assert (response.status == 0).all()
@@ -47,6 +48,7 @@ class SurrogateSuite(Files, Trainings):
         assert len(fitted.predict(MacroState.zeros(0)).mean_grad) == 0
 
     def test_learns_the_map(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        """Within ``accuracy`` of a cell that is known in closed form, on states that it has not seen."""
         predicted = fitted.predict(unseen.states, tangent=False)
         assert predicted.tangent is None
         for name in RESPONSES:
@@ -57,6 +59,7 @@ class SurrogateSuite(Files, Trainings):
                 self._compare(name, values, truth, self.accuracy)
 
     def test_learns_the_slopes(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        """Within ``slope_accuracy``, on states that it has not seen."""
         predicted = fitted.predict(unseen.states)
         known = dict(provided(unseen.responses))
         for name, (by_H, by_p) in provided(predicted):
