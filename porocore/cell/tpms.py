@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.optimize import brentq
 
 from porocore.cell.level_set import LevelSetGeometry
 from porocore.cell.part import Unfolding
@@ -67,6 +66,8 @@ class TriplyPeriodic(LevelSetGeometry):
             return self.level
         wanted = self.void_fraction
         assert wanted is not None
+        from scipy.optimize import brentq  # slow to import
+
         return float(brentq(lambda c: self._void_fraction(c) - wanted, *self._levels, xtol=1e-12))
 
     def _void_fraction(self, level: float) -> float:

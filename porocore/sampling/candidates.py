@@ -6,7 +6,6 @@ from math import ceil
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
 from porocore.sampling.committee import Judgement
 from porocore.sampling.designs import box_corners, sobol_points
@@ -39,6 +38,8 @@ class Stream:
     """
 
     def __init__(self, d: int, seed: int) -> None:
+        from scipy.stats import qmc  # slow to import
+
         self._sequence = qmc.Sobol(d, seed=seed)
         self._ready: Array = np.empty((0, d))
 

@@ -6,7 +6,6 @@ from abc import abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.stats import qmc
 
 from porocore.errors import ConfigurationError
 from porocore.inputs import InputSpace
@@ -101,6 +100,8 @@ class LatinHypercube(Design):
         """See the class."""
         d = len(self.inputs)
         optimisation = "random-cd" if d > 1 and 1 < count * d <= MOST_OPTIMISED else None
+        from scipy.stats import qmc  # slow to import
+
         points: Array = qmc.LatinHypercube(d, seed=self.seed, optimization=optimisation).random(count)
         return points
 
@@ -108,6 +109,8 @@ class LatinHypercube(Design):
 def sobol_points(d: int, count: int, seed: int) -> Array:
     """The first points (count, d) of a scrambled Sobol sequence."""
     power = max(0, int(np.ceil(np.log2(count))))
+    from scipy.stats import qmc  # slow to import
+
     points: Array = qmc.Sobol(d, seed=seed).random_base2(power)[:count]
     return points
 
