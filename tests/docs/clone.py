@@ -13,8 +13,9 @@ _PORO = """#!{python}
 import os, sys
 sys.path.insert(0, {here!r})
 import pytest
-from coarse import make_coarse
+from coarse import begin, make_coarse
 make_coarse(pytest.MonkeyPatch())
+begin(sys.argv[1] if len(sys.argv) > 1 else "")
 from porocore.cli import main
 main()
 """

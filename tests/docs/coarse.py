@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import matplotlib.figure
+import numpy as np
 import pytest
+from matplotlib.image import imsave
 
 import porocore.config
+import porocore.crosscheck
+from porocore.local_fields import geometry, pictures
 from porocore.sensitivity.plan import StudyPlan, Sweep
 from porocore.stability.line import LineSettings
 from porocore.stability.map import MapPlan
@@ -18,15 +23,42 @@ from porocore.verify import ladder
 from porocore.yaml_document import YamlDocument
 
 #: Iterations of a training.
-TRAINING = {MlpOptions: ("epochs", 400), PotentialOptions: ("iterations", 15)}
+TRAINING = {MlpOptions: "epochs", PotentialOptions: "iterations"}
+SHORT, LONG = {"epochs": 60, "iterations": 15}, {"epochs": 2500, "iterations": 60}
 #: Options by which samplers are told how many states they may take, and a number that is enough to learn from.
 COUNTS, STATES = ("count", "budget"), 8
 #: Of H and p: the pore wall is far from creasing there, and a state is solved in few iterations.
 LOWEST, HIGHEST = -0.1, 0.06
 #: Elements of a body along each axis.
 ELEMENTS = 4
-#: Cases of the ladder that are solved in a second.
-CASES = ("terzaghi", "mandel")
+#: That are held against each other where none is named.
+SURROGATES = ("polynomial", "torch")
+#: Of the ladder, where none is named.
+CASES = ("terzaghi",)
+
+
+class _Command:
+    """What the command that runs needs of a coarse study, by its name."""
+
+    name = ""
+
+    @property
+    def needs_all_loads(self) -> bool:
+        """The published figures are about two loads."""
+        return self.name == "reproduce"
+
+    @property
+    def compares_surrogates(self) -> bool:
+        """They agree when they are trained, as closely as many held-out states show."""
+        return self.name == "crosscheck"
+
+
+_command = _Command()
+
+
+def begin(command: str) -> None:
+    """Tell which command of porocore runs next."""
+    _command.name = command
 
 
 def coarsened(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -34,7 +66,7 @@ def coarsened(data: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(data.get("sampling"), dict) or not isinstance(data.get("macro"), dict):
         return dict(data)
     cell, sampling, macro = (dict(data.get(name) or {}) for name in ("cell", "sampling", "macro"))
-    cell["mesh"] = dict(cell.get("mesh") or {}) | {"size": 0.5, "fluid_size": 0.3}
+    cell["mesh"] = dict(cell.get("mesh") or {}) | {"size": 0.5, "fluid_size": 0.5, "element": "linear"}
     body, time = dict(macro.get("body") or {}), dict(macro.get("time") or {})
     if isinstance(body.get("elements"), list | tuple):
         body["elements"] = [min(count, ELEMENTS) for count in body["elements"]]
@@ -43,8 +75,9 @@ def coarsened(data: Mapping[str, Any]) -> dict[str, Any]:
         time |= {"step": end / 4, "ramp_increments": 1, "ramp_step": end / 100}
         if time.get("tolerance") is not None:
             time["tolerance"] = 0.1
-    # The smallest first: a command that solves one load only takes that.
-    macro |= {"body": body, "time": time, "loads": sorted(macro["loads"], key=abs)}
+    macro |= {"body": body, "time": time}
+    if not _command.needs_all_loads:
+        macro["loads"] = [min(macro["loads"], key=abs)]
     return dict(data) | {"cell": cell, "sampling": _sampled(sampling), "macro": macro}
 
 
@@ -57,10 +90,10 @@ def _sampled(sampling: dict[str, Any]) -> dict[str, Any]:
         )
         inputs[name] = dict(swept) | {"range": [low, high]}
         if swept.get("step") is not None:
-            inputs[name]["step"] = high - low
+            inputs[name]["step"] = (high - low) / (2 if _command.compares_surrogates else 1)
     coarse = {
         "workers": 1,
-        "test": dict(sampling.get("test") or {}) | {"count": 2},
+        "test": dict(sampling.get("test") or {}) | {"count": 16 if _command.compares_surrogates else 2},
         "options": options | {name: STATES for name in COUNTS if name in options},
         "inputs": inputs,
     }
@@ -77,8 +110,8 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
         return validated(dataclasses.replace(document, data=coarsened(document.data)))
 
     patch.setattr(porocore.config, "validated", coarse)
-    for options, (name, count) in TRAINING.items():
-        patch.setattr(options, "parse", _with_at_most(options.parse, name, count))
+    for options, name in TRAINING.items():
+        patch.setattr(options, "parse", _with_at_most(options.parse, name))
     _shrink(
         patch, StudyPlan, sweeps=lambda plan: {name: _short(sweep) for name, sweep in plan.sweeps.items()}
     )
@@ -89,19 +122,29 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
         values=lambda plan: plan.values[:1],
         line=lambda plan: LineSettings(1, 0.1, plan.line.eigenvalues),
     )
-    climb = ladder.climb
-    patch.setattr(ladder, "CASES", {name: ladder.CASES[name] for name in CASES})
+    find = porocore.crosscheck.find_contestants
+    patch.setattr(porocore.crosscheck, "find_contestants", lambda fem, names: find(fem, names or SURROGATES))
+    climb, find_cases = ladder.climb, ladder.find_cases
+    patch.setattr(ladder, "find_cases", lambda names: find_cases(names or CASES))
     patch.setattr(ladder, "climb", lambda *words, long, **named: climb(*words, long=False, **named))
-    # What is on them is tested with the reports; most of their time goes into typesetting the numbers at the axes.
+    # What is on them is tested with the reports and the local fields, and takes most of the time of a small study.
     patch.setattr(matplotlib.figure.Figure, "draw", lambda figure, renderer: None)
+    for module in (pictures, geometry):
+        patch.setattr(module, "draw", _blank)
+
+
+def _blank(vtu: Path, views: Sequence[pictures.View], scratch: Path) -> None:
+    for view in views:
+        imsave(view.png, np.full((*view.size[::-1], 3), 0.5))
 
 
 def _short(sweep: Sweep) -> Sweep:
     return Sweep(max(sweep.lower, LOWEST), min(sweep.upper, HIGHEST), 0.1)
 
 
-def _with_at_most(parse: Callable[..., Any], name: str, count: int) -> Callable[..., Any]:
+def _with_at_most(parse: Callable[..., Any], name: str) -> Callable[..., Any]:
     def parsed(options: dict[str, Any], backend: str) -> Any:
+        count = (LONG if _command.compares_surrogates else SHORT)[name]
         given = options.get(name, count)
         return parse(options | {name: min(given, count) if isinstance(given, int) else given}, backend)
 

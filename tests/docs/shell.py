@@ -18,6 +18,7 @@ from unittest import mock
 
 import pytest
 from clone import Clone
+from coarse import begin
 from commands import Command
 from services import Service
 
@@ -78,6 +79,7 @@ class Shell:
             contextlib.redirect_stdout(out),
             contextlib.redirect_stderr(err),
         ):
+            begin(words[1])
             try:
                 main()
             except SystemExit as end:

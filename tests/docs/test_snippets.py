@@ -26,6 +26,13 @@ from shell import Shell, as_before
 
 SHELL = ("sh", "bash", "console", "shell")
 RUN = (*SHELL, "python")
+#: What may not be installed, by what shows that a page needs it.
+NEEDS = {
+    "to_xarray": "xarray",
+    "to_pyvista": "pyvista",
+    "porocore reproduce": "pyvista",
+    "tcp://": "distributed",
+}
 #: Commands on whose results no later one of a page rests: done once with the same words and files.
 LOOKING = ("stability", "sensitivity", "crosscheck", "verify", "reproduce", "cell", "units", "schema")
 
@@ -67,6 +74,9 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Path]:
 
 @pytest.mark.parametrize("name", PAGES_TO_RUN)
 def test_the_snippets_of_a_page_run(name, tmp_path, coarse, service, finished, done):
+    for word, module in NEEDS.items():
+        if any(word in block.text for block in shown(name)):
+            pytest.importorskip(module)
     clone = Clone(tmp_path)
     place = clone.place(name)
     place.mkdir(parents=True, exist_ok=True)
