@@ -18,6 +18,7 @@ SCRIPTS = (
     "executors",
     "voxels",
     "macro_size",
+    "start_up",
 )
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 

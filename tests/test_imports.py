@@ -38,6 +38,10 @@ def loaded(code: str) -> set[str]:
             "import porocore",
             {*HEAVY, "numpy", "scipy", "h5py", "pydantic", "typer", "rich", "yaml", "pluggy"},
         ),
+        (
+            "import porocore; [getattr(porocore, name) for name in porocore.__all__]",
+            HEAVY - {"scipy.sparse"} | {"scipy.stats"},
+        ),
         (COMMAND.format("'--help'"), {*HEAVY, "numpy", "scipy", "h5py", "pydantic", "pluggy"}),
         # Some versions of typer look whether pydantic is there.
         (COMMAND.format("'run', '--help'"), {*HEAVY, "numpy", "scipy", "h5py", "pluggy"}),
@@ -46,7 +50,7 @@ def loaded(code: str) -> set[str]:
         (COMMAND.format("'plugins', '--json'"), HEAVY),
         (COMMAND.format("'units', 'time=1'"), HEAVY - {"pint"}),
     ],
-    ids=["import", "--help", "run --help", "--version", "plugins", "plugins --json", "units"],
+    ids=["import", "everything", "--help", "run --help", "--version", "plugins", "plugins --json", "units"],
 )
 def test_it_is_light(code, too_much):
     found = loaded(code)
