@@ -42,17 +42,7 @@ include_patterns = [
     "plugins/*/README.md",
 ]
 # Folders that need not be walked through.
-exclude_patterns = [
-    ".*",
-    "build",
-    "dist",
-    "runs",
-    "tests",
-    "porocore",
-    "**/.*",
-    "**/node_modules",
-    "**/tests",
-]
+exclude_patterns = [".*", "build", "dist", "runs", "porocore", "**/.*", "**/node_modules"]
 
 # ---- Markdown -----------------------------------------------------------------------------------
 

@@ -47,7 +47,7 @@ SEE = {
     "sampling.sampler": "sampling.md",
     "sampling.executor": "cluster.md",
     "surrogate.model": "surrogates.md",
-    "closure": "benchmark.md#the-model",
+    "closure": "theory.md#closures",
     "conductivity": "conductivity.md",
     "macro.body.kind": "bodies.md",
 }
