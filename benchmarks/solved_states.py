@@ -53,14 +53,16 @@ class Library:
     ----------
     inputs
         What moves.
+    cell
+        What is solved.
     reference
         Response of the undeformed cell.
     """
 
-    def __init__(self, folder: Path, inputs: InputSpace) -> None:
-        self.folder, self.inputs = folder, inputs
+    def __init__(self, folder: Path, inputs: InputSpace, cell: Cell = CELL) -> None:
+        self.folder, self.inputs, self.cell = folder, inputs, cell
         folder.mkdir(parents=True, exist_ok=True)
-        solver, prepared = prepare_cell("skfem", {}, CELL)
+        solver, prepared = prepare_cell("skfem", {}, cell)
         self.reference = solver.solve(prepared, MacroState.zeros(1)).response
 
     def solve(self, name: str, sampler: Sampler) -> tuple[MacroState, CellResponse]:
@@ -71,10 +73,10 @@ class Library:
     def numbered(self, name: str, sampler: Sampler) -> tuple[MacroState, CellResponse, IntArray]:
         """The same, and the place of each among all that were asked for."""
         dataset = Dataset.create_or_open(
-            self.folder / f"{name}.h5", inputs=self.inputs, identity=CELL.identity
+            self.folder / f"{name}.h5", inputs=self.inputs, identity=self.cell.identity
         )
         workers = len(os.sched_getaffinity(0))
-        with CellPool(prepare_cell, ("skfem", {}, CELL), workers=workers, fields=True) as pool:
+        with CellPool(prepare_cell, ("skfem", {}, self.cell), workers=workers, fields=True) as pool:
             summary = run_campaign(sampler, pool, dataset)
         counts = ", ".join(f"{n} {status.name}" for status, n in summary.counts.items())
         print(f"{name}: {counts}; {summary.solved} solved in {summary.seconds:.0f} s", file=sys.stderr)
@@ -84,7 +86,7 @@ class Library:
 
     def training_set(self, states: MacroState, responses: CellResponse) -> TrainingSet:
         """What a surrogate learns from."""
-        return TrainingSet(states, responses, self.inputs, self.reference, CELL.identity, {})
+        return TrainingSet(states, responses, self.inputs, self.reference, self.cell.identity, {})
 
 
 def farthest_points(inputs: InputSpace, count: int) -> Array:
