@@ -1,89 +1,25 @@
-"""The conformance kit: every law of every suite catches the wrong implementation that is meant for it.
-
-The wrong ones lie in ``wrong/``, each a right one with one thing spoilt. What a class there says:
-
-``caught_by``
-    The law that it breaks; empty for a right one, which obeys all.
-``raises``
-    The error in which the law ends, where that is none of its own assertions.
-``slow``
-    That the law takes a second or more.
-"""
+"""The conformance kit: every law of every suite catches the wrong implementation that is meant for it."""
 
 from __future__ import annotations
 
-import ast
 import re
 import sys
-from collections.abc import Iterable
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-import porocore.testing
-from porocore.testing.suite import Suite, laws_of
+from porocore.testing.suite import laws_of
 
 sys.path.insert(0, str(Path(__file__).parent))
+from kit_cases import CASES, RIGHT, SUITES, TABLE, WRONG, WRONGS, Case, cases, suites, table, wrong_ones
 from kit_runs import Outcomes, run_pytest
 
-WRONG = Path(__file__).parent / "wrong"
-#: The suite of the classes in each file.
-SUITES: dict[str, type[Suite]] = {
-    "samplers": porocore.testing.SamplerSuite,
-    "cells": porocore.testing.CellSolverSuite,
-    "surrogates": porocore.testing.PotentialSuite,
-    "meshed": porocore.testing.MeshedCellSuite,
-    "contact": porocore.testing.CellContactSuite,
-    "macro_states": porocore.testing.MacroSolverSuite,
-    "macro_plates": porocore.testing.MacroSolverSuite,
-    "macro_bodies": porocore.testing.MacroSolverSuite,
-    "macro_histories": porocore.testing.MacroSolverSuite,
-    "macro_runs": porocore.testing.MacroSolverSuite,
-}
-#: Whose right implementation is cheap, so that it is held to all laws here; the others are those of a backend, which is
-#: held to all of them by its own tests.
+#: Files whose right implementation is cheap, so that it is held to all laws here; the others are those of a backend,
+#: which is held to all of them by its own tests.
 WHOLE = ("samplers", "cells", "surrogates")
 #: How a failed assertion begins, in words of Python, numpy and pytest.
 ASSERTIONS = ("AssertionError", "assert ", "Failed: ")
-
-
-@dataclass(frozen=True)
-class Case:
-    """A class of ``wrong/``."""
-
-    file: str
-    name: str
-    caught_by: str
-    raises: str = ""
-    slow: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.file}.{self.name}"
-
-    def node(self, law: str = "") -> str:
-        """As pytest names it, or one of its laws."""
-        return f"{WRONG / self.file}.py::{self.name}" + (f"::{law}" if law else "")
-
-
-def cases(file: str) -> Iterable[Case]:
-    """Read, not imported: backends are slow to import."""
-    for node in ast.parse((WRONG / f"{file}.py").read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.ClassDef) and node.name.startswith("Test"):
-            said = {
-                statement.targets[0].id: statement.value.value
-                for statement in node.body
-                if isinstance(statement, ast.Assign) and isinstance(statement.value, ast.Constant)
-            }
-            yield Case(
-                file, node.name, **{key: said[key] for key in ("caught_by", "raises", "slow") if key in said}
-            )
-
-
-CASES = [case for file in SUITES for case in cases(file)]
-RIGHT = [case for case in CASES if not case.caught_by]
-WRONGS = [case for case in CASES if case.caught_by]
 
 
 def run(folder: Path, slow: bool) -> Outcomes:
@@ -148,17 +84,17 @@ def test_a_right_implementation_passes_the_laws_that_catch_the_wrong_ones(slow, 
     assert {outcome for results in found.values() for outcome, _ in results} == {"passed"}
 
 
-def suites() -> list[type[Suite]]:
-    """All that the kit has."""
-    found = [getattr(porocore.testing, name) for name in porocore.testing.__all__]
-    return [suite for suite in found if isinstance(suite, type) and issubclass(suite, Suite)]
-
-
 @pytest.mark.parametrize("suite", suites(), ids=lambda suite: suite.__name__)
 def test_no_law_is_without_a_wrong_implementation(suite):
-    """Laws that several suites share are one law; those of one name in different suites are not."""
-    caught = {getattr(SUITES[case.file], case.caught_by) for case in WRONGS}
-    assert [law for law in laws_of(suite) if getattr(suite, law) not in caught] == []
+    assert [law for law in laws_of(suite) if not wrong_ones(suite, law)] == []
+
+
+def test_every_wrong_implementation_names_a_law():
+    assert [str(case) for case in WRONGS if case.caught_by not in laws_of(SUITES[case.file])] == []
+
+
+def test_the_table_of_laws_is_up_to_date():
+    assert TABLE.read_text(encoding="utf-8") == table(), "run: python tests/core/kit_cases.py"
 
 
 @pytest.mark.parametrize("suite", sorted(set(SUITES.values()), key=str), ids=lambda suite: suite.__name__)
@@ -170,7 +106,7 @@ def test_every_suite_has_a_law_that_is_shown_at_once_to_catch_a_wrong_one(suite)
 
 def test_what_is_spoilt_is_told_apart_from_a_slip():
     """An implementation that does not run at all proves nothing about a law."""
-    case = Case("cells", "TestX", "test_rest")
+    case = Case("cells", "TestX", "", "test_rest")
     for message in ("NameError: name 'npp' is not defined", "TypeError: alter() takes 2 arguments"):
         with pytest.raises(AssertionError):
             assert_caught(case, {("cells.TestX", "test_rest"): [("failure", message)]})

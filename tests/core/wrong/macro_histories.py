@@ -34,7 +34,7 @@ class TestFine(Law):
 
 
 class TestFirstOrderInSpace(Law):
-    """Flux by an average over the element and half of its neighbour."""
+    """A flux that is too large by a share of the element's size."""
 
     caught_by = "test_pressure_converges_with_the_square_of_the_element_size"
     slow = True
