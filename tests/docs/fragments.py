@@ -34,11 +34,15 @@ def example() -> dict[str, Any]:
 
 
 def with_fragment(base: dict[str, Any], fragment: dict[str, Any]) -> dict[str, Any]:
-    """``base`` with the keys of a fragment: those below a section replace the same ones there."""
+    """``base`` with the keys of a fragment: those below a section replace the same ones there.
+
+    What is prescribed is replaced surface by surface.
+    """
     merged = copy.deepcopy(base)
     for section, value in fragment.items():
         if isinstance(value, dict) and isinstance(merged.get(section), dict) and section not in WHOLE:
-            merged[section].update(value)
+            boundary = merged[section].get("boundary", {}) | value.get("boundary", {})
+            merged[section].update(value | ({"boundary": boundary} if boundary else {}))
         else:
             merged[section] = value
     if "materials" in merged.get("cell", {}):

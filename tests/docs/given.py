@@ -7,8 +7,12 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import meshio
 import numpy as np
 from clone import Clone
+
+from porocore.cell.channels import OrthogonalChannels
+from porocore.cell.mesh import MeshSettings, make_mesh
 
 #: Words after which a name is one of something to be made.
 _MADE = r"(?:--out|--to|-o|>|out=)\s*[\"']?"
@@ -31,6 +35,25 @@ def _image(clone: Clone, to: Path, finished: Callable[[], Path]) -> None:
     x, y, z = np.abs(np.indices((8, 8, 8)) - 3.5) < 2
     pores = (x & y) | (y & z) | (z & x)
     np.save(to, pores.astype(np.uint8))
+
+
+def _mesh(*names: str) -> Callable[[Clone, Path, Callable[[], Path]], None]:
+    """Channels with two solids, one above the other: names of both and of the fluid."""
+
+    def write(clone: Clone, to: Path, finished: Callable[[], Path]) -> None:
+        settings = MeshSettings(size=0.5, fluid_size=0.5, element="linear")
+        meshes = [make_mesh(OrthogonalChannels(), settings, phase, "whole") for phase in ("solid", "fluid")]
+        points = np.concatenate([mesh.points for mesh in meshes])
+        cells = np.concatenate([meshes[0].cells, meshes[1].cells + len(meshes[0].points)])
+        points, same = np.unique(points, axis=0, return_inverse=True)
+        tags = np.repeat([1, 3], [len(mesh.cells) for mesh in meshes])
+        tags[(points[same.reshape(-1)[cells]].mean(axis=1)[:, 2] > 0) & (tags == 1)] = 2
+        data = {"gmsh:physical": [tags], "gmsh:geometrical": [tags]}
+        field = {name: np.array([tag, 3]) for tag, name in enumerate(names, 1)}
+        mesh = meshio.Mesh(points, [("tetra", same.reshape(-1)[cells])], cell_data=data, field_data=field)
+        meshio.write(to, mesh, file_format="gmsh22")
+
+    return write
 
 
 def _surrogate(clone: Clone, to: Path, finished: Callable[[], Path]) -> None:
@@ -64,6 +87,8 @@ GIVEN = {
     "a.h5": _samples,
     "b.h5": _samples,
     "pores.npy": _image,
+    "cell.msh": _mesh("matrix", "fibres", "pores"),
+    "bone.msh": _mesh("core", "coating", "marrow"),
     "my_surrogate": _surrogate,
     "dask_jobqueue": _queue,
 }

@@ -1,0 +1,109 @@
+"""Every YAML and TOML block: configurations and their fragments are valid, and other files are what they say."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from fragments import example, role, with_fragment
+from given import provide
+from pages import all_blocks
+
+from porocore.config import RunConfig, config_from, load_config
+from porocore.examples import MODELINE
+from porocore.preflight import outline
+from porocore.registry import registry
+
+BLOCKS = list(all_blocks("yaml", "yml"))
+
+
+def parts() -> dict[str, dict[str, Any]]:
+    """Parts of configurations by where they stand; one that continues another contains it."""
+    found: dict[str, dict[str, Any]] = {}
+    last: dict[str, Any] = {}
+    for block in BLOCKS:
+        data = yaml.safe_load(block.text)
+        if isinstance(data, dict) and set(data) <= set(RunConfig.model_fields):
+            if role(block)[0] == "continues":
+                data = with_fragment(last, data)
+            found[str(block)] = last = data
+    return found
+
+
+PARTS = parts()
+
+
+def study_with(part: dict[str, Any]) -> dict[str, Any]:
+    if {"sampling", "macro"} <= set(part):
+        return part
+    study = with_fragment(example(), part)
+    named = set(study["macro"].get("surfaces", {})) | {"x-", "x+", "y-", "y+", "z-", "z+"}
+    if not set(study["macro"]["boundary"]) <= named:
+        pytest.fail("a fragment prescribes something on a surface that neither it nor the example has")
+    return study
+
+
+def nothing() -> Path:
+    pytest.fail("a fragment needs no finished run")
+
+
+@pytest.mark.parametrize("place", PARTS)
+def test_a_configuration_that_is_shown_is_valid(place, tmp_path):
+    """Keys and values; and cell, which is coarser here, and body can be meshed, and everything finds its place."""
+    study = study_with(PARTS[place])
+    provide(str(study), tmp_path, None, nothing)
+    assert config_from(study, tmp_path)
+    study["cell"]["mesh"] = {"size": 0.5, "fluid_size": 0.5, "element": "linear"}
+    lines = list(outline(config_from(study, tmp_path)))
+    assert any(line.startswith("cell:") for line in lines)
+
+
+@pytest.mark.parametrize("place", [place for place, part in PARTS.items() if "surrogate" in part])
+def test_options_of_a_surrogate_that_are_shown_are_taken(place, tmp_path):
+    settings = config_from(study_with(PARTS[place]), tmp_path)
+    if settings.surrogate.backend not in registry().names("surrogate"):
+        pytest.skip(f"{settings.surrogate.backend} is not installed")
+    surrogate = registry().get("surrogate", settings.surrogate.backend)
+    surrogate(model=settings.surrogate_model, **settings.surrogate.options)
+
+
+@pytest.mark.parametrize("place", [place for place, part in PARTS.items() if "sampling" in part])
+def test_options_of_a_sampler_that_are_shown_are_taken(place, tmp_path):
+    sampling = config_from(study_with(PARTS[place]), tmp_path).sampling
+    if sampling.sampler not in registry().names("sampler"):
+        pytest.skip(f"{sampling.sampler} is not installed")
+    registry().get("sampler", sampling.sampler)(sampling.input_space(), **sampling.sampler_options())
+
+
+def test_what_is_no_configuration_is_known():
+    """A line for editors, and a file of dask with keys that dask has."""
+    others = [block for block in BLOCKS if str(block) not in PARTS and role(block)[0] != "file"]
+    lines = [block.text.strip() for block in others if yaml.safe_load(block.text) is None]
+    assert set(lines) <= {MODELINE}
+    files = [yaml.safe_load(block.text) for block in others if block.text.strip() not in lines]
+    distributed = pytest.importorskip("distributed")
+    known = yaml.safe_load(
+        (Path(distributed.__file__).parent / "distributed.yaml").read_text(encoding="utf-8")
+    )
+    for data in files:
+        assert set(data) == {"distributed"}
+        for section, settings in data["distributed"].items():
+            for key, values in settings.items():
+                there = known["distributed"][section][key]
+                assert set(values) & set(there), f"{key} has nothing of dask's own"
+
+
+@pytest.mark.parametrize("block", all_blocks("toml"), ids=str)
+def test_toml_can_be_read(block):
+    assert tomllib.loads(block.text)["project"]["entry-points"]["porocore"]
+
+
+def test_the_examples_are_valid(tmp_path):
+    folder = Path(__file__).parents[2]
+    found = [
+        load_config(path) for path in [*folder.glob("examples/*.yaml"), *folder.glob("benchmarks/*.yaml")]
+    ]
+    assert len(found) > 7
