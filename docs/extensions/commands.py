@@ -14,16 +14,24 @@ from sphinx.util.docutils import SphinxDirective
 from porocore.cli.entry import app as application
 
 
-def commands(
-    command: Any = None, path: tuple[str, ...] = ("porocore",)
-) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Each command that does something itself, with the words that call it, in the order of ``porocore --help``."""
-    command = command or typer.main.get_command(application)
-    for name, below in getattr(command, "commands", {}).items():
-        if getattr(below, "commands", None):
-            yield from commands(below, (*path, name))
-        else:
-            yield (*path, name), below
+def document() -> str:
+    """All commands as Markdown: a heading for each panel of ``porocore --help``, and one for each command."""
+    parts, panel = [], ""
+    for name, command in typer.main.get_command(application).commands.items():
+        if command.rich_help_panel != panel:
+            panel = command.rich_help_panel
+            parts.append(f"## {panel}")
+        parts += _below(("porocore", name), command)
+    return "\n\n".join(parts)
+
+
+def _below(path: tuple[str, ...], command: Any) -> Iterator[str]:
+    """A command, or a group with its commands."""
+    commands = getattr(command, "commands", {})
+    yield f"### {' '.join(path)}"
+    yield inspect.cleandoc(command.help or "") if commands else page(path, command)
+    for name, below in commands.items():
+        yield from _below((*path, name), below)
 
 
 def page(path: tuple[str, ...], command: Any) -> str:
@@ -70,11 +78,10 @@ def _row(parameter: Any) -> str:
 
 
 class Commands(SphinxDirective):
-    """All commands, each with a heading."""
+    """All commands, each below a heading."""
 
     def run(self) -> list[nodes.Node]:
-        text = "\n\n".join(f"## {' '.join(path)}\n\n{page(path, command)}" for path, command in commands())
-        return self.parse_text_to_nodes(text, allow_section_headings=True)
+        return self.parse_text_to_nodes(document(), allow_section_headings=True)
 
 
 def setup(app: Any) -> dict[str, Any]:
