@@ -47,6 +47,8 @@ class Shell:
 
     def run(self, command: Command) -> None:
         """Run a command, which has to succeed."""
+        if command.words[0] == "sed":
+            self._check_sed(command)
         text = self.service.localised(command.text)
         if self.service.provides(command.text):
             self.service.start()
@@ -109,6 +111,13 @@ class Shell:
         self.folder = Path(folder)
         self.environment = dict(item.split("=", 1) for item in variables.split("\0") if "=" in item)
         self.environment["PATH"] = f"{self.clone.bin}:{self.environment['PATH']}"
+
+    def _check_sed(self, command: Command) -> None:
+        """What it replaces has to be there: sed itself says nothing if it is not."""
+        words = [word for word in command.words if word != "-i"]
+        source = (self.folder / words[2]).read_text(encoding="utf-8")
+        for old, _ in re.findall(r"s/([^/]+)/([^/]+)/", words[1]):
+            assert re.search(old, source, re.MULTILINE), f"{command}: there is no '{old}' in {words[2]}"
 
     def _expanded(self, text: str) -> list[str]:
         done = subprocess.run(

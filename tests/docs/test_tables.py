@@ -1,0 +1,21 @@
+"""Tables that must name all of something: statuses and hooks."""
+
+from __future__ import annotations
+
+from pages import page, rows
+
+from porocore.plugin_kinds import HOOKS
+from porocore.report.words import MEANINGS
+from porocore.states import Status
+
+
+def test_every_status_is_explained():
+    table = {cells[0].strip("`"): cells[1] for cells in rows(page("docs/cell.md")) if len(cells) == 3}
+    assert {status.name for status in Status} == {status.name for status in MEANINGS}
+    for status in Status:
+        assert table[status.name] == ("yes" if status.has_values else "no")
+
+
+def test_every_hook_is_listed():
+    listed = {cells[0].strip("`") for cells in rows(page("docs/plugins.md"))}
+    assert set(HOOKS.values()) <= listed
