@@ -1,0 +1,60 @@
+"""Where no backend is installed, one message says everything that is to be installed."""
+
+import pytest
+
+from porocore import plugin_check, preflight
+from porocore.benchmark import benchmark_path
+from porocore.config import load_config
+from porocore.crosscheck import contestants
+from porocore.errors import PluginError
+from porocore.plugin_kinds import HOOKS
+from porocore.registry import Registry
+from porocore.verify import ladder
+
+SKFEM = "'skfem' is not installed; install it: pip install porocore-fem-skfem"
+FEM = "skfem (not installed): pip install porocore-fem-skfem; dolfinx (not installed): pip install porocore-fem-dolfinx"
+
+
+@pytest.fixture(autouse=True)
+def bare(monkeypatch):
+    """What the core alone offers."""
+    offers = [offered for offered in Registry.discover().offers if offered.source.distribution == "porocore"]
+    assert offers
+    for module in (preflight.registry, contestants, ladder, plugin_check):
+        monkeypatch.setattr(module, "registry", lambda: Registry(offers, []))
+
+
+def message(work, *words):
+    with pytest.raises(PluginError) as caught:
+        work(*words)
+    return str(caught.value)
+
+
+def test_all_that_a_study_lacks_is_told_at_once_and_each_name_once():
+    config = load_config(benchmark_path())
+    assert message(preflight.check_backends, config).splitlines() == [
+        f"cell solver {SKFEM}",
+        "surrogate 'torch' is not installed; install it: pip install porocore-surrogate-torch",
+    ]
+    assert message(preflight.find_backends, config, ("macro solver",)) == f"macro solver {SKFEM}"
+    preflight.find_backends(config, ("sampler",))
+
+
+def test_two_finite_element_backends_are_two_names():
+    config = load_config(benchmark_path()).with_backends("dolfinx", "polynomial", "skfem")
+    assert [
+        line.split(" is ")[0] for line in message(preflight.find_backends, config, HOOKS).splitlines()
+    ] == [
+        "cell solver 'dolfinx'",
+        "macro solver 'skfem'",
+    ]
+
+
+def test_what_needs_any_backend_names_them_all():
+    assert message(contestants.find_contestants).endswith(f"no cell solver takes part; install one: {FEM}")
+    assert message(ladder.find_backends) == f"there is no finite-element backend; install one: {FEM}"
+
+
+def test_a_plugin_of_the_project_that_is_not_here_is_told_apart_from_an_unknown_one():
+    assert message(plugin_check.offers_of, "skfem") == f"cell solver {SKFEM}"
+    assert "got 'skfam'; there are active, " in message(plugin_check.offers_of, "skfam")
