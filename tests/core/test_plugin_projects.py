@@ -6,7 +6,6 @@ import ast
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -250,14 +249,6 @@ def pip_install(site, *projects):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", TEMPLATES)
-def test_a_new_project_is_installed_and_checked(tmp_path, site, kind):
-    pip_install(site, write_project("my-own", kind, tmp_path / "project"))
-    out, _ = porocore(site, "plugin", "check", "my-own")
-    assert " failed" not in out.splitlines()[-1]
-
-
-@pytest.mark.slow
 def test_new_projects_work_in_a_study(tmp_path, site):
     """All four in one: cell and sampler sample, the surrogate learns, and the macro solver solves."""
     sys.path.insert(0, str(ROOT / "tests/e2e"))
@@ -288,12 +279,3 @@ def test_a_class_that_cannot_be_imported_is_seen_where_it_is_loaded(site):
         assert row["state"] == state
         assert row["works"] == (state == "ready")
     assert "cannot be loaded: ModuleNotFoundError: No module named 'no_such_module'" in row["advice"]
-
-
-@pytest.mark.slow
-def test_the_examples_are_installed_and_checked_together(site, tmp_path):
-    copies = [shutil.copytree(project, tmp_path / project.name) for project in EXAMPLES]
-    pip_install(site, *copies)
-    for name in ("layered", "gaussian-process", "halton"):
-        out, _ = porocore(site, "plugin", "check", name)
-        assert " failed" not in out.splitlines()[-1]
