@@ -27,7 +27,7 @@ TOGETHER = {
     ),
 }
 #: Begun first, so that no worker is left with a long one at the end.
-LONG = ("jax", "finished run", "plugins/", "tests/consistency/", "tests/e2e/")
+LONG = ("jax", "finished run", "tests/docs/test_snippets", "plugins/", "tests/consistency/", "tests/e2e/")
 
 
 def pytest_addoption(parser):

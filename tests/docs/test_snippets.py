@@ -17,7 +17,7 @@ import pytest
 import yaml
 from clone import Clone
 from coarse import make_coarse
-from commands import Command, commands_of
+from commands import Command, all_commands, commands_of
 from fragments import example, role, with_fragment
 from given import provide
 from not_run import reason
@@ -33,6 +33,8 @@ NEEDS = {
     "porocore reproduce": "pyvista",
     "tcp://": "distributed",
 }
+#: Commands that take more than some seconds even so; run with --run-slow.
+SLOW = ("porocore reproduce dehghani2022",)
 #: Commands on whose results no later one of a page rests: done once with the same words and files.
 LOOKING = ("stability", "sensitivity", "crosscheck", "verify", "reproduce", "cell", "units", "schema")
 
@@ -73,10 +75,11 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Path]:
 
 
 @pytest.mark.parametrize("name", PAGES_TO_RUN)
-def test_the_snippets_of_a_page_run(name, tmp_path, coarse, service, finished, done):
+def test_the_snippets_of_a_page_run(name, tmp_path, coarse, service, finished, done, request):
     for word, module in NEEDS.items():
         if any(word in block.text for block in shown(name)):
             pytest.importorskip(module)
+    slow = request.config.getoption("--run-slow")
     clone = Clone(tmp_path)
     place = clone.place(name)
     place.mkdir(parents=True, exist_ok=True)
@@ -96,7 +99,7 @@ def test_the_snippets_of_a_page_run(name, tmp_path, coarse, service, finished, d
                     python(block, names, shell)
                 elif block.language in SHELL:
                     for command in commands_of(block):
-                        if reason(command.text) is None:
+                        if reason(command.text) is None and (slow or command.text not in SLOW):
                             provide(command.text, shell.folder, clone, finished)
                             if not again(command, shell.folder, done):
                                 shell.run(command)
@@ -144,3 +147,7 @@ def again(command: Command, folder: Path, done: set[str]) -> bool:
         return True
     done.add(digest.hexdigest())
     return False
+
+
+def test_slow_commands_are_shown():
+    assert set(SLOW) <= {command.text for command in all_commands()}
