@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 import yaml
 from fragments import example, role, with_fragment
 from given import provide
-from pages import all_blocks
+from pages import ROOT, all_blocks
 
 from porocore.config import RunConfig, config_from, load_config
 from porocore.examples import MODELINE
@@ -61,21 +62,28 @@ def test_a_configuration_that_is_shown_is_valid(place, tmp_path):
     assert any(line.startswith("cell:") for line in lines)
 
 
+def class_of(kind: str, name: str, patch: pytest.MonkeyPatch) -> type:
+    """Of what is installed, or of an example plugin."""
+    project = ROOT / "examples" / "plugins" / f"porocore-{kind}-{name}"
+    if name in registry().names(kind) or not project.exists():
+        return registry().get(kind, name)
+    patch.syspath_prepend(project)
+    hooks = importlib.import_module(f"{project.name.replace('-', '_')}.hooks")
+    return next(offer.load() for offer in getattr(hooks, f"porocore_{kind}s")() if offer.name == name)
+
+
 @pytest.mark.parametrize("place", [place for place, part in PARTS.items() if "surrogate" in part])
-def test_options_of_a_surrogate_that_are_shown_are_taken(place, tmp_path):
+def test_options_of_a_surrogate_that_are_shown_are_taken(place, tmp_path, monkeypatch):
     settings = config_from(study_with(PARTS[place]), tmp_path)
-    if settings.surrogate.backend not in registry().names("surrogate"):
-        pytest.skip(f"{settings.surrogate.backend} is not installed")
-    surrogate = registry().get("surrogate", settings.surrogate.backend)
+    surrogate = class_of("surrogate", settings.surrogate.backend, monkeypatch)
     surrogate(model=settings.surrogate_model, **settings.surrogate.options)
 
 
 @pytest.mark.parametrize("place", [place for place, part in PARTS.items() if "sampling" in part])
-def test_options_of_a_sampler_that_are_shown_are_taken(place, tmp_path):
+def test_options_of_a_sampler_that_are_shown_are_taken(place, tmp_path, monkeypatch):
     sampling = config_from(study_with(PARTS[place]), tmp_path).sampling
-    if sampling.sampler not in registry().names("sampler"):
-        pytest.skip(f"{sampling.sampler} is not installed")
-    registry().get("sampler", sampling.sampler)(sampling.input_space(), **sampling.sampler_options())
+    sampler = class_of("sampler", sampling.sampler, monkeypatch)
+    sampler(sampling.input_space(), **sampling.sampler_options())
 
 
 def test_what_is_no_configuration_is_known():
@@ -101,9 +109,6 @@ def test_toml_can_be_read(block):
     assert tomllib.loads(block.text)["project"]["entry-points"]["porocore"]
 
 
-def test_the_examples_are_valid(tmp_path):
-    folder = Path(__file__).parents[2]
-    found = [
-        load_config(path) for path in [*folder.glob("examples/*.yaml"), *folder.glob("benchmarks/*.yaml")]
-    ]
-    assert len(found) > 7
+def test_the_examples_are_valid():
+    paths = [*ROOT.glob("examples/*.yaml"), *ROOT.glob("benchmarks/*.yaml")]
+    assert len([load_config(path) for path in paths]) > 7

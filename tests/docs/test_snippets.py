@@ -32,8 +32,9 @@ NEEDS = {
     "to_pyvista": "pyvista",
     "porocore reproduce": "pyvista",
     "tcp://": "distributed",
+    "--fem dolfinx": "dolfinx",
 }
-#: Commands that take more than some seconds even so; run with --run-slow.
+#: Commands that take more than some seconds even so; run with --run-slow, and where CI is set.
 SLOW = ("porocore reproduce dehghani2022",)
 #: Commands on whose results no later one of a page rests: done once with the same words and files.
 LOOKING = ("stability", "sensitivity", "crosscheck", "verify", "reproduce", "cell", "units", "schema")
@@ -79,7 +80,7 @@ def test_the_snippets_of_a_page_run(name, tmp_path, coarse, service, finished, d
     for word, module in NEEDS.items():
         if any(word in block.text for block in shown(name)):
             pytest.importorskip(module)
-    slow = request.config.getoption("--run-slow")
+    slow = request.config.getoption("--run-slow") or "CI" in os.environ
     clone = Clone(tmp_path)
     place = clone.place(name)
     place.mkdir(parents=True, exist_ok=True)
