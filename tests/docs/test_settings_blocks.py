@@ -13,6 +13,7 @@ from fragments import example, role, with_fragment
 from given import provide
 from pages import ROOT, all_blocks
 
+from porocore.backends import surrogate_model
 from porocore.config import RunConfig, config_from, load_config
 from porocore.examples import MODELINE
 from porocore.preflight import outline
@@ -76,7 +77,8 @@ def class_of(kind: str, name: str, patch: pytest.MonkeyPatch) -> type:
 def test_options_of_a_surrogate_that_are_shown_are_taken(place, tmp_path, monkeypatch):
     settings = config_from(study_with(PARTS[place]), tmp_path)
     surrogate = class_of("surrogate", settings.surrogate.backend, monkeypatch)
-    surrogate(model=settings.surrogate_model, **settings.surrogate.options)
+    model = {"model": surrogate_model(surrogate, settings)} if surrogate.models else {}
+    surrogate(**settings.surrogate.options, **model)
 
 
 @pytest.mark.parametrize("place", [place for place, part in PARTS.items() if "sampling" in part])
