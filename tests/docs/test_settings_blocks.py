@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -69,8 +70,13 @@ def class_of(kind: str, name: str, patch: pytest.MonkeyPatch) -> type:
     if name in registry().names(kind) or not project.exists():
         return registry().get(kind, name)
     patch.syspath_prepend(project)
-    hooks = importlib.import_module(f"{project.name.replace('-', '_')}.hooks")
-    return next(offer.load() for offer in getattr(hooks, f"porocore_{kind}s")() if offer.name == name)
+    package = project.name.replace("-", "_")
+    hooks = importlib.import_module(f"{package}.hooks")
+    found = next(offer.load() for offer in getattr(hooks, f"porocore_{kind}s")() if offer.name == name)
+    # A page may write and install a package of this name.
+    for module in [module for module in sys.modules if module.split(".")[0] == package]:
+        del sys.modules[module]
+    return found
 
 
 @pytest.mark.parametrize("place", [place for place, part in PARTS.items() if "surrogate" in part])
