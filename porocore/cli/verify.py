@@ -48,8 +48,8 @@ def verify(
         from porocore.verify.ladder import climb, find_backends, find_cases
 
         cases, backends = find_cases(case or ()), find_backends(fem or ())
-        if out is not None and (out.is_dir() or not out.parent.is_dir()):
-            raise ConfigurationError(f"--out {out}: expected a file in a folder that exists")
+        if out is not None:
+            _make_room(out)
         console = Console()
         for text in backends.absent:
             console.note(f"takes no part: {text}")
@@ -115,3 +115,15 @@ def _cells(check: Check) -> tuple[Any, ...]:
 
 def _value(value: float | None) -> str:
     return "–" if value is None else f"{value:.5g}"
+
+
+def _make_room(out: Path) -> None:
+    """Refuse what cannot be written before anything is solved."""
+    if out.is_dir():
+        raise ConfigurationError(f"--out {out}: expected a file, got a folder")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(
+            f"--out {out}: its folder cannot be made: {error.strerror or error}"
+        ) from error
