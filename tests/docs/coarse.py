@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imsave
 
+import porocore.api.study
 import porocore.config
 import porocore.crosscheck
 from porocore.local_fields import geometry, pictures
@@ -22,6 +23,8 @@ from porocore.surrogates.options import MlpOptions, PotentialOptions
 from porocore.verify import ladder
 from porocore.yaml_document import YamlDocument
 
+#: Modules that hold the function by which every configuration is made.
+HOLDERS = (porocore.config, porocore.api.study)
 #: Iterations of a training.
 TRAINING = {MlpOptions: "epochs", PotentialOptions: "iterations"}
 SHORT, LONG = {"epochs": 60, "iterations": 15}, {"epochs": 2500, "iterations": 60}
@@ -109,7 +112,8 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
     def coarse(document: YamlDocument) -> porocore.config.RunConfig:
         return validated(dataclasses.replace(document, data=coarsened(document.data)))
 
-    patch.setattr(porocore.config, "validated", coarse)
+    for module in HOLDERS:
+        patch.setattr(module, "validated", coarse)
     for options, name in TRAINING.items():
         patch.setattr(options, "parse", _with_at_most(options.parse, name))
     _shrink(

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 from clone import Clone
+from coarse import HOLDERS
 from commands import Command, commands_of
 from fragments import role, with_fragment
 from pages import Block, blocks_of
 from services import Service
 from shell import Shell
+
+import porocore
 
 PAGE = """# Title
 
@@ -110,3 +116,13 @@ def test_folder_and_variables_stay(shell):
 def test_what_fails_is_told_with_its_place(shell, text, message):
     with pytest.raises(AssertionError, match=message):
         run(shell, text)
+
+
+def test_all_that_make_a_configuration_are_made_coarse():
+    """A module that takes the function by name keeps the one of the moment when it is imported."""
+    for path in (Path(porocore.__file__).parent).rglob("*.py"):
+        if re.search(
+            r"^from porocore\.config import .*\bvalidated\b", path.read_text(encoding="utf-8"), re.MULTILINE
+        ):
+            name = ".".join(path.relative_to(Path(porocore.__file__).parents[1]).with_suffix("").parts)
+            assert name in {module.__name__ for module in HOLDERS}

@@ -112,7 +112,7 @@ def test_what_is_no_configuration_is_known():
                 assert set(values) & set(there), f"{key} has nothing of dask's own"
 
 
-@pytest.mark.parametrize("block", all_blocks("toml"), ids=str)
+@pytest.mark.parametrize("block", [*all_blocks("toml")], ids=str)
 def test_toml_can_be_read(block):
     assert tomllib.loads(block.text)["project"]["entry-points"]["porocore"]
 
