@@ -57,8 +57,8 @@ def filter_picture(folder: RunFolder) -> Figure:
         last, line = solution.profiles[-1], Line.of(solution)
         height, pressure, _ = line.series(last, QUANTITIES["p"])
         left.plot(pressure / load, height, color=colour, label=f"{load:g}")
-        height, conductivity, _ = line.series(last, QUANTITIES["K22"])
-        right.plot(conductivity, height, color=colour, label=f"{load:g}")
+        conductivity = last.spatial_conductivity[line.elements, 1, 1]
+        right.plot(conductivity, line.element_y, color=colour, label=f"{load:g}")
     linear = MacroSolution.load_file(folder.solution("linear", config.macro.loads[0]))
     height, conductivity, _ = Line.of(linear).series(linear.profiles[-1], QUANTITIES["K22"])
     left.plot([0, 1], [0, float(linear.points[:, 1].max())], color="0.35", ls=DASHED, lw=1.3, label="linear")

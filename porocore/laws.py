@@ -58,7 +58,7 @@ class MacroResponse(_Batch):
     volume_ratio : (n,)
         det F̄, by which the drained volume is divided (1 in a linear law).
     transformed_conductivity : (n, 3, 3)
-        K_t = (1/det F̄) Ḡ K F̄⁻ᵀ (K in a linear law).
+        K_t = K_ref/det F̄ with q = −K_ref ∇_X p (K in a linear law).
     outside : (n,) bool
         The cell law was asked outside the range that it was trained on.
     """

@@ -62,11 +62,24 @@ class Profile:
     grad_u: Array  #: (elements, 3, 3)  H
     mean_grad: Array  #: (elements, 3, 3)  <∇u¹>_s
     deformation: Array  #: (elements, 3, 3)  F̄
-    conductivity: Array  #: (elements, 3, 3)  K_t
+    conductivity: Array  #: (elements, 3, 3)  K_t = K_ref/det F̄
     stress: Array  #: (elements, 3, 3)  P_E
     flux: Array  #: (elements, 3)  Ḡw
     element_p: Array  #: (elements,)
     outside: Array  #: (elements,)  share of the element's points outside the sampled range
+
+    @property
+    def reference_conductivity(self) -> Array:
+        """K_ref = det F̄ K_t (elements, 3, 3) of a cell's law, between ∇_X p and the flux through reference area."""
+        K_ref: Array = np.linalg.det(self.deformation)[:, None, None] * self.conductivity
+        return K_ref
+
+    @property
+    def spatial_conductivity(self) -> Array:
+        """k = F₀ K_ref F₀ᵀ/J₀ (elements, 3, 3) of a cell's law, F₀ = I + H: that of the deformed body in space."""
+        F0 = np.eye(3) + self.grad_u
+        k: Array = F0 @ self.reference_conductivity @ F0.swapaxes(1, 2) / np.linalg.det(F0)[:, None, None]
+        return k
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ class MeanGradientClosure(Closure):
         q         = −Ḡ K F̄⁻ᵀ ∇_X p
         K_t       = (1/det F̄) Ḡ K F̄⁻ᵀ
 
-    With the conductivity of the deformed pore q = −K_ref ∇_X p and K_t = (1/J₀) F₀ K_ref F₀ᵀ, F₀ = I + H.
+    With the conductivity of the deformed pore q = −K_ref ∇_X p and K_t = K_ref/det F̄.
     """
 
     name = "mean-gradient"

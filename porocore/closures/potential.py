@@ -23,7 +23,7 @@ class PotentialClosure(Closure):
 
     Nothing is approximated in stress and storage, so dW = P_E:dH − φ dp and no closed cycle of (H, p) does
     work; ∂P_E/∂H has major symmetry and ∂P_E/∂p = −∂φ/∂H. Only the conductivity is that of the undeformed pore,
-    carried along; or that of the deformed pore, q = −K_ref ∇_X p and K_t = (1/J₀) F₀ K_ref F₀ᵀ with F₀ = I + H.
+    carried along; or that of the deformed pore, q = −K_ref ∇_X p and K_t = K_ref/det F̄.
     """
 
     name = "potential"

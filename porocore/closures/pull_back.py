@@ -27,9 +27,9 @@ class PulledBack:
     cof : (n, 3, 3)
         cof F̄ = Ḡᵀ.
     conductivity : (n, 3, 3)
-        Between ∇_X p and the flux through reference area: Ḡ K F̄⁻ᵀ, or K_ref of the deformed pore.
+        K_ref, between ∇_X p and the flux through reference area: Ḡ K F̄⁻ᵀ, or that of the deformed pore.
     transformed : (n, 3, 3)
-        K_t: (1/det F̄) Ḡ K F̄⁻ᵀ, or the deformed pore's own conductivity in space, (1/J₀) F₀ K_ref F₀ᵀ with F₀ = I + H.
+        K_t = K_ref/det F̄ (Dehghani & Zilian's transformed conductivity), F̄⁻¹ K F̄⁻ᵀ where K is carried along.
     flux : (n, 3)
         q = −conductivity ∇_X p.
     undeformed : (3, 3)
@@ -56,16 +56,14 @@ class PulledBack:
     ) -> PulledBack:
         """From H, <∇u¹>_s, ∇_X p, φ_s, and K of the undeformed cell or K_ref (n, 3, 3) of the ``deformed`` pores."""
         F = np.eye(3) + states.grad_u + mean_grad / solid_fraction
-        F0 = np.eye(3) + states.grad_u
-        J, J0 = determinant(F), determinant(F0)
+        J, J0 = determinant(F), determinant(np.eye(3) + states.grad_u)
         J = np.where((J > 0) & (J0 > 0), J, np.nan)
         cof = np.ascontiguousarray(cofactor(F))
         if deformed is None:
             conductivity = cof.swapaxes(1, 2) @ K @ cof / J[:, None, None]
-            transformed = conductivity / J[:, None, None]
         else:
             conductivity = np.where(np.isnan(J)[:, None, None], np.nan, deformed)
-            transformed = F0 @ conductivity @ F0.swapaxes(1, 2) / J0[:, None, None]
+        transformed = conductivity / J[:, None, None]
         flux = -(conductivity @ grad_p[:, :, None])[..., 0]
         return cls(F, J, cof, conductivity, transformed, flux, K if deformed is None else None)
 

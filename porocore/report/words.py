@@ -120,28 +120,26 @@ def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
 
 
 def conductivity_sentence(case: Case, cell: CellSummary) -> str:
-    """What K_t of the profiles is, and how far K_t,22 has come at the last of them."""
-    profiles, rest = case.nonlinear.profiles, number(float(cell.linear.conductivity[1, 1]), 3)
+    """Where the flux has its conductivity from, and how far its component 22 has come at the last profile."""
     if cell.deformed:
-        change = ""
-        if profiles:
-            least, most = (
-                number(float(end(profiles[-1].conductivity[:, 1, 1])), 3) for end in (np.min, np.max)
-            )
-            when = number(profiles[-1].time, 3)
-            change = f" K_t,22 is {rest} at rest, and between {least} and {most} at t = {when}."
-        return (
-            "K_t is the conductivity of the deformed pore in space, learned from the flow through the deformed pore of "
-            f"every sampled state.{change}"
+        found = (
+            "K_ref, between ∇p and the flux through reference area, is that of the deformed pore, learned from the "
+            "flow through the deformed pore of every sampled state; the figures show K_t = K_ref/det F̄."
         )
-    change = ""
-    if profiles:
-        largest = number(float(profiles[-1].conductivity[:, 1, 1].max()), 3)
-        change = f"; here from {rest} at rest to {largest} at t = {number(profiles[-1].time, 3)}"
-    return (
-        "K_t is the conductivity of the undeformed pore, pulled back with F̄ as in the paper: compression raises K_t,22 "
-        f"(roughly as F̄₂₂⁻²{change}) although the pores close, and the times to 95 % and 99 % depend on it."
+    else:
+        found = (
+            "K of the undeformed pore is carried along with F̄ as in the paper: the figures show K_t = F̄⁻¹ K F̄⁻ᵀ, and "
+            "the flux through reference area has K_ref = det F̄ K_t. Compression along an axis raises both along it, "
+            "although the pores close, and the times to 95 % and 99 % depend on it."
+        )
+    if not case.nonlinear.profiles:
+        return found
+    last, rest = case.nonlinear.profiles[-1], number(float(cell.linear.conductivity[1, 1]), 3)
+    K_t, K_ref = (
+        " to ".join(number(float(end(K[:, 1, 1])), 3) for end in (np.min, np.max))
+        for K in (last.conductivity, last.reference_conductivity)
     )
+    return f"{found} At t = {number(last.time, 3)} K_ref,22 is {K_ref} and K_t,22 {K_t}; both are {rest} at rest."
 
 
 def all_warnings(context: ReportContext) -> list[str]:

@@ -203,21 +203,36 @@ def replace_outside(context, share):
 
 
 def test_says_how_far_the_conductivity_rises(context, page):
-    found = re.search(r"F̄₂₂⁻²; here from 1\.94 at rest to (\S+) at t = (\S+)\)", page.words)
+    found = re.search(
+        r"as in the paper.*At t = (\S+) K_ref,22 is (\S+) to (\S+) and K_t,22 (\S+) to (\S+); both are 1\.94 at rest",
+        page.words,
+    )
     assert found
+    time, *ends = map(float, found.groups())
     last = context.cases[0].nonlinear.profiles[-1]
     # 1.943 (1 − 0.7 H_22) is the K_t,22 of the made-up column.
-    assert float(found[1]) == pytest.approx(1.943 * (1 - 0.7 * last.grad_u[:, 1, 1].min()), abs=0.006)
-    assert float(found[2]) == pytest.approx(last.time)
+    K_t = 1.943 * (1 - 0.7 * last.grad_u[:, 1, 1])
+    K_ref = K_t * np.linalg.det(last.deformation)
+    assert time == pytest.approx(last.time)
+    assert ends == pytest.approx([K_ref.min(), K_ref.max(), K_t.min(), K_t.max()], abs=0.006)
 
 
 def test_says_that_the_conductivity_is_that_of_the_deformed_pore(context):
     cell = replace(context.cell, deformed=True)
     words = conductivity_sentence(context.cases[0], cell)
-    found = re.search(r"deformed pore.*1\.94 at rest, and between (\S+) and (\S+) at t = ", words)
-    last = context.cases[0].nonlinear.profiles[-1].conductivity[:, 1, 1]
-    assert [float(found[1]), float(found[2])] == pytest.approx([last.min(), last.max()], abs=0.006)
+    assert "K_ref, between ∇p and the flux through reference area, is that of the deformed pore" in words
+    assert "both are 1.94 at rest" in words
     assert "as in the paper" not in words
+
+
+def test_flux_in_space_and_through_reference_area(context):
+    """q = J₀ F₀⁻¹ times the flux in space, which is −k ∇_x p with ∇_x p = F₀⁻ᵀ ∇_X p."""
+    last, g = context.cases[0].nonlinear.profiles[-1], np.array([0.3, -1.0, 0.2])
+    F0 = np.eye(3) + last.grad_u
+    inverse = np.linalg.inv(F0)
+    in_space = -np.einsum("nij,nkj,k->ni", last.spatial_conductivity, inverse, g)
+    q = np.linalg.det(F0)[:, None] * np.einsum("nij,nj->ni", inverse, in_space)
+    np.testing.assert_allclose(q, -last.reference_conductivity @ g, rtol=1e-12)
 
 
 def test_counts_of_statuses(context, page):

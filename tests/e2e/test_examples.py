@@ -72,7 +72,7 @@ def test_a_filter_conducts_less_where_it_is_squeezed_and_as_much_as_a_whole(tmp_
             through = solution.inflow
             assert through["y+"][-1] == pytest.approx(-through["y-"][-1], rel=1e-3)  # steady
             rates[kind, load] = through["y+"][-1] / load
-            squeezed = solution.profiles[-1].conductivity[:, 1, 1]
+            squeezed = solution.profiles[-1].spatial_conductivity[:, 1, 1]
             linear = found[f"linear_load{load}"].profiles[-1].conductivity[0, 1, 1]
             if kind == "deformed" and load == 0.12:
                 assert squeezed.min() < 0.75 * linear < linear < squeezed.max()
