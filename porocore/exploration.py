@@ -46,7 +46,9 @@ class MacroExplorer:
         self._solver: MacroSolver | None = None
 
     def __call__(self, data: TrainingSet, *, elements: int, steps: int) -> Exploration:
-        """See :class:`~porocore.interfaces.sampler.Explore`; final settlement and largest pressure of each load."""
+        """See :class:`~porocore.interfaces.sampler.Explore`; final settlement and largest pressure of each load, and
+        largest and final force on each surface that is moved.
+        """
         if self._solver is None:
             self._solver = make_backend("macro solver", self.config)
         closure = CLOSURES[self.config.closure](
@@ -57,12 +59,19 @@ class MacroExplorer:
         results: list[float] = []
         for load in self.config.macro.loads:
             law = VisitedStates(ClosedLaw(cells, closure))
-            prepared = self._solver.prepare(coarse_problem(self.config.macro.problem(load), elements, steps))
+            problem = self.config.macro.problem(load)
+            moved = [name for name, boundary in problem.boundary.items() if boundary.is_moved]
+            prepared = self._solver.prepare(coarse_problem(problem, elements, steps))
             try:
-                history = self._solver.solve(prepared, law).history
-                results += [float(history.settlement[-1]), float(history.pressure_max.max())]
+                solution = self._solver.solve(prepared, law)
             except SolveError:
-                results += [np.nan, np.nan]
+                results += [np.nan] * (2 + 2 * len(moved))
+            else:
+                history = solution.history
+                results += [float(history.settlement[-1]), float(history.pressure_max.max())]
+                for name in moved:
+                    force = np.abs(solution.reactions[name]).max(axis=1)
+                    results += [float(force.max()), float(force[-1])]
             visited += law.visited
         return Exploration(MacroState.concatenate(visited), tuple(results))
 

@@ -14,6 +14,8 @@ from porocore.states import Array, MacroState
 
 NAMES = (*(f"H{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)), "p")
 
+#: Share of the largest sampled component of H that others may move by unnoticed.
+NEGLIGIBLE = 2e-3
 #: Components of H below the diagonal.
 BELOW = ("H21", "H31", "H32")
 
@@ -92,14 +94,28 @@ class InputSpace:
         flat[:, list(self.columns)] = rows
         return MacroState(flat[:, :9].reshape(-1, 3, 3), flat[:, 9].copy())
 
-    def moves_other(self, states: MacroState, tolerance: float = 1e-6) -> npt.NDArray[np.bool_]:
-        """Rows (n,) in which a component that is no input is not zero."""
-        return self.others_move(components(states), tolerance)
+    @property
+    def negligible(self) -> float:
+        """How far a component that is no input may move: so little beside the inputs that nothing is felt of it.
 
-    def others_move(self, rows: Array, tolerance: float = 1e-6) -> npt.NDArray[np.bool_]:
+        The symmetry of a body and its cell is broken as much by a mesh that does not have it.
+        """
+        bounds = [
+            abs(b)
+            for c, *both in zip(self.columns, self.lower, self.upper, strict=True)
+            if c < 9
+            for b in both
+        ]
+        return max(1e-6, NEGLIGIBLE * max(bounds, default=0.0))
+
+    def moves_other(self, states: MacroState) -> npt.NDArray[np.bool_]:
+        """Rows (n,) in which a component that is no input moves."""
+        return self.others_move(components(states))
+
+    def others_move(self, rows: Array) -> npt.NDArray[np.bool_]:
         """The same of the ten ``components`` (10, n)."""
         rest = rows[[column for column in range(10) if column not in self.columns]]
-        moves: npt.NDArray[np.bool_] = np.abs(rest, out=rest).max(axis=0, initial=0.0) > tolerance
+        moves: npt.NDArray[np.bool_] = np.abs(rest, out=rest).max(axis=0, initial=0.0) > self.negligible
         return moves
 
 

@@ -67,6 +67,11 @@ class Boundary(_Strict):
         return self
 
     @property
+    def is_moved(self) -> bool:
+        """Whether it is given a displacement, rather than held."""
+        return any(u is not None and u != 0 for u in (*self.displacement, self.normal))
+
+    @property
     def courses(self) -> Iterator[Course]:
         """Those of its values that have one."""
         values = (

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from porocore.inputs import InputSpace, components
 from porocore.states import Array, MacroState
@@ -18,7 +19,10 @@ MOST_HULL_INPUTS = 5
 
 @dataclass(frozen=True, eq=False)
 class SampledRange:
-    """A convex polytope {x : A x ≤ b} around the sampled inputs.
+    """A convex polytope {x : A x ≤ b} around the sampled inputs and the undeformed cell, which is always known.
+
+    Its faces lie half the usual distance of neighbouring samples beyond them, as far from a sample as states between
+    two of them, but not beyond the box of the inputs.
 
     Attributes
     ----------
@@ -36,19 +40,24 @@ class SampledRange:
 
     @classmethod
     def around(cls, inputs: InputSpace, points: npt.ArrayLike) -> SampledRange:
-        """Hull of ``points`` (n, d); their bounding box if they do not span the space or d is large."""
-        points = inputs.to_unit(np.asarray(points, dtype=float))
+        """Around ``points`` (n, d): their hull; their bounding box if they do not span the space or d is large."""
         d = len(inputs)
-        if 2 <= d <= MOST_HULL_INPUTS and len(points) > d:
-            try:
-                equations = ConvexHull(points).equations
-                return cls(inputs, equations[:, :-1].copy(), -equations[:, -1])
-            except QhullError:
-                pass
+        given: Array = np.concatenate([np.asarray(points, dtype=float).reshape(-1, d), np.zeros((1, d))])
+        known = np.unique(inputs.to_unit(given), axis=0)
+        low, high = known.min(axis=0), known.max(axis=0)
         unit = np.eye(d)
-        return cls(
-            inputs, np.concatenate([unit, -unit]), np.concatenate([points.max(axis=0), -points.min(axis=0)])
-        )
+        normals, offsets = np.concatenate([unit, -unit]), np.concatenate([high, -low])
+        box = np.concatenate([np.maximum(high, 1.0), -np.minimum(low, 0.0)])
+        beyond = _spacing(known) / 2
+        if 2 <= d <= MOST_HULL_INPUTS and len(known) > d:
+            with suppress(QhullError):
+                hull = ConvexHull(known).equations
+                return cls(
+                    inputs,
+                    np.concatenate([hull[:, :-1], normals]),
+                    np.concatenate([beyond - hull[:, -1], box]),
+                )
+        return cls(inputs, normals, np.minimum(offsets + beyond, box))
 
     def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
         """Which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
@@ -71,3 +80,10 @@ class SampledRange:
         outside: npt.NDArray[np.bool_] = np.logical_not(self.contains(rows[list(self.inputs.columns)].T))
         outside |= self.inputs.others_move(rows)
         return outside
+
+
+def _spacing(points: Array) -> float:
+    """Distance of a point to its nearest neighbour, the median over all of them (n, d)."""
+    if len(points) < 2:
+        return 0.0
+    return float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))

@@ -24,12 +24,12 @@ APART = 0.25
 class MacroDriven(Learning):
     """Solve a few states, fit a surrogate, run the macro problem with it, solve where it went, and so on.
 
-    It ends when a round has changed no result of the macro runs (final settlement and largest pressure under each load)
-    by more than ``tolerance``, twice in a row, or with the budget. One half of a round are the visited states that are
-    farthest from all known ones; the other are those that tell most about all visited states, weighted by how much
-    a committee of polynomials disagrees there (as in :class:`~porocore.sampling.active.Active`). Visited states outside
-    the box are moved to its faces. Of a macro run that does not reach its end, the states until there count;
-    where nothing new was visited, the round fills the box.
+    It ends when a round has changed no result of the macro runs (final settlement and largest pressure under each
+    load; largest and final force on a surface that is moved) by more than ``tolerance``, twice in a row, or with the
+    budget. One half of a round are the visited states that are farthest from all known ones; the other are those that
+    tell most about all visited states, weighted by how much a committee of polynomials disagrees there (as in
+    :class:`~porocore.sampling.active.Active`). Visited states outside the box are moved to its faces. Of a macro run
+    that does not reach its end, the states until there count; where nothing new was visited, the round fills the box.
 
     Parameters
     ----------

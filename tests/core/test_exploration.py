@@ -7,6 +7,7 @@ import pytest
 
 from porocore.benchmark import benchmark_path
 from porocore.config import RunConfig, load_config
+from porocore.config_sections import MacroSettings
 from porocore.errors import SolveError
 from porocore.exploration import MacroExplorer, coarse_problem, inform
 from porocore.interfaces.macro import MacroSolver
@@ -64,6 +65,26 @@ def test_an_exploration_visits_what_the_column_goes_through(
     again = explore(data, elements=4, steps=8)
     assert again.results == found.results
     assert (again.states.grad_u == found.states.grad_u).all()
+
+
+def test_the_force_on_a_surface_that_is_moved_is_a_result(
+    config: RunConfig, reference: CellReference
+) -> None:
+    """The settlement of such a column is given, and its pressure is largest on the way."""
+    data = config.macro.model_dump()
+    data["boundary"]["y+"] = {"displacement": (None, 7.5, None), "pressure": 0}
+    moved = config.model_copy(update={"macro": MacroSettings.model_validate(data)})
+    settlement, _, largest, last, *others = MacroExplorer(moved, reference)(
+        synthetic_training_set(40), elements=4, steps=8
+    ).results
+    assert settlement == pytest.approx(0.05 * 7.5)
+    rest = MacroState.zeros(1)
+    rest.grad_u[0, 1, 1] = -0.05
+    drained = synthetic_cell.respond(rest).stress
+    assert drained is not None
+    assert last == pytest.approx(-0.01 * drained[0, 1, 1], rel=0.02)  # on 0.1 × 0.1
+    assert largest > 1.02 * last
+    assert len(others) == 4
 
 
 def test_a_macro_run_that_fails_gives_what_it_visited(config: RunConfig, reference: CellReference) -> None:
