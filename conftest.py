@@ -16,11 +16,13 @@ TOGETHER = {
     "distributions": ("tests/release/",),
     # One finished run for all of them; and on two cores two MPI runs of two processes would wait for one another.
     "finished run": (
+        "tests/e2e/test_closures.py",
         "tests/e2e/test_damaged.py",
         "tests/e2e/test_disks.py",
         "tests/e2e/test_kills.py",
         "tests/e2e/test_mpi.py",
         "tests/e2e/test_physics.py",
+        "tests/e2e/test_python.py",
         "tests/e2e/test_refusals.py",
         "tests/e2e/test_run.py",
         "plugins/fem_dolfinx/tests/test_macro_mpi.py",
