@@ -16,7 +16,6 @@ TOGETHER = {
     "distributions": ("tests/release/",),
     # One finished run for all of them; and on two cores two MPI runs of two processes would wait for one another.
     "finished run": (
-        "tests/e2e/test_closures.py",
         "tests/e2e/test_damaged.py",
         "tests/e2e/test_disks.py",
         "tests/e2e/test_kills.py",
