@@ -29,13 +29,20 @@ def undrained(macro: MacroSetup, conductivity: Array) -> list[str]:
             "give one under macro.boundary"
         ]
     K, found = np.diag(conductivity), []
-    for face, boundary in faces:
+    if K.max() <= 0:
+        return [
+            "the cell conducts no fluid in any direction, so none leaves through the surfaces whose pressure or flux "
+            "is prescribed and nothing consolidates; its pores must run through, see cell.geometry"
+        ]
+    for name, boundary in faces:
+        face = macro.surfaces[name].of if name in macro.surfaces else name
         if face not in Box.surfaces:
             continue
         i = "xyz".index(face[0])
         if boundary.pressure is not None and K[i] <= CLOSED * K.max():
+            kind = "face" if name == face else "surface"
             found.append(
                 f"the cell conducts no fluid along {face[0]} (K_{i + 1}{i + 1} = {K[i]:.2g}), so none leaves "
-                f"through the face {face}, whose pressure is prescribed; see cell.geometry.axes"
+                f"through the {kind} {name}, whose pressure is prescribed; see cell.geometry"
             )
     return found

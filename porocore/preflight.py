@@ -90,12 +90,14 @@ def outline(config: RunConfig) -> Iterator[str]:
     Raises
     ------
     ConfigurationError
-        The cell cannot be meshed, or its regions are not those of ``cell.materials``.
+        The cell cannot be meshed, has no pores or a solid without stiffness, or its regions are not those of
+        ``cell.materials``.
     """
     yield config.title or "a study without a title"
-    yield from (
-        f"cell: {line}" if i == 0 else f"  {line}" for i, line in enumerate(as_lines(facts_of(config.cell)))
-    )
+    facts = facts_of(config.cell)
+    yield from (f"cell: {line}" if i == 0 else f"  {line}" for i, line in enumerate(as_lines(facts)))
+    config.cell.require_pores()
+    config.cell.require_stiffness()
     if config.cell.materials is not None:
         config.cell.solid.on(config.cell.make_mesh("solid", "whole"))
     yield f"  {config.cell.solid.description}, viscosity {config.cell.viscosity:g}"
@@ -105,6 +107,9 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield f"samples: {sampling.sampler}{count} over {ranges}; {sampling.test.count} held-out states"
     yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
     yield from _body(config)
+    # What K is nobody knows yet, but along which axes there is any.
+    percolates = np.diag([float(axis not in facts.blocked) for axis in "xyz"])
+    yield from (f"note: {warning}" for warning in undrained(config.macro, percolates))
 
 
 def _body(config: RunConfig) -> Iterator[str]:
@@ -131,8 +136,6 @@ def _body(config: RunConfig) -> Iterator[str]:
         f"solutions: loads {loads}, each with the cell's law and linearly, up to t = {macro.time.end * time:.4g}"
         f"{name_of_time}, {steps} {macro.time.step * time:.4g}{name_of_time}"
     )
-    # Which way the pores let fluid through is said of the cell.
-    yield from (f"note: {warning}" for warning in undrained(macro, np.eye(3)))
 
 
 def _said(boundary: Boundary | None) -> str:

@@ -62,10 +62,7 @@ class CellReference:
         PorocoreError
             The undeformed cell has no solution, which a mesh or backend fault must cause.
         """
-        if cell.geometry.porosity == 0:
-            raise ConfigurationError(
-                "cell.geometry: the cell has no pores, so there is nothing to homogenise"
-            )
+        cell.require_pores()
         response = solver.solve(prepared, MacroState.zeros(1)).response
         if response.status[0] != Status.converged:
             raise PorocoreError(

@@ -22,6 +22,7 @@ from porocore.cell.geometry import Geometry, OrthogonalChannels
 from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.supercell import block
 from porocore.dimensions import Dimension, Unit
+from porocore.errors import ConfigurationError
 from porocore.materials.choice import AnyMaterial
 from porocore.materials.composite import Composite, Solid
 from porocore.materials.neo_hookean import NeoHookean
@@ -103,6 +104,33 @@ class Cell(BaseModel):
         if known is None:
             return why_loose(pieces(make_mesh(self.geometry, self.mesh, "solid", "whole")))
         return known
+
+    def require_pores(self) -> None:
+        """Refuse a cell that is solid throughout.
+
+        Raises
+        ------
+        ConfigurationError
+            It has no pores.
+        """
+        if self.geometry.porosity == 0:
+            raise ConfigurationError(
+                "cell.geometry: the cell has no pores, so there is nothing to homogenise"
+            )
+
+    def require_stiffness(self) -> None:
+        """Refuse a cell whose solid cannot be solved.
+
+        Raises
+        ------
+        ConfigurationError
+            The solid does not hang together from cell to cell.
+        """
+        if loose := self.loose:
+            raise ConfigurationError(
+                f"cell.geometry: the solid of {self.geometry.description} does not hang together, so it has no "
+                f"stiffness and only its conductivity can be computed: {loose}"
+            )
 
     def specification(self) -> dict[str, Any]:
         """All that the cell problems depend on; of a file its content, not where it is."""

@@ -43,12 +43,7 @@ class PreparedCell:
         return self._solid("whole")
 
     def _solid(self, domain: Domain) -> DiscreteSolid:
-        loose = self.cell.loose
-        if loose:
-            raise ConfigurationError(
-                f"cell.geometry: the solid of {self.cell.geometry.description} does not hang together, so it has no "
-                f"stiffness and only its conductivity can be computed: {loose}"
-            )
+        self.cell.require_stiffness()
         return self._solver.solid(self.cell, self.cell.make_mesh("solid", domain))
 
     def pore(self, domain: Domain) -> Pore:

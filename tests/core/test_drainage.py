@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from porocore.body.surfaces import Patch
 from porocore.drainage import undrained
 from porocore.problem import Boundary
 from porocore.testing.synthetic import confined_column
@@ -33,7 +34,21 @@ def test_no_conductivity_towards_the_drained_face(column, across):
 
 
 def test_a_cell_that_conducts_nothing(column):
-    assert len(undrained(column, np.zeros((3, 3)))) == 1
+    (warning,) = undrained(column, np.zeros((3, 3)))
+    assert "no fluid in any direction" in warning
+
+
+def test_a_part_of_a_face_has_its_direction(column):
+    strip = column.model_copy(
+        update={
+            "surfaces": {"strip": Patch(of="y+", x=(0.0, 0.5))},
+            "boundary": {name: value for name, value in column.boundary.items() if name != "y+"}
+            | {"strip": column.boundary["y+"]},
+        }
+    )
+    (warning,) = undrained(strip, np.diag([1.0, 0.0, 1.0]))
+    assert "no fluid along y" in warning
+    assert "the surface strip" in warning
 
 
 def test_of_two_drained_faces_the_closed_one_is_named(column):

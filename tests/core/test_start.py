@@ -11,11 +11,12 @@ from typer.testing import CliRunner
 
 import porocore
 from porocore import backends
+from porocore.cell.geometry import OrthogonalChannels
 from porocore.cli.entry import app
 from porocore.config import RunConfig, load_config
 from porocore.errors import ConfigurationError
 from porocore.examples import MODELINE, examples
-from porocore.preflight import check_backends, place
+from porocore.preflight import check_backends, outline, place
 from porocore.schema import configuration_schema, field_docstrings
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
@@ -168,6 +169,46 @@ def test_check_tells_what_a_run_would_do():
         "no faults; next: porocore run",
     ):
         assert part in done.stdout, part
+
+
+def study_of(tmp_path, **changes):
+    """The strip of examples/ with other values, by dotted key with ``__`` for the dot."""
+    data = yaml.safe_load(BENCHMARK.with_name("soil-strip.yaml").read_text(encoding="utf-8"))
+    for key, value in changes.items():
+        *sections, last = key.split("__")
+        part = data
+        for section in sections:
+            part = part.setdefault(section, {})
+        part[last] = value
+    path = tmp_path / "study.yaml"
+    path.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
+    return path
+
+
+def test_check_refuses_a_solid_that_a_run_refuses(tmp_path):
+    """By the same sentence; it was said before what the cell is like."""
+    path = study_of(tmp_path, cell__geometry={"kind": "sphere-pores", "lattice": "bcc", "radius": 0.7})
+    done = invoke("check", path)
+    assert isinstance(done.exception, ConfigurationError)
+    assert "the solid has no stiffness: there is no solid" in done.stdout
+    assert "no faults" not in done.stdout
+    with pytest.raises(ConfigurationError) as refused:
+        load_config(path).cell.require_stiffness()
+    assert str(refused.value) in str(done.exception)
+    assert "does not hang together" in str(refused.value)
+
+
+def test_check_refuses_a_cell_without_pores(tmp_path, monkeypatch):
+    monkeypatch.setattr(OrthogonalChannels, "porosity", 0.0)
+    with pytest.raises(ConfigurationError, match="has no pores"):
+        list(outline(load_config(BENCHMARK)))
+
+
+def test_check_notes_drained_surfaces_that_no_pore_leads_to(tmp_path):
+    path = study_of(tmp_path, cell__geometry={"kind": "sphere-pores", "lattice": "cubic", "radius": 0.3})
+    assert "note: the cell conducts no fluid in any direction" in invoke("check", path).stdout
+    path = study_of(tmp_path, cell__geometry={"kind": "orthogonal-channels", "axes": "x", "radius": 0.2})
+    assert "note: the cell conducts no fluid along y (K_22 = 0)" in invoke("check", path).stdout
 
 
 def solid_mesh(folder):
