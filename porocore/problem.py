@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -103,18 +103,21 @@ class TimePlan(_Strict):
     """Error of one step, as a share of the largest displacement and of the largest pressure so far, by which steps are
     chosen; ``step`` is then the largest; null: all are ``step`` long."""
     profiles: tuple[Time, ...] = (1.0, 10.0, 40.0)
-    """Times at which the fields are kept, beside the end."""
+    """Times at which the fields are kept, beside the end; of the default those that lie before it."""
     load_curve: tuple[tuple[Time, float], ...] = ()
     """[time, share of the load] at times that are hit exactly, linear in between from 0 at t = 0 and constant after the
     last; empty: up the ramp."""
 
     @model_validator(mode="after")
-    def _in_order(self) -> TimePlan:
+    def _in_order(self) -> Self:
         if self.end <= self.ramp_increments * self.ramp_step:
             raise ValueError(
                 f"end = {self.end:g} does not lie behind the ramp, "
                 f"which takes {self.ramp_increments * self.ramp_step:g}"
             )
+        if "profiles" not in self.model_fields_set:
+            # The model is frozen for its users.
+            object.__setattr__(self, "profiles", tuple(t for t in self.profiles if t <= self.end))
         if any(t > self.end for t in self.profiles):
             raise ValueError(f"a profile time lies behind end = {self.end:g}")
         times = [time for time, _ in self.load_curve]
