@@ -14,11 +14,16 @@ from porocore.courses import Course, Value
 from porocore.drainage import undrained
 from porocore.errors import PluginError
 from porocore.hookspecs import Kind
+from porocore.interfaces.surrogate import MORE_STATES, least_states
 from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
 from porocore.macro.probes import interpolation
 from porocore.plugin_kinds import HOOKS
 from porocore.problem import Boundary, MacroProblem
+from porocore.result_units import ResultUnits
+
+#: Points of a table that are shown.
+MOST_POINTS = 4
 
 
 def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) -> None:
@@ -105,8 +110,12 @@ def outline(config: RunConfig) -> Iterator[str]:
     ranges = ", ".join(f"{name} in [{s.range[0]:g}, {s.range[1]:g}]" for name, s in sampling.inputs.items())
     count = f", {sampling.options['count']} states" if "count" in sampling.options else ""
     yield f"samples: {sampling.sampler}{count} over {ranges}; {sampling.test.count} held-out states"
+    given, least = sampling.options.get("count"), least_states(len(sampling.inputs))
+    if isinstance(given, int) and given < least:
+        yield f"note: {given} states are too few to train on, at least {least} are needed: {MORE_STATES}"
     yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
     yield from _body(config)
+    yield from (f"note: {warning}" for warning in _late(config))
     # What K is nobody knows yet, but along which axes there is any.
     percolates = np.diag([float(axis not in facts.blocked) for axis in "xyz"])
     yield from (f"note: {warning}" for warning in undrained(config.macro, percolates))
@@ -124,7 +133,7 @@ def _body(config: RunConfig) -> Iterator[str]:
         f"{mesh.size} unknowns"
     )
     for name, facets in mesh.surfaces.items():
-        said = _said(macro.boundary.get(name))
+        said = _said(macro.boundary.get(name), units)
         count = f"{len(facets)} {'facet' if len(facets) == 1 else 'facets'}"
         yield f"  surface {name}, {count}: {said or 'free of traction and impermeable'}"
     for name, at in macro.probes.items():
@@ -138,23 +147,56 @@ def _body(config: RunConfig) -> Iterator[str]:
     )
 
 
-def _said(boundary: Boundary | None) -> str:
+def _said(boundary: Boundary | None, units: ResultUnits) -> str:
     """What is prescribed, in words."""
     if boundary is None:
         return ""
-    found = [f"u_{i + 1} = {_value(u)}" for i, u in enumerate(boundary.displacement) if u is not None]
-    found += [f"t_{i + 1} = {_value(t)}" for i, t in enumerate(boundary.traction) if t != 0]
-    for name, value in (
-        ("normal displacement", boundary.normal),
-        ("pressure on the deformed surface", boundary.follower or None),
-        ("force on a plate", boundary.plate),
-        ("p", boundary.pressure),
-        ("outward flux", boundary.flux or None),
+    found = [
+        f"u_{i + 1} = {_value(u, 'displacement', units)}"
+        for i, u in enumerate(boundary.displacement)
+        if u is not None
+    ]
+    found += [f"t_{i + 1} = {_value(t, 'stress', units)}" for i, t in enumerate(boundary.traction) if t != 0]
+    for name, quantity, value in (
+        ("normal displacement", "displacement", boundary.normal),
+        ("pressure on the deformed surface", "pressure", boundary.follower or None),
+        ("force on a plate", "force", boundary.plate),
+        ("p", "pressure", boundary.pressure),
+        ("outward flux", "velocity", boundary.flux or None),
     ):
         if value is not None:
-            found.append(f"{name} = {_value(value)}")
+            found.append(f"{name} = {_value(value, quantity, units)}")
     return ", ".join(found)
 
 
-def _value(value: Value) -> str:
-    return "a course" if isinstance(value, Course) else f"{value:g}"
+def _value(value: Value, quantity: str, units: ResultUnits) -> str:
+    """A prescribed value in the units of the configuration; of a course, how it goes with time."""
+
+    def at(number: float, of: str) -> str:
+        unit = f" {units.name(of)}" if units.given and number else ""
+        return f"{number * units.factor(of):.4g}{unit}"
+
+    if not isinstance(value, Course):
+        return at(value, quantity)
+    if value.ramp is not None and value.until is not None:
+        return f"0 to {at(value.ramp, quantity)} until t = {at(value.until, 'time')}"
+    if value.expression is not None:
+        return f"{value.expression} with dimensionless t" if units.given else value.expression
+    points = [f"{at(number, quantity)} at t = {at(time, 'time')}" for time, number in value.table]
+    if len(points) > MOST_POINTS:
+        points[MOST_POINTS - 1 : -1] = ["…"]
+    return f"({'; '.join(points)})"
+
+
+def _late(config: RunConfig) -> Iterator[str]:
+    """Courses that the run ends before, most likely for want of a unit."""
+    end, units = config.macro.time.end, config.result_units
+    unit = f" {units.name('time')}" if units.given else ""
+    shown, factor = f"{end * units.factor('time'):.4g}{unit}", units.factor("time")
+    for name, boundary in config.macro.boundary.items():
+        last = max((max(course.corners, default=0.0) for course in boundary.courses), default=0.0)
+        if last > end:
+            yield (
+                f"a course on the surface {name} goes on until t = {last * factor:.4g}{unit}, beyond the end, "
+                f"{shown}, so not all of it is seen; see macro.time.end, and whether the time has its unit"
+            )

@@ -17,7 +17,7 @@ from porocore.errors import ConfigurationError, DataError
 from porocore.exploration import inform
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.sampler import Sampler
-from porocore.interfaces.surrogate import Surrogate, TrainingSet
+from porocore.interfaces.surrogate import MORE_STATES, Surrogate, TrainingSet, least_states
 from porocore.linear import LinearCoefficients
 from porocore.provenance import versions
 from porocore.reference import CellReference
@@ -135,10 +135,10 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
     dataset = finished(folder, folder.dataset, config.stages.sampling, sampler)
     responses = dataset.responses()
     good = np.flatnonzero(responses.stable)
-    if len(good) <= 2 * len(dataset.inputs) + 1:
+    if len(good) < (least := least_states(len(dataset.inputs))):
         raise DataError(
-            f"{folder.dataset}: only {len(good)} of {len(dataset)} states are stable, too few to train on; "
-            "widen the ranges or refine the steps in sampling.inputs"
+            f"{folder.dataset}: {len(good)} of {len(dataset)} states are stable, too few to train on; at least {least} "
+            f"are needed: {MORE_STATES}"
         )
     return TrainingSet(
         dataset.states()[good],

@@ -22,7 +22,13 @@ from porocore.errors import DataError
 from porocore.execution import CellPool
 from porocore.exploration import inform
 from porocore.interfaces.sampler import Sampler
-from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
+from porocore.interfaces.surrogate import (
+    MORE_STATES,
+    Surrogate,
+    TrainingProgress,
+    TrainingSet,
+    least_states,
+)
 from porocore.pipeline import prepare_cell
 from porocore.provenance import versions
 from porocore.reference import CellReference
@@ -125,10 +131,10 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> Samples:
             datasets.append((dataset.states(), dataset.responses()))
     (states, responses), (unseen, solved) = datasets
     good, valid = np.flatnonzero(responses.stable), np.flatnonzero(solved.valid)
-    if len(good) <= 2 * len(inputs) + 1 or not len(valid):
+    if len(good) < (least := least_states(len(inputs))) or not len(valid):
         raise DataError(
-            f"only {len(good)} of {len(responses)} states to learn from are stable, and {len(valid)} held-out ones "
-            "have values: too few; widen the ranges or refine the steps in sampling.inputs"
+            f"{len(good)} of {len(responses)} states to learn from are stable, and {len(valid)} held-out ones have "
+            f"values: too few; at least {least} and 1 are needed: {MORE_STATES}"
         )
     training = TrainingSet(
         states[good],

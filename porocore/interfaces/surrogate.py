@@ -11,6 +11,17 @@ from typing import Any, ClassVar, Self
 from porocore.inputs import InputSpace
 from porocore.states import CellResponse, MacroState
 
+#: What to do about too few states to train on, whatever the sampler.
+MORE_STATES = (
+    "take more of them (sampling.options.count, or smaller steps in sampling.inputs), and narrow the ranges where most "
+    "of them have no stable solution"
+)
+
+
+def least_states(inputs: int) -> int:
+    """How many stable states a surrogate of so many ``inputs`` needs: a slope and a bend along each, and two more."""
+    return 2 * inputs + 2
+
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:

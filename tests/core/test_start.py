@@ -7,6 +7,7 @@ import meshio
 import numpy as np
 import pytest
 import yaml
+from pydantic import ValidationError
 from typer.testing import CliRunner
 
 import porocore
@@ -17,6 +18,7 @@ from porocore.config import RunConfig, load_config
 from porocore.errors import ConfigurationError
 from porocore.examples import MODELINE, examples
 from porocore.preflight import check_backends, outline, place
+from porocore.problem import TimePlan
 from porocore.schema import configuration_schema, field_docstrings
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
@@ -163,7 +165,7 @@ def test_check_tells_what_a_run_would_do():
         "macro-driven, ",
         "body: box, 10 × 10 × 10 mm, 216 hexahedron elements",
         "surface punch",
-        "u_2 = a course",
+        "u_2 = 0 to -0.6 mm until t = 20 s",
         "probe beneath the punch at 0, 8, 0 mm",
         "up to t = 2000 s",
         "no faults; next: porocore run",
@@ -209,6 +211,55 @@ def test_check_notes_drained_surfaces_that_no_pore_leads_to(tmp_path):
     assert "note: the cell conducts no fluid in any direction" in invoke("check", path).stdout
     path = study_of(tmp_path, cell__geometry={"kind": "orthogonal-channels", "axes": "x", "radius": 0.2})
     assert "note: the cell conducts no fluid along y (K_22 = 0)" in invoke("check", path).stdout
+
+
+def test_default_profile_times_beyond_the_end_are_left_out():
+    assert TimePlan().profiles == (1.0, 10.0, 40.0)
+    assert TimePlan(end=10).profiles == (1.0, 10.0)
+    assert TimePlan.model_validate(TimePlan(end=5).model_dump()) == TimePlan(end=5)
+    with pytest.raises(ValidationError, match="a profile time lies behind end = 5"):
+        TimePlan(end=5, profiles=(1.0, 10.0, 40.0))
+
+
+@pytest.mark.parametrize(("count", "noted"), [(4, True), (9, True), (10, False)])
+def test_check_notes_too_few_states_to_train_on(count, noted, tmp_path):
+    """Of four inputs."""
+    path = study_of(tmp_path, sampling__sampler="sobol", sampling__options={"count": count})
+    lines = list(outline(load_config(path)))
+    assert (
+        f"note: {count} states are too few to train on, at least 10 are needed" in "\n".join(lines)
+    ) == noted
+
+
+@pytest.mark.parametrize(
+    ("course", "words"),
+    [
+        ({"ramp": -0.6, "until": 20}, "u_2 = 0 to -0.6 until t = 20"),
+        ({"table": [[0, 0.1], [2, -0.5]]}, "u_2 = (0.1 at t = 0; -0.5 at t = 2)"),
+        (
+            {"table": [[i, i / 10] for i in range(9)]},
+            "u_2 = (0 at t = 0; 0.1 at t = 1; 0.2 at t = 2; …; 0.8 at t = 8)",
+        ),
+        ({"expression": "0.1*sin(t)"}, "u_2 = 0.1*sin(t)"),
+    ],
+)
+def test_check_says_how_a_course_goes(course, words, tmp_path):
+    path = study_of(tmp_path, macro__boundary__strip={"displacement": [None, course, None], "pressure": 0})
+    (line,) = [line for line in outline(load_config(path)) if "surface strip" in line]
+    assert line.split(": ", 1)[1] == f"{words}, p = 0"
+
+
+def test_check_notes_a_course_that_goes_on_beyond_the_end(tmp_path):
+    text = BENCHMARK.with_name("brain-indentation.yaml").read_text(encoding="utf-8")
+    path = tmp_path / "study.yaml"
+    assert "until: 20 s}" in text
+    for until, noted in (("2000 s", False), ("20000", True)):
+        path.write_text(text.replace("until: 20 s}", f"until: {until}}}"), encoding="utf-8")
+        lines = [
+            line for line in outline(load_config(path)) if "a course on the surface punch goes on" in line
+        ]
+        assert len(lines) == noted
+    assert "beyond the end, 2000 s" in lines[0]
 
 
 def solid_mesh(folder):
