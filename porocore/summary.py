@@ -124,7 +124,8 @@ def gather(
         },
         "surrogate": {
             "training_states": int(training.sum()),
-            "test_states": int((~outputs[0].outside).sum()) if outputs else 0,
+            "test_states": int(outputs[0].counted.sum()) if outputs else 0,
+            "test_states_beyond_range": bool(outputs) and outputs[0].all_outside,
             **_errors(main),
         },
         "closure": None if closure is None else closure.for_json(),

@@ -149,7 +149,7 @@ class OutputCheck:
     span
         Range of the output over the training states, to which errors are referred.
     outside : (m,) bool
-        Held-out states beyond the sampled range; shown, but not counted in the error.
+        Held-out states beyond the sampled range; shown, but not counted in the error unless all of them are.
     """
 
     name: str
@@ -167,6 +167,16 @@ class OutputCheck:
             )
         if not self.span > 0:
             raise ValueError(f"expected a positive span of '{self.plain}', got {self.span:g}")
+
+    @property
+    def all_outside(self) -> bool:
+        """Whether there are held-out states, and every one lies beyond the sampled range."""
+        return len(self.outside) > 0 and bool(self.outside.all())
+
+    @property
+    def counted(self) -> npt.NDArray[np.bool_]:
+        """(m,) Held-out states that the error is over: those within the sampled range, or all where none is."""
+        return self.outside if self.all_outside else ~self.outside
 
 
 @dataclass(frozen=True, eq=False)

@@ -99,7 +99,7 @@ def _surrogate_parts(surrogate: SurrogateSummary) -> dict[str, Any]:
     return {
         "summary": surrogate,
         "outputs": [
-            (check, int((~check.outside).sum()), rms_percent(check), worst_percent(check))
+            (check, int(check.counted.sum()), rms_percent(check), worst_percent(check))
             for check in surrogate.outputs
         ],
         "parity": [

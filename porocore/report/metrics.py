@@ -149,12 +149,12 @@ def case_warnings(metrics: dict[str, Any]) -> list[str]:
 
 
 def rms_percent(check: OutputCheck) -> float | None:
-    """RMS error on the held-out states within the sampled range, in per cent of the output's span; None without."""
-    error = (check.predicted - check.solved)[~check.outside]
+    """RMS error on the held-out states that count, in per cent of the output's span; None without."""
+    error = (check.predicted - check.solved)[check.counted]
     return 100 * float(np.sqrt(np.mean(error**2))) / check.span if len(error) else None
 
 
 def worst_percent(check: OutputCheck) -> float | None:
-    """Largest error on the held-out states within the sampled range, in per cent of the span; None without."""
-    error = (check.predicted - check.solved)[~check.outside]
+    """Largest error on the held-out states that count, in per cent of the span; None without."""
+    error = (check.predicted - check.solved)[check.counted]
     return 100 * float(np.abs(error).max()) / check.span if len(error) else None

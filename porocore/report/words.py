@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.report.context import Case, CellSummary, Published, ReportContext
+from porocore.report.context import Case, CellSummary, Published, ReportContext, SurrogateSummary
 from porocore.report.format import NONE, difference, number, percent, plain
 from porocore.report.metrics import case_metrics, case_warnings, leaving
 from porocore.states import Status
@@ -142,9 +142,21 @@ def conductivity_sentence(case: Case, cell: CellSummary) -> str:
     return f"{found} At t = {number(last.time, 3)} K_ref,22 is {K_ref} and K_t,22 {K_t}; both are {rest} at rest."
 
 
+def _unjudged(surrogate: SurrogateSummary) -> list[str]:
+    """A warning where no held-out state lies within the sampled range."""
+    outputs = surrogate.outputs
+    if not outputs or not all(check.all_outside for check in outputs):
+        return []
+    return [
+        f"None of the {len(outputs[0].outside)} held-out states lies within the range that the surrogate was trained "
+        "on, so its errors are those beyond that range and say nothing of those within. Sample more states, so that "
+        "they fill the ranges, or hold out more (sampling.test.count)."
+    ]
+
+
 def all_warnings(context: ReportContext) -> list[str]:
     """Those handed in, then those that the results give rise to."""
-    found = list(context.warnings)
+    found = [*context.warnings, *_unjudged(context.surrogate)]
     for case in context.cases:
         found += case_warnings(case_metrics(case))
     return found

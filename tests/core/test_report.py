@@ -33,7 +33,7 @@ from porocore.report.context import (
     TrainingCurve,
 )
 from porocore.report.html import render, write_report
-from porocore.report.words import conductivity_sentence
+from porocore.report.words import all_warnings, conductivity_sentence
 from porocore.states import CellResponse, CellTangent, Status
 
 VOID = {"meta", "img", "br"}
@@ -233,6 +233,19 @@ def test_flux_in_space_and_through_reference_area(context):
     in_space = -np.einsum("nij,nkj,k->ni", last.spatial_conductivity, inverse, g)
     q = np.linalg.det(F0)[:, None] * np.einsum("nij,nj->ni", inverse, in_space)
     np.testing.assert_allclose(q, -last.reference_conductivity @ g, rtol=1e-12)
+
+
+def test_says_where_no_held_out_state_lies_in_the_sampled_range(context, undrawn):
+    (check,) = context.surrogate.outputs
+    beyond = replace(check, outside=np.ones(len(check.outside), bool))
+    other = replace(context, surrogate=replace(context.surrogate, outputs=(beyond,)))
+    (warning,) = [text for text in all_warnings(other) if "held-out" in text]
+    assert warning.startswith("None of the 40 held-out states lies within the range")
+    assert not [text for text in all_warnings(context) if "held-out" in text]
+    text = Page(render(other)).text
+    assert "40, all beyond" in text
+    assert "say nothing of those within" in text
+    assert "all beyond" not in Page(render(context)).text
 
 
 def test_counts_of_statuses(context, page):

@@ -163,7 +163,17 @@ def test_parity_says_the_error():
 def test_parity_without_held_out_states_says_so():
     none = np.zeros(0)
     figure = parity_figure([OutputCheck("$y$", "y", none, none, 1.0, none.astype(bool))])
-    assert figure.axes[0].texts[0].get_text() == "no held-out states in the range"
+    assert figure.axes[0].texts[0].get_text() == "no held-out states"
+
+
+def test_parity_of_states_that_all_lie_beyond_counts_them():
+    solved = np.linspace(0, 1, 21)
+    check = OutputCheck("$y$", "y", solved, solved + 0.01, 2.0, np.ones(21, bool))
+    figure = parity_figure([check])
+    text = figure.axes[0].texts[0].get_text()
+    assert "RMS 0.5 % of range" in text
+    assert "21 states, all beyond the range (hollow)" in text
+    assert_no_overlap(figure)
 
 
 def test_training_marks_the_best_epoch():

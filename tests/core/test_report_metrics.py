@@ -105,7 +105,18 @@ def test_errors_count_the_states_inside_only():
     check = OutputCheck("x", "x", solved, solved + np.array([0.03, -0.04, 0.0, 9.0]), 2.0, np.arange(4) == 3)
     assert rms_percent(check) == pytest.approx(100 * math.sqrt(25e-4 / 3) / 2)
     assert worst_percent(check) == pytest.approx(2.0)
-    assert rms_percent(replace(check, outside=np.ones(4, bool))) is None
+
+
+def test_errors_count_all_states_where_none_lies_inside():
+    solved = np.array([0.0, 1.0])
+    check = OutputCheck("x", "x", solved, solved + np.array([0.03, -0.04]), 2.0, np.ones(2, bool))
+    assert check.all_outside
+    assert rms_percent(check) == pytest.approx(100 * math.sqrt(25e-4 / 2) / 2)
+    assert worst_percent(check) == pytest.approx(2.0)
+    none = np.zeros(0)
+    empty = OutputCheck("x", "x", none, none, 2.0, none.astype(bool))
+    assert not empty.all_outside
+    assert rms_percent(empty) is None
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,8 @@ from porocore.report.metrics import rms_percent, worst_percent
 def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
     """Predicted against solved held-out states, one column of panels for each output, errors beneath.
 
-    Held-out states beyond the sampled range are grey and hollow and do not count in the error in the panel.
+    Held-out states beyond the sampled range are grey and hollow and do not count in the error in the panel, unless
+    there are no others.
     """
     figure = new_figure(4.4 * len(checks), 5.0)
     panels = figure.subplots(2, len(checks), squeeze=False, sharex="col", height_ratios=[3, 1.25])
@@ -71,7 +72,9 @@ def training_figure(curve: TrainingCurve) -> Figure:
 def _error_text(check: OutputCheck) -> str:
     rms, worst, beyond = rms_percent(check), worst_percent(check), int(check.outside.sum())
     if rms is None or worst is None:
-        text = "no held-out states in the range"
+        text = "no held-out states"
     else:
-        text = f"RMS {rms:.2g} % of range\nworst {worst:.2g} %\n{len(check.solved) - beyond} states"
+        text = f"RMS {rms:.2g} % of range\nworst {worst:.2g} %\n{int(check.counted.sum())} states"
+    if check.all_outside:
+        return text + ", all beyond the range (hollow)"
     return text + (f"\n({beyond} beyond the range, hollow)" if beyond else "")
