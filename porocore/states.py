@@ -1,7 +1,8 @@
 """What flows through porocore: macroscopic states in, responses of the cell out.
 
 Every array is float64 and is led by the batch axis of length n. Derivatives carry the indices of the
-response first and those of the variable last. Everything is dimensionless with Young's modulus E = 1.
+response first and those of the variable last. Everything is dimensionless: stresses,
+pressures and energies are in units of the reference modulus E (Young's modulus of a neo-Hookean solid).
 """
 
 from __future__ import annotations

@@ -36,7 +36,9 @@ Two-scale finite-strain poroelasticity.
 
 A study solves the periodic cell of a porous solid for sampled deformations and pore pressures, trains a
 surrogate on the solved states, and solves a macroscopic consolidation problem with it, beside linear
-poroelasticity from the same cell. Everything is dimensionless with Young's modulus 1.
+poroelasticity from the same cell. Numbers without a unit are dimensionless: stresses and pressures are multiples of one
+reference modulus, which is Young's modulus of the solid where that is neo-Hookean. Configurations with `scales` take
+values with units.
 """
 EPILOG = """
 Examples:

@@ -37,6 +37,11 @@ GAP = "…"
 TELLING = 12
 #: Its message is held against the words of the statuses.
 STATUS = "A state that has no solution"
+#: The geometry of the benchmark's cell, in its configuration.
+CHANNELS = (
+    "    kind: orthogonal-channels   # a unit cube from which straight channels are cut\n"
+    "    radius: 0.25\n    axes: xyz\n"
+)
 PAGE = page("docs/troubleshooting.md")
 ENTRIES = dict(re.findall(r"^### ([^\n]+)\n\n```text\n(.*?)\n```$", PAGE, flags=re.MULTILINE | re.DOTALL))
 
@@ -163,6 +168,11 @@ def outside(reader):
     return [f"warning: {text}" for text in found]
 
 
+def wrong_dimension(reader):
+    reader.text += "scales: {modulus: 0.5 MPa, length: 1 mm, pore: 23 nm, viscosity: 1 Pa*s}\n"
+    return reader.changed("end: 150\n", "end: 3 kPa\n")
+
+
 def failed_step(reader):
     plan = reader.config.macro.time
 
@@ -242,6 +252,18 @@ PRINTED = {
     "There is no such file": lambda reader: reader.type("run", "nothing.yaml"),
     "Not valid YAML": lambda reader: reader.changed("\ncell:\n", "\ncell\n"),
     "An unknown key": lambda reader: reader.changed("radius: 0.25\n", "raduis: 0.25\n"),
+    "A missing key": lambda reader: reader.changed("      range: [-0.02, 0.24]\n", ""),
+    "A value of the wrong dimension": wrong_dimension,
+    "A missing image or mesh": lambda reader: reader.changed(
+        CHANNELS, "    kind: voxels\n    path: scan.npy\n"
+    ),
+    "A material that is not stable": lambda reader: reader.changed(
+        "    kind: neo-hookean\n    poisson_ratio: 0.35 ",
+        "    kind: mooney-rivlin\n    c10: -0.1\n    c01: 0.03\n    bulk_modulus: 1.1 ",
+    ),
+    "A probe outside the body": lambda reader: reader.changed(
+        "\nmacro:\n", "\nmacro:\n  probes: {top: [0, 9, 0]}\n"
+    ),
     "A value out of its bounds": lambda reader: reader.changed("radius: 0.25\n", "radius: 0.6\n"),
     "A value with a unit, and no scales": lambda reader: reader.changed("end: 150\n", "end: 150 s\n"),
     "An unknown surface": lambda reader: reader.changed("    y-: {", "    bottom: {"),
