@@ -35,6 +35,7 @@ from porocore.report.context import (
     TrainingCurve,
 )
 from porocore.report.dimensional import dimensional_metrics
+from porocore.report.drive import Drive, reactions
 from porocore.report.gaps import case_gaps
 from porocore.report.metrics import report_metrics, rms_percent, worst_percent
 from porocore.report.statuses import solved_shares, visited_shares
@@ -101,6 +102,7 @@ def gather(
         scenarios=config.scenarios,
         fallbacks=(fallbacks := fallbacks_done(folder, config)),
         units=config.result_units,
+        drive=(drive := Drive.of(config.macro)),
     )
     metrics = {
         "cell": {
@@ -138,8 +140,12 @@ def gather(
             for found, case in zip(report_metrics(cases)["cases"], cases, strict=True)
         ],
     }
+    solutions = [each for case in cases for each in (case.nonlinear, case.linear, *case.others)]
+    if drive.displaced:
+        metrics["reactions"] = [
+            {"law": each.law, "load": each.load, "surfaces": reactions(each)} for each in solutions
+        ]
     if config.result_units.given:
-        solutions = (each for case in cases for each in (case.nonlinear, case.linear, *case.others))
         metrics["dimensional"] = dimensional_metrics(solutions, config.result_units)
     if summaries:
         metrics["other_surrogates"] = {name: _errors(summary) for name, summary in summaries.items()}

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from porocore.closure_error import ClosureError
 from porocore.inputs import InputSpace
 from porocore.linear import LinearCoefficients
+from porocore.report.drive import Drive
 from porocore.result_units import ResultUnits
 from porocore.scales import Scales
 from porocore.solution import MacroSolution
@@ -329,6 +330,8 @@ class ReportContext:
         What solutions with a fallback needed.
     units
         Of the study's results.
+    drive
+        What moves the body.
     """
 
     title: str
@@ -346,6 +349,7 @@ class ReportContext:
     scenarios: Mapping[str, Scales] = field(default_factory=dict)
     fallbacks: tuple[FallbackDone, ...] = ()
     units: ResultUnits = field(default_factory=ResultUnits)
+    drive: Drive = field(default_factory=Drive)
 
     @property
     def result_units(self) -> dict[str, ResultUnits]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.report.drive import Drive, reactions
 from porocore.report.format import number, plain
 from porocore.result_units import ResultUnits
 from porocore.series import all_series
@@ -35,7 +36,11 @@ def fluid_velocity(profile: Profile) -> Array:
 
 
 def dimensional_rows(
-    metrics: dict[str, Any], solution: MacroSolution, conductivity: float, units: Mapping[str, ResultUnits]
+    metrics: dict[str, Any],
+    solution: MacroSolution,
+    conductivity: float,
+    units: Mapping[str, ResultUnits],
+    drive: Drive,
 ) -> list[DimensionalRow]:
     """Of one case, as :func:`porocore.report.metrics.case_metrics` describes it.
 
@@ -45,10 +50,12 @@ def dimensional_rows(
         The nonlinear one; its profiles give the largest fluid velocity.
     conductivity
         K_22 of the undeformed cell.
+    drive
+        The load is a stress only where it scales one; forces are listed where a surface is moved.
     """
     found = metrics["nonlinear"]
     rows: list[tuple[str, str, float | None]] = [
-        ("load times E", "stress", metrics["load"]),
+        *([("load times E", "stress", metrics["load"])] if drive.stressed else []),
         ("final settlement", "displacement", found["final_settlement"]),
         ("final settlement, linear", "displacement", metrics["linear"]["final_settlement"]),
         ("largest pore pressure", "pressure", found["max_pressure"]),
@@ -58,6 +65,9 @@ def dimensional_rows(
         ("99 %, linear", "time", metrics["linear"]["time_to_99_percent"]),
         ("conductivity of the undeformed cell", "conductivity", conductivity),
     ]
+    for name, force in (reactions(solution) if drive.displaced else {}).items():
+        for which, key in (("peak", "peak"), ("final", "final")):
+            rows.append((f"{which} force on {name}, component {force['component']}", "force", force[key]))
     if solution.profiles:
         profile = max(solution.profiles, key=lambda p: float(np.abs(fluid_velocity(p)).max()))
         name = f"largest relative fluid velocity among the kept times, at t = {plain(profile.time)}"

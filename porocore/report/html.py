@@ -12,6 +12,7 @@ from porocore.files import atomic_path
 from porocore.report import figures
 from porocore.report.context import Case, ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.dimensional import dimensional_rows
+from porocore.report.drive import reactions
 from porocore.report.figures.profiles import chosen_times, is_column, profile_at
 from porocore.report.figures.series import panels
 from porocore.report.format import plain
@@ -64,11 +65,14 @@ def render(context: ReportContext) -> str:
         ],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
         dimensional=[
-            dimensional_rows(m, case.nonlinear, float(conductivity[1, 1]), context.result_units)
+            dimensional_rows(
+                m, case.nonlinear, float(conductivity[1, 1]), context.result_units, context.drive
+            )
             for m, case in zip(metrics, context.cases, strict=True)
         ]
         if context.result_units
         else [],
+        forces=[_forces(case) for case in context.cases] if context.drive.displaced else [],
         conductivity=[conductivity_sentence(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
         linear_rows=linear_rows(context.cell),
@@ -85,6 +89,13 @@ def render(context: ReportContext) -> str:
         cases=[_case_pictures(case, context.units) for case in context.cases],
         total_seconds=sum(stage.seconds for stage in context.stages),
     )
+
+
+def _forces(case: Case) -> list[tuple[str, str, dict[str, Any]]]:
+    """Law, surface and what :func:`reactions` says of it, surface by surface."""
+    by_law = {each.law: reactions(each) for each in (case.nonlinear, *case.others, case.linear)}
+    surfaces = dict.fromkeys(name for found in by_law.values() for name in found)
+    return [(law, name, found[name]) for name in surfaces for law, found in by_law.items() if name in found]
 
 
 def _cell_picture(context: ReportContext) -> Picture | None:

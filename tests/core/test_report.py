@@ -32,6 +32,7 @@ from porocore.report.context import (
     SurrogateSummary,
     TrainingCurve,
 )
+from porocore.report.drive import Drive
 from porocore.report.html import render, write_report
 from porocore.report.words import all_warnings, conductivity_sentence
 from porocore.states import CellResponse, CellTangent, Status
@@ -246,6 +247,20 @@ def test_says_where_no_held_out_state_lies_in_the_sampled_range(context, undrawn
     assert "40, all beyond" in text
     assert "say nothing of those within" in text
     assert "all beyond" not in Page(render(context)).text
+
+
+def test_forces_are_shown_where_a_surface_is_moved(context, undrawn):
+    assert "Forces on the body" not in Page(render(context)).text
+    force = np.zeros((len(context.cases[0].nonlinear.history.time), 3))
+    force[3, 1], force[-1, 1] = -0.8125, -0.25
+    case = context.cases[0]
+    pushed = replace(
+        context,
+        drive=Drive(("y+",), stressed=False),
+        cases=(replace(case, nonlinear=replace(case.nonlinear, reactions={"y+": force})),),
+    )
+    when = f"{case.nonlinear.history.time[3]:.3f}"
+    assert f"y+nonlinear2−0.8125{when}−0.2500" in Page(render(pushed)).text
 
 
 def test_counts_of_statuses(context, page):

@@ -10,6 +10,7 @@ from porocore.api.study import Study
 from porocore.errors import ConfigurationError, PluginError
 from porocore.plain_data import merged
 from porocore.report.dimensional import dimensional_metrics, dimensional_rows
+from porocore.report.drive import Drive
 from porocore.report.figures import body_figure, history_figure, series_figure
 from porocore.report.metrics import case_metrics
 from porocore.result_units import OutputUnits, ResultUnits
@@ -110,7 +111,7 @@ def test_figures_and_metrics_have_the_units(solution):
 
 
 def test_the_table_of_the_report_has_the_units_of_the_study(case):
-    rows = dimensional_rows(case_metrics(case), case.nonlinear, 1.0, {"this study": UNITS})
+    rows = dimensional_rows(case_metrics(case), case.nonlinear, 1.0, {"this study": UNITS}, Drive())
     by_name = {row.name: row for row in rows}
     final = case.nonlinear.history.settlement[-1]
     text = by_name["final settlement"].values[0]
