@@ -14,6 +14,8 @@ from porocore.solution import MacroSolution
 
 #: A component of a force below this share of the largest of all surfaces is round-off.
 VISIBLE = 1e-6
+#: Components that differ by less than this share are the same.
+SAME = 1e-3
 
 
 @dataclass(frozen=True)
@@ -58,11 +60,14 @@ def reactions(solution: MacroSolution) -> dict[str, dict[str, Any]]:
     largest = max((float(np.abs(force).max()) for force in solution.reactions.values()), default=0.0)
     found = {}
     for name, force in solution.reactions.items():
-        step, i = np.unravel_index(int(np.abs(force).argmax()), force.shape)
-        if abs(force[step, i]) <= VISIBLE * largest:
+        peaks = np.abs(force).max(axis=0)
+        if peaks.max() <= VISIBLE * largest:
             continue
+        # Of components that are the same by symmetry always the first.
+        i = int(np.argmax(peaks >= (1 - SAME) * peaks.max()))
+        step = int(np.abs(force[:, i]).argmax())
         found[name] = {
-            "component": int(i) + 1,
+            "component": i + 1,
             "peak": float(force[step, i]),
             "time_of_peak": float(solution.history.time[step]),
             "final": float(force[-1, i]),

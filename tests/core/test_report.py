@@ -236,7 +236,7 @@ def test_flux_in_space_and_through_reference_area(context):
     np.testing.assert_allclose(q, -last.reference_conductivity @ g, rtol=1e-12)
 
 
-def test_says_where_no_held_out_state_lies_in_the_sampled_range(context, undrawn):
+def test_says_where_no_held_out_state_lies_in_the_sampled_range(context, unpictured):
     (check,) = context.surrogate.outputs
     beyond = replace(check, outside=np.ones(len(check.outside), bool))
     other = replace(context, surrogate=replace(context.surrogate, outputs=(beyond,)))
@@ -249,7 +249,7 @@ def test_says_where_no_held_out_state_lies_in_the_sampled_range(context, undrawn
     assert "all beyond" not in Page(render(context)).text
 
 
-def test_forces_are_shown_where_a_surface_is_moved(context, undrawn):
+def test_forces_are_shown_where_a_surface_is_moved(context, unpictured):
     assert "Forces on the body" not in Page(render(context)).text
     force = np.zeros((len(context.cases[0].nonlinear.history.time), 3))
     force[3, 1], force[-1, 1] = -0.8125, -0.25
@@ -261,6 +261,14 @@ def test_forces_are_shown_where_a_surface_is_moved(context, undrawn):
     )
     when = f"{case.nonlinear.history.time[3]:.3f}"
     assert f"y+nonlinear2−0.8125{when}−0.2500" in Page(render(pushed)).text
+
+
+@pytest.fixture
+def unpictured(undrawn, monkeypatch):
+    """Leave out the pictures of the body too, which take the most of the rest."""
+    none = {"histories": [], "series": [], "bodies": [], "profiles": []}
+    monkeypatch.setattr("porocore.report.html._case_pictures", lambda case, units: none)
+    monkeypatch.setattr("porocore.report.html._cell_picture", lambda context: None)
 
 
 def test_counts_of_statuses(context, page):

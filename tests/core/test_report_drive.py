@@ -72,6 +72,12 @@ def test_peak_and_final_force_of_every_surface(plug):
     assert reactions(replace(plug, reactions={"y+": np.zeros((len(plug.history.time), 3))})) == {}
 
 
+def test_of_components_that_symmetry_makes_the_same_the_first_is_told(plug):
+    force = np.ones((len(plug.history.time), 3)) * [0.0, 1.0, 1.0 + 1e-12]
+    assert reactions(replace(plug, reactions={"side": force}))["side"]["component"] == 2
+    assert reactions(replace(plug, reactions={"side": force * [1, 1, 1.1]}))["side"]["component"] == 3
+
+
 def test_rows_with_units_are_those_of_the_drive(plug, column):
     case = Case(plug, column(law="linear"))
 
