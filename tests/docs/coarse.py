@@ -74,14 +74,20 @@ def coarsened(data: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(body.get("elements"), list | tuple):
         body["elements"] = [min(count, ELEMENTS) for count in body["elements"]]
     if time:
-        end = float(time["end"])
-        time |= {"step": end / 4, "ramp_increments": 1, "ramp_step": end / 100}
+        end = time["end"]
+        time |= {"step": _part(end, 4), "ramp_increments": 1, "ramp_step": _part(end, 100)}
         if time.get("tolerance") is not None:
             time["tolerance"] = 0.1
     macro |= {"body": body, "time": time}
     if not _command.needs_all_loads:
         macro["loads"] = [min(macro["loads"], key=abs)]
     return dict(data) | {"cell": cell, "sampling": _sampled(sampling), "macro": macro}
+
+
+def _part(time: float | str, count: int) -> float | str:
+    """One ``count``-th of a time, which may have a unit."""
+    number, *unit = str(time).split(maxsplit=1)
+    return f"{float(number) / count:.12g} {unit[0]}" if unit else float(number) / count
 
 
 def _sampled(sampling: dict[str, Any]) -> dict[str, Any]:
