@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,7 @@ def render(context: ReportContext) -> str:
         ]
         if context.result_units
         else [],
-        forces=[_forces(case) for case in context.cases] if context.drive.displaced else [],
+        forces=[_forces(case, moved) for case in context.cases] if (moved := context.drive.displaced) else [],
         conductivity=[conductivity_sentence(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
         linear_rows=linear_rows(context.cell),
@@ -91,10 +92,12 @@ def render(context: ReportContext) -> str:
     )
 
 
-def _forces(case: Case) -> list[tuple[str, str, dict[str, Any]]]:
-    """Law, surface and what :func:`reactions` says of it, surface by surface."""
-    by_law = {each.law: reactions(each) for each in (case.nonlinear, *case.others, case.linear)}
-    surfaces = dict.fromkeys(name for found in by_law.values() for name in found)
+def _forces(case: Case, moved: Sequence[str]) -> list[tuple[str, str, dict[str, Any]]]:
+    """Law, surface and what :func:`reactions` says of it, surface by surface, those that are moved first."""
+    solutions = (case.nonlinear, *case.others, case.linear)
+    names = [each.law for each in solutions] if case.others else ["nonlinear", "linear"]
+    by_law = {law: reactions(each) for law, each in zip(names, solutions, strict=True)}
+    surfaces = dict.fromkeys((*moved, *(name for found in by_law.values() for name in found)))
     return [(law, name, found[name]) for name in surfaces for law, found in by_law.items() if name in found]
 
 
