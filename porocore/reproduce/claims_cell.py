@@ -205,11 +205,14 @@ def _energy_ratio(results: Results) -> Finding:
 def _conductivity_signs(results: Results) -> Finding:
     pressed, squeezed = results.sensitivity.loads["pressure"], results.sensitivity.loads["uniaxial"]
     p = [at(pressed.values, pressed.quantities[f"Kt_{ii}"], 0.2) for ii in ("11", "22")]
-    H = [at(squeezed.values, squeezed.quantities[f"Kt_{ii}"], -0.2) for ii in ("11", "22")]
+    K_t = [squeezed.quantities[f"Kt_{ii}"] for ii in ("11", "22")]
+    H = [at(squeezed.values, values, -0.2) for values in K_t]
+    by_flux = [at(squeezed.values, squeezed.quantities["J_bar"] * values, -0.2) for values in K_t]
     return judged(
         min(p) > 1 and H[0] > 1 > H[1],
         f"K_t/K at p = 0.2: {number(p[0], 3)} in all directions; at H_11 = −0.2: {number(H[0], 3)} along (11), "
-        f"{number(H[1], 3)} across (22)",
+        f"{number(H[1], 3)} across (22). The flux through reference area goes by K_ref = det F̄ K_t: "
+        f"{number(by_flux[0], 3)} along, {number(by_flux[1], 3)} across",
     )
 
 
