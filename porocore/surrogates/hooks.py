@@ -16,4 +16,10 @@ def _polynomial() -> type[Any]:
 @hookimpl
 def porocore_surrogates() -> list[Offer]:
     """A polynomial for the potential."""
-    return [Offer("polynomial", _polynomial, "least-squares polynomial for W(ln U, p), with <∇u¹> beside it for mean-gradient; numpy only")]
+    return [
+        Offer(
+            "polynomial",
+            _polynomial,
+            "least-squares polynomial for W(ln U, p), with <∇u¹> beside it for mean-gradient; numpy only",
+        )
+    ]
