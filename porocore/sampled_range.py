@@ -21,8 +21,8 @@ MOST_HULL_INPUTS = 5
 class SampledRange:
     """A convex polytope {x : A x ≤ b} around the sampled inputs and the undeformed cell, which is always known.
 
-    Its faces lie half the usual distance of neighbouring samples beyond them, as far from a sample as states between
-    two of them, but not beyond the box of the inputs.
+    Its faces lie beyond the samples by half of what neighbours usually differ by along an axis, as far from a sample as
+    states between two of them, but not beyond the box of the inputs.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class SampledRange:
         unit = np.eye(d)
         normals, offsets = np.concatenate([unit, -unit]), np.concatenate([high, -low])
         box = np.concatenate([np.maximum(high, 1.0), -np.minimum(low, 0.0)])
-        beyond = _spacing(known) / 2
+        beyond = _spacing(known) / 2 / np.sqrt(d)
         if 2 <= d <= MOST_HULL_INPUTS and len(known) > d:
             with suppress(QhullError):
                 hull = ConvexHull(known).equations

@@ -21,12 +21,16 @@ def test_the_undeformed_cell_is_always_known():
     assert not few.outside(MacroState.zeros(1))[0]
 
 
-def test_it_ends_half_a_spacing_beyond_the_samples():
+def test_it_ends_half_a_difference_of_neighbours_beyond_the_samples():
     side = np.linspace(0.2, 0.8, 7)  # 0.1 apart; the undeformed cell lies on the lower edge of the box
     grid = np.array(np.meshgrid(side, np.linspace(0, 0.6, 7))).reshape(2, -1).T
     around = SampledRange.around(INPUTS, unit(*grid))
-    assert around.contains(unit((0.5, 0.6), (0.5, 0.645), (0.155, 0.3), (0.845, 0.3))).all()
-    assert not around.contains(unit((0.5, 0.655), (0.145, 0.3), (0.855, 0.3))).any()
+    more = 0.1 / 2 / np.sqrt(2)
+    within, beyond = 0.99 * more, 1.01 * more
+    assert around.contains(
+        unit((0.5, 0.6), (0.5, 0.6 + within), (0.2 - within, 0.3), (0.8 + within, 0.3))
+    ).all()
+    assert not around.contains(unit((0.5, 0.6 + beyond), (0.2 - beyond, 0.3), (0.8 + beyond, 0.3))).any()
 
 
 @pytest.mark.parametrize("count", [2, 40])
