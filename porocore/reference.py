@@ -11,7 +11,7 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import Domain
-from porocore.errors import ConfigurationError, DataError, PorocoreError
+from porocore.errors import DataError, PorocoreError
 from porocore.files import atomic_path
 from porocore.interfaces.cell import CellSolver
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
