@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from porocore.cell.mass import shape_functions
 from porocore.cell.quadrature import tetrahedron_rule
+from porocore.cell.shape_functions import shape_functions
 from porocore.states import Array, IntArray
 
 Phase = Literal["solid", "fluid"]

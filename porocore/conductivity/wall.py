@@ -14,9 +14,9 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from porocore.cell.mass import shape_functions
 from porocore.cell.mesh import CellMesh
 from porocore.cell.periodicity import FACETS
+from porocore.cell.shape_functions import shape_functions
 from porocore.errors import PorocoreError
 from porocore.states import Array, IntArray
 

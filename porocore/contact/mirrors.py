@@ -11,7 +11,6 @@ whole cell's wall is (:mod:`porocore.contact.walls`), of which nothing but the s
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,12 +19,10 @@ from porocore.cell.parity import odd_axes
 from porocore.contact.forces import Blocks, Forces, joined
 from porocore.contact.pairs import REACH, Image, find_pairs
 from porocore.contact.passed import Passed, motion_of
+from porocore.contact.touching import Touching
 from porocore.contact.triangles import height
 from porocore.contact.wall import Wall, wall_of
 from porocore.states import Array, IntArray
-
-if TYPE_CHECKING:
-    from porocore.contact.model import Touching
 
 
 class MirrorContact:

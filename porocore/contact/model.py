@@ -8,31 +8,12 @@ import numpy as np
 
 from porocore.cell.contact import ContactSettings
 from porocore.cell.mesh import CellMesh
-from porocore.contact.forces import Blocks, Forces
 from porocore.contact.mirrors import MirrorContact
+from porocore.contact.touching import Touching
 from porocore.contact.wall import wall_of
 from porocore.contact.walls import WallContact
 from porocore.materials.material import StrainEnergy
 from porocore.states import Array, IntArray
-
-
-class Touching(Protocol):
-    """Contact at one iterate."""
-
-    @property
-    def active(self) -> bool:
-        """Whether anything touches."""
-
-    @property
-    def depth(self) -> float:
-        """Of the deepest penetration."""
-
-    @property
-    def forces(self) -> Forces:
-        """Energy and first derivatives."""
-
-    def blocks(self, odd: str) -> Blocks:
-        """Second derivatives for perturbations that are odd under the mirrors of the named axes."""
 
 
 class ContactModel(Protocol):

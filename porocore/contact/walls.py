@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,12 +17,10 @@ from porocore.cell.mesh import CellMesh
 from porocore.contact.forces import Blocks, Forces, joined
 from porocore.contact.pairs import REACH, Image, Pairs, find_pairs, nearest_only
 from porocore.contact.passed import Passed, motion_of
+from porocore.contact.touching import Touching
 from porocore.contact.triangles import height
 from porocore.contact.wall import wall_of
 from porocore.states import Array
-
-if TYPE_CHECKING:
-    from porocore.contact.model import Touching
 
 
 class WallContact:

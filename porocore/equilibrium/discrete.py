@@ -14,7 +14,8 @@ import numpy as np
 from porocore.cell.exchange import exchanged_axes
 from porocore.cell.mass import lumped_mass
 from porocore.cell.mesh import CellMesh
-from porocore.contact.model import ContactModel, Touching
+from porocore.contact.model import ContactModel
+from porocore.contact.touching import Touching
 from porocore.materials.material import StrainEnergy
 from porocore.states import Array, Status
 

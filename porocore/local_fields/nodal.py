@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from porocore.cell.mass import shape_functions
 from porocore.cell.quadrature import tetrahedron_rule
+from porocore.cell.shape_functions import shape_functions
 from porocore.local_fields.points import PointFields
 from porocore.states import Array
 

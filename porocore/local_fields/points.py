@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.mass import shape_functions
 from porocore.cell.mesh import CellMesh
 from porocore.cell.mirror import unfold_displacement
 from porocore.cell.quadrature import tetrahedron_rule
+from porocore.cell.shape_functions import shape_functions
 from porocore.interfaces.cell import CellField
 from porocore.materials.material import StrainEnergy
 from porocore.states import Array

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.mass import shape_functions
 from porocore.cell.mesh import MeshSettings
 from porocore.cell.mirror import unfold_displacement
 from porocore.cell.quadrature import tetrahedron_rule
+from porocore.cell.shape_functions import shape_functions
 from porocore.cli.entry import main
 from porocore.config_sections import FemSettings
 from porocore.errors import ConfigurationError, PorocoreError
