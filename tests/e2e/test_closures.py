@@ -55,6 +55,7 @@ def settlement(run, name):
     return MacroSolution.load_file(run / name).history.settlement
 
 
+@pytest.mark.slow
 def test_another_closure_is_added_and_nothing_is_done_again(paper, both):
     assert seconds(both) == seconds(paper)
     for name in ("surrogate.h5", PAPER, "solutions/linear_load-0.04.h5"):
@@ -64,12 +65,14 @@ def test_another_closure_is_added_and_nothing_is_done_again(paper, both):
     assert not list((both / "checkpoints").iterdir())
 
 
+@pytest.mark.slow
 def test_the_exact_closure_agrees_with_the_cell_itself_and_the_papers_does_not(both):
     direct, exact, paper = (settlement(both, name)[1:] for name in (DIRECT, EXACT, PAPER))
     assert np.abs(exact / direct - 1).max() < 2e-3
     assert np.abs(paper / direct - 1)[-1] > 5e-3
 
 
+@pytest.mark.slow
 def test_the_report_and_the_metrics_set_them_side_by_side(both):
     metrics = json.loads((both / "metrics.json").read_text(encoding="utf-8"))
     (case,) = metrics["macro"]
@@ -96,6 +99,7 @@ def test_the_report_and_the_metrics_set_them_side_by_side(both):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_steps_add_a_closure_too(paper, both, tmp_path):
     run = tmp_path / "run"
     shutil.copytree(paper, run)

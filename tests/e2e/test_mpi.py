@@ -114,6 +114,7 @@ def one_and_two(short, tmp_path_factory):
     return folders
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_history_of_one_and_of_scikit_fem(one_and_two, short):
     (one, first), (two, second) = one_and_two
     assert first.returncode == 0, first.stderr
@@ -126,6 +127,7 @@ def test_two_processes_give_the_history_of_one_and_of_scikit_fem(one_and_two, sh
         assert solution(short, name).backend == "skfem"
 
 
+@pytest.mark.slow
 def test_one_process_prints_and_the_folder_is_left_tidy(one_and_two):
     (one, first), (two, second) = one_and_two
     for folder, done in ((one, first), (two, second)):
@@ -136,6 +138,7 @@ def test_one_process_prints_and_the_folder_is_left_tidy(one_and_two):
         assert not [path for path in folder.rglob("*") if path.name.endswith(".part")]
 
 
+@pytest.mark.slow
 def test_solutions_of_another_backend_are_replaced_only_on_demand(copy_of_short):
     run = copy_of_short(NAMES[1])
     before = contents(run / "solutions" / NAMES[0])
@@ -172,6 +175,7 @@ def test_commands_that_do_not_share_say_so_once(study, finished, tmp_path, comma
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_an_error_of_the_first_process_alone_ends_all(copy_of_short):
     """The lock is taken by process 0 only; the other one must hear that it cannot be had."""
     run = copy_of_short("solutions")
