@@ -159,7 +159,15 @@ def lowest_of_class(solid: DiscreteSolid, here: Iterate, odd: str) -> Mode:
     u = solid.expanded(x, odd)
     if rigid:
         u[:, rigid.axis] -= (rigid.along @ x) / rigid.mass
-    return Mode(value, odd, solid.mesh, u / u.flat[np.abs(u).argmax()])
+    return Mode(value, odd, solid.mesh, _scaled(u))
+
+
+def _scaled(u: Array) -> Array:
+    """Of largest component one; of several that differ by round-off the first one is positive."""
+    size = np.abs(u)
+    first = np.flatnonzero(size > 0.99 * size.max())[0]
+    scaled: Array = u * np.sign(u.flat[first]) / size.max()
+    return scaled
 
 
 @dataclass(frozen=True, eq=False)
