@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -67,8 +68,9 @@ class Loaded(Elements):
 class TakesAnything(Altered):
     """Where a problem is refused it leaves out what it cannot use."""
 
+    @abstractmethod
     def without(self, problem):
-        raise NotImplementedError
+        """What is left of it."""
 
     def prepare(self, problem):
         try:
