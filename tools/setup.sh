@@ -41,8 +41,10 @@ install() {
     fi
     say "$why; installing with apt-get $how:$wanted"
     as_root apt-get update -qq
+    # Another process may hold dpkg's lock, such as the daily upgrade: wait for it, ten minutes at most.
     # shellcheck disable=SC2086
-    as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $wanted >/dev/null
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq -o DPkg::Lock::Timeout=600 \
+        --no-install-recommends $wanted >/dev/null
 }
 
 at_least_3_11() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
@@ -98,7 +100,7 @@ if [ "$(base_of .venv/bin/python)" = "$(base_of $system)" ]; then
     [ ! -f "constraints/$release.txt" ] || constraints="constraints/$release.txt"
 fi
 if [ "$what" = test ]; then
-    set -- -e ".[dev,docs,release,benchmarks,pictures,dask,parquet]"
+    set -- -e ".[dev,docs,release,benchmarks,pictures,dask,parquet,images]"
     for plugin in plugins/*/; do set -- "$@" -e "$plugin"; done
 else
     set -- -e . -e plugins/fem_skfem -e plugins/surrogate_torch
