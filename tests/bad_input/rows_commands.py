@@ -1,0 +1,91 @@
+"""What every command must refuse: unknown options, files that are no configuration, folders that hold no run."""
+
+from __future__ import annotations
+
+from bad_files import folder, from_run, link
+from bad_row import CONFIG, Content, Row, commands, study
+
+#: Commands that read a configuration, with what else they need.
+WITH_CONFIG = {
+    "check": (),
+    "run": ("--out", "out"),
+    "sample": ("--out", "out"),
+    "tune": ("--out", "out"),
+    "sensitivity": ("--out", "out"),
+    "stability": ("--out", "out"),
+    "crosscheck": ("--out", "out"),
+    "cell state": (),
+    "cell fields": ("--out", "out"),
+    "cell show": ("--out", "out"),
+}
+#: Commands that go on with a run folder.
+WITH_RUN = ("train", "solve", "report", "data info", "data check")
+#: What is given as a configuration, and what the message must hold.
+NO_CONFIGURATION: dict[str, tuple[Content | None, str]] = {
+    "missing": (None, "no such file"),
+    "folder": (folder, CONFIG),
+    "empty": ("", "got nothing"),
+    "words": ("just words", "got a str"),
+    "list": ("[1, 2]", "got a list"),
+    "not closed": ("cell: {geometry: [", "not valid YAML"),
+    "tab": ("a: 1\n\ta: 2", f"{CONFIG}:2: not valid YAML"),
+    "object": ("!!python/object/apply:os.system ['touch hacked']", "not valid YAML"),
+    "HDF5": (b"\x89HDF\r\n\x1a\n\xff", "expected YAML text in UTF-8"),
+    "loop of links": (link(CONFIG), CONFIG),
+}
+#: What ``run.json`` may hold, and what the message must hold.
+RECORDS: dict[str, tuple[Content, str]] = {
+    "record empty": ("", "run.json is damaged"),
+    "record of bytes": (b"\xff\xfe\x00", "run.json is damaged"),
+    "record a list": ("[1]", "run.json is damaged"),
+    "record a number": ("1e999", "run.json is damaged"),
+    "record a folder": (folder, "run.json cannot be read"),
+    "record a loop": (link("run.json"), "run.json cannot be read"),
+    "record of a later version": ('{"format": "porocore-run", "version": 99, "identity": ""}', "version 99"),
+    "record of another identity": (
+        '{"format": "porocore-run", "version": 1, "identity": ""}',
+        "was changed after the run began",
+    ),
+}
+
+
+def unknown_option(command: str) -> Row:
+    return Row(f"{command}: unknown option", (*command.split(), "--frobnicate"), ("--frobnicate",))
+
+
+def no_configuration(command: str, kind: str) -> Row:
+    content, expected = NO_CONFIGURATION[kind]
+    words = (*command.split(), CONFIG, *WITH_CONFIG[command])
+    return Row(f"{command}: {kind}", words, (expected,), {} if content is None else {CONFIG: content})
+
+
+def damaged_record(command: str, kind: str) -> Row:
+    content, expected = RECORDS[kind]
+    files = {"run/config.yaml": study(), "run/run.json": content}
+    return Row(f"{command}: {kind}", (*command.split(), "run"), (expected,), files)
+
+
+def incomplete_run(command: str, missing: str, expected: str) -> Row:
+    def remove(path):
+        path.unlink()
+
+    files = {"run": from_run(), f"run/{missing}": remove}
+    return Row(f"{command}: {missing} is missing", (command, "run"), (expected,), files)
+
+
+ROWS = [
+    *(unknown_option(command) for command in sorted(commands())),
+    *(no_configuration(command, kind) for command in WITH_CONFIG for kind in NO_CONFIGURATION),
+    *(damaged_record(command, kind) for command in WITH_RUN for kind in RECORDS),
+    *(
+        Row(f"{command}: {name}", (*command.split(), "run"), (expected,), files)
+        for command in WITH_RUN
+        for name, expected, files in (
+            ("no folder", "run", {}),
+            ("an empty folder", "is not a run folder", {"run": folder}),
+        )
+    ),
+    incomplete_run("train", "samples.h5", "make it first: porocore sample run"),
+    incomplete_run("solve", "surrogate.h5", "make it first: porocore train run"),
+    incomplete_run("report", "solutions/linear_load-0.04.h5", "make it first: porocore solve run"),
+]
