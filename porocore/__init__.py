@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from porocore.errors import PorocoreError as PorocoreError
     from porocore.errors import RunFolderError as RunFolderError
     from porocore.errors import SolveError as SolveError
+    from porocore.errors import UnexpectedError as UnexpectedError
     from porocore.hookspecs import Offer as Offer
     from porocore.hookspecs import hookimpl as hookimpl
     from porocore.inputs import InputSpace as InputSpace
@@ -70,6 +71,7 @@ _HOMES = {
         "PorocoreError",
         "RunFolderError",
         "SolveError",
+        "UnexpectedError",
     ],
     "porocore.hookspecs": ["Offer", "hookimpl"],
     "porocore.inputs": ["InputSpace"],

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from porocore.errors import DataError
 from porocore.files import atomic_path, noted_afterwards
+from porocore.reading import read_json
 
 #: By name of the solution: points, solves, seconds, and solves by status.
 DirectRecords = dict[str, dict[str, float]]
@@ -78,7 +79,7 @@ def direct_records(path: Path) -> DirectRecords:
     if not path.exists():
         return {}
     try:
-        records = json.loads(path.read_text(encoding="utf-8"))
+        records = read_json(path)
         return {
             str(solution): {str(name): _number(value) for name, value in record.items()}
             for solution, record in records.items()

@@ -27,5 +27,19 @@ class DataError(PorocoreError):
     """A file that porocore was asked to read is truncated, foreign or of another version."""
 
 
+class UnexpectedError(PorocoreError):
+    """Something raised what it should not have raised, in another process or another file than the one that asked.
+
+    Attributes
+    ----------
+    details
+        The whole of it, as Python writes a traceback.
+    """
+
+    def __init__(self, message: str, details: str = "") -> None:
+        super().__init__(message)
+        self.details = details
+
+
 class SolveError(PorocoreError):
     """The macroscale problem could not be solved; a cell that cannot be solved is a status instead."""

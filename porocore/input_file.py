@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from pydantic_core.core_schema import ValidationInfo
 
 from porocore.errors import ConfigurationError
+from porocore.reading import require_ordinary
 
 
 class FromFile(BaseModel):
@@ -44,8 +45,8 @@ class FromFile(BaseModel):
             It is not there any more, or has changed.
         """
         path = Path(self.path)
-        if not path.is_file():
-            raise ConfigurationError(f"{key}.path: no such file: {path}")
+        if (fault := _fault(path)) is not None:
+            raise ConfigurationError(f"{key}.path: {fault}")
         found = content_hash(path)
         if found != self.sha256:
             raise ConfigurationError(f"{key}.sha256: {_changed(path, self.sha256, found)}")
@@ -63,11 +64,23 @@ def absolute_path(given: str, info: ValidationInfo) -> str:
     path = (Path((info.context or {}).get("folder", ".")) / given).absolute()
     expected = info.data.get("sha256")
     # Where the content is known, what was computed of it can be looked at without the file.
-    if expected is None and not path.is_file():
-        raise ValueError(f"no such file: {path}")
-    if expected is not None and path.is_file() and (found := content_hash(path)) != expected:
+    fault = _fault(path)
+    if expected is None and fault is not None:
+        raise ValueError(fault)
+    if expected is not None and fault is None and (found := content_hash(path)) != expected:
         raise ValueError(_changed(path, expected, found))
     return str(path)
+
+
+def _fault(path: Path) -> str | None:
+    """Why a path leads to no file; None: it does."""
+    try:
+        require_ordinary(path)
+    except FileNotFoundError:
+        return f"no such file: {path}"
+    except OSError as error:
+        return f"{path}: {error.strerror or error}"
+    return None
 
 
 def content_hash(path: Path) -> str:

@@ -14,6 +14,7 @@ from porocore.cell.mesh import Domain
 from porocore.errors import DataError, PorocoreError
 from porocore.files import atomic_path
 from porocore.interfaces.cell import CellSolver
+from porocore.reading import read_json
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 
 FORMAT, VERSION = "porocore-reference", 1
@@ -114,7 +115,7 @@ class CellReference:
         """
         advice = "delete it and run porocore sample on the folder again"
         try:
-            document = json.loads(path.read_text(encoding="utf-8"))
+            document = read_json(path)
             if (document["format"], document["version"]) != (FORMAT, VERSION):
                 raise DataError(f"{path}: expected {FORMAT} version {VERSION}; {advice}")
             if document["identity"] != identity:

@@ -21,7 +21,9 @@ from porocore.config import RunConfig, differences, load_config
 from porocore.errors import RunFolderError
 from porocore.files import atomic_path
 from porocore.provenance import versions
+from porocore.reading import read_json
 from porocore.run_files import RunFiles
+from porocore.unexpected import note_folder
 
 if sys.platform != "win32":
     import fcntl
@@ -87,7 +89,7 @@ class RunFolder(RunFiles):
         """
         path = Path(path)
         try:
-            record = json.loads((path / RECORD).read_text(encoding="utf-8"))
+            record = read_json(path / RECORD)
             found = (record["format"], record["version"])
             identity = record["identity"]
         except (FileNotFoundError, NotADirectoryError) as error:
@@ -142,6 +144,7 @@ class RunFolder(RunFiles):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        note_folder(error, self.path)
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None

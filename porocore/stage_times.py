@@ -10,6 +10,7 @@ from pathlib import Path
 
 from porocore.errors import DataError
 from porocore.files import atomic_path, noted_afterwards
+from porocore.reading import read_json
 
 
 @contextmanager
@@ -46,7 +47,7 @@ def stage_times(path: Path) -> dict[str, float]:
     if not path.exists():
         return {}
     try:
-        times = json.loads(path.read_text(encoding="utf-8"))
+        times = read_json(path)
         return {str(stage): float(seconds) for stage, seconds in times.items()}
     except (OSError, ValueError, TypeError, AttributeError) as error:
         raise DataError(

@@ -8,6 +8,7 @@ import numpy as np
 
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.surrogate import TrainingProgress
+from porocore.reading import read_text
 from porocore.states import Array
 
 HEADER = "epoch,loss,validation_loss"
@@ -32,7 +33,7 @@ class TrainingCurveFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            text = path.read_text(encoding="utf-8") if path.exists() else ""
+            text = read_text(path) if path.exists() else ""
             whole = text[: text.rfind("\n") + 1] or f"{HEADER}\n"
             if whole != text:
                 path.write_text(whole, encoding="utf-8")
@@ -63,7 +64,7 @@ def read_training_curve(path: Path) -> Array | None:
     if not path.exists():
         return None
     try:
-        header, *rows = path.read_text(encoding="utf-8").splitlines() or [HEADER]
+        header, *rows = read_text(path).splitlines() or [HEADER]
         if header != HEADER:
             raise ValueError(f"its first line is not '{HEADER}'")
         table = np.array([[float(word) for word in row.split(",")] for row in rows]).reshape(len(rows), 3)

@@ -25,6 +25,7 @@ from porocore.dataset import Dataset
 from porocore.errors import ConfigurationError, DataError
 from porocore.files import atomic_path
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
+from porocore.reading import read_json
 from porocore.runfolder import RunFolder
 from porocore.stage_files import training_set
 from porocore.states import Array, CellResponse, MacroState
@@ -310,7 +311,7 @@ def _place(folder: RunFolder, config: RunConfig, candidate: Candidate) -> Path:
 def _read(path: Path) -> Result | None:
     """A finished candidate; one that cannot be read is trained again."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path)
         if (document.pop("format"), document.pop("version")) != (FORMAT, VERSION):
             return None
         return Result(**document)

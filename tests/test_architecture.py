@@ -25,6 +25,8 @@ LAYERS = (
         (
             "errors",
             "files",
+            "reading",
+            "unexpected",
             "states",
             "inputs",
             "sampled_range",

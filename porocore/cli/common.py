@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, UnexpectedError
 
 if TYPE_CHECKING:
     from porocore.config import RunConfig
@@ -55,9 +55,11 @@ class Interrupted(Exception):
 
 @contextmanager
 def interruptible(advice: str = "") -> Iterator[None]:
-    """Turn Ctrl-C into :class:`Interrupted`; typer would make a silent exit of it."""
+    """Turn Ctrl-C into :class:`Interrupted`; typer would make a silent exit of it, and of the end of a stream, too."""
     try:
         yield
+    except EOFError as error:
+        raise UnexpectedError(f"EOFError: {error}") from error
     except KeyboardInterrupt as error:
         raise Interrupted(f"interrupted; continue with: {advice}" if advice else "interrupted") from error
 

@@ -1,14 +1,8 @@
-"""The application, and how an error becomes one message and an exit status.
-
-Exit status: 0 done, 1 a check that failed, 2 an error that the message explains, 130 interrupted.
-A traceback with status 1 is a bug in porocore or in a plugin.
-"""
+"""The application: its commands and what they have in common."""
 
 from __future__ import annotations
 
-import errno
-import sys
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
@@ -27,9 +21,9 @@ from porocore.cli import (
     units,
     verify,
 )
-from porocore.cli.common import Interrupted
+from porocore.cli.ending import ending
 from porocore.errors import PorocoreError
-from porocore.parallel import launched, let_the_first_speak
+from porocore.parallel import launched
 
 HELP = """
 Two-scale finite-strain poroelasticity.
@@ -85,14 +79,6 @@ app.add_typer(plugin.plugin, name="plugin", rich_help_panel=_LOOK)
 app.command(rich_help_panel=_LOOK)(crosscheck.crosscheck)
 app.command(rich_help_panel=_LOOK)(verify.verify)
 
-#: What the system says when a disk or a folder will not take a file.
-_WRITING = {
-    errno.ENOSPC: "make room and continue with --resume",
-    errno.EDQUOT: "make room and continue with --resume",
-    errno.EROFS: "choose a folder that can be written, with --out",
-    errno.EACCES: "choose a folder that you may write, with --out",
-}
-
 
 def _version(wanted: bool) -> None:
     if wanted:
@@ -123,28 +109,5 @@ def _options(
 
 def main() -> None:
     """Entry point of the ``porocore`` command."""
-    try:
+    with ending():
         app(prog_name="porocore")
-    except PorocoreError as error:
-        _stop(str(error), 2)
-    except Interrupted as interruption:
-        _stop(str(interruption), 130, "")
-    except KeyboardInterrupt:
-        _stop("interrupted", 130, "")
-    except OSError as error:
-        if error.errno not in _WRITING:
-            raise
-        where = f"{error.filename}: " if error.filename else ""
-        _stop(f"{where}{error.strerror}; {_WRITING[error.errno]}", 2)
-
-
-def _stop(message: str, status: int, label: str = "error: ") -> NoReturn:
-    if launched()[0] > 0:
-        let_the_first_speak()
-        sys.exit(status)
-    lines = message.splitlines()
-    if len(lines) > 1:
-        message = "\n  ".join([f"{len(lines)} faults", *lines])
-    typer.secho(label, fg=typer.colors.RED, bold=True, err=True, nl=False)
-    typer.echo(message, err=True)
-    sys.exit(status)

@@ -15,7 +15,7 @@ from uuid import uuid4
 import numpy as np
 
 from porocore import errors
-from porocore.errors import PorocoreError
+from porocore.errors import PorocoreError, UnexpectedError
 from porocore.execution import tasks
 from porocore.execution.choice import ExecutorChoice, check_choice, make_crew
 from porocore.execution.crew import Crew, Worker
@@ -354,6 +354,6 @@ def _as_error(task: _Task | None, failure: Failure) -> PorocoreError:
     if isinstance(kind, type) and issubclass(kind, PorocoreError):
         return kind(failure.message)
     where = "while it prepared the cell" if task is None else f"at state '{task.key}'"
-    error = PorocoreError(f"the cell solver raised {failure.kind} {where}: {failure.message}")
-    error.add_note(failure.details)
-    return error
+    return UnexpectedError(
+        f"the cell solver raised {failure.kind} {where}: {failure.message}", failure.details
+    )

@@ -12,6 +12,7 @@ import numpy as np
 from porocore.errors import DataError
 from porocore.files import atomic_path
 from porocore.interfaces.surrogate import Surrogate
+from porocore.reading import read_json
 from porocore.states import MacroState
 
 #: Calls in one time increment of the paper's example.
@@ -42,7 +43,7 @@ def call_times(path: Path, surrogate: Surrogate, states: MacroState) -> CallTime
     """
     if path.exists():
         try:
-            return CallTimes(**json.loads(path.read_text(encoding="utf-8")))
+            return CallTimes(**read_json(path))
         except (OSError, ValueError, TypeError) as error:
             raise DataError(f"{path}: not a record of call times ({error}); delete it") from error
     asked = states[np.resize(np.arange(len(states)), POINTS)]

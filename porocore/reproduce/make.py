@@ -10,6 +10,7 @@ from pathlib import Path
 
 from porocore.errors import DataError, RunFolderError
 from porocore.files import atomic_path
+from porocore.reading import read_json
 from porocore.report.figures.style import png_bytes
 from porocore.reproduce import claims_cell, claims_cost, claims_history, claims_profiles
 from porocore.reproduce.catalogue import PaperFigure, Stage
@@ -47,7 +48,7 @@ def claim_folder(results: Results, *, resume: bool) -> None:
     identity = {"column": results.config.identity, "as stated": results.as_stated_config.identity}
     if record.exists():
         try:
-            held = json.loads(record.read_text(encoding="utf-8"))["identity"]
+            held = read_json(record)["identity"]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise DataError(
                 f"{record}: not the record of a reproduction ({error}); choose another --out"
@@ -103,7 +104,7 @@ def write_pages(results: Results, figures: Sequence[PaperFigure], command: str) 
         found: dict[str, list[Row]] = {key: rows(claims, results) for key, claims in CLAIMS.items()}
     timings = stage_times(results.timings)
     record = results.folder / RECORD
-    document = json.loads(record.read_text(encoding="utf-8"))
+    document = read_json(record)
     document["claims"] = {key: [asdict(row) for row in part] for key, part in found.items()}
     page = results.folder / "index.html"
     for path, text in (

@@ -91,3 +91,13 @@ def link(target: str) -> Callable[[Path], None]:
         path.symlink_to(target)
 
     return make
+
+
+def holes(size: int) -> Callable[[Path], None]:
+    """Make a file that says it has ``size`` bytes and takes no room."""
+
+    def make(path: Path) -> None:
+        path.touch()
+        os.truncate(path, size)
+
+    return make

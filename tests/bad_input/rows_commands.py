@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bad_files import folder, from_run, link
+from bad_files import fifo, folder, from_run, holes, link
 from bad_row import CONFIG, Content, Row, commands, study
 
 #: Commands that read a configuration, with what else they need.
@@ -39,6 +39,10 @@ RECORDS: dict[str, tuple[Content, str]] = {
     "record of bytes": (b"\xff\xfe\x00", "run.json is damaged"),
     "record a list": ("[1]", "run.json is damaged"),
     "record a number": ("1e999", "run.json is damaged"),
+    "record nested": ("[" * 100000, "run.json is damaged"),
+    "record a pipe": (fifo, "run.json cannot be read: expected a file, got a named pipe"),
+    "record a device": (link("/dev/zero"), "run.json cannot be read: expected a file, got a device"),
+    "record of a terabyte": (holes(1 << 40), "run.json cannot be read: expected at most 16.8 MB"),
     "record a folder": (folder, "run.json cannot be read"),
     "record a loop": (link("run.json"), "run.json cannot be read"),
     "record of a later version": ('{"format": "porocore-run", "version": 99, "identity": ""}', "version 99"),

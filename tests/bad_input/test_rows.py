@@ -34,6 +34,7 @@ def test_bad_input_is_refused_in_one_message(row, tmp_path, monkeypatch, capfd):
     row.make_files(folder)
     before = fingerprint(folder)
     monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.chdir(folder)
     done = run_apart(row.words, folder) if row.own_process else run_here(row.words, monkeypatch, capfd)
     assert done.status == row.status, f"{done.status}: {done.err[-2000:]}"

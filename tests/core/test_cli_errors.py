@@ -222,16 +222,6 @@ def test_a_disk_that_takes_no_more_is_explained(porocore_command, pipeline, tmp_
     assert advice in message
 
 
-def test_a_bug_keeps_its_traceback(porocore_command, pipeline, tmp_path, monkeypatch):
-    def fail(folder, config, **how):
-        raise ZeroDivisionError("a bug")
-
-    pipeline.run = fail
-    monkeypatch.setattr(sys, "argv", ["porocore", "run", "--out", str(tmp_path / "run")])
-    with pytest.raises(ZeroDivisionError):
-        main()
-
-
 @pytest.mark.parametrize(
     ("words", "advice"),
     [

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,6 +13,7 @@ from mpi4py import MPI
 
 from porocore.errors import PorocoreError, SolveError
 from porocore.parallel import T, World
+from porocore.unexpected import describe
 
 #: Seconds that a process which has failed waits for the others to fail alike.
 PATIENCE = 10.0
@@ -75,10 +75,8 @@ class MpiWorld(World):
                 raise SolveError(f"process {rank} of {self.size} failed alone ({text})")
 
     def _end_all(self, failure: BaseException) -> None:
-        if isinstance(failure, PorocoreError):
-            text = f"error: process {self.rank} of {self.size}: {failure}\n"
-        else:
-            text = "".join(traceback.format_exception(failure))
-        sys.stderr.write(text)
+        expected = isinstance(failure, PorocoreError)
+        said = str(failure) if expected else describe(failure)
+        sys.stderr.write(f"error: process {self.rank} of {self.size}: {said}\n")
         sys.stderr.flush()
-        self.comm.Abort(2)
+        self.comm.Abort(2 if expected else 70)

@@ -9,6 +9,7 @@ import sys
 import textwrap
 from dataclasses import fields
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -125,8 +126,12 @@ def test_a_checkpoint_is_continued_by_any_backend_on_any_number_of_processes(
 
 def test_a_process_that_fails_alone_ends_all_and_says_why(tmp_path):
     done = run(2, ALONE, tmp_path)
-    assert done.returncode == 2
+    assert done.returncode == 70
     assert "RuntimeError: only me" in done.stderr
+    assert "Traceback" not in done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if "the whole of it is in" in line]
+    whole = Path(line.split("the whole of it is in ")[1].split(";")[0])
+    assert "Traceback" in whole.read_text()
 
 
 def test_more_processes_than_elements_can_be_shared_among_are_refused(tmp_path):

@@ -1,0 +1,85 @@
+"""Reading files that may come from anybody: only ordinary ones, and none that is larger than it may be."""
+
+from __future__ import annotations
+
+import errno
+import json
+import stat
+from pathlib import Path
+from typing import Any
+
+#: A configuration, a record or a table that porocore wrote is smaller [bytes].
+LARGEST_TEXT = 16 << 20
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+def require_ordinary(path: Path, largest: int | None = None) -> None:
+    """Check that a path leads to a file that can be read to an end, without opening it.
+
+    Parameters
+    ----------
+    path
+        May be a symbolic link.
+    largest
+        Size that the file may have [bytes]; None: any.
+
+    Raises
+    ------
+    OSError
+        There is none, or it is a folder, pipe, device or too large; ``strerror`` says which.
+    """
+    try:
+        found = path.stat()
+    except ValueError as error:  # a null character
+        raise FileNotFoundError(errno.ENOENT, "no such file", str(path)) from error
+    kind = stat.S_IFMT(found.st_mode)
+    if kind != stat.S_IFREG:
+        number = errno.EISDIR if kind == stat.S_IFDIR else errno.EINVAL
+        raise OSError(number, f"expected a file, got {_KINDS.get(kind, 'something else')}", str(path))
+    if largest is not None and found.st_size > largest:
+        raise OSError(
+            errno.EFBIG,
+            f"expected at most {_size(largest)}, got a file of {_size(found.st_size)}",
+            str(path),
+        )
+
+
+def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
+    """Return the text of an ordinary file in UTF-8.
+
+    Raises
+    ------
+    OSError
+        As :func:`require_ordinary`, or it cannot be read.
+    UnicodeDecodeError
+        It is no UTF-8.
+    """
+    require_ordinary(path, largest)
+    return path.read_text(encoding="utf-8")
+
+
+def read_json(path: Path) -> Any:
+    """Return what a JSON file holds.
+
+    Raises
+    ------
+    OSError
+        As :func:`read_text`.
+    ValueError
+        It is no JSON, or nested so deeply that nothing of ours wrote it.
+    """
+    text = read_text(path)
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e6:,.3g} MB" if count < 1e9 else f"{count / 1e9:,.3g} GB"
