@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from porocore.laws import MacroTangent as MacroTangent
     from porocore.materials.neo_hookean import NeoHookean as NeoHookean
     from porocore.problem import MacroProblem as MacroProblem
+    from porocore.records import failed_response as failed_response
     from porocore.sampled_range import SampledRange as SampledRange
     from porocore.solution import History as History
     from porocore.solution import MacroSolution as MacroSolution
@@ -82,6 +83,7 @@ _HOMES = {
     "porocore.laws": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
     "porocore.materials.neo_hookean": ["NeoHookean"],
     "porocore.problem": ["MacroProblem"],
+    "porocore.records": ["failed_response"],
     "porocore.sampled_range": ["SampledRange"],
     "porocore.solution": ["History", "MacroSolution", "Profile", "StepReport"],
     "porocore.states": ["CellPeaks", "CellResponse", "CellTangent", "MacroState", "Status"],

@@ -12,13 +12,11 @@ from porocore.dataset import Dataset
 from porocore.dataset_file import read_fields
 from porocore.errors import DataError
 from porocore.records import flatten_response
-from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.response_check import known_statuses, rows_as_declared
+from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
 
 #: Largest misfit of a law, relative to the largest entry of what is compared.
 TOLERANCE = 1e-6
-#: Responses that may be NaN in a state with values: the gap is not defined on the whole cell, and where walls touch the
-#: fluid's mesh cannot follow them.
-MAY_BE_MISSING = ("peaks/min_gap", "conductivity", "min_fluid_jacobian")
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ def check_file(path: Path, tolerance: float = TOLERANCE) -> list[Finding]:
     response, states = dataset.responses(), dataset.states()
     keys = np.array(dataset.keys)
     valid = response.valid
-    known = np.isin(response.status, [int(status) for status in Status])
+    known = known_statuses(response.status)
     findings.append(_all("statuses known", known, keys, "a status that this version does not know"))
     findings.append(
         _all("finite", _finite(response), keys, "values where none belong, or none where they do")
@@ -115,10 +113,7 @@ def _finite(response: CellResponse) -> npt.NDArray[np.bool_]:
     valid = response.valid
     good = np.ones(len(response), dtype=bool)
     for name, array in flatten_response(response).items():
-        flat = array.reshape(len(array), -1)
-        if name not in MAY_BE_MISSING:
-            good &= ~valid | np.isfinite(flat).all(axis=1)
-        good &= valid | np.isnan(flat).all(axis=1)
+        good &= rows_as_declared(CELL_FIELDS[name], array, valid)
     return good
 
 

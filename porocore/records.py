@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,30 +10,16 @@ import numpy as np
 
 from porocore.errors import PluginError
 from porocore.interfaces.cell import CellField
-from porocore.states import Array, CellPeaks, CellResponse, CellTangent, MacroState
-
-#: Shape of one row of every response that a file may hold; ``group/name`` is an attribute of a nested batch.
-LAYOUT: dict[str, tuple[int, ...]] = {
-    "mean_grad": (3, 3),
-    "potential": (),
-    "stress": (3, 3),
-    "fluid_volume": (),
-    "conductivity": (3, 3),
-    "min_fluid_jacobian": (),
-    "tangent/mean_grad_grad_u": (3, 3, 3, 3),
-    "tangent/mean_grad_p": (3, 3),
-    "tangent/stress_grad_u": (3, 3, 3, 3),
-    "tangent/stress_p": (3, 3),
-    "tangent/fluid_volume_grad_u": (3, 3),
-    "tangent/fluid_volume_p": (),
-    "peaks/grad": (3, 3),
-    "peaks/energy": (),
-    "peaks/energy_mean": (),
-    "peaks/min_jacobian": (),
-    "peaks/min_gap": (),
-    "peaks/contact_share": (),
-    "peaks/negative_pivots": (),
-}
+from porocore.response_check import response_fault
+from porocore.states import (
+    CELL_FIELDS,
+    Array,
+    CellPeaks,
+    CellResponse,
+    CellTangent,
+    MacroState,
+    Status,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +54,9 @@ class Record:
 
 
 def flatten_response(response: CellResponse) -> dict[str, Array]:
-    """The provided responses of n states by their names in :data:`LAYOUT`, without the status."""
+    """Return the provided responses of n states by their names in ``CELL_FIELDS``, without the status."""
     arrays: dict[str, Array] = {}
-    for name in LAYOUT:
+    for name in CELL_FIELDS:
         value: Any = response
         for attribute in name.split("/"):
             value = None if value is None else getattr(value, attribute)
@@ -80,17 +66,20 @@ def flatten_response(response: CellResponse) -> dict[str, Array]:
 
 
 def build_response(status: Any, arrays: Mapping[str, Array]) -> CellResponse:
-    """The inverse of :func:`flatten_response`.
+    """Return the response of n states that :func:`flatten_response` took apart.
 
     Raises
     ------
     ValueError
-        An array has not the shape that :data:`LAYOUT` says, or a batch of peaks is incomplete.
+        A name or the shape of an array is not that of ``CELL_FIELDS``, or a batch of peaks is incomplete.
     """
     status = np.asarray(status, dtype=np.int64)
     for name, array in arrays.items():
-        if array.shape != (len(status), *LAYOUT[name]):
-            raise ValueError(f"{name}: expected shape {(len(status), *LAYOUT[name])}, got {array.shape}")
+        if name not in CELL_FIELDS:
+            raise ValueError(f"'{name}' is no response")
+        expected = (len(status), *CELL_FIELDS[name].shape)
+        if array.shape != expected:
+            raise ValueError(f"{name}: expected shape {expected}, got {array.shape}")
     plain: dict[str, Any] = {name: array for name, array in arrays.items() if "/" not in name}
     if "mean_grad" not in plain:
         raise ValueError("mean_grad is missing")
@@ -98,7 +87,7 @@ def build_response(status: Any, arrays: Mapping[str, Array]) -> CellResponse:
     for name in arrays.keys() - plain.keys():
         group, attribute = name.split("/")
         nested[group][attribute] = arrays[name]
-    lacking = {name for name in LAYOUT if name.startswith("peaks/")} - arrays.keys()
+    lacking = {name for name in CELL_FIELDS if name.startswith("peaks/")} - arrays.keys()
     if nested["peaks"] and lacking:
         raise ValueError(f"{', '.join(sorted(lacking))} missing")
     return CellResponse(
@@ -109,8 +98,32 @@ def build_response(status: Any, arrays: Mapping[str, Array]) -> CellResponse:
     )
 
 
+def failed_response(
+    status: Status, *, tangent: bool = True, deformed: bool = False, names: Iterable[str] | None = None
+) -> CellResponse:
+    """Return the row of a state without values: NaN in every response.
+
+    Parameters
+    ----------
+    status
+        Why there are none.
+    tangent
+        Also in the derivatives.
+    deformed
+        Also in the conductivity of the deformed pore.
+    names
+        The responses instead, by their names in ``porocore.states.CELL_FIELDS``.
+    """
+    if names is None:
+        flags = ("", *(["tangent"] if tangent else []), *(["deformed"] if deformed else []))
+        names = [name for name, declared in CELL_FIELDS.items() if declared.flag in flags]
+    return build_response(
+        [int(status)], {name: np.full((1, *CELL_FIELDS[name].shape), np.nan) for name in names}
+    )
+
+
 def check_record(record: Record, provided: frozenset[str] | None) -> frozenset[str]:
-    """Names of the responses in ``record``, after checking what a cell solver returned.
+    """Return the names of the responses in ``record``, after checking what a cell solver returned.
 
     Parameters
     ----------
@@ -122,16 +135,14 @@ def check_record(record: Record, provided: frozenset[str] | None) -> frozenset[s
     Raises
     ------
     PluginError
-        The response is not one row of the documented shapes, or holds other responses than its neighbours.
+        The response is not one row of the declared fields, or holds other responses than its neighbours.
     """
-    arrays = flatten_response(record.response)
-    for name, array in arrays.items():
-        if array.shape != (1, *LAYOUT[name]):
-            raise PluginError(
-                f"the cell solver returned {name} of shape {array.shape} for state '{record.key}'; "
-                f"expected {(1, *LAYOUT[name])}: report this to the author of the backend"
-            )
-    names = frozenset(arrays)
+    if fault := response_fault(record.response, 1):
+        raise PluginError(
+            f"the cell solver returned a wrong response for state '{record.key}': {fault}; report this to the author "
+            "of the backend"
+        )
+    names = frozenset(flatten_response(record.response))
     if provided is not None and names != provided:
         raise PluginError(
             f"the cell solver returned other responses for state '{record.key}' than before (difference: "

@@ -7,12 +7,14 @@ pressures and energies are in units of the reference modulus E (Young's modulus 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from typing import Any, Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+
+from porocore.declared_fields import declared_fields, documented, row, rows_of
 
 Array: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
@@ -112,6 +114,7 @@ class MacroState(_Batch):
         return cls(np.zeros((n, 3, 3)), np.zeros(n))
 
 
+@documented
 @dataclass(frozen=True, eq=False)
 class CellTangent(_Batch):
     """First derivatives of the responses with respect to (H, p); response indices first.
@@ -119,69 +122,136 @@ class CellTangent(_Batch):
     A surrogate that does not provide a response leaves its derivatives None.
     """
 
-    mean_grad_grad_u: Array | None = None  #: (n, 3, 3, 3, 3)  M_ijkl = ∂<∂u¹_i/∂Y_j>_s / ∂H_kl
-    mean_grad_p: Array | None = None  #: (n, 3, 3)        Q_ij = ∂<∂u¹_i/∂Y_j>_s / ∂p
-    stress_grad_u: Array | None = None  #: (n, 3, 3, 3, 3)  ∂P_E,ij / ∂H_kl
-    stress_p: Array | None = None  #: (n, 3, 3)        ∂P_E,ij / ∂p
-    fluid_volume_grad_u: Array | None = None  #: (n, 3, 3)        ∂φ / ∂H_kl
-    fluid_volume_p: Array | None = None  #: (n,)             ∂φ / ∂p
-    conductivity_grad_u: Array | None = None  #: (n, 3, 3, 3, 3)  ∂K_ref,ij / ∂H_kl
-    conductivity_p: Array | None = None  #: (n, 3, 3)        ∂K_ref,ij / ∂p
+    mean_grad_grad_u: Array | None = field(
+        default=None,
+        metadata=row(3, 3, 3, 3, unit="-", meaning="M_ijkl = ∂<∂u¹_i/∂Y_j>_s / ∂H_kl", flag="tangent"),
+    )
+    mean_grad_p: Array | None = field(
+        default=None, metadata=row(3, 3, unit="1/E", meaning="Q_ij = ∂<∂u¹_i/∂Y_j>_s / ∂p", flag="tangent")
+    )
+    stress_grad_u: Array | None = field(
+        default=None, metadata=row(3, 3, 3, 3, unit="E", meaning="∂P_E,ij / ∂H_kl", flag="tangent")
+    )
+    stress_p: Array | None = field(
+        default=None, metadata=row(3, 3, unit="-", meaning="∂P_E,ij / ∂p", flag="tangent")
+    )
+    fluid_volume_grad_u: Array | None = field(
+        default=None, metadata=row(3, 3, unit="-", meaning="∂φ / ∂H_kl", flag="tangent")
+    )
+    fluid_volume_p: Array | None = field(
+        default=None, metadata=row(unit="1/E", meaning="∂φ / ∂p", flag="tangent")
+    )
+    conductivity_grad_u: Array | None = field(
+        default=None, metadata=row(3, 3, 3, 3, unit="d²/μ", meaning="∂K_ref,ij / ∂H_kl", flag="surrogate")
+    )
+    conductivity_p: Array | None = field(
+        default=None, metadata=row(3, 3, unit="d²/(μ E)", meaning="∂K_ref,ij / ∂p", flag="surrogate")
+    )
 
 
+@documented
 @dataclass(frozen=True, eq=False)
 class CellPeaks(_Batch):
     """Local extremes over the solid and signs of trouble."""
 
-    grad: Array  #: (n, 3, 3)  largest ``|∂u¹_i/∂Y_j|``
-    energy: Array  #: (n,)       largest Ψ [E]
-    energy_mean: Array  #: (n,)       <Ψ>_s [E]
-    min_jacobian: Array  #: (n,)       smallest J
-    min_gap: Array  #: (n,)       smallest relative distance of the wall to its mirror planes; NaN on the whole cell
-    negative_pivots: Array  #: (n,)       of the tangent at the solution; -1 where the solver cannot tell
-    contact_share: Array  #: (n,)       of the undeformed pore wall that is in contact
+    grad: Array = field(metadata=row(3, 3, unit="-", meaning="Largest ``|∂u¹_i/∂Y_j|``."))
+    energy: Array = field(metadata=row(unit="E", meaning="Largest Ψ."))
+    energy_mean: Array = field(metadata=row(unit="E", meaning="<Ψ>_s."))
+    min_jacobian: Array = field(metadata=row(unit="-", meaning="Smallest J."))
+    min_gap: Array = field(
+        metadata=row(
+            unit="-",
+            meaning="Smallest relative distance of the wall to its mirror planes; NaN on the whole cell.",
+            gaps=True,
+        )
+    )
+    negative_pivots: Array = field(
+        metadata=row(
+            unit="-",
+            meaning="Negative pivots of the tangent at the solution; -1 where the solver cannot tell.",
+        )
+    )
+    contact_share: Array = field(
+        metadata=row(unit="-", meaning="Share of the undeformed pore wall that is in contact.")
+    )
 
 
+@documented
 @dataclass(frozen=True, eq=False)
 class CellResponse(_Batch):
     """What a cell solver returns and a surrogate predicts; a response that is not provided is None.
 
-    Rows whose status has no values hold NaN in every response, derivative and peak. The two last responses are there
-    with the conductivity law ``deformed`` only.
-
-    Attributes
-    ----------
-    mean_grad : (n, 3, 3)
-        <∇_Y u¹>_s, an integral over the solid divided by the volume of the whole cell [-].
-    potential : (n,)
-        W(H, p) = <Ψ + pJ>_s − p J₀ [E].
-    stress : (n, 3, 3)
-        Total first Piola–Kirchhoff stress P_E = ∂W/∂H, tension positive [E].
-    fluid_volume : (n,)
-        φ = −∂W/∂p, current fluid volume per reference volume of the cell [-].
-    tangent, peaks
-        See :class:`CellTangent` and :class:`CellPeaks`.
-    status : (n,) int
-        :class:`Status` of each row.
-    outside : (n,) bool
-        For a surrogate: the state lies outside the range it was trained on.
-    conductivity : (n, 3, 3)
-        K_ref of the deformed pore, symmetric: the flux through reference area is −K_ref ∇_X p. NaN in a row whose
-        fluid mesh cannot follow the wall, as where walls touch, whatever the status: the others hold values.
-    min_fluid_jacobian : (n,)
-        Smallest J of the fluid's mesh; conductivity has values where it is positive.
+    Rows whose status has no values hold NaN in every response, derivative and peak. ``conductivity`` and
+    ``min_fluid_jacobian`` are there with the conductivity law ``deformed`` only.
     """
 
-    mean_grad: Array
-    status: IntArray
-    potential: Array | None = None
-    stress: Array | None = None
-    fluid_volume: Array | None = None
-    tangent: CellTangent | None = None
-    peaks: CellPeaks | None = None
-    outside: npt.NDArray[np.bool_] | None = None
-    conductivity: Array | None = None
-    min_fluid_jacobian: Array | None = None
+    mean_grad: Array = field(
+        metadata=row(
+            3,
+            3,
+            unit="-",
+            meaning="<∇_Y u¹>_s, an integral over the solid divided by the volume of the whole cell.",
+            models=("mlp", "potential"),
+        )
+    )
+    status: IntArray = field(
+        metadata=row(
+            unit="-", meaning=":class:`Status` of each row.", models=("mlp", "potential"), dtype=np.int64
+        )
+    )
+    potential: Array | None = field(
+        default=None, metadata=row(unit="E", meaning="W(H, p) = <Ψ + pJ>_s − p J₀.", models=("potential",))
+    )
+    stress: Array | None = field(
+        default=None,
+        metadata=row(
+            3,
+            3,
+            unit="E",
+            meaning="Total first Piola–Kirchhoff stress P_E = ∂W/∂H, tension positive.",
+            models=("potential",),
+        ),
+    )
+    fluid_volume: Array | None = field(
+        default=None,
+        metadata=row(
+            unit="-",
+            meaning="φ = −∂W/∂p, current fluid volume per reference volume of the cell.",
+            models=("potential",),
+        ),
+    )
+    tangent: CellTangent | None = field(default=None, metadata=rows_of(CellTangent))
+    peaks: CellPeaks | None = field(default=None, metadata=rows_of(CellPeaks))
+    outside: npt.NDArray[np.bool_] | None = field(
+        default=None,
+        metadata=row(
+            unit="-",
+            meaning="For a surrogate: the state lies outside the range it was trained on.",
+            flag="surrogate",
+            dtype=np.bool_,
+        ),
+    )
+    conductivity: Array | None = field(
+        default=None,
+        metadata=row(
+            3,
+            3,
+            unit="d²/μ",
+            meaning="K_ref of the deformed pore, symmetric: the flux through reference area is −K_ref ∇_X p. NaN where "
+            "the fluid's mesh cannot follow the wall, as where walls touch, whatever the status.",
+            flag="deformed",
+            gaps=True,
+        ),
+    )
+    min_fluid_jacobian: Array | None = field(
+        default=None,
+        metadata=row(
+            unit="-",
+            meaning="Smallest J of the fluid's mesh; conductivity has values where it is positive.",
+            flag="deformed",
+            gaps=True,
+        ),
+    )
 
     def __len__(self) -> int:
         return len(self.status)
@@ -195,3 +265,13 @@ class CellResponse(_Batch):
     def stable(self) -> npt.NDArray[np.bool_]:
         """Rows of stable equilibria, with contact or without: what a surrogate may learn from, (n,) bool."""
         return np.isin(self.status, [status for status in Status if status.stable])
+
+
+#: Every field of a response by its name; ``tangent/stress_p`` is a field of the batch of derivatives.
+RESPONSE_FIELDS = declared_fields(CellResponse)
+#: Those that cell solvers provide and files hold, without the status.
+CELL_FIELDS = {
+    name: declared
+    for name, declared in RESPONSE_FIELDS.items()
+    if name != "status" and declared.flag != "surrogate"
+}

@@ -28,6 +28,8 @@ LAYERS = (
             "reading",
             "unexpected",
             "states",
+            "declared_fields",
+            "response_check",
             "inputs",
             "sampled_range",
             "expressions",

@@ -44,25 +44,6 @@ def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResp
     return _row(problem, here, negative, _tangent(here, mean_grad, second) if tangent else None)
 
 
-def failed(status: Status, *, tangent: bool) -> CellResponse:
-    """The row of a state without values."""
-
-    def nan(*shape: int) -> Array:
-        return np.full((1, *shape), np.nan)
-
-    return CellResponse(
-        mean_grad=nan(3, 3),
-        status=np.array([status], dtype=np.int64),
-        potential=nan(),
-        stress=nan(3, 3),
-        fluid_volume=nan(),
-        tangent=CellTangent(nan(3, 3, 3, 3), nan(3, 3), nan(3, 3, 3, 3), nan(3, 3), nan(3, 3), nan())
-        if tangent
-        else None,
-        peaks=CellPeaks(nan(3, 3), nan(), nan(), nan(), nan(), nan(), nan()),
-    )
-
-
 def _direct(here: Iterate, odd: str, columns: Sequence[int]) -> Array:
     """∂²E/∂θ∂θ' of contact at fixed u¹."""
     direct = np.zeros((len(columns), len(columns)))

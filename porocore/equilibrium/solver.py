@@ -16,9 +16,10 @@ from porocore.conductivity.fluid import DiscreteFluid
 from porocore.conductivity.pore import Pore
 from porocore.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
 from porocore.equilibrium.path import follow
-from porocore.equilibrium.responses import failed, respond
+from porocore.equilibrium.responses import respond
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
+from porocore.records import failed_response
 from porocore.states import Array, CellResponse, MacroState, Status
 
 #: Relative to the forces that would act if nothing cancelled.
@@ -142,19 +143,19 @@ def _equilibrium(
 ) -> tuple[CellResponse, DiscreteSolid | None, Iterate | None]:
     """The response, and where it has values the solid and its u¹."""
     if not (np.isfinite(H).all() and np.isfinite(p)) or np.linalg.det(np.eye(3) + H) <= 0:
-        return failed(Status.inverted, tangent=tangent), None, None
+        return failed_response(Status.inverted, tangent=tangent), None, None
     solid = prepared.solid_for(H)
     try:
         solid.begin()
         outcome = follow(solid, _start(solid, start), H, p, TOLERANCE)
         if outcome.equilibrium is None:
-            return failed(outcome.status, tangent=tangent), None, None
+            return failed_response(outcome.status, tangent=tangent), None, None
         response = respond(solid, outcome.equilibrium, tangent=tangent)
     except FactorError:
-        return failed(Status.not_converged, tangent=tangent), None, None
+        return failed_response(Status.not_converged, tangent=tangent), None, None
     has_pores = prepared.cell.geometry.porosity > 0
     if has_pores and response.fluid_volume is not None and response.fluid_volume[0] <= 0:
-        return failed(Status.overlap, tangent=tangent), None, None
+        return failed_response(Status.overlap, tangent=tangent), None, None
     return response, solid, outcome.equilibrium
 
 

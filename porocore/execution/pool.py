@@ -12,8 +12,6 @@ from types import TracebackType
 from typing import Any, Self
 from uuid import uuid4
 
-import numpy as np
-
 from porocore import errors
 from porocore.errors import PorocoreError, UnexpectedError
 from porocore.execution import tasks
@@ -21,7 +19,7 @@ from porocore.execution.choice import ExecutorChoice, check_choice, make_crew
 from porocore.execution.crew import Crew, Worker
 from porocore.execution.tasks import Factory, Failure, Outcome, Ready, Recipe, Unprepared
 from porocore.interfaces.cell import CellField
-from porocore.records import build_response, flatten_response
+from porocore.records import failed_response, flatten_response
 from porocore.states import CellResponse, MacroState, Status
 
 #: Seconds between two looks at workers and interrupts while nothing is finished.
@@ -320,8 +318,7 @@ class CellPool:
 
     def _lost_outcome(self, task: _Task) -> Outcome:
         assert self.like is not None
-        nothing = {name: np.full_like(array, np.nan) for name, array in flatten_response(self.like).items()}
-        response = build_response(np.array([int(Status.lost)]), nothing)
+        response = failed_response(Status.lost, names=flatten_response(self.like))
         return Outcome(task.key, response, None, time.perf_counter() - task.began)
 
     def _tell(self, warnings: list[str]) -> None:

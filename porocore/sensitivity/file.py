@@ -2,7 +2,7 @@
 
 Layout: attributes ``format``, ``version``, ``identity``, ``plan`` (JSON); ``provenance/*`` (texts); ``conductivity``
 (3, 3); ``rest/*`` and ``lines/<load><sign>/*`` with ``values``, ``seconds``, ``status`` (n) and ``response/*`` as in
-:data:`porocore.records.LAYOUT`.
+:data:`porocore.states.CELL_FIELDS`.
 """
 
 from __future__ import annotations

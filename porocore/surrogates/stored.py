@@ -11,7 +11,7 @@ import numpy as np
 from porocore.errors import ConfigurationError
 from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
-from porocore.states import Array, CellResponse, MacroState
+from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
 from porocore.surrogates import file
 from porocore.surrogates.conductivity import ConductivityModel
 from porocore.surrogates.conductivity_fit import fit_conductivity
@@ -21,7 +21,10 @@ from porocore.surrogates.network import Evaluator, Network
 from porocore.surrogates.potential import PotentialModel
 
 #: Responses that each model predicts.
-PROVIDES = {"mlp": ("mean_grad",), "potential": ("mean_grad", "potential", "stress", "fluid_volume")}
+PROVIDES = {
+    model: tuple(name for name, f in CELL_FIELDS.items() if model in f.models)
+    for model in ("mlp", "potential")
+}
 
 
 class ModelSurrogate(Surrogate):

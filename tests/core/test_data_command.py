@@ -15,9 +15,10 @@ import pytest
 from typer.testing import CliRunner
 
 from porocore.cli.data import data
-from porocore.dataset import Dataset
+from porocore.dataset import Dataset, parts_folder
 from porocore.dataset_check import check_file
 from porocore.dataset_export import table
+from porocore.dataset_file import Block, Header, write_block
 from porocore.errors import ConfigurationError, DataError, PluginError, RunFolderError
 from porocore.interfaces.cell import CellField
 from porocore.records import Record, flatten_response
@@ -56,6 +57,13 @@ def make(path: Path, records: list[Record], **how: Any) -> Dataset:
         dataset.append(record)
     dataset.consolidate()
     return dataset
+
+
+def with_part(dataset: Dataset, record: Record) -> Path:
+    """The file, with a solve beside it that no data set would take."""
+    block = Block.of_record(parts_folder(dataset.path) / "wrong.h5", record)
+    write_block(block.path, Header(dataset.inputs, dataset.identity, {}), block, [record.field])
+    return dataset.path
 
 
 RECORDS = [lawful("a", 0.0), lawful("b", 0.1, start="a"), lawful("c", -0.05, Status.lost), lawful("d", 0.2)]
@@ -129,8 +137,8 @@ FAULTS = {
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_what_is_wrong_is_found(tmp_path: Path, name: str) -> None:
-    dataset = make(tmp_path / "data.h5", [*RECORDS, broken(replace(RECORDS[0], key="e"), **FAULTS[name])])
-    text = run("check", dataset.path, status=1)
+    wrong = broken(replace(RECORDS[0], key="e"), **FAULTS[name])
+    text = run("check", with_part(make(tmp_path / "data.h5", RECORDS), wrong), status=1)
     wrong = [line.split(":")[0] for line in text.splitlines() if "FAIL" in line]
     assert wrong == [f"  FAIL  {name}"]
     assert "'e'" in text.split("FAIL")[1]
@@ -138,7 +146,7 @@ def test_what_is_wrong_is_found(tmp_path: Path, name: str) -> None:
 
 def test_a_failed_state_with_values_is_found(tmp_path: Path) -> None:
     record = broken(RECORDS[2], stress=np.zeros((1, 3, 3)))
-    assert "FAIL  finite: 1 of 1" in run("check", make(tmp_path / "data.h5", [record]).path, status=1)
+    assert "FAIL  finite: 1 of 1" in run("check", with_part(make(tmp_path / "data.h5", []), record), status=1)
 
 
 def test_damage_is_found(dataset: Dataset) -> None:

@@ -288,7 +288,7 @@ def test_arrays_that_do_not_belong_together_are_refused(
 
 def test_a_solver_that_returns_other_shapes_or_parts_is_told(dataset: Dataset) -> None:
     good = record(9)
-    with pytest.raises(PluginError, match=r"returned mean_grad of shape \(1, 9\) for state 'state 9'"):
+    with pytest.raises(PluginError, match=r"for state 'state 9': mean_grad: expected shape .*got \(1, 9\)"):
         dataset.append(replace(good, response=replace(good.response, mean_grad=np.zeros((1, 9)))))
     with pytest.raises(PluginError, match=r"other responses for state 'state 9' .*difference: potential\)"):
         dataset.append(replace(good, response=replace(good.response, potential=None)))

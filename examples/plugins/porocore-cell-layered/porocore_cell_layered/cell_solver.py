@@ -16,6 +16,7 @@ from porocore import (
     ConfigurationError,
     MacroState,
     Status,
+    failed_response,
 )
 from porocore.tensors.cofactors import cofactor, cofactor_tangent, determinant
 from porocore_cell_layered.laminate import Laminate
@@ -60,7 +61,9 @@ class LayeredCellSolver(CellSolver):
     def solve(self, prepared: Prepared, states: MacroState, *, start=None, tangent=True, fields=False):
         """See porocore.CellSolver; there are no fields, and a start makes no difference."""
         rows = [_row(prepared, H, float(p), tangent) for H, p in zip(states.grad_u, states.p, strict=True)]
-        return CellSolution(CellResponse.concatenate(rows) if rows else _failed(Status.lost, tangent)[:0])
+        return CellSolution(
+            CellResponse.concatenate(rows) if rows else failed_response(Status.lost, tangent=tangent)[:0]
+        )
 
     def conductivity(self, prepared: Prepared):
         """See porocore.CellSolver."""
@@ -73,7 +76,7 @@ def _row(prepared: Prepared, H, p: float, tangent: bool) -> CellResponse:
     laminate, F = prepared.laminate, np.eye(3) + H
     status, a = laminate.solve(F, p)
     if a is None:
-        return _failed(status, tangent)
+        return failed_response(status, tangent=tangent)
     c, axis = laminate.shares, laminate.axis
     gradients = laminate.gradients(F, a)
     pairs = list(zip((material for material, _ in laminate.solids), gradients, strict=True))
@@ -129,20 +132,4 @@ def _tangent(laminate: Laminate, F, p: float, a) -> CellTangent:
         stress_p=stress[None, :, :, 9].copy(),
         fluid_volume_grad_u=volume[None, :9].reshape(1, 3, 3),
         fluid_volume_p=volume[None, 9].copy(),
-    )
-
-
-def _failed(status: Status, tangent: bool) -> CellResponse:
-    def nan(*shape: int):
-        return np.full((1, *shape), np.nan)
-
-    slopes = CellTangent(nan(3, 3, 3, 3), nan(3, 3), nan(3, 3, 3, 3), nan(3, 3), nan(3, 3), nan())
-    return CellResponse(
-        mean_grad=nan(3, 3),
-        status=np.array([int(status)]),
-        potential=nan(),
-        stress=nan(3, 3),
-        fluid_volume=nan(),
-        tangent=slopes if tangent else None,
-        peaks=CellPeaks(nan(3, 3), nan(), nan(), nan(), nan(), nan(), nan()),
     )

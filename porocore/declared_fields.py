@@ -1,0 +1,88 @@
+"""Fields of a batch of rows, declared once: beside the dataclass that holds them.
+
+What a file holds, which shapes and numbers are right, a row without values and the documentation follow from the
+declaration, so that a new field is one line.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
+
+import numpy as np
+
+_KEY = "porocore"
+T = TypeVar("T", bound=type)
+
+
+@dataclass(frozen=True)
+class RowField:
+    """One field of a batch of n rows.
+
+    Attributes
+    ----------
+    shape
+        Shape of one row; the array has n of them.
+    unit
+        Unit in dimensionless results: ``-`` where there is none.
+    meaning
+        What it is, in one sentence.
+    flag
+        What must be asked for: ``tangent`` (derivatives), ``deformed`` (conductivity of the deformed pore);
+        ``surrogate`` where cell solvers never provide it; empty: nothing.
+    models
+        Models of surrogates that predict it.
+    gaps
+        A row with values may hold NaN here.
+    dtype
+        Type of the numbers.
+    """
+
+    shape: tuple[int, ...]
+    unit: str
+    meaning: str
+    flag: str = ""
+    models: tuple[str, ...] = ()
+    gaps: bool = False
+    dtype: type = np.float64
+
+    @property
+    def heading(self) -> str:
+        """Shape of the array and, where they are not float64, type of its numbers."""
+        shape = ", ".join(map(str, ("n", *self.shape))) + ("" if self.shape else ",")
+        return f"({shape})" + ("" if self.dtype is np.float64 else f" {np.dtype(self.dtype).name}")
+
+
+def row(*shape: int, unit: str, meaning: str, **more: Any) -> dict[str, RowField]:
+    """Return the metadata of a dataclass field that declares it; arguments as of :class:`RowField`."""
+    return {_KEY: RowField(shape, unit, meaning, **more)}
+
+
+def rows_of(batch: type) -> dict[str, type]:
+    """Return the metadata of a dataclass field that holds another batch."""
+    return {_KEY: batch}
+
+
+def declared_fields(batch: type, prefix: str = "") -> dict[str, RowField]:
+    """Return all declared fields of a batch; ``group/name`` is a field of a batch within it."""
+    found: dict[str, RowField] = {}
+    for f in fields(batch):
+        declared = f.metadata.get(_KEY)
+        if isinstance(declared, RowField):
+            found[prefix + f.name] = declared
+        elif declared is not None:
+            found |= declared_fields(declared, f"{prefix}{f.name}/")
+    return found
+
+
+def documented(batch: T) -> T:
+    """Add what the fields are to the documentation of a batch."""
+    lines = ["", "    Attributes", "    ----------"]
+    for f in fields(batch):
+        declared = f.metadata[_KEY]
+        if isinstance(declared, RowField):
+            lines += [f"    {f.name} : {declared.heading}", f"        {declared.meaning} [{declared.unit}]"]
+        else:
+            lines += [f"    {f.name}", f"        See :class:`{declared.__name__}`."]
+    batch.__doc__ = (batch.__doc__ or "").rstrip() + "\n" + "\n".join(lines) + "\n    "
+    return batch
