@@ -8,33 +8,19 @@ from __future__ import annotations
 import difflib
 import importlib.util
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from typing import Any, Literal
 
 import pluggy
 
-from porocore.hookspecs import DECLARATION, INTERFACES, PROJECT, Hooks, Kind, Offer
+from porocore.entry_points import Source, Unreadable, entry_points
+from porocore.errors import PluginError
+from porocore.foreign_code import attempt, place_of, reason_of
+from porocore.hookspecs import DECLARATION, INTERFACES, PROJECT, Hooks, Kind, Offer, short_repr
 from porocore.plugin_kinds import HOOKS
 
-
-@dataclass(frozen=True)
-class Source:
-    """Where an offer comes from.
-
-    Attributes
-    ----------
-    requirements
-        What the distribution needs, as its metadata says, without those of extras.
-    """
-
-    distribution: str
-    version: str
-    entry_point: str
-    requirements: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        return f"{self.distribution} {self.version}".rstrip()
+__all__ = ["Broken", "Offered", "Source", "discover", "joined"]
 
 
 @dataclass(frozen=True)
@@ -68,83 +54,100 @@ class Broken:
 
 
 def discover() -> tuple[list[Offered], list[Broken]]:
-    """Read the entry points of group ``porocore``, one by one."""
-    manager = pluggy.PluginManager(PROJECT)
-    manager.add_hookspecs(Hooks)
-    sources: dict[str, Source] = {}
-    made_for: dict[str, dict[Kind, int]] = {}
-    broken: list[Broken] = []
-    for entry_point in metadata.entry_points(group=PROJECT):
-        source = _source(entry_point)
-        # pluggy registers a name only once, so the distribution belongs to the name.
-        key = f"{source.distribution}:{entry_point.name}"
-        others: list[Broken] = []
-        try:
-            module = entry_point.load()
-            made_for[key] = _declared(module)
-            others = _of_other_interfaces(made_for[key], source)
-            manager.register(module, name=key)
-            _check_hooks(manager, module)
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - foreign code, kept and shown
-            if manager.has_plugin(key):
-                manager.unregister(name=key)
-            # What a plugin for another interface does that this one does not know is no fault of its own.
-            broken += others or [Broken(source, reason_of(error))]
-        else:
-            sources[key] = source
-            broken += others
+    """Read the entry points of group ``porocore``, one by one; what one does wrong costs the others nothing."""
     offers: list[Offered] = []
-    for kind, hook in HOOKS.items():
-        for implementation in getattr(manager.hook, hook).get_hookimpls():
-            source = sources[implementation.plugin_name]
-            version = made_for[implementation.plugin_name].get(kind, 1)
-            if INTERFACES[kind].complaint(kind, version, ""):
-                continue
-            # What an implementation does not name it does not get, so that hooks can gain arguments.
-            known = {"interface": INTERFACES[kind].present}
-            arguments = [known[name] for name in implementation.argnames]
-            try:
-                found = _checked(implementation.function(*arguments))
-                offers += [Offered(kind, offer, source, version) for offer in found]
-            except (Exception, SystemExit) as error:  # noqa: BLE001 - foreign code, kept and shown
-                broken.append(Broken(source, f"{hook}: {reason_of(error)}"))
-    return offers, broken
+    broken: list[Broken] = []
+    for found in entry_points():
+        if isinstance(found, Unreadable):
+            broken.append(Broken(found.source, found.reason))
+        else:
+            _read(*found, offers, broken)
+    kinds = list(HOOKS)
+    return sorted(offers, key=lambda offered: kinds.index(offered.kind)), broken
 
 
-def _source(entry_point: metadata.EntryPoint) -> Source:
-    distribution = entry_point.dist
-    if distribution is None:
-        return Source(entry_point.module, "", entry_point.name)
-    needs = tuple(text for text in distribution.requires or () if "extra ==" not in text.replace("'", '"'))
-    return Source(distribution.name, distribution.version, entry_point.name, needs)
+def _read(
+    source: Source, entry_point: metadata.EntryPoint, offers: list[Offered], broken: list[Broken]
+) -> None:
+    """Add what one entry point offers, and its faults."""
+    named = entry_point.value.partition(":")[0].strip()
+
+    def faulty(error: BaseException, what: str = "") -> Broken:
+        place = (
+            place_of(error, named) or f"entry point {entry_point.name} = {entry_point.value} in {source.file}"
+        )
+        return Broken(source, f"{what}{reason_of(error)} ({place})")
+
+    loaded = attempt(entry_point.load)
+    source = replace(source, seconds=loaded.seconds, printed=loaded.printed)
+    if loaded.error is not None:
+        broken.append(faulty(loaded.error))
+        return
+    declared = attempt(lambda: _declared(loaded.value))
+    if declared.error is not None:
+        broken.append(faulty(declared.error))
+        return
+    others = _of_other_interfaces(declared.value, source)
+    broken += others
+    hooks = attempt(lambda: _hooks(loaded.value, entry_point.value))
+    if hooks.error is not None:
+        # What a plugin for another interface does that this one does not know is no fault of its own.
+        broken += [] if others else [faulty(hooks.error)]
+        return
+    for kind, implementation in hooks.value:
+        version = declared.value.get(kind, 1)
+        if INTERFACES[kind].complaint(kind, version, ""):
+            continue
+        # What an implementation does not name it does not get, so that hooks can gain arguments.
+        known = {"interface": INTERFACES[kind].present}
+        arguments = [known[name] for name in implementation.argnames]
+        called = attempt(lambda hook=implementation.function, given=arguments: _offers(hook(*given)))
+        if called.error is not None:
+            broken.append(faulty(called.error, f"{HOOKS[kind]}: "))
+            continue
+        good, faults = called.value
+        offers += [Offered(kind, offer, source, version) for offer in good]
+        broken += [Broken(source, f"{HOOKS[kind]}: {fault} ({source.file})") for fault in faults]
 
 
 def _declared(module: Any) -> dict[Kind, int]:
-    """Versions of the interfaces that a plugin says it was made for; the first where it says nothing."""
+    """Return the versions of the interfaces that a plugin says it was made for; empty where it says nothing."""
+    if not hasattr(module, DECLARATION):
+        close = difflib.get_close_matches(DECLARATION, map(str.upper, dir(module)), n=1, cutoff=0.85)
+        if misspelt := [name for name in dir(module) if name.upper() in close]:
+            raise PluginError(f"{misspelt[0]} means nothing; did you mean {DECLARATION}?")
     found = getattr(module, DECLARATION, {})
     if not isinstance(found, dict) or not all(
-        kind in INTERFACES and isinstance(version, int) for kind, version in found.items()
+        kind in INTERFACES and type(version) is int for kind, version in found.items()
     ):
-        raise TypeError(
-            f"{DECLARATION}: expected a number for some of {joined(map(repr, INTERFACES))}, got {found!r}"
+        raise PluginError(
+            f"{DECLARATION}: expected a number for some of {joined(map(repr, INTERFACES))}, got {short_repr(found)}"
         )
     return found
 
 
-def _check_hooks(manager: pluggy.PluginManager, module: Any) -> None:
-    """Refuse a plugin without hooks, and one with a hook that there is not."""
+def _hooks(module: Any, value: str) -> list[tuple[Kind, pluggy.HookImpl]]:
+    """Return the hooks of a plugin; refuse one without any, and one with a hook that there is not."""
+    manager = pluggy.PluginManager(PROJECT)
+    manager.add_hookspecs(Hooks)
+    manager.register(module)
     hooks = list(HOOKS.values())
-    callers = manager.get_hookcallers(module)
+    callers = manager.get_hookcallers(module) or []
     if not callers:
-        raise pluggy.PluginValidationError(
-            module, f"no function of {module.__name__} is marked @hookimpl; the hooks are {joined(hooks)}"
-        )
+        raise PluginError(f"no function of {value} is marked @hookimpl; the hooks are {joined(hooks)}")
+    taken = {caller.name for caller in callers}
+    if unmarked := [hook for hook in hooks if hook not in taken and callable(getattr(module, hook, None))]:
+        raise PluginError(f"the function {unmarked[0]} is not marked @hookimpl")
     for caller in callers:
-        optional = all(found.optionalhook for found in caller.get_hookimpls() if found.plugin is module)
-        if caller.name not in hooks and not optional:
+        if caller.name not in hooks and not all(found.optionalhook for found in caller.get_hookimpls()):
             close = difflib.get_close_matches(caller.name, hooks, n=1)
             question = f"did you mean '{close[0]}'?" if close else f"the hooks are {joined(hooks)}"
-            raise pluggy.PluginValidationError(module, f"there is no hook '{caller.name}'; {question}")
+            raise PluginError(f"there is no hook '{caller.name}'; {question}")
+    return [
+        (kind, implementation)
+        for kind, hook in HOOKS.items()
+        for implementation in getattr(manager.hook, hook).get_hookimpls()
+    ]
 
 
 def _of_other_interfaces(declared: dict[Kind, int], source: Source) -> list[Broken]:
@@ -155,10 +158,19 @@ def _of_other_interfaces(declared: dict[Kind, int], source: Source) -> list[Brok
     return [Broken(source, reason, kind, declared[kind]) for kind, reason in complaints.items() if reason]
 
 
-def _checked(offers: Any) -> list[Offer]:
-    if not isinstance(offers, list | tuple) or not all(isinstance(offer, Offer) for offer in offers):
-        raise TypeError(f"expected a list of porocore.Offer, got {offers!r}")
-    return list(offers)
+def _offers(returned: Any) -> tuple[list[Offer], list[str]]:
+    """Return the good offers among what a hook returned, and what is wrong with the others."""
+    if not isinstance(returned, list | tuple):
+        raise PluginError(f"expected a list of porocore.Offer, got {short_repr(returned)}")
+    good, faults = [], []
+    for offer in returned:
+        if not isinstance(offer, Offer):
+            faults.append(f"expected a list of porocore.Offer, got {short_repr(offer)} in it")
+        elif wrong := offer.faults():  # made by a subclass, or changed since
+            faults += wrong
+        else:
+            good.append(offer)
+    return good, faults
 
 
 def _importable(module: str) -> bool:
@@ -167,11 +179,6 @@ def _importable(module: str) -> bool:
         return importlib.util.find_spec(module.partition(".")[0]) is not None
     except ValueError:  # in sys.modules, but without a spec
         return True
-
-
-def reason_of(error: BaseException) -> str:
-    """A failure in foreign code in one line."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def joined(names: Iterable[str]) -> str:

@@ -6,11 +6,14 @@ another heavy library, so that ``porocore plugins`` stays fast and works when on
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import pluggy
+
+from porocore.errors import PluginError
 
 PROJECT = "porocore"
 hookspec = pluggy.HookspecMarker(PROJECT)
@@ -52,6 +55,9 @@ INTERFACES: dict[Kind, Versions] = {
 }
 #: Attribute of the module that an entry point names: version of the interface of each kind that it offers.
 DECLARATION = "POROCORE_INTERFACES"
+#: Names of implementations: what is written in YAML and on a command line without quotes.
+NAME = re.compile(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*")
+LONGEST_NAME = 40
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,7 @@ class Offer:
     Attributes
     ----------
     name
-        What the user writes, such as ``skfem``.
+        What the user writes, such as ``skfem``: small letters and digits, parted by single hyphens or underscores.
     load
         Imports and returns the class.
     summary
@@ -73,6 +79,11 @@ class Offer:
     suites
         Imports and returns the subclasses of the suites of ``porocore.testing`` that it passes, for ``porocore plugin
         check``; None: the suite of its kind, with default options.
+
+    Raises
+    ------
+    PluginError
+        A field is not what it should be; the message tells all that are wrong.
     """
 
     name: str
@@ -81,6 +92,40 @@ class Offer:
     requires: Sequence[str] = ()
     install: str = ""
     suites: Callable[[], Sequence[type[Any]]] | None = None
+
+    def __post_init__(self) -> None:
+        if wrong := self.faults():
+            raise PluginError("; ".join(wrong))
+
+    def faults(self) -> list[str]:
+        """Return what is wrong with the fields, each as field, expected and got; none for a good offer."""
+        name = self.name
+        rules = (
+            (
+                "name",
+                isinstance(name, str) and NAME.fullmatch(name) is not None and len(name) <= LONGEST_NAME,
+                "small letters and digits, parted by single hyphens or underscores, beginning with a letter, "
+                f"at most {LONGEST_NAME}, such as 'my-grid'",
+            ),
+            ("load", callable(self.load), "a function that imports and returns the class"),
+            ("summary", isinstance(self.summary, str), "a text"),
+            (
+                "requires",
+                isinstance(self.requires, list | tuple) and all(map(_is_module, self.requires)),
+                "a list or tuple of modules, such as ('numpy',)",
+            ),
+            ("install", isinstance(self.install, str), "a text, the command that installs what is required"),
+            (
+                "suites",
+                self.suites is None or callable(self.suites),
+                "a function that imports and returns the suites, or None",
+            ),
+        )
+        return [
+            f"Offer.{field}: expected {expected}, got {short_repr(getattr(self, field))}"
+            for field, good, expected in rules
+            if not good
+        ]
 
 
 class Hooks:
@@ -109,3 +154,16 @@ class Hooks:
     @hookspec
     def porocore_samplers(self, interface: int) -> list[Offer]:  # type: ignore[empty-body]
         """Offer classes derived from :class:`porocore.Sampler`."""
+
+
+def short_repr(value: Any) -> str:
+    """Return a value as code has it, cut after 80 characters; its type where it cannot even be written."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # noqa: BLE001 - foreign code
+        text = f"an instance of {type(value).__name__}"
+    return text if len(text) <= 80 else f"{text[:79]}…"
+
+
+def _is_module(name: Any) -> bool:
+    return isinstance(name, str) and all(part.isidentifier() for part in name.split("."))

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from porocore.discovery import Broken, Offered, Source
-from porocore.hookspecs import Kind
+from porocore.hookspecs import Kind, short_repr
 from porocore.plugin_kinds import FIRST_PARTY
 
 State = Literal["ready", "missing dependency", "other interface", "broken", "offered twice", "not installed"]
+#: Seconds of importing the module of an entry point beyond which it is told; every command waits for it.
+SLOW = 1.0
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,8 @@ class PluginRow:
         Version of the interface that it was made for; None where it offers nothing.
     modules
         What must be importable for it to work.
+    notes
+        What its authors should mend although it works.
     """
 
     kind: Kind | Literal[""]
@@ -44,6 +48,7 @@ class PluginRow:
     source: Source | None = None
     interface: int | None = None
     modules: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def plugin_rows(offers: Sequence[Offered], broken: Sequence[Broken]) -> list[PluginRow]:
@@ -53,9 +58,10 @@ def plugin_rows(offers: Sequence[Offered], broken: Sequence[Broken]) -> list[Plu
         kind, offer = offered.kind, offered.offer
         state: State = "ready"
         advice = ""
-        if len([o for o in offers if (o.kind, o.offer.name) == (kind, offer.name)]) > 1:
+        same = [o for o in offers if (o.kind, o.offer.name) == (kind, offer.name)]
+        if len(same) > 1:
             state = "offered twice"
-            advice = f"uninstall one: pip uninstall {offered.source.distribution}"
+            advice = repeated(same) or f"uninstall one: pip uninstall {offered.source.distribution}"
         elif offered.missing:
             state, advice = "missing dependency", offered.install
         source, modules = offered.source, tuple(offer.requires)
@@ -70,6 +76,7 @@ def plugin_rows(offers: Sequence[Offered], broken: Sequence[Broken]) -> list[Plu
                 source,
                 offered.interface,
                 modules,
+                notes_on(source),
             )
         )
     for failed in broken:
@@ -85,6 +92,7 @@ def plugin_rows(offers: Sequence[Offered], broken: Sequence[Broken]) -> list[Plu
                 failed.reason,
                 source,
                 failed.interface,
+                notes=notes_on(source),
             )
         )
     there = {(offered.kind, offered.offer.name) for offered in offers}
@@ -95,3 +103,24 @@ def plugin_rows(offers: Sequence[Offered], broken: Sequence[Broken]) -> list[Plu
             if (kind, name) not in there and not failing & {(distribution, ""), (distribution, kind)}:
                 rows.append(PluginRow(kind, name, distribution, "not installed", "", advice))
     return rows
+
+
+def repeated(found: Sequence[Offered]) -> str:
+    """Return the complaint about a distribution that offers one name several times; empty where several do."""
+    source = found[0].source
+    if len({offered.source.distribution for offered in found}) > 1:
+        return ""
+    return f"{source.in_full} offers it {len(found)} times; report this to its authors"
+
+
+def notes_on(source: Source) -> tuple[str, ...]:
+    """Return what the authors of a plugin should mend although it works."""
+    notes = []
+    if source.seconds > SLOW:
+        notes.append(
+            f"importing {source.file} took {source.seconds:.1f} s, for which every command waits; import what is "
+            "heavy in Offer.load"
+        )
+    if printed := " ".join(source.printed.split()):
+        notes.append(f"{source.file} prints when it is imported: {short_repr(printed)}")
+    return tuple(notes)

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import sys
 from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
-from porocore.discovery import Broken, Offered, discover, joined, reason_of
+from porocore.discovery import Broken, Offered, discover, joined
 from porocore.errors import PluginError
-from porocore.hookspecs import Kind
+from porocore.foreign_code import attempt, place_of, reason_of
+from porocore.hookspecs import Kind, short_repr
 from porocore.plugin_kinds import CHOICES, FIRST_PARTY
-from porocore.plugin_table import PluginRow, plugin_rows
+from porocore.plugin_table import PluginRow, plugin_rows, repeated
 
 
 class Registry:
@@ -56,7 +58,9 @@ class Registry:
             raise PluginError(self._not_found(kind, name))
         if len(found) > 1:
             raise PluginError(
-                f"{kind} '{name}' is offered by {joined(str(offered.source) for offered in found)}; "
+                f"{kind} '{name}': {complaint}"
+                if (complaint := repeated(found))
+                else f"{kind} '{name}' is offered by {joined(str(offered.source) for offered in found)}; "
                 f"uninstall all but one: pip uninstall {found[-1].source.distribution}"
             )
         offered = found[0]
@@ -77,22 +81,25 @@ class Registry:
         """
         offered = self.find(kind, name)
         who = f"{kind} '{name}' of {offered.source}"
-        try:
-            implementation = offered.offer.load()
-        except (Exception, SystemExit) as error:  # foreign code; its reason goes into the message
+        loaded = attempt(offered.offer.load)
+        if loaded.printed:
+            sys.stderr.write(loaded.printed)  # standard output belongs to the command
+        module = getattr(offered.offer.load, "__module__", None) or ""
+        if loaded.error is not None:
+            place = place_of(loaded.error, module) or offered.source.file
             raise PluginError(
-                f"{who} cannot be loaded: {reason_of(error)}; reinstall it ({offered.install}) "
+                f"{who} cannot be loaded: {reason_of(loaded.error)} ({place}); reinstall it ({offered.install}) "
                 "or report this to its authors"
-            ) from error
-        interface = _interface(kind)
+            ) from loaded.error
+        implementation, interface = loaded.value, _interface(kind)
+        where = f"({offered.source.file}); report this to its authors"
         if not (isinstance(implementation, type) and issubclass(implementation, interface)):
             raise PluginError(
-                f"{who}: expected a subclass of porocore.{interface.__name__}, got {implementation!r}; "
-                "report this to its authors"
+                f"{who}: expected a subclass of porocore.{interface.__name__}, got {short_repr(implementation)} {where}"
             )
         if inspect.isabstract(implementation):
             missing = joined(sorted(implementation.__abstractmethods__))
-            raise PluginError(f"{who} does not implement {missing}; report this to its authors")
+            raise PluginError(f"{who} does not implement {missing} {where}")
         return implementation
 
     def table(self) -> list[PluginRow]:

@@ -56,6 +56,8 @@ LAYERS = (
         "choice",
         (
             "plugin_kinds",
+            "foreign_code",
+            "entry_points",
             "discovery",
             "plugin_table",
             "registry",

@@ -14,7 +14,7 @@ def complaint(pinned: str) -> str:
     major = KIT_VERSION.partition(".")[0]
     if not pinned:
         return f'pins no version of the kit; write kit_version = "{major}" in the class'
-    wanted, _, minor = pinned.partition(".")
+    wanted, _, minor = pinned.partition(".") if isinstance(pinned, str) else ("", "", "")
     numbers = (wanted, minor or "0")
     if not all(number.isdecimal() for number in numbers):
         return f'kit_version: expected a text such as "{major}" or "{KIT_VERSION}", got {pinned!r}'

@@ -34,7 +34,8 @@ def porocore(site, tmp_path):
     """A function that runs the command beside the installed plugins: status, standard output, standard error."""
 
     def run(*words):
-        environment = {**os.environ, "PYTHONPATH": str(site), "OMP_NUM_THREADS": "1", "COLUMNS": "200"}
+        path = os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")])
+        environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "COLUMNS": "200"}
         done = subprocess.run(
             [POROCORE, *words], env=environment, cwd=tmp_path, capture_output=True, text=True, check=False
         )
@@ -52,7 +53,7 @@ def write_study(folder, sampler="sobol", **options):
     (folder / "my.yaml").write_text(yaml.safe_dump(study), encoding="utf-8")
 
 
-def test_all_are_listed_each_with_its_state_and_what_to_do(porocore):
+def test_all_are_listed_each_with_its_state_and_what_to_do(porocore, site):
     status, out, err = porocore("plugins", "--json")
     assert (status, err) == (0, "")
     rows = {row["distribution"]: row for row in json.loads(out) if row["distribution"] in SOURCES}
@@ -69,8 +70,8 @@ def test_all_are_listed_each_with_its_state_and_what_to_do(porocore):
         "acme-cell": None,
         "acme-grid-one": "uninstall one: pip uninstall acme-grid-one",
         "acme-grid-two": "uninstall one: pip uninstall acme-grid-two",
-        "acme-broken": "OSError: libacme.so.3: cannot open shared object file",
-        "acme-misspelt": f"PluginValidationError: {MISSPELT}",
+        "acme-broken": f"OSError: libacme.so.3: cannot open shared object file ({site}/acme_broken.py:2)",
+        "acme-misspelt": f"{MISSPELT} ({site}/acme_misspelt.py)",
         "acme-newer": f"{NEWER}; upgrade porocore: pip install --upgrade porocore",
         "acme-lacking": "pip install 'acme-lacking[mathematics]'",
     }
@@ -82,7 +83,7 @@ def test_all_are_listed_each_with_its_state_and_what_to_do(porocore):
     assert {("sampler", "sobol"), ("surrogate", "polynomial"), ("sampler", "density-sweep")} <= others
 
 
-def test_the_table_shows_them_too(porocore):
+def test_the_table_shows_them_too(porocore, site):
     status, out, err = porocore("plugins")
     assert (status, err) == (0, "")
     lines = [" ".join(line.split()) for line in out.splitlines()]
@@ -96,7 +97,7 @@ def test_the_table_shows_them_too(porocore):
             "plugin acme-broken broken acme-broken 1.0",
             "OSError: libacme.so.3: cannot open shared object file",
         ),
-        ("plugin acme-misspelt broken acme-misspelt 1.0", f"PluginValidationError: {MISSPELT}"),
+        ("plugin acme-misspelt broken acme-misspelt 1.0", f"{MISSPELT} ({site}/acme_misspelt.py)"),
         ("surrogate acme-newer other interface acme-newer 1.0", f"{NEWER}; upgrade porocore: pip install"),
         ("sampler acme-lacking missing dependency acme-lacking 1.0 a sampler", "pip install 'acme-lacking["),
     ):
@@ -136,7 +137,7 @@ def test_the_table_shows_them_too(porocore):
             "sobol",
             [
                 "unknown macro solver 'acme-misspelt'",
-                f"the plugin of acme-misspelt 1.0 is broken: PluginValidationError: {MISSPELT}",
+                f"the plugin of acme-misspelt 1.0 is broken: {MISSPELT}",
             ],
         ),
         (

@@ -25,7 +25,8 @@ POROCORE = Path(sys.executable).with_name("porocore")
 
 def porocore(site, *words, status=0):
     """Run the command where the distributions in ``site`` are installed: standard output, standard error."""
-    environment = {**os.environ, "PYTHONPATH": str(site), "OMP_NUM_THREADS": "1", "COLUMNS": "160"}
+    path = os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "COLUMNS": "160"}
     done = subprocess.run(
         [POROCORE, *map(str, words)], env=environment, cwd=site, capture_output=True, text=True, check=False
     )
