@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import difflib
 import importlib.util
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from importlib import metadata
 from typing import Any, Literal
@@ -83,13 +83,13 @@ def _read(
     if loaded.error is not None:
         broken.append(faulty(loaded.error))
         return
-    declared = attempt(lambda: _declared(loaded.value))
+    declared = attempt(_declared, loaded.value)
     if declared.error is not None:
         broken.append(faulty(declared.error))
         return
     others = _of_other_interfaces(declared.value, source)
     broken += others
-    hooks = attempt(lambda: _hooks(loaded.value, entry_point.value))
+    hooks = attempt(_hooks, loaded.value, entry_point.value)
     if hooks.error is not None:
         # What a plugin for another interface does that this one does not know is no fault of its own.
         broken += [] if others else [faulty(hooks.error)]
@@ -101,7 +101,7 @@ def _read(
         # What an implementation does not name it does not get, so that hooks can gain arguments.
         known = {"interface": INTERFACES[kind].present}
         arguments = [known[name] for name in implementation.argnames]
-        called = attempt(lambda hook=implementation.function, given=arguments: _offers(hook(*given)))
+        called = attempt(_called, implementation.function, arguments)
         if called.error is not None:
             broken.append(faulty(called.error, f"{HOOKS[kind]}: "))
             continue
@@ -158,8 +158,9 @@ def _of_other_interfaces(declared: dict[Kind, int], source: Source) -> list[Brok
     return [Broken(source, reason, kind, declared[kind]) for kind, reason in complaints.items() if reason]
 
 
-def _offers(returned: Any) -> tuple[list[Offer], list[str]]:
-    """Return the good offers among what a hook returned, and what is wrong with the others."""
+def _called(hook: Callable[..., Any], arguments: list[Any]) -> tuple[list[Offer], list[str]]:
+    """Return the good offers among what a hook returns, and what is wrong with the others."""
+    returned = hook(*arguments)
     if not isinstance(returned, list | tuple):
         raise PluginError(f"expected a list of porocore.Offer, got {short_repr(returned)}")
     good, faults = [], []

@@ -58,10 +58,10 @@ def entry_points() -> Iterator[tuple[Source, metadata.EntryPoint] | Unreadable]:
     seen: set[object] = set()
     for distribution in metadata.distributions():
         # Hundreds of distributions have no such group: nothing else of theirs is read.
-        text = attempt(lambda d=distribution: d.read_text("entry_points.txt")).value
+        text = attempt(distribution.read_text, "entry_points.txt").value
         if not text or f"[{PROJECT}]" not in text:
             continue
-        name = attempt(lambda d=distribution: d.name).value or "a distribution without METADATA"
+        name = attempt(getattr, distribution, "name").value or "a distribution without METADATA"
         if name in seen:  # hidden by another of its name
             continue
         seen.add(name)
@@ -79,15 +79,15 @@ def _of(
             f"its entry_points.txt cannot be read: {reason_of(read.error)} ({where}); reinstall it",
         )
         return
-    version = attempt(lambda: distribution.version).value or ""
-    needs = attempt(lambda: distribution.requires).value or ()
+    version = attempt(getattr, distribution, "version").value or ""
+    needs = attempt(getattr, distribution, "requires").value or ()
     requirements = tuple(text for text in needs if "extra ==" not in text.replace("'", '"'))
     for entry_point in read.value:
         if (name, entry_point.value) in seen:
             continue
         seen.add((name, entry_point.value))
         source = Source(name, version, entry_point.name, requirements, where)
-        module = attempt(lambda e=entry_point: e.module)
+        module = attempt(getattr, entry_point, "module")
         if module.error is None:
             yield replace(source, file=file_of(module.value) or where), entry_point
         else:

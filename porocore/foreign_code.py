@@ -43,13 +43,13 @@ class Attempt:
     printed: str
 
 
-def attempt(call: Callable[[], Any]) -> Attempt:
+def attempt(call: Callable[..., Any], *arguments: Any) -> Attempt:
     """Call foreign code; it can neither end the program nor write into its output. Ctrl-C goes through."""
     began = time.perf_counter()
     value, error = None, None
     with _standard_output_kept() as printed:
         try:
-            value = call()
+            value = call(*arguments)
         except KeyboardInterrupt:
             raise
         except BaseException as raised:  # noqa: BLE001 - sys.exit and its like are faults of the plugin here

@@ -7,7 +7,6 @@ slow to load, missing or broken. A plugin that cannot be used is kept with its r
 from __future__ import annotations
 
 import difflib
-import inspect
 import sys
 from collections.abc import Iterable
 from functools import cache
@@ -91,15 +90,9 @@ class Registry:
                 f"{who} cannot be loaded: {reason_of(loaded.error)} ({place}); reinstall it ({offered.install}) "
                 "or report this to its authors"
             ) from loaded.error
-        implementation, interface = loaded.value, _interface(kind)
-        where = f"({offered.source.file}); report this to its authors"
-        if not (isinstance(implementation, type) and issubclass(implementation, interface)):
-            raise PluginError(
-                f"{who}: expected a subclass of porocore.{interface.__name__}, got {short_repr(implementation)} {where}"
-            )
-        if inspect.isabstract(implementation):
-            missing = joined(sorted(implementation.__abstractmethods__))
-            raise PluginError(f"{who} does not implement {missing} {where}")
+        implementation: type[Any] = loaded.value
+        if misfit := _misfit(implementation, _interface(kind)):
+            raise PluginError(f"{who} {misfit} ({offered.source.file}); report this to its authors")
         return implementation
 
     def table(self) -> list[PluginRow]:
@@ -156,6 +149,14 @@ def plugins_table() -> list[PluginRow]:
 def _fault(failed: Broken) -> str:
     what = f"was {failed.reason}" if failed.kind else f"is broken: {failed.reason}"
     return f"the plugin of {failed.source} {what}"
+
+
+def _misfit(implementation: Any, interface: type[Any]) -> str:
+    """Return why a class is no implementation of an interface; empty if it is one."""
+    if not (isinstance(implementation, type) and issubclass(implementation, interface)):
+        return f"is no subclass of porocore.{interface.__name__}: {short_repr(implementation)}"
+    missing = getattr(implementation, "__abstractmethods__", ())
+    return f"does not implement {joined(sorted(missing))}" if missing else ""
 
 
 def _interface(kind: Kind) -> type[Any]:

@@ -75,7 +75,7 @@ def _suite_faults(kind: Kind, name: str, implementation: type[Any]) -> list[str]
     from porocore.testing.version import complaint
 
     offered = registry().find(kind, name)
-    found = attempt(lambda: suites_of(kind, offered.offer, implementation))
+    found = attempt(suites_of, kind, offered.offer, implementation)
     if found.error is not None:
         module = getattr(offered.offer.suites, "__module__", None) or ""
         place = place_of(found.error.__cause__ or found.error, module) or offered.source.file

@@ -159,15 +159,15 @@ LAZY = {
     ),
     "class-other": (
         _offer(name="'class-other'"),
-        "expected a subclass of porocore.Sampler, got {}",
+        "is no subclass of porocore.Sampler: {}",
     ),
     "class-instance": (
         _offer(name="'class-instance'", load="lambda: 3"),
-        "expected a subclass of porocore.Sampler, got 3",
+        "is no subclass of porocore.Sampler: 3",
     ),
     "class-wrong-kind": (
         _hook("from porocore import Surrogate\nreturn [Offer('class-wrong-kind', lambda: Surrogate, '')]"),
-        "expected a subclass of porocore.Sampler, got <class 'porocore.interfaces.surrogate.Surrogate'>",
+        "is no subclass of porocore.Sampler: <class 'porocore.interfaces.surrogate.Surrogate'>",
     ),
     "class-abstract": (
         _hook("from porocore import Sampler\nreturn [Offer('class-abstract', lambda: Sampler, '')]"),
