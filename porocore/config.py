@@ -13,13 +13,14 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import yaml
 from pydantic import Field, ValidationError, ValidationInfo, field_validator
 
 from porocore.cell.cell import Cell
 from porocore.closures import CLOSURES, MeanGradientClosure
+from porocore.closures.pull_back import ConductivityLaw
 from porocore.config_errors import faults, show, unexpected
 from porocore.config_sections import FemSettings, MacroSettings, SamplingSettings, Section, SurrogateSettings
 from porocore.errors import ConfigurationError
@@ -67,9 +68,10 @@ class RunConfig(Section):
         "mean-gradient"
     )
     """How stress, storage and flux follow from the cell."""
-    conductivity: Literal["piola", "deformed"] = "piola"
-    """``piola``: K of the undeformed cell, carried along with the deformation; ``deformed``: that of the flow through
-    every deformed pore."""
+    conductivity: ConductivityLaw = "piola"
+    """``piola``: K of the undeformed cell, turned and carried along with the solid; ``piola-unrotated``: carried along
+    without the turn, the paper's formula, the same where K is isotropic; ``deformed``: that of the flow through every
+    deformed pore."""
     macro: MacroSettings
     """The body, what is done to it, and when."""
     scales: Scales | None = None
@@ -176,12 +178,12 @@ class RunConfig(Section):
         cell = _hash(self.cell.specification(), self.fem.model_dump())
         how = self.sampling.model_dump(include={"sampler", "tolerance", "options"})
         # The samples hold more where the flow is solved as well.
-        more = () if self.conductivity == "piola" else (self.conductivity,)
+        more = (self.conductivity,) if self.conductivity == "deformed" else ()
         sampling = _hash(cell, inputs, how, *more)
         ranges = [(name, swept.range) for name, swept in self.sampling.inputs.items()]
         test = _hash(cell, ranges, self.sampling.test.model_dump(), *more)
         training = _hash(sampling, self.surrogate.model_dump(), self.surrogate_model)
-        macro = _hash(training, self.closure, self.macro.specification())
+        macro = _hash(training, self.closure, self.conductivity, self.macro.specification())
         return StageIdentities(cell, sampling, test, training, macro)
 
     @property

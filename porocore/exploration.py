@@ -24,7 +24,8 @@ def inform(sampler: Sampler, config: RunConfig, reference: CellReference) -> Non
         needed = CLOSURES[config.closure].responses
         explorer = MacroExplorer(config, reference)
         isotropic = config.cell.solid.isotropic
-        sampler.inform(StudyFacts(reference.response, config.stages.cell, needed, explorer, isotropic))
+        rest = reference.resting(config.conductivity)
+        sampler.inform(StudyFacts(rest, config.stages.cell, needed, explorer, isotropic))
 
 
 class MacroExplorer:
@@ -51,9 +52,8 @@ class MacroExplorer:
         """
         if self._solver is None:
             self._solver = make_backend("macro solver", self.config)
-        closure = CLOSURES[self.config.closure](
-            self.reference.solid_fraction, self.config.cell.solid, self.reference.conductivity
-        )
+        config = self.config
+        closure = self.reference.closure(config.closure, config.cell.solid, config.conductivity)
         cells = PolynomialSurrogate().fit(data, seed=0)
         visited: list[MacroState] = []
         results: list[float] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,12 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import Domain
+from porocore.closures import CLOSURES, Closure
+from porocore.closures.pull_back import ConductivityLaw
 from porocore.errors import DataError, PorocoreError
 from porocore.files import atomic_path
 from porocore.interfaces.cell import CellSolver
+from porocore.materials.composite import Solid
 from porocore.reading import read_json
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 
@@ -51,6 +54,16 @@ class CellReference:
     def solid_fraction(self) -> float:
         """φ_s = 1 − φ_f."""
         return 1 - self.porosity
+
+    def resting(self, law: ConductivityLaw) -> CellResponse:
+        """Return the response, with its conductivity where the law is that of the deformed pore."""
+        if law != "deformed":
+            return self.response
+        return replace(self.response, conductivity=self.conductivity[None], min_fluid_jacobian=np.ones(1))
+
+    def closure(self, name: str, material: Solid, law: ConductivityLaw) -> Closure:
+        """Return the closure of that name with the constants of this cell."""
+        return CLOSURES[name](self.solid_fraction, material, self.conductivity, law=law)
 
     @classmethod
     def compute(cls, solver: CellSolver, prepared: Any, cell: Cell, identity: str) -> CellReference:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from porocore.backends import make_backend
-from porocore.closures import CLOSURES, ClosedLaw, LearningLaw
+from porocore.closures import ClosedLaw, LearningLaw
 from porocore.config import RunConfig
 from porocore.console import Console
 from porocore.dataset import Dataset
@@ -32,7 +32,6 @@ from porocore.stage_files import (
     load_solution,
     load_surrogate,
     prepare_cell,
-    resting,
     training_set,
 )
 from porocore.stage_times import timed
@@ -109,7 +108,7 @@ def macro_laws(
         if kind == "surrogate":
             law = ClosedLaw(
                 load_surrogate(folder, config),
-                _closure(config, config.closure, reference),
+                reference.closure(config.closure, config.cell.solid, config.conductivity),
                 identity=config.stages.training,
             )
             laws[config.closure] = RunLaw(law)
@@ -119,11 +118,12 @@ def macro_laws(
             name = fallback_law(config.closure)
             laws[name] = _learning(folder, config, stack, reference, name)
         else:
-            rest = resting(config, reference)
+            rest = reference.resting(config.conductivity)
             identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
             cells = DirectCellLaw(stack.enter_context(_pool(config)), rest, identity)
             name = direct_law(direct_closure)
-            closed = ClosedLaw(cells, _closure(config, direct_closure, reference), name=name)
+            closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
+            closed = ClosedLaw(cells, closure, name=name)
             laws[name] = RunLaw(closed, cells, folder.direct_work)
     return laws
 
@@ -155,19 +155,12 @@ def _learning(
     )
     law = LearningLaw(
         extend.known(surrogate),
-        _closure(config, config.closure, reference),
+        reference.closure(config.closure, config.cell.solid, config.conductivity),
         extend,
         identity=f"{config.stages.training} with fallback",
         name=name,
     )
     return RunLaw(law, extend, folder.fallback_work)
-
-
-def _closure(config: RunConfig, name: str, reference: CellReference) -> Any:
-    deformed = config.conductivity == "deformed"
-    return CLOSURES[name](
-        reference.solid_fraction, config.cell.solid, reference.conductivity, deformed=deformed
-    )
 
 
 def _solve_load(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,6 @@ from porocore.registry import registry
 from porocore.runfolder import RunFolder
 from porocore.sampling.campaign import is_complete
 from porocore.solution import MacroSolution
-from porocore.states import CellResponse
 
 
 def prepare_cell(
@@ -39,7 +37,7 @@ def prepare_cell(
         The solver cannot compute the conductivity of a deformed pore, or not of this cell.
     """
     solver: CellSolver = registry().get("cell solver", backend)(**options)
-    if conductivity == "piola":
+    if conductivity != "deformed":
         return solver, solver.prepare(cell)
     if "deformed" not in signature(solver.prepare).parameters:
         raise ConfigurationError(
@@ -53,15 +51,6 @@ def prepare_cell(
 def load_reference(folder: RunFolder, config: RunConfig) -> CellReference:
     """The undeformed cell of the run."""
     return CellReference.load(folder.require(folder.reference, "sample"), config.stages.cell)
-
-
-def resting(config: RunConfig, reference: CellReference) -> CellResponse:
-    """Response of the undeformed cell, with its conductivity where that of the deformed pore is asked for."""
-    if config.conductivity == "piola":
-        return reference.response
-    return replace(
-        reference.response, conductivity=reference.conductivity[None], min_fluid_jacobian=np.ones(1)
-    )
 
 
 def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
@@ -144,7 +133,7 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
         dataset.states()[good],
         responses[good],
         dataset.inputs,
-        resting(config, reference),
+        reference.resting(config.conductivity),
         config.stages.cell,
         versions(),
         config.cell.solid.isotropic,

@@ -233,7 +233,7 @@ def _closure_error(config: RunConfig, reference: CellReference, dataset: Dataset
     exact = dataset.responses()[solved]
     if exact.stress is None or exact.fluid_volume is None:
         return None
-    closure = CLOSURES[config.closure](reference.solid_fraction, config.cell.solid, reference.conductivity)
+    closure = reference.closure(config.closure, config.cell.solid, config.conductivity)
     return closure_error(closure, dataset.states()[solved], exact)
 
 
@@ -298,7 +298,7 @@ def _cell_summary(
         mesh=reference.mesh,
         surface=(solid.points, solid.cells),
         crease=(-0.15, -0.33) if benchmark_like and material == NeoHookean(poisson_ratio=0.35) else None,
-        deformed=config.conductivity == "deformed",
+        law=config.conductivity,
     )
 
 

@@ -84,6 +84,7 @@ def sensitivity(
                 settings.fem,
                 out,
                 plan,
+                conductivity=settings.conductivity,
                 workers=settings.sampling.worker_count() if workers is None else workers,
                 on_state=show,
                 provenance={"config": settings.resolved_yaml()},

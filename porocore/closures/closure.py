@@ -7,7 +7,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from porocore.closures.pull_back import PulledBack
+from porocore.closures.pull_back import CONDUCTIVITY_LAWS, ConductivityLaw, PulledBack
 from porocore.errors import ConfigurationError
 from porocore.laws import LawMemory, MacroResponse, fingerprint
 from porocore.materials.composite import Solid
@@ -35,8 +35,9 @@ class Closure(ABC):
         What the solid is made of.
     conductivity : (3, 3)
         K of the undeformed cell.
-    deformed
-        Whether the flux has the conductivity of the deformed pore, a response of the cell, instead of K carried along.
+    law
+        Which conductivity the flux goes by, :data:`~porocore.closures.pull_back.ConductivityLaw`: with ``deformed`` a
+        response of the cell, otherwise K carried along.
     """
 
     #: What the user writes.
@@ -47,12 +48,14 @@ class Closure(ABC):
     derivatives: ClassVar[tuple[str, ...]]
 
     def __init__(
-        self, solid_fraction: float, material: Solid, conductivity: Array, *, deformed: bool = False
+        self, solid_fraction: float, material: Solid, conductivity: Array, *, law: ConductivityLaw = "piola"
     ) -> None:
+        if law not in CONDUCTIVITY_LAWS:
+            raise ValueError(f"expected a conductivity law of {', '.join(CONDUCTIVITY_LAWS)}, got {law!r}")
         if not 0 < solid_fraction < 1:
             raise ValueError(f"expected a solid fraction between 0 and 1, got {solid_fraction:g}")
         self.solid_fraction = solid_fraction
-        self.material, self.deformed = material, deformed
+        self.material, self.law = material, law
         self.conductivity = np.array(conductivity, dtype=float)
         if self.conductivity.shape != (3, 3):
             raise ValueError(f"expected a conductivity (3, 3), got {self.conductivity.shape}")
@@ -60,13 +63,21 @@ class Closure(ABC):
     @property
     def identity(self) -> str:
         """Hash of the closure and its constants."""
-        constants = self.name, self.solid_fraction, self.material.identity, self.conductivity
-        return fingerprint(*constants, "deformed") if self.deformed else fingerprint(*constants)
+        return fingerprint(
+            self.name, self.solid_fraction, self.material.identity, self.conductivity, self.law
+        )
 
     def pull_back(self, states: MacroState, cell: CellResponse, grad_p: Array) -> PulledBack:
         """Kinematics and flux at n points."""
-        deformed = cell.conductivity if self.deformed else None
-        return PulledBack.of(states, cell.mean_grad, grad_p, self.solid_fraction, self.conductivity, deformed)
+        return PulledBack.of(
+            states,
+            cell.mean_grad,
+            grad_p,
+            self.solid_fraction,
+            self.conductivity,
+            self.law,
+            cell.conductivity,
+        )
 
     @abstractmethod
     def respond(
@@ -86,7 +97,7 @@ class Closure(ABC):
         ConfigurationError
             A response or a derivative is missing.
         """
-        if self.deformed and cell.conductivity is None:
+        if self.law == "deformed" and cell.conductivity is None:
             raise ConfigurationError(
                 f"conductivity: 'deformed' needs the conductivity of the deformed pore, but {law} does not provide it; "
                 "choose conductivity: piola, or another surrogate"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.closures.closure import Closure
-from porocore.closures.pull_back import PulledBack, deformation_slopes
+from porocore.closures.pull_back import ConductivityLaw, PulledBack, deformation_slopes
 from porocore.errors import ConfigurationError
 from porocore.laws import LawMemory, MacroResponse, MacroTangent
 from porocore.materials.composite import Composite, Solid
@@ -20,10 +20,11 @@ class MeanGradientClosure(Closure):
 
         P_E       = φ_s ∂Ψ/∂F(F̄) − φ_f p Ḡᵀ
         Δstorage  = φ_f Ḡᵀ:ΔH − Ḡᵀ:Δm              (Ḡ at the new time: backward Euler)
-        q         = −Ḡ K F̄⁻ᵀ ∇_X p
-        K_t       = (1/det F̄) Ḡ K F̄⁻ᵀ
+        q         = −Ḡ K̂ F̄⁻ᵀ ∇_X p
+        K_t       = (1/det F̄) Ḡ K̂ F̄⁻ᵀ
 
-    With the conductivity of the deformed pore q = −K_ref ∇_X p and K_t = K_ref/det F̄.
+    K̂ = R̄ K R̄ᵀ with F̄ = R̄ Ū, or K itself with the conductivity law ``piola-unrotated``, which is the paper's. With the
+    conductivity of the deformed pore q = −K_ref ∇_X p and K_t = K_ref/det F̄.
     """
 
     name = "mean-gradient"
@@ -36,9 +37,9 @@ class MeanGradientClosure(Closure):
     )
 
     def __init__(
-        self, solid_fraction: float, material: Solid, conductivity: Array, *, deformed: bool = False
+        self, solid_fraction: float, material: Solid, conductivity: Array, *, law: ConductivityLaw = "piola"
     ) -> None:
-        super().__init__(solid_fraction, material, conductivity, deformed=deformed)
+        super().__init__(solid_fraction, material, conductivity, law=law)
         if isinstance(material, Composite):
             raise ConfigurationError(self.needs_one_energy)
         self.energy = material

@@ -18,12 +18,13 @@ class PotentialClosure(Closure):
 
         P_E       = ∂W/∂H
         Δstorage  = φ(new) − φ(old)
-        q         = −Ḡ K F̄⁻ᵀ ∇_X p
-        K_t       = (1/det F̄) Ḡ K F̄⁻ᵀ
+        q         = −Ḡ K̂ F̄⁻ᵀ ∇_X p
+        K_t       = (1/det F̄) Ḡ K̂ F̄⁻ᵀ
 
     Nothing is approximated in stress and storage, so dW = P_E:dH − φ dp and no closed cycle of (H, p) does
     work; ∂P_E/∂H has major symmetry and ∂P_E/∂p = −∂φ/∂H. Only the conductivity is that of the undeformed pore,
-    carried along; or that of the deformed pore, q = −K_ref ∇_X p and K_t = K_ref/det F̄.
+    carried along (K̂ = R̄ K R̄ᵀ with F̄ = R̄ Ū, or K itself with the law ``piola-unrotated``); or that of the deformed pore,
+    q = −K_ref ∇_X p and K_t = K_ref/det F̄.
     """
 
     name = "potential"

@@ -1,17 +1,26 @@
 """The mean deformation of the solid, and the flux through the pore.
 
-Both closures take the flux from here. Its conductivity is either that of the undeformed pore, pulled back with F̄
-(Dehghani & Zilian), or that of the deformed pore, which is a response of the cell.
+Both closures take the flux from here. Its conductivity is that of the undeformed pore, carried along with F̄, or that of
+the deformed pore, which is a response of the cell.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
 from porocore.states import Array, CellTangent, MacroState
 from porocore.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.tensors.polar import cross_matrix, polar_rotation, spin
+
+#: ``piola``: K of the undeformed cell, turned with the solid and pulled back, R̄ K R̄ᵀ for K; ``piola-unrotated``: pulled
+#: back only (Dehghani & Zilian); ``deformed``: that of the flow through every deformed pore.
+ConductivityLaw = Literal["piola", "piola-unrotated", "deformed"]
+CONDUCTIVITY_LAWS: tuple[str, ...] = get_args(ConductivityLaw)
+#: A conductivity that differs between directions by no more than this share is the same in all: it has nothing to turn.
+ISOTROPIC = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,13 +36,15 @@ class PulledBack:
     cof : (n, 3, 3)
         cof F̄ = Ḡᵀ.
     conductivity : (n, 3, 3)
-        K_ref, between ∇_X p and the flux through reference area: Ḡ K F̄⁻ᵀ, or that of the deformed pore.
+        K_ref, between ∇_X p and the flux through reference area: Ḡ K̂ F̄⁻ᵀ, or that of the deformed pore.
     transformed : (n, 3, 3)
-        K_t = K_ref/det F̄ (Dehghani & Zilian's transformed conductivity), F̄⁻¹ K F̄⁻ᵀ where K is carried along.
+        K_t = K_ref/det F̄ (Dehghani & Zilian's transformed conductivity), F̄⁻¹ K̂ F̄⁻ᵀ where K is carried along.
     flux : (n, 3)
         q = −conductivity ∇_X p.
     undeformed : (3, 3)
         K; None where the conductivity is that of the deformed pore.
+    rotation : (n, 3, 3)
+        R̄ of F̄ = R̄ Ū, by which K is turned, K̂ = R̄ K R̄ᵀ; None where K̂ = K.
     """
 
     F: Array
@@ -43,6 +54,7 @@ class PulledBack:
     transformed: Array
     flux: Array
     undeformed: Array | None
+    rotation: Array | None = None
 
     @classmethod
     def of(
@@ -52,20 +64,36 @@ class PulledBack:
         grad_p: Array,
         solid_fraction: float,
         K: Array,
+        law: ConductivityLaw = "piola",
         deformed: Array | None = None,
     ) -> PulledBack:
-        """From H, <∇u¹>_s, ∇_X p, φ_s, and K of the undeformed cell or K_ref (n, 3, 3) of the ``deformed`` pores."""
+        """Return what H, <∇u¹>_s, ∇_X p, φ_s and K of the undeformed cell give.
+
+        With the law ``deformed`` K_ref (n, 3, 3) of the ``deformed`` pores is in the place of K.
+
+        Raises
+        ------
+        ValueError
+            The law is ``deformed`` and there is no such K_ref.
+        """
         F = np.eye(3) + states.grad_u + mean_grad / solid_fraction
         J, J0 = determinant(F), determinant(np.eye(3) + states.grad_u)
         J = np.where((J > 0) & (J0 > 0), J, np.nan)
         cof = np.ascontiguousarray(cofactor(F))
-        if deformed is None:
-            conductivity = cof.swapaxes(1, 2) @ K @ cof / J[:, None, None]
-        else:
+        rotation = None
+        if law == "deformed":
+            if deformed is None:
+                raise ValueError("expected the conductivity of the deformed pores")
             conductivity = np.where(np.isnan(J)[:, None, None], np.nan, deformed)
+        else:
+            carried = K
+            if law == "piola" and not is_isotropic(K):
+                rotation = polar_rotation(np.where(np.isnan(J)[:, None, None], np.eye(3), F))
+                carried = rotation @ K @ rotation.swapaxes(1, 2)
+            conductivity = cof.swapaxes(1, 2) @ carried @ cof / J[:, None, None]
         transformed = conductivity / J[:, None, None]
         flux = -(conductivity @ grad_p[:, :, None])[..., 0]
-        return cls(F, J, cof, conductivity, transformed, flux, K if deformed is None else None)
+        return cls(F, J, cof, conductivity, transformed, flux, None if law == "deformed" else K, rotation)
 
     @property
     def missing(self) -> Array:
@@ -100,12 +128,31 @@ class PulledBack:
         n = len(self.J)
         if cof_F is None:
             cof_F = cofactor_tangent(self.F).reshape(n, 9, 9)
-        # q = −(1/J) cofᵀ K cof ∇p: first by cof, then by J.
-        direct = np.einsum("ib,na->niab", np.eye(3), (self.cof @ grad_p[:, :, None])[..., 0] @ K.T)
-        direct += np.einsum("nia,nb->niab", self.cof.swapaxes(1, 2) @ K, grad_p)
+        R = self.rotation
+        carried = np.broadcast_to(K, (n, 3, 3)) if R is None else R @ K @ R.swapaxes(1, 2)
+        # q = −(1/J) cofᵀ K̂ cof ∇p: first by cof, then by J, then by K̂.
+        pulled = self.cof @ grad_p[:, :, None]
+        direct = np.einsum("ib,na->niab", np.eye(3), (carried @ pulled)[..., 0])
+        direct += np.einsum("nia,nb->niab", self.cof.swapaxes(1, 2) @ carried, grad_p)
         by_J = self.flux[:, :, None] * self.cof.reshape(n, 1, 9)
-        flux_F: Array = -(direct.reshape(n, 3, 9) @ cof_F + by_J) / self.J[:, None, None]
+        by_F = direct.reshape(n, 3, 9) @ cof_F + by_J
+        if R is not None:
+            # dK̂ = R̄ (Ω K − K Ω) R̄ᵀ, and Ω v = ω × v.
+            v = (R.swapaxes(1, 2) @ pulled)[..., 0]
+            by_spin = K @ cross_matrix(v) - cross_matrix(v @ K.T)
+            by_F += self.cof.swapaxes(1, 2) @ R @ by_spin @ spin(self._states_of(R), R)
+        flux_F: Array = -by_F / self.J[:, None, None]
         return flux_F
+
+    def _states_of(self, R: Array) -> Array:
+        """F̄ (n, 3, 3), and R where there is none."""
+        return np.where(self.missing, R, self.F)
+
+
+def is_isotropic(K: Array) -> bool:
+    """Tell whether K (3, 3) is the same in all directions, so that no rotation changes it."""
+    mean = np.trace(K) / 3
+    return bool(np.abs(K - mean * np.eye(3)).max() <= ISOTROPIC * abs(mean))
 
 
 def deformation_slopes(tangent: CellTangent, solid_fraction: float) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from porocore.backends import make_backend
-from porocore.closures import CLOSURES, ClosedLaw
+from porocore.closures import ClosedLaw
 from porocore.config import RunConfig
 from porocore.console import Console
 from porocore.crosscheck.attempt import attempt
@@ -57,7 +57,7 @@ def make_laws(config: RunConfig, samples: Samples, surrogates: list[SurrogateRun
         )
 
     def closed(run: SurrogateRun) -> MacroLaw:
-        closure = CLOSURES[config.closure](reference.solid_fraction, material, reference.conductivity)
+        closure = reference.closure(config.closure, material, config.conductivity)
         assert run.surrogate is not None
         return ClosedLaw(run.surrogate, closure, name=run.name)
 

@@ -6,7 +6,7 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from porocore.crosscheck.bodies import BodyRun
-from porocore.crosscheck.cells import AVERAGES, DERIVATIVES, CellRun
+from porocore.crosscheck.cells import DERIVATIVES, RESPONSES, CellRun
 from porocore.crosscheck.check import CrossCheck
 from porocore.crosscheck.comparison import Comparison
 from porocore.plain_data import json_ready
@@ -33,7 +33,7 @@ def document(result: CrossCheck) -> dict[str, Any]:
             "backend": samples.backend,
             "learned_from": len(samples.training.states),
             "held_out": len(samples.states),
-            "span": {name: samples.span(name) for name in AVERAGES},
+            "span": {name: samples.span(name) for name in RESPONSES if samples.has(name)},
             "porosity": samples.reference.porosity,
             "mesh": samples.reference.mesh,
             "seconds": samples.seconds,
@@ -68,7 +68,7 @@ def _cell(run: CellRun) -> dict[str, Any]:
 
 
 def _response(response: CellResponse) -> dict[str, Any]:
-    values = {name: getattr(response, name) for name in AVERAGES}
+    values = {name: getattr(response, name) for name in RESPONSES}
     values |= {name: getattr(response.tangent, name, None) for name in DERIVATIVES}
     return {"status": Status(int(response.status[0])).name} | {
         name: None if value is None else value[0] for name, value in values.items()

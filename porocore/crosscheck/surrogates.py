@@ -15,7 +15,7 @@ from porocore.backends import make_backend
 from porocore.config import RunConfig
 from porocore.console import Console
 from porocore.crosscheck.attempt import attempt
-from porocore.crosscheck.cells import AVERAGES
+from porocore.crosscheck.cells import RESPONSES
 from porocore.crosscheck.comparison import HELD_OUT, SPREAD, Comparison
 from porocore.dataset import Dataset
 from porocore.errors import DataError
@@ -68,8 +68,14 @@ class Samples:
 
     def span(self, response: str) -> float:
         """Range of the component of a response that varies most, over all solved states; 1 if none varies."""
-        both = [getattr(self.training.responses, response), getattr(self.solved, response)]
-        return float(np.ptp(np.concatenate(both), axis=0).max()) or 1.0
+        both = np.concatenate([getattr(self.training.responses, response), getattr(self.solved, response)])
+        # A state whose walls touch has no conductivity, and its other responses.
+        both = both[np.isfinite(both.reshape(len(both), -1)).all(axis=1)]
+        return float(np.ptp(both, axis=0).max()) or 1.0 if len(both) else 1.0
+
+    def has(self, response: str) -> bool:
+        """Tell whether the states hold a response."""
+        return getattr(self.solved, response) is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +113,7 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> Samples:
     """
     settings = config.with_backends(fem=backend)
     inputs = settings.sampling.input_space()
-    arguments = (backend, settings.fem.options, settings.cell)
+    arguments = (backend, settings.fem.options, settings.cell, settings.conductivity)
     solver, prepared = prepare_cell(*arguments)
     reference = CellReference.compute(solver, prepared, settings.cell, settings.stages.cell)
     sampler: Sampler = make_backend("sampler", settings)
@@ -140,7 +146,7 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> Samples:
         states[good],
         responses[good],
         inputs,
-        reference.response,
+        reference.resting(settings.conductivity),
         settings.stages.cell,
         versions(),
         settings.cell.solid.isotropic,
@@ -185,10 +191,11 @@ def held_out_errors(surrogate: Surrogate, samples: Samples) -> dict[str, float]:
     predicted = surrogate.predict(samples.states, tangent=False)
     inside = _inside(predicted)
     errors = {}
-    for response in AVERAGES:
+    for response in RESPONSES:
         values, solved = getattr(predicted, response), getattr(samples.solved, response)
         if values is not None and solved is not None:
-            errors[response] = _largest(values[inside] - solved[inside], samples.span(response))
+            known = inside & np.isfinite(solved.reshape(len(solved), -1)).all(axis=1)
+            errors[response] = _largest(values[known] - solved[known], samples.span(response))
     return errors
 
 
@@ -203,7 +210,7 @@ def compare_surrogates(runs: list[SurrogateRun], samples: Samples, seed: int) ->
                 Comparison(
                     "surrogate",
                     "held-out states",
-                    AVERAGES[response],
+                    RESPONSES[response],
                     run.name,
                     "cell solves",
                     error,
@@ -230,7 +237,7 @@ def _compare_pair(
         predicted.append(outcome.value)
     a, b = predicted
     inside = _inside(a) & _inside(b)
-    for response in AVERAGES:
+    for response in RESPONSES:
         if response in one.errors and response in other.errors:
             values = getattr(a, response)[inside] - getattr(b, response)[inside]
             tolerance = SPREAD * (one.errors[response] + other.errors[response])
@@ -238,7 +245,7 @@ def _compare_pair(
                 Comparison(
                     "surrogate",
                     case,
-                    AVERAGES[response],
+                    RESPONSES[response],
                     one.name,
                     other.name,
                     _largest(values, samples.span(response)),

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.closure_error import ClosureError
+from porocore.closures.pull_back import ConductivityLaw
 from porocore.inputs import InputSpace
 from porocore.linear import LinearCoefficients
 from porocore.report.drive import Drive
@@ -91,8 +92,8 @@ class CellSummary:
     crease : (2,)
         (a, b): squeezed beyond H_22 = a + b p the sharp ridges of the solid crease, on a very fine mesh;
         None: not known.
-    deformed
-        Whether the flux has the conductivity of the deformed pore.
+    law
+        Which conductivity the flux goes by, see :data:`~porocore.closures.pull_back.ConductivityLaw`.
     """
 
     description: str
@@ -102,7 +103,7 @@ class CellSummary:
     mesh: Mapping[str, str] = field(default_factory=dict)
     surface: tuple[Array, IntArray] | None = None
     crease: tuple[float, float] | None = None
-    deformed: bool = False
+    law: ConductivityLaw = "piola"
 
 
 @dataclass(frozen=True, eq=False)

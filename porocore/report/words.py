@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.closures.pull_back import is_isotropic
 from porocore.report.context import Case, CellSummary, Published, ReportContext, SurrogateSummary
 from porocore.report.format import NONE, difference, number, percent, plain
 from porocore.report.metrics import case_metrics, case_warnings, leaving
@@ -119,16 +120,24 @@ def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
     ]
 
 
+#: How K is carried along, by whether it turns with the solid.
+_CARRIED = {
+    False: "carried along with F̄ as in the paper: the figures show K_t = F̄⁻¹ K F̄⁻ᵀ",
+    True: "turned with the solid and carried along with F̄ = R̄ Ū: the figures show K_t = Ū⁻¹ K Ū⁻¹",
+}
+
+
 def conductivity_sentence(case: Case, cell: CellSummary) -> str:
     """Where the flux has its conductivity from, and how far its component 22 has come at the last profile."""
-    if cell.deformed:
+    if cell.law == "deformed":
         found = (
             "K_ref, between ∇p and the flux through reference area, is that of the deformed pore, learned from the "
             "flow through the deformed pore of every sampled state; the figures show K_t = K_ref/det F̄."
         )
     else:
+        turned = cell.law == "piola" and not is_isotropic(cell.linear.conductivity)
         found = (
-            "K of the undeformed pore is carried along with F̄ as in the paper: the figures show K_t = F̄⁻¹ K F̄⁻ᵀ, and "
+            f"K of the undeformed pore is {_CARRIED[turned]}, and "
             "the flux through reference area has K_ref = det F̄ K_t. Compression along an axis raises both along it, "
             "although the pores close, and the times to 95 % and 99 % depend on it."
         )

@@ -1,19 +1,20 @@
 """The HDF5 file of a sensitivity study.
 
-Layout: attributes ``format``, ``version``, ``identity``, ``plan`` (JSON); ``provenance/*`` (texts); ``conductivity``
-(3, 3); ``rest/*`` and ``lines/<load><sign>/*`` with ``values``, ``seconds``, ``status`` (n) and ``response/*`` as in
-:data:`porocore.states.CELL_FIELDS`.
+Layout: attributes ``format``, ``version``, ``identity``, ``plan`` (JSON), ``law`` (of the flux); ``provenance/*``
+(texts); ``conductivity`` (3, 3); ``rest/*`` and ``lines/<load><sign>/*`` with ``values``, ``seconds``, ``status`` (n)
+and ``response/*`` as in :data:`porocore.states.CELL_FIELDS`.
 """
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import h5py
 import numpy as np
 
+from porocore.closures.pull_back import CONDUCTIVITY_LAWS, ConductivityLaw
 from porocore.errors import ConfigurationError, DataError
 from porocore.hdf5 import atomic_hdf5
 from porocore.records import build_response, flatten_response
@@ -35,7 +36,7 @@ def save(path: Path, study: Sensitivity) -> None:
         The disk is full or read-only.
     """
     with atomic_hdf5(path) as file:
-        file.attrs.update(format=FORMAT, version=VERSION, identity=study.identity)
+        file.attrs.update(format=FORMAT, version=VERSION, identity=study.identity, law=study.law)
         file.attrs["plan"] = json.dumps(study.plan.describe())
         for name, text in study.provenance.items():
             file.create_dataset(f"provenance/{name}", data=text, dtype=TEXT)
@@ -68,12 +69,21 @@ def load(path: Path) -> Sensitivity:
                 rest=_read_response(file["rest"]),
                 conductivity=np.asarray(file["conductivity"]),
                 lines={name: _read_line(name, group) for name, group in file.get("lines", {}).items()},
+                law=_read_law(file),
                 provenance={name: text.asstr()[()] for name, text in file.get("provenance", {}).items()},
             )
     except (OSError, KeyError, ValueError, TypeError, RuntimeError, ConfigurationError) as error:
         raise DataError(
             f"{path}: not a complete sensitivity study ({error}); delete it and study again"
         ) from error
+
+
+def _read_law(file: Any) -> ConductivityLaw:
+    """Return the law of the flux; a file that names none was written when there was only the paper's."""
+    law = str(file.attrs.get("law", "piola-unrotated"))
+    if law not in CONDUCTIVITY_LAWS:
+        raise ValueError(f"law '{law}'")
+    return cast(ConductivityLaw, law)
 
 
 def _write_response(group: Any, response: CellResponse) -> None:

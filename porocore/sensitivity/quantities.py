@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from porocore.closures.pull_back import PulledBack
+from porocore.closures.pull_back import ConductivityLaw, PulledBack
 from porocore.states import Array, CellResponse, MacroState
 from porocore.tensors.cofactors import determinant
 
@@ -22,7 +22,11 @@ def _by_component(name: str, tensors: Array) -> dict[str, Array]:
 
 
 def quantities(
-    states: MacroState, response: CellResponse, porosity: float, conductivity: Array
+    states: MacroState,
+    response: CellResponse,
+    porosity: float,
+    conductivity: Array,
+    law: ConductivityLaw = "piola-unrotated",
 ) -> dict[str, Array]:
     """Name → (n,), NaN where a state has no values, or the cell solver does not provide them.
 
@@ -38,8 +42,8 @@ def quantities(
     ``max_energy``      largest Ψ [E]
     ``J_bar``           det F̄, F̄ = I + H + <∇u¹>_s/φ_s [–]
     ``J_hat``           Ĵ = det(I + <∇u¹>_s/φ_s) [–]
-    ``Kt_ii``           (K_t)_ii/K_ii of K_t = Ḡ K F̄⁻ᵀ/det F̄, K that of the undeformed cell,
-                        NaN where K_ii = 0 [–]
+    ``Kt_ii``           (K_t)_ii/K_ii of K_t = K_ref/det F̄, K that of the undeformed cell and K_ref by the
+                        conductivity law, for the paper Ḡ K F̄⁻ᵀ; NaN where K_ii = 0 [–]
     ``M_ijkl``          ∂<∂u¹_i/∂Y_j>_s/∂H_kl [–]
     ``M_hat_ijkl``      Ĵ M_ijkl [–]
     ``Q_ij``            ∂<∂u¹_i/∂Y_j>_s/∂p [1/E]
@@ -56,13 +60,18 @@ def quantities(
         φ_f of the undeformed cell.
     conductivity : (3, 3)
         Of the undeformed cell.
+    law
+        Of the flux, by default the paper's.
     """
     assert response.tangent is not None
     assert response.tangent.mean_grad_grad_u is not None
     assert response.tangent.mean_grad_p is not None
     solid = 1 - porosity
     average = response.mean_grad / solid
-    pulled = PulledBack.of(states, response.mean_grad, np.zeros((len(states), 3)), solid, conductivity)
+    no_flow = np.zeros((len(states), 3))
+    pulled = PulledBack.of(
+        states, response.mean_grad, no_flow, solid, conductivity, law, response.conductivity
+    )
     K_ii = np.diag(conductivity)
     K_ii = np.where(K_ii > NO_FLOW * K_ii.max(), K_ii, np.nan)
     normalised = np.diagonal(pulled.conductivity, axis1=1, axis2=2) / pulled.J[:, None] / K_ii

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from porocore.closures.pull_back import ConductivityLaw
 from porocore.sensitivity.line import HalfLine
 from porocore.sensitivity.plan import LOADS, StudyPlan, states_of
 from porocore.sensitivity.quantities import quantities
@@ -61,6 +62,8 @@ class Sensitivity:
         By their names, such as ``shear+``.
     provenance
         Texts.
+    law
+        Of which K_t is told.
     """
 
     plan: StudyPlan
@@ -69,6 +72,7 @@ class Sensitivity:
     conductivity: Array
     lines: dict[str, HalfLine]
     provenance: dict[str, str]
+    law: ConductivityLaw = "piola-unrotated"
 
     @property
     def porosity(self) -> float:
@@ -97,7 +101,7 @@ class Sensitivity:
         at = np.concatenate(values)
         order = np.argsort(at)
         response = CellResponse.concatenate(responses)[order]
-        found = quantities(states_of(load, at[order]), response, self.porosity, self.conductivity)
+        found = quantities(states_of(load, at[order]), response, self.porosity, self.conductivity, self.law)
         return Along(load, at[order], response.status, np.concatenate(seconds)[order], found)
 
     def end(self, load: str, sign: int) -> Status | None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from porocore.cell.cell import Cell
+from porocore.closures.pull_back import ConductivityLaw
 from porocore.config_sections import FemSettings
 from porocore.errors import DataError
 from porocore.execution import CellPool
@@ -49,6 +50,7 @@ def run_study(
     folder: Path,
     plan: StudyPlan | None = None,
     *,
+    conductivity: ConductivityLaw = "piola-unrotated",
     workers: int = 1,
     on_state: Callable[[Progress], None] = lambda progress: None,
     provenance: Mapping[str, str] | None = None,
@@ -66,6 +68,8 @@ def run_study(
         Where ``sensitivity.h5`` lies or will lie.
     plan
         By default all loads of the paper, see :data:`porocore.sensitivity.plan.SWEEPS`.
+    conductivity
+        Of which K_t is told; by default the paper's.
     workers
         Processes; with 1 everything is solved in this one.
     on_state
@@ -83,7 +87,7 @@ def run_study(
         The undeformed cell cannot be solved, or a worker process died.
     """
     plan = StudyPlan() if plan is None else plan
-    path, identity = folder / FILE, study_identity(cell, fem, plan)
+    path, identity = folder / FILE, study_identity(cell, fem, plan, conductivity)
     if path.exists():
         study = load(path)
         if study.identity != identity:
@@ -91,10 +95,16 @@ def run_study(
                 f"{path}: holds the study of another cell, backend or plan; choose another --out or delete it"
             )
     else:
-        solver, prepared = prepare_cell(fem.backend, fem.options, cell)
+        solver, prepared = prepare_cell(fem.backend, fem.options, cell, conductivity)
         reference = CellReference.compute(solver, prepared, cell, identity)
         study = Sensitivity(
-            plan, identity, reference.response, reference.conductivity, {}, dict(provenance or {})
+            plan,
+            identity,
+            reference.resting(conductivity),
+            reference.conductivity,
+            {},
+            dict(provenance or {}),
+            conductivity,
         )
         save(path, study)
     walks = [
@@ -103,7 +113,7 @@ def run_study(
         if line_name(name, sign) not in study.lines
     ]
     if walks:
-        arguments = (fem.backend, fem.options, cell)
+        arguments = (fem.backend, fem.options, cell, conductivity)
         with CellPool(prepare_cell, arguments, workers=min(workers, len(walks))) as pool:
             for line in _Campaign(study, pool, walks, on_state).lines():
                 study.lines[line_name(line.load, line.sign)] = line
@@ -111,9 +121,13 @@ def run_study(
     return study
 
 
-def study_identity(cell: Cell, fem: FemSettings, plan: StudyPlan) -> str:
+def study_identity(
+    cell: Cell, fem: FemSettings, plan: StudyPlan, conductivity: ConductivityLaw = "piola-unrotated"
+) -> str:
     """Hash of everything that the result depends on."""
     parts = [cell.model_dump(mode="json"), fem.model_dump(mode="json"), plan.describe()]
+    # Without another law the study is what it was before there were several.
+    parts += [] if conductivity == "piola-unrotated" else [conductivity]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -219,7 +219,7 @@ def learned():
 @pytest.mark.parametrize("closure", CLOSURES)
 def test_newtons_iteration_converges_quadratically(macro_solver, load, learned, closure):
     """And linearly to the same, where the slopes of the conductivity are not known."""
-    closed = CLOSURES[closure](SOLID_FRACTION, NeoHookean(), np.diag([1.0, 0.8, 1.0]), deformed=True)
+    closed = CLOSURES[closure](SOLID_FRACTION, NeoHookean(), np.diag([1.0, 0.8, 1.0]), law="deformed")
     solver = load("macro solver", macro_solver)
     d = solver.prepare(confined_column(6, load=-0.05))
     settings = NewtonSettings(tolerance=1e-13, iterations=40)

@@ -185,7 +185,7 @@ def test_the_file_carries_it(surrogate, tmp_path):
 
 @pytest.mark.parametrize("name", CLOSURES)
 def test_closures_take_the_flux_from_it(surrogate, name):
-    closure = CLOSURES[name](SOLID_FRACTION, NeoHookean(), K0 * EYE, deformed=True)
+    closure = CLOSURES[name](SOLID_FRACTION, NeoHookean(), K0 * EYE, law="deformed")
     law, there, h = ClosedLaw(surrogate, closure), states(5, 0.05), 1e-6
     memory = law.initial(5)
     g = np.random.default_rng(3).normal(size=(5, 3))
@@ -218,7 +218,7 @@ def test_closures_take_the_flux_from_it(surrogate, name):
 
 def test_a_cell_law_that_knows_none_is_refused():
     without = PolynomialSurrogate(degree=3).fit(potential_training_set(30, seed=1), seed=0)
-    closure = CLOSURES["potential"](SOLID_FRACTION, NeoHookean(), K0 * EYE, deformed=True)
+    closure = CLOSURES["potential"](SOLID_FRACTION, NeoHookean(), K0 * EYE, law="deformed")
     with pytest.raises(ConfigurationError, match="conductivity: 'deformed' needs"):
         ClosedLaw(without, closure)
 

@@ -210,6 +210,26 @@ def test_a_macro_solver_that_is_off_fails(crosscheck):
     assert "heavier – skfem" in last(err) or "skfem – heavier" in last(err)
 
 
+@pytest.mark.slow
+def test_the_conductivity_of_the_deformed_pore_is_compared_too(tmp_path):
+    """Of the cells, of a surrogate that learns it, and in the flux of the body."""
+    case = write_case(tmp_path / "case.yaml", conductivity="deformed", surrogate={"backend": "polynomial"})
+    status, _, err, document = run(case, tmp_path / "out", fem=["skfem", "twin"], surrogate=["polynomial"])
+    assert status == 0, err
+    lines = {(line["part"], line["case"]) for line in document["comparisons"] if line["quantity"] == "K_ref"}
+    assert lines == {*(("cell", state) for state in STATES), ("surrogate", "held-out states")}
+    assert {run["law"] for run in document["bodies"]} == {"linear", "polynomial"}
+    carried = write_case(tmp_path / "carried.yaml", surrogate={"backend": "polynomial"})
+    _, _, _, other = run(carried, tmp_path / "carried", fem=["skfem", "twin"], surrogate=["polynomial"])
+    ends = [
+        found["history"]["settlement"][5]
+        for one in (document, other)
+        for found in one["bodies"]
+        if found["law"] == "polynomial"
+    ]
+    assert ends[0] < 0.999 * ends[2]
+
+
 def test_other_time_steps_fail(crosscheck):
     status, out, _, document = crosscheck(fem=["skfem", "hasty"], surrogate=["cubic"])
     assert status == 1

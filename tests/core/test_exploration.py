@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,27 @@ def test_an_exploration_visits_what_the_column_goes_through(
     again = explore(data, elements=4, steps=8)
     assert again.results == found.results
     assert (again.states.grad_u == found.states.grad_u).all()
+
+
+def test_the_flux_goes_by_the_configured_conductivity(config: RunConfig, reference: CellReference) -> None:
+    """A pore that closes to a tenth holds the pressure up, where K carried along lets it go."""
+    data = synthetic_training_set(40)
+    size = np.exp(40 * data.states.grad_u[:, 1, 1])
+    data = replace(
+        data,
+        responses=replace(data.responses, conductivity=size[:, None, None] * np.eye(3)),
+        reference=reference.resting("deformed"),
+    )
+    time = config.macro.time.model_copy(update={"end": 6.0, "profiles": ()})
+    macro = config.macro.model_copy(update={"loads": (-0.05,), "time": time})
+    settled = {}
+    for law in ("piola", "deformed"):
+        study = config.model_copy(update={"conductivity": law, "macro": macro})
+        settled[law] = MacroExplorer(study, reference)(data, elements=4, steps=8).results[0]
+    assert settled["deformed"] < 0.9 * settled["piola"]
+    sampler = MacroDriven(INPUTS, count=20)
+    inform(sampler, study, reference)
+    assert (sampler.study.reference.conductivity == reference.conductivity).all()
 
 
 def test_the_force_on_a_surface_that_is_moved_is_a_result(

@@ -219,7 +219,7 @@ def test_says_how_far_the_conductivity_rises(context, page):
 
 
 def test_says_that_the_conductivity_is_that_of_the_deformed_pore(context):
-    cell = replace(context.cell, deformed=True)
+    cell = replace(context.cell, law="deformed")
     words = conductivity_sentence(context.cases[0], cell)
     assert "K_ref, between ∇p and the flux through reference area, is that of the deformed pore" in words
     assert "both are 1.94 at rest" in words

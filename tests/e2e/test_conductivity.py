@@ -74,6 +74,6 @@ def test_the_cell_itself_agrees(runs):
 
 def test_an_unknown_law_is_refused(tmp_path):
     config = write_study(tmp_path / "study.yaml", {"conductivity": "kozeny"})
-    assert "conductivity: expected 'piola' or 'deformed'" in message(
+    assert "conductivity: expected 'piola', 'piola-unrotated' or 'deformed'" in message(
         porocore("run", config, "--out", tmp_path / "run")
     )

@@ -11,6 +11,7 @@ import numpy as np
 
 from porocore.interfaces.cell import CellField, CellSolution
 from porocore.states import MacroState, Status
+from porocore.tensors.polar import polar_rotation
 from porocore.testing import CellSolverSuite
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "examples/plugins/porocore-cell-layered"))
@@ -131,6 +132,17 @@ class TestNotObjective(_Law):
     class solver_class(Altered):
         def alter(self, response, states):
             return replace(response, stress=response.stress + 1e-3 * states.grad_u)
+
+
+class TestMeanGradientDoesNotTurn(_Law):
+    """Rᵀ<∇u¹> in the place of <∇u¹>."""
+
+    caught_by = "test_a_rotation_of_the_body_rotates_the_flux"
+
+    class solver_class(Altered):
+        def alter(self, response, states):
+            R = polar_rotation(np.eye(3) + states.grad_u)
+            return replace(response, mean_grad=R.swapaxes(1, 2) @ response.mean_grad)
 
 
 class TestRowsKnowEachOther(_Law):

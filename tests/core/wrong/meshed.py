@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from porocore.states import Status
+from porocore.tensors.polar import polar_rotation
 
 sys.path.insert(0, str(Path(__file__).parent))
 from skfem_cells import Altered, Meshed, with_slopes
@@ -124,6 +125,23 @@ class TestPushesItForward(Meshed):
                 return response
             J = response.min_fluid_jacobian[:, None, None]
             return replace(response, conductivity=response.conductivity * J ** (2 / 3) / J)
+
+
+class TestConductivityTurnsWithTheBody(Meshed):
+    """R K_ref Rᵀ in the place of K_ref, which belongs to the undeformed cell and does not turn."""
+
+    caught_by = "test_a_rotation_of_the_body_rotates_the_flux"
+    slow = True
+
+    class solver_class(Altered):
+        def solve(self, prepared, states, **how):
+            solution = super().solve(prepared, states, **how)
+            K, R = solution.response.conductivity, polar_rotation(np.eye(3) + states.grad_u)
+            if K is None:
+                return solution
+            return replace(
+                solution, response=replace(solution.response, conductivity=R @ K @ R.swapaxes(1, 2))
+            )
 
 
 class TestInventsTheFlowOfAFailedState(Meshed):
