@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from porocore.cell.cell import Cell
 from porocore.closures.pull_back import ConductivityLaw
@@ -125,7 +126,7 @@ def study_identity(
     cell: Cell, fem: FemSettings, plan: StudyPlan, conductivity: ConductivityLaw = "piola-unrotated"
 ) -> str:
     """Hash of everything that the result depends on."""
-    parts = [cell.model_dump(mode="json"), fem.model_dump(mode="json"), plan.describe()]
+    parts: list[Any] = [cell.model_dump(mode="json"), fem.model_dump(mode="json"), plan.describe()]
     # Without another law the study is what it was before there were several.
     parts += [] if conductivity == "piola-unrotated" else [conductivity]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
