@@ -9,6 +9,7 @@ import inspect
 import logging
 import re
 import warnings
+import weakref
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -254,6 +255,23 @@ def evaluate(compiled: Any, domain: Any, cells: Any) -> Any:
 def vector_of(function: Any) -> Any:
     """A function's values as a PETSc vector that shares its memory."""
     return function.vector if hasattr(function, "vector") else function.x.petsc_vec
+
+
+def freed_with(owner: Any, item: Any) -> Any:
+    """Return a PETSc object that is destroyed as soon as its owner is gone.
+
+    Python alone does not free it: petsc4py keeps what Python lets go of until PETSc collects its garbage, which it
+    does for one communicator at a time, and that of a mesh may be gone by then. Where several processes share the
+    object, its owner must be let go of on all of them together.
+    """
+    weakref.finalize(owner, item.destroy)
+    return item
+
+
+def collect_garbage(comm: Any) -> None:
+    """Free the PETSc objects of a communicator that Python has let go of; all its processes call this together."""
+    if hasattr(PETSc, "garbage_cleanup"):
+        PETSc.garbage_cleanup(comm)
 
 
 def assemble_vector(compiled: Any) -> Any:

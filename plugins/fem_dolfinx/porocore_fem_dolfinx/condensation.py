@@ -8,6 +8,8 @@ import numpy as np
 from petsc4py import PETSc
 from scipy import sparse
 
+from porocore_fem_dolfinx import compat
+
 
 class Condensation:
     """u = T x: ``images[i]`` numbers what dof i is an image of, ``held[i]`` says that it vanishes.
@@ -30,7 +32,7 @@ class Condensation:
         self.T = sparse.csr_matrix(
             (np.ones(len(rows)), (rows, column[images[rows]])), shape=(len(images), self.size)
         )
-        self._petsc = to_petsc(self.T)
+        self._petsc = compat.freed_with(self, to_petsc(self.T))
         # Multigrid wants to know that three unknowns belong to one node, where all three are free.
         whole = len(classes) % 3 == 0 and (classes.reshape(-1, 3) % 3 == np.arange(3)).all()
         self._block = 3 if whole and len(images) % 3 == 0 else 1
@@ -43,7 +45,7 @@ class Condensation:
         Entries that the pattern of A has no room for make another matrix.
         """
         if self._matrix is None:
-            self._matrix = full.ptap(self._petsc)
+            self._matrix = compat.freed_with(self, full.ptap(self._petsc))
             self._matrix.setBlockSize(self._block)
         else:
             full.ptap(self._petsc, result=self._matrix)

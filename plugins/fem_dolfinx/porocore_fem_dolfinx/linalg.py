@@ -10,6 +10,7 @@ from petsc4py import PETSc
 
 from porocore.equilibrium.discrete import FactorError
 from porocore.errors import ConfigurationError
+from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.petsc_options import OF_OPTIONS, SolverOptions, explanation
 
 CHOICES = ("auto", "mumps", "cholmod", "gamg")
@@ -85,12 +86,12 @@ class SymmetricSolver:
         self.negative = -1
 
     def _make(self) -> PETSc.KSP:
-        ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+        ksp = compat.freed_with(self, PETSc.KSP().create(PETSc.COMM_SELF))
         self._options.apply(ksp)
         return ksp
 
     def destroy(self) -> None:
-        """Free the factor at once: petsc4py keeps what Python lets go of until PETSc collects its garbage."""
+        """Free the factor at once."""
         self._ksp.destroy()
 
     @property
@@ -119,7 +120,8 @@ class SymmetricSolver:
         except PETSc.Error as error:
             if error.ierr in OF_OPTIONS and not self._checked:
                 raise self._options.refused(error) from error
-            self._ksp = self._make()  # the failed one is not fit for another matrix
+            self._ksp.destroy()  # not fit for another matrix
+            self._ksp = self._make()
             if error.ierr != NOT_DEFINITE:
                 raise FactorError(explanation(error)) from error
             self.negative = 1

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import weakref
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -97,7 +98,7 @@ class SolidProblem(DiscreteSolid):
         self._base: SymmetricSolver | None = None
         self._kept: SymmetricSolver | None = None
         self._full: Any = None
-        self._full_of: State | None = None
+        self._full_of: Callable[[], State | None] = lambda: None
         self._shift = 0.0
 
     # ---- what a state is ------------------------------------------------------------------------
@@ -156,6 +157,8 @@ class SolidProblem(DiscreteSolid):
         return forces
 
     def begin(self) -> None:
+        for comm in (PETSc.COMM_SELF, self.domain.domain.comm):
+            compat.collect_garbage(comm)
         self._kept, self._shift = None, 0.0
 
     def _kept_factor(self) -> SymmetricSolver:
@@ -186,9 +189,12 @@ class SolidProblem(DiscreteSolid):
 
     def _matrix(self, here: State, odd: str) -> Any:
         """The tangent for the free unknowns of a class; the next call for this class changes it."""
-        if self._full_of is not here:
-            self._full = self.loaded(here).tangent(self._full)
-            self._full_of = here
+        if self._full_of() is not here:
+            full = self.loaded(here).tangent(self._full)
+            if self._full is None:
+                self._full = compat.freed_with(self, full)
+            # A state knows its problem: held in turn, both would stay until Python looks for circles.
+            self._full_of = weakref.ref(here)
         if here.touching is None:
             return self.free(odd).matrix(self._full)
         rows, columns, values = here.touching.blocks(odd).entries

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import weakref
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -29,15 +31,20 @@ class SolidForms(ABC):
         self.function = compat.fem.Function(space)
         self.dH = compat.constant(domain.domain, np.zeros((3, 3)))
         self.grad_v = ufl.grad(ufl.TestFunction(space))
-        self.here: Any = None
+        self._here: Callable[[], Any] = lambda: None
         self._mean = compat.form(ufl.inner(self.dH, self.grad_v) * domain.dx)
 
     def load(self, here: Any) -> None:
         """Put a state (its u, H and p) into what the forms refer to."""
         if self.here is not here:
             self.function.x.array[:] = here.u
-            self.here = here
+            self._here = weakref.ref(here)  # a state knows these forms
             self.changed()
+
+    @property
+    def here(self) -> Any:
+        """State that was put in, None where it is gone."""
+        return self._here()
 
     @abstractmethod
     def changed(self) -> None:
