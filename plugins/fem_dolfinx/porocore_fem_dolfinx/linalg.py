@@ -105,7 +105,7 @@ class SymmetricSolver:
         Raises
         ------
         FactorError
-            The factorisation broke down; that the matrix is indefinite is no such case.
+            The matrix is not finite, or its factorisation broke down; that it is indefinite is no such case.
         ConfigurationError
             An option cannot be used.
         """
@@ -115,6 +115,8 @@ class SymmetricSolver:
         self._ksp.setOperators(matrix)
         self._ksp.setTolerances(rtol=accuracy)
         self.negative = -1
+        if not np.isfinite(matrix.norm(PETSc.NormType.FROBENIUS)):
+            raise FactorError("the matrix is not finite")
         try:
             self._ksp.setUp()
         except PETSc.Error as error:
@@ -144,10 +146,13 @@ class SymmetricSolver:
         Raises
         ------
         FactorError
-            The iteration does not converge; ``negative`` is 1 if it met a direction of negative curvature.
+            The right-hand side is not finite, or the iteration does not converge; ``negative`` is 1 if it met a
+            direction of negative curvature.
         ConfigurationError
             An option has had no effect.
         """
+        if not np.isfinite(rhs).all():
+            raise FactorError("the right-hand side is not finite")
         b = PETSc.Vec().createWithArray(rhs, comm=PETSc.COMM_SELF)
         x = b.duplicate()
         self._apply(b, x)

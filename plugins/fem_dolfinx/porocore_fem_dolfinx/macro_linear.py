@@ -23,6 +23,8 @@ DEFAULTS: dict[str, Any] = {
 ACCURACY, ITERATIONS = 1e-10, 1000
 #: Beyond this number of unknowns GMRES goes on with the factor of a system nearby, for as many steps at most.
 LARGE, STEPS = 3_000, 30
+#: MUMPS' codes for that: work space, allocation.
+OUT_OF_MEMORY = (-8, -9, -11, -13, -19)
 #: Of the right-hand side; more is no solution.
 LARGEST_RESIDUAL = 1e-5
 
@@ -127,14 +129,16 @@ class LinearSolver:
         x, b = self._matrix.createVecs()
         b.array = right
         norm = b.norm()
+        # Norms are one number for all processes, and what is not finite in a matrix or vector makes them so.
+        if not np.isfinite([norm, self._matrix.norm(PETSc.NormType.FROBENIUS)]).all():
+            raise StepFailed("the tangent or the residual is not finite")
         reason = -1
         if again and self._keeps:
             reason = self._iterate(b, x, reuse=True)
         if reason < 0:
             reason = self._iterate(b, x, reuse=False)
-        # The norm is one number for all processes.
         if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED or not np.isfinite(x.norm()):
-            raise StepFailed("the tangent is singular: the body may not be held against rigid motions")
+            raise StepFailed(self._breakdown())
         if reason < 0:
             iterations = self._ksp.getIterationNumber()
             raise StepFailed(
@@ -151,6 +155,17 @@ class LinearSolver:
         if self._expansion is not None:
             x = self._expansion * x
         return x.array.copy()
+
+    def _breakdown(self) -> str:
+        """Why there is no factor: of MUMPS by its own code, -10 being a pivot that vanished."""
+        pc = self._ksp.getPC()
+        if pc.getType() == "lu" and pc.getFactorSolverType() == "mumps":
+            code = pc.getFactorMatrix().getMumpsInfog(1)
+            if code in OUT_OF_MEMORY:
+                return f"MUMPS has not enough memory (error {code}): take fewer elements, or more machines"
+            if code not in (0, -10):
+                return f"MUMPS ended with error {code}"
+        return "the tangent is singular: the body may not be held against rigid motions"
 
     def _iterate(self, b: Any, x: Any, *, reuse: bool) -> int:
         """PETSc's reason for stopping; negative without a solution."""

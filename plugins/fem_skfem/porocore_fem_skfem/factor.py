@@ -1,21 +1,93 @@
-"""What the linear solvers have in common: an approximate inverse of a symmetric matrix of fixed pattern."""
+"""What the linear solvers have in common: an approximate inverse of a matrix of fixed pattern.
+
+Nothing reaches a native library that is not checked here: it would read beyond arrays, or never end.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+
+from porocore.equilibrium.discrete import FactorError
+from porocore_fem_skfem.checks import check_upper
 
 
-class SymmetricFactor(ABC):
-    """An approximate inverse of a symmetric matrix whose pattern is fixed."""
+class SingularError(FactorError):
+    """A pivot vanished: the matrix is singular, or as good as that."""
 
+
+class OutOfMemoryError(FactorError):
+    """The factor does not fit into memory."""
+
+
+class Factor(ABC):
+    """An approximate inverse of a square matrix in CSR whose pattern is fixed.
+
+    Parameters
+    ----------
+    indptr, indices
+        Row pointers (n + 1,) and columns (nnz,).
+    dtype
+        Precision in which the matrix and the right-hand sides are handed on.
+
+    Raises
+    ------
+    ValueError
+        The pattern is not such as :attr:`check` wants.
+    """
+
+    #: Checks the pattern that the entries belong to.
+    check: ClassVar[Callable[[Any, Any], None]]
+
+    def __init__(self, indptr: Any, indices: Any, dtype: Any = np.float64) -> None:
+        type(self).check(indptr, indices)
+        self.n, self.nnz, self.dtype = len(indptr) - 1, len(indices), dtype
+
+    def factor(self, data: Any) -> None:
+        """Set up for the entries (nnz,) of a matrix.
+
+        Raises
+        ------
+        FactorError
+            They are not finite, or the factorisation breaks down.
+        """
+        self._factor(self._checked(data, ((self.nnz,),), "matrix"))
+
+    def solve(self, rhs: Any) -> Any:
+        """Apply to (n,) or (n, k).
+
+        Raises
+        ------
+        FactorError
+            The right-hand side is not finite, or the library fails.
+        """
+        b = self._checked(rhs, ((self.n,), (self.n, *np.shape(rhs)[1:2])), "right-hand side")
+        return self._solve(b)
+
+    def _checked(self, values: Any, shapes: tuple[tuple[int, ...], ...], what: str) -> Any:
+        with np.errstate(over="ignore"):
+            values = np.asarray(values).astype(self.dtype, copy=False)
+        if values.shape not in shapes:
+            raise ValueError(f"{what}: expected an array of shape {shapes[0]}, got {values.shape}")
+        if not np.isfinite(values).all():
+            raise FactorError(f"the {what} is not finite in {np.dtype(self.dtype).name}")
+        return values
+
+    @abstractmethod
+    def _factor(self, data: Any) -> None:
+        """Set up for entries that are checked."""
+
+    @abstractmethod
+    def _solve(self, rhs: Any) -> Any:
+        """Apply to right-hand sides that are checked."""
+
+
+class SymmetricFactor(Factor):
+    """An approximate inverse of a symmetric matrix, given by its upper triangle."""
+
+    check = staticmethod(check_upper)
     #: Number of negative pivots of the last factorisation; -1: this solver cannot tell.
     negative: int
-
-    @abstractmethod
-    def factor(self, data: Any) -> None:
-        """Set up for the entries (nnz of the upper triangle)."""
-
-    @abstractmethod
-    def solve(self, rhs: Any) -> Any:
-        """Apply to (n,) or (n, k)."""

@@ -15,10 +15,9 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from porocore.equilibrium.discrete import FactorError
 from porocore.errors import ConfigurationError
 from porocore_fem_skfem import pardiso
-from porocore_fem_skfem.factor import SymmetricFactor
+from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SymmetricFactor
 
 #: Beyond this number of unknowns a factor grows faster than multigrid does.
 DIRECT_LIMIT = 100_000
@@ -30,10 +29,11 @@ class SuperLUFactor(SymmetricFactor):
     """scipy's SuperLU with symmetric ordering and diagonal pivots, so that their signs are the inertia."""
 
     def __init__(self, indptr: Any, indices: Any) -> None:
+        super().__init__(indptr, indices)
         self._pattern = SymmetricPattern(indptr, indices)
         self.negative = 0
 
-    def factor(self, data: Any) -> None:
+    def _factor(self, data: Any) -> None:
         try:
             self._lu = splu(
                 self._pattern.full(data).tocsc(),
@@ -42,10 +42,12 @@ class SuperLUFactor(SymmetricFactor):
                 options={"SymmetricMode": True},
             )
         except RuntimeError as error:
-            raise FactorError(str(error)) from error
+            raise SingularError(f"SuperLU: {error}") from error
+        except MemoryError as error:
+            raise OutOfMemoryError(f"SuperLU: {error}") from error
         self.negative = int((self._lu.U.diagonal() < 0).sum())
 
-    def solve(self, rhs: Any) -> Any:
+    def _solve(self, rhs: Any) -> Any:
         return self._lu.solve(np.ascontiguousarray(rhs))
 
 
@@ -53,11 +55,12 @@ class MultigridFactor(SymmetricFactor):
     """One V-cycle of smoothed aggregation (pyamg); ``near_kernel`` are the rigid translations."""
 
     def __init__(self, indptr: Any, indices: Any, near_kernel: Any) -> None:
+        super().__init__(indptr, indices)
         self._pattern = SymmetricPattern(indptr, indices)
-        self._near_kernel = near_kernel
+        self._near_kernel = self._checked(near_kernel, ((self.n, near_kernel.shape[1]),), "near kernel")
         self.negative = -1
 
-    def factor(self, data: Any) -> None:
+    def _factor(self, data: Any) -> None:
         from pyamg import smoothed_aggregation_solver
 
         hierarchy = smoothed_aggregation_solver(
@@ -65,7 +68,7 @@ class MultigridFactor(SymmetricFactor):
         )
         self._cycle = hierarchy.aspreconditioner()
 
-    def solve(self, rhs: Any) -> Any:
+    def _solve(self, rhs: Any) -> Any:
         if rhs.ndim == 1:
             return self._cycle @ rhs
         return np.stack([self._cycle @ column for column in rhs.T], axis=1)
@@ -170,7 +173,7 @@ def conjugate_gradients(
     p = z = precondition(r)
     rz = (r * z).sum(axis=0)
     iterations, indefinite = 0, False
-    active = np.linalg.norm(r, axis=0) > goal
+    active = ~(np.linalg.norm(r, axis=0) <= goal)  # what is not a number is not small
     while active.any() and iterations < limit:
         q = matrix @ p
         curvature = (p * q).sum(axis=0)
@@ -181,7 +184,7 @@ def conjugate_gradients(
         x += alpha * p
         r -= alpha * q
         iterations += 1
-        active = np.linalg.norm(r, axis=0) > goal
+        active = ~(np.linalg.norm(r, axis=0) <= goal)
         if not active.any():
             break
         z = precondition(r)

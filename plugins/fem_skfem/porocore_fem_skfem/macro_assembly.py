@@ -17,6 +17,7 @@ from porocore.macro.boundary import BoundaryData
 from porocore.macro.discretisation import Discretisation, StepFailed
 from porocore.problem import MacroProblem
 from porocore.states import MacroState
+from porocore_fem_skfem.macro_frames import Frames
 from porocore_fem_skfem.macro_linear import LinearSolver
 from porocore_fem_skfem.macro_space import make_shapes
 
@@ -66,7 +67,7 @@ class Assembler(Discretisation):
         for places in self.plates:
             of_free[places] = of_free[places[0]]
         equation[self.free] = of_free
-        self._of_free, self._equations = of_free, n
+        self._of_free = of_free
         fixed = np.full(self.mesh.size, -1, dtype=np.int64)
         fixed[self.prescribed] = np.arange(len(self.prescribed))
         u, p = self.dofs[:, : self.n_u].reshape(len(self.dofs), 3, -1), self.dofs[:, self.n_u :]
@@ -84,9 +85,8 @@ class Assembler(Discretisation):
             np.concatenate([np.broadcast_to(x, s).ravel() for x, s in zip(which, shapes, strict=True)])
             for which in (rows, columns)
         )
-        if self.rotation is not None:
-            self._all = _Pattern(row, column, (self.mesh.size, self.mesh.size))
-            return
+        self._equation, self._fixed = equation, fixed
+        self._frames = None if self.rotation is None else Frames(self.rotation, self.mesh.cells)
         self._free = _Pattern(equation[row], equation[column], (n, n))
         self._coupling = _Pattern(equation[row], fixed[column], (n, len(self.prescribed)))
 
@@ -113,25 +113,38 @@ class Assembler(Discretisation):
         return forces, stored, moved
 
     def system(self, tangent: MacroTangent, dt: float, follower: Any = None) -> System:
-        """Assembled."""
+        """Assemble the element blocks, those of oblique nodes in their frames, and add the follower's entries.
+
+        Frames turn the components of one node, and a follower couples nodes of one element: all lies in one pattern.
+        """
         e, q, a, _ = self.shapes.grad_u.shape
         chunk = max(1, CACHED // (27 * q * a))
         for first in range(0, e, chunk):
-            self._integrate(tangent, dt, slice(first, min(first + chunk, e)))
-        if self.rotation is not None:
-            whole = self._all.matrix(self._entries)
-            if follower is not None:
-                whole[: self.mesh.n_u, : self.mesh.n_u] += follower
-            return self._split(self.rotation @ whole @ self.rotation.T)
+            part = slice(first, min(first + chunk, e))
+            self._integrate(tangent, dt, part)
+            if self._frames is not None:
+                self._frames.turn(self._blocks(part), part)
         system = System(self._free.matrix(self._entries), self._coupling.matrix(self._entries))
-        if follower is None:
-            return system
-        whole = sparse.csr_matrix(
-            (follower.data, follower.indices, _extended(follower.indptr, self.mesh.size)),
-            shape=(self.mesh.size, self.mesh.size),
-        )
-        added = self._split(whole)
-        return System(system.free + added.free, system.coupling + added.coupling)
+        if follower is not None:
+            self._add(system, follower)
+        return system
+
+    def _add(self, system: System, follower: Any) -> None:
+        n_u = self.mesh.n_u
+        if self.rotation is not None:
+            turn = self.rotation[:n_u, :n_u]
+            follower = turn @ follower @ turn.T
+        entries = follower.tocoo()
+        row, column = self._equation[entries.row], entries.col
+        self._free.add(system.free, row, self._equation[column], entries.data)
+        self._coupling.add(system.coupling, row, self._fixed[column], entries.data)
+
+    def _blocks(self, part: slice) -> list[Any]:
+        """Entries (elements, ...) of some elements: of forces by displacements and by pressures, then of volumes."""
+        return [
+            self._entries[first:last].reshape(len(self.elements), -1)[part]
+            for first, last in zip(self._ends[:-1], self._ends[1:], strict=True)
+        ]
 
     def _integrate(self, tangent: MacroTangent, dt: float, part: slice) -> None:
         """The blocks of some elements."""
@@ -140,10 +153,7 @@ class Assembler(Discretisation):
         e, q, a, _ = g.shape
         c = gp.shape[2]
         by_grad, by_p = self._by_grad[part], self._by_p[part]
-        out = [
-            self._entries[first:last].reshape(total, -1)[part]
-            for first, last in zip(self._ends[:-1], self._ends[1:], strict=True)
-        ]
+        out = self._blocks(part)
 
         def at_points(values: Any, *shape: int) -> Any:
             values = values.reshape(total, q, *shape)[part]
@@ -169,13 +179,6 @@ class Assembler(Discretisation):
         by_pressure[:, :, 1:] -= dt * np.matmul(at_points(tangent.flux_grad_p, 3, 3), gp.swapaxes(2, 3))
         np.matmul(by_p, by_pressure.reshape(e, 4 * q, c), out=out[3].reshape(e, c, c))
 
-    def _split(self, whole: Any) -> System:
-        """Rows and columns of equations and of prescribed unknowns, those of plates summed."""
-        n, free = self._equations, self.free
-        gather = sparse.csr_matrix((np.ones(len(free)), (self._of_free, free)), shape=(n, self.mesh.size))
-        rows = gather @ whole
-        return System((rows @ gather.T).tocsr(), rows[:, self.prescribed])
-
     def magnitudes(self, system: System, x: Any) -> Any:
         """|A| |x| in the free rows."""
         terms, leading = np.zeros(len(x)), self.free[self.leading]
@@ -194,13 +197,8 @@ class Assembler(Discretisation):
         return change
 
 
-def _extended(indptr: Any, rows: int) -> Any:
-    """Row pointers of a matrix with further empty rows."""
-    return np.concatenate([indptr, np.full(rows + 1 - len(indptr), indptr[-1])])
-
-
 class _Pattern:
-    """Sums entries at (row, column) into compressed rows; a negative index leaves an entry out."""
+    """Sums entries at (row, column) into compressed rows, sorted; a negative index leaves an entry out."""
 
     def __init__(self, row: Any, column: Any, shape: tuple[int, int]) -> None:
         kept = np.flatnonzero((row >= 0) & (column >= 0))
@@ -219,3 +217,10 @@ class _Pattern:
     def matrix(self, entries: Any) -> Any:
         """The matrix in CSR."""
         return sparse.csr_matrix((self._sum @ entries, self._indices, self._indptr), shape=self._shape)
+
+    def add(self, matrix: Any, row: Any, column: Any, values: Any) -> None:
+        """Add values at (row, column) to a matrix of this pattern, which has places for all of them."""
+        kept = (row >= 0) & (column >= 0)
+        # The unknowns of a plate share a row.
+        added = sparse.csr_matrix((values[kept], (row[kept], column[kept])), shape=self._shape).tocoo()
+        matrix[added.row, added.col] += added.data

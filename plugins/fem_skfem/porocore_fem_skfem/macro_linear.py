@@ -10,6 +10,7 @@ from scipy.sparse.linalg import LinearOperator, gmres, splu
 from porocore.equilibrium.discrete import FactorError
 from porocore.macro.discretisation import StepFailed
 from porocore_fem_skfem import pardiso
+from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
 
 #: Below this number of unknowns SuperLU is as fast: the columns of the benchmark, no more than a few elements in 3D.
 SMALL = 3_000
@@ -35,24 +36,25 @@ class LinearSolver:
         Parameters
         ----------
         matrix
-            Square, CSR, with a symmetric pattern.
+            Square, CSR, with a sorted and symmetric pattern.
 
         Raises
         ------
         StepFailed
-            The matrix is singular.
+            The matrix is singular or not finite, or its factor does not fit into memory.
         """
         try:
+            if not (np.isfinite(matrix.data).all() and np.isfinite(right).all()):
+                raise FactorError("the tangent or the residual is not finite")
             if len(right) <= SMALL or pardiso.library() is None:
-                x = splu(matrix.tocsc()).solve(right)
+                x = _by_superlu(matrix, right)
             else:
                 x = self._by_factor(matrix, right, again)
-        except (RuntimeError, FactorError) as error:
+            if x is None or not np.isfinite(x).all():
+                raise SingularError("the tangent is singular")
+        except FactorError as error:
             self._factor = None
-            raise StepFailed(f"{error}: {LOOSE}") from error
-        if x is None or not np.isfinite(x).all():
-            self._factor = None
-            raise StepFailed(f"the tangent is singular: {LOOSE}")
+            raise StepFailed(_explained(error)) from error
         return x
 
     def _by_factor(self, matrix: Any, right: Any, again: bool) -> Any:
@@ -73,5 +75,27 @@ class LinearSolver:
         """None if it does not converge."""
         n = len(right)
         inverse = LinearOperator((n, n), matvec=self._factor.solve, dtype=float)
-        x, info = gmres(matrix, right, rtol=ACCURACY, atol=0.0, restart=STEPS, maxiter=RESTARTS, M=inverse)
+        try:
+            x, info = gmres(
+                matrix, right, rtol=ACCURACY, atol=0.0, restart=STEPS, maxiter=RESTARTS, M=inverse
+            )
+        except FactorError:  # what it would have to be applied to is not finite
+            return None
         return x if info == 0 else None
+
+
+def _by_superlu(matrix: Any, right: Any) -> Any:
+    try:
+        return splu(matrix.tocsc()).solve(right)
+    except RuntimeError as error:
+        raise SingularError(f"SuperLU: {error}") from error
+    except MemoryError as error:
+        raise OutOfMemoryError(f"SuperLU: {error}") from error
+
+
+def _explained(error: FactorError) -> str:
+    if isinstance(error, SingularError):
+        return f"{error}: {LOOSE}"
+    if isinstance(error, OutOfMemoryError):
+        return f"{error}: take fewer elements, or dolfinx on several processes"
+    return str(error)

@@ -15,10 +15,21 @@ from typing import Any
 import numpy as np
 
 from porocore.equilibrium.discrete import FactorError
-from porocore_fem_skfem.factor import SymmetricFactor
+from porocore_fem_skfem.checks import check_symmetric
+from porocore_fem_skfem.factor import Factor, OutOfMemoryError, SingularError, SymmetricFactor
 
 _ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1
 _SYMMETRIC_INDEFINITE, _STRUCTURALLY_SYMMETRIC = -2, 1
+#: What the error codes of the library mean, by its reference manual.
+_ERRORS: dict[int, tuple[type[FactorError], str]] = {
+    -1: (FactorError, "the input is inconsistent"),
+    -2: (OutOfMemoryError, "there is not enough memory for the factor"),
+    -3: (FactorError, "no ordering of the unknowns was found"),
+    -4: (SingularError, "a pivot vanished"),
+    -6: (FactorError, "no ordering of the unknowns was found"),
+    -7: (SingularError, "the diagonal is singular"),
+    -8: (OutOfMemoryError, "the factor has more entries than 32-bit integers can count"),
+}
 
 
 @lru_cache(maxsize=1)
@@ -39,33 +50,36 @@ def library() -> Any:
     return None
 
 
-class _Pardiso:
+class _Pardiso(Factor):
     """Phases of the solver on one pattern in CSR, which is analysed once."""
 
     def __init__(self, indptr: Any, indices: Any, kind: int, options: dict[int, int], dtype: Any) -> None:
-        self.n, self.dtype, self._kind = len(indptr) - 1, dtype, kind
-        self._indptr = np.ascontiguousarray(indptr + 1, dtype=np.int32)
-        self._indices = np.ascontiguousarray(indices + 1, dtype=np.int32)
+        super().__init__(indptr, indices, dtype)
+        self._kind = kind
+        self._indptr = np.ascontiguousarray(indptr, dtype=np.int32) + np.int32(1)
+        self._indices = np.ascontiguousarray(indices, dtype=np.int32) + np.int32(1)
         self._handle = np.zeros(64, dtype=np.int64)
         self._iparm = np.zeros(64, dtype=np.int32)
         self._iparm[0] = 1
         for place, value in options.items():
             self._iparm[place] = value
         self._data = np.zeros(len(indices), dtype=dtype)
-        self._analysed = False
+        self._analysed = self._factored = False
 
-    def factor(self, data: Any) -> None:
-        """Of the matrix with these entries."""
+    def _factor(self, data: Any) -> None:
         self._data[:] = data
+        self._factored = False
         if not self._analysed:
             self._call(_ANALYSE)
             self._analysed = True
         self._call(_FACTOR)
+        self._factored = True
 
-    def solve(self, rhs: Any) -> Any:
-        """Apply to (n,) or (n, k)."""
+    def _solve(self, rhs: Any) -> Any:
+        if not self._factored:
+            raise FactorError("there is no factor to solve with")
         # Pardiso wants the right-hand sides column after column.
-        b = np.array(rhs.T, dtype=self.dtype, order="C")
+        b = np.array(rhs.T, order="C")
         x = np.empty_like(b)
         self._call(_SOLVE, b, x)
         return x.T.astype(np.float64)
@@ -98,7 +112,10 @@ class _Pardiso:
             ctypes.byref(error),
         )
         if error.value:
-            raise FactorError(f"PARDISO phase {phase} ended with error {error.value}")
+            kind, meaning = _ERRORS.get(error.value, (FactorError, "an internal error"))
+            raise kind(
+                f"PARDISO ended phase {phase} of {self.n} unknowns with error {error.value}: {meaning}"
+            )
 
     def __del__(self) -> None:
         if getattr(self, "_analysed", False) and not sys.is_finalizing():
@@ -115,14 +132,15 @@ class PardisoFactor(_Pardiso, SymmetricFactor):
         super().__init__(indptr, indices, _SYMMETRIC_INDEFINITE, options, dtype)
         self.negative = 0
 
-    def factor(self, data: Any) -> None:
-        """See :class:`~porocore_fem_skfem.factor.SymmetricFactor`."""
-        super().factor(data)
+    def _factor(self, data: Any) -> None:
+        super()._factor(data)
         self.negative = int(self._iparm[22])
 
 
 class GeneralFactor(_Pardiso):
     """LU of a matrix in CSR whose pattern is symmetric, its values not."""
+
+    check = staticmethod(check_symmetric)
 
     def __init__(self, indptr: Any, indices: Any, *, single: bool) -> None:
         dtype = np.float32 if single else np.float64

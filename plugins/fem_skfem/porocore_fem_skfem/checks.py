@@ -1,0 +1,73 @@
+"""Patterns of sparse matrices as native libraries need them, which read whatever memory a wrong one points at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+LARGEST = np.iinfo(np.int32).max
+
+
+def check_upper(indptr: Any, indices: Any) -> None:
+    """Check the pattern of the upper triangle of a symmetric matrix in CSR, with its whole diagonal.
+
+    Raises
+    ------
+    ValueError
+        It is none; the message says where.
+    """
+    rows = _checked_rows(indptr, indices)
+    _refuse(rows > indices, "upper triangle", rows, indices, "lies below the diagonal")
+    first = indices[np.asarray(indptr[:-1])]
+    _refuse_rows(first != np.arange(len(first)), "upper triangle", "has no entry on the diagonal")
+
+
+def check_symmetric(indptr: Any, indices: Any) -> None:
+    """Check the pattern of a structurally symmetric matrix in CSR, with its whole diagonal.
+
+    Raises
+    ------
+    ValueError
+        It is none; the message says where.
+    """
+    rows, n = _checked_rows(indptr, indices), len(indptr) - 1
+    has_diagonal = np.zeros(n, dtype=bool)
+    has_diagonal[rows[rows == indices]] = True
+    _refuse_rows(~has_diagonal, "symmetric pattern", "has no entry on the diagonal")
+    mirrored = sparse.csr_matrix((np.ones(len(indices), dtype=np.int8), indices, indptr), shape=(n, n))
+    mirrored = mirrored.tocsc()
+    # The columns of a symmetric pattern, sorted, are its rows.
+    unequal = np.diff(mirrored.indptr) != np.diff(indptr)
+    _refuse_rows(unequal, "symmetric pattern", "has not as many entries as the column of its number")
+    _refuse(mirrored.indices != indices, "symmetric pattern", rows, indices, "has no mirror image")
+
+
+def _checked_rows(indptr: Any, indices: Any) -> Any:
+    """Row of each entry of a square matrix whose rows are sorted and hold no column twice."""
+    n, entries = len(indptr) - 1, len(indices)
+    for name, array in (("row pointers", indptr), ("columns", indices)):
+        if array.ndim != 1 or array.dtype.kind != "i":
+            raise ValueError(f"CSR {name}: expected integers (k,), got {array.dtype} of shape {array.shape}")
+    if not 1 <= n < LARGEST or entries > LARGEST:
+        raise ValueError(f"CSR: {n} rows and {entries} entries are none, or too many for 32-bit integers")
+    if indptr[0] != 0 or indptr[-1] != entries or (np.diff(indptr) < 0).any():
+        raise ValueError(f"CSR row pointers: expected to ascend from 0 to the {entries} entries")
+    rows = np.repeat(np.arange(n, dtype=np.int32), np.diff(indptr))
+    _refuse((indices < 0) | (indices >= n), "CSR", rows, indices, f"lies outside the {n} columns")
+    unsorted = np.zeros(entries, dtype=bool)
+    unsorted[1:] = (np.diff(indices) <= 0) & (np.diff(rows) == 0)
+    _refuse(unsorted, "CSR", rows, indices, "does not come after the one before: unsorted, or twice")
+    return rows
+
+
+def _refuse(bad: Any, what: str, rows: Any, columns: Any, reason: str) -> None:
+    if bad.any():
+        at = int(bad.argmax())
+        raise ValueError(f"{what}: the entry in row {rows[at]}, column {columns[at]} {reason}")
+
+
+def _refuse_rows(bad: Any, what: str, reason: str) -> None:
+    if bad.any():
+        raise ValueError(f"{what}: row {int(bad.argmax())} {reason}")

@@ -1,0 +1,188 @@
+"""Linear solvers of the macro problem and of the cell: what is checked before a native library sees it."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from porocore.equilibrium.discrete import FactorError
+from porocore.macro.discretisation import StepFailed
+from porocore.problem import MacroProblem
+from porocore.testing.macro_solving import NONLINEAR
+from porocore_fem_skfem import macro_linear, pardiso
+from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
+from porocore_fem_skfem.linalg import MultigridFactor, SuperLUFactor
+from porocore_fem_skfem.macro import SkfemMacroSolver
+
+#: Row pointers and columns of a symmetric pattern, and of its upper triangle.
+WHOLE = ([0, 2, 5, 7], [0, 1, 0, 1, 2, 1, 2])
+UPPER = ([0, 2, 4, 5], [0, 1, 1, 2, 2])
+GENERAL = {
+    "unsorted": (([0, 2, 5, 7], [1, 0, 0, 1, 2, 1, 2]), "row 0, column 0 does not come after"),
+    "twice": (([0, 2, 5, 7], [0, 1, 0, 1, 1, 1, 2]), "row 1, column 1 does not come after"),
+    "outside": (([0, 2, 5, 7], [0, 1, 0, 1, 3, 1, 2]), "row 1, column 3 lies outside the 3 columns"),
+    "negative": (([0, 2, 5, 7], [-1, 1, 0, 1, 2, 1, 2]), "row 0, column -1 lies outside"),
+    "pointers": (([0, 2, 5, 9], [0, 1, 0, 1, 2, 1, 2]), "row pointers: expected to ascend from 0 to the 7"),
+    "falling": (([0, 5, 2, 7], [0, 1, 0, 1, 2, 1, 2]), "row pointers: expected to ascend"),
+    "no rows": (([0], []), "CSR: 0 rows"),
+    "no mirror image": (([0, 2, 4, 6], [0, 1, 1, 2, 0, 2]), "row 0, column 1 has no mirror image"),
+    "lopsided": (([0, 2, 4, 6], [0, 1, 0, 1, 1, 2]), "row 1 has not as many entries"),
+    "no diagonal": (([0, 1, 3, 4], [1, 0, 2, 1]), "row 0 has no entry on the diagonal"),
+}
+TRIANGLE = {
+    "below": (WHOLE, "row 1, column 0 lies below the diagonal"),
+    "no diagonal": (([0, 2, 3, 4], [0, 1, 2, 2]), "row 1 has no entry on the diagonal"),
+    "empty row": (([0, 2, 2, 3], [0, 1, 2]), "row 1 has no entry on the diagonal"),
+    "outside": (([0, 2, 4, 5], [0, 1, 1, 2, 7]), "row 2, column 7 lies outside"),
+    "too short": (([0, 2, 4, 5], [0, 1, 1, 2]), "row pointers"),
+}
+
+
+def arrays(pattern):
+    return tuple(np.array(part, dtype=np.int32) for part in pattern)
+
+
+def upper_factors():
+    near = np.ones((3, 1))
+    return {
+        "pardiso": lambda pattern: pardiso.PardisoFactor(*arrays(pattern)),
+        "superlu": lambda pattern: SuperLUFactor(*arrays(pattern)),
+        "amg": lambda pattern: MultigridFactor(*arrays(pattern), near),
+    }
+
+
+@pytest.mark.parametrize("fault", GENERAL)
+def test_a_wrong_pattern_is_refused_before_pardiso_sees_it(fault):
+    pattern, message = GENERAL[fault]
+    with pytest.raises(ValueError, match=message):
+        pardiso.GeneralFactor(*arrays(pattern), single=False)
+
+
+@pytest.mark.parametrize("kind", ["pardiso", "superlu", "amg"])
+@pytest.mark.parametrize("fault", TRIANGLE)
+def test_a_wrong_triangle_is_refused_by_every_solver(kind, fault):
+    pattern, message = TRIANGLE[fault]
+    with pytest.raises(ValueError, match=message):
+        upper_factors()[kind](pattern)
+
+
+@pytest.mark.parametrize("kind", ["pardiso", "superlu"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
+def test_what_is_not_finite_is_refused(kind, bad):
+    """1e300 is finite, but not in the single precision of PARDISO's factor."""
+    factor = upper_factors()[kind](UPPER)
+    data = np.array([4.0, 1.0, 4.0, 1.0, 4.0])
+    if not (kind == "superlu" and bad == 1e300):
+        with pytest.raises(FactorError, match="the matrix is not finite"):
+            factor.factor(np.where(np.arange(5) == 2, bad, data))
+        factor.factor(data)
+        with pytest.raises(FactorError, match="the right-hand side is not finite"):
+            factor.solve(np.array([1.0, bad, 0.0]))
+    factor.factor(data)
+    for wrong in (np.ones(4), np.ones((4, 2)), np.ones((3, 2, 2))):
+        with pytest.raises(ValueError, match="right-hand side: expected an array of shape"):
+            factor.solve(wrong)
+    with pytest.raises(ValueError, match="matrix: expected an array of shape"):
+        factor.factor(np.ones(4))
+    A = np.array([[4, 1, 0], [1, 4, 1], [0, 1, 4.0]])
+    np.testing.assert_allclose(A @ factor.solve(np.arange(3.0)), np.arange(3.0), atol=1e-6)
+
+
+def test_there_is_nothing_to_solve_with_before_a_factorisation():
+    with pytest.raises(FactorError, match="there is no factor"):
+        pardiso.GeneralFactor(*arrays(WHOLE), single=False).solve(np.ones(3))
+
+
+@pytest.mark.parametrize(
+    ("code", "kind", "text"),
+    [
+        (-2, OutOfMemoryError, "error -2: there is not enough memory for the factor"),
+        (-3, FactorError, "error -3: no ordering of the unknowns was found"),
+        (-4, SingularError, "error -4: a pivot vanished"),
+        (-99, FactorError, "error -99: an internal error"),
+    ],
+)
+def test_error_codes_of_pardiso_say_what_they_mean(monkeypatch, code, kind, text):
+    class Broken:
+        @staticmethod
+        def pardiso(*arguments):
+            arguments[-1]._obj.value = code
+
+    factor = pardiso.GeneralFactor(*arrays(WHOLE), single=False)
+    with monkeypatch.context() as patch:
+        patch.setattr(pardiso, "library", Broken)
+        with pytest.raises(kind, match=text) as caught:
+            factor.factor(np.ones(7))
+    assert ("supports" in str(caught.value)) is False
+    assert type(caught.value) is kind
+
+
+@pytest.mark.parametrize(
+    ("error", "held"), [(SingularError("x"), True), (OutOfMemoryError("x"), False), (FactorError("x"), False)]
+)
+def test_only_of_a_singular_matrix_the_supports_are_blamed(monkeypatch, error, held):
+    def broken(matrix, right):
+        raise error
+
+    monkeypatch.setattr(macro_linear, "_by_superlu", broken)
+    with pytest.raises(StepFailed) as caught:
+        macro_linear.LinearSolver().solve(sparse.identity(3, format="csr"), np.ones(3), again=False)
+    assert (macro_linear.LOOSE in str(caught.value)) == held
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_tangent_that_is_not_finite_fails_the_step(bad):
+    matrix = sparse.identity(3, format="csr")
+    matrix.data[1] = bad
+    for A, b in ((matrix, np.ones(3)), (sparse.identity(3, format="csr"), np.array([1, bad, 0]))):
+        with pytest.raises(StepFailed, match="the tangent or the residual is not finite"):
+            macro_linear.LinearSolver().solve(A, b, again=False)
+
+
+WEDGE = {"kind": "wedge", "radius": 1, "height": 0.7, "elements": (2, 2, 1), "angle": 60}
+PLANES = {"oblique": {"normal": 0}, "z-": {"normal": 0}, "y-": {"normal": 0}}
+PROBLEMS = {
+    "follower": {
+        "body": {"size": (1, 1, 1), "elements": (2, 2, 2)},
+        "boundary": {"y-": {"displacement": (0, 0, 0)}, "y+": {"follower": 0.05, "pressure": 0}},
+    },
+    "oblique": {"body": WEDGE, "boundary": {**PLANES, "y+": {"traction": (0, -0.05, 0), "pressure": 0}}},
+    "both": {"body": WEDGE, "boundary": {**PLANES, "y+": {"pressure": 0}, "side": {"follower": 0.05}}},
+    "plate": {"body": WEDGE, "boundary": {**PLANES, "y+": {"plate": -0.03}, "side": {"pressure": 0}}},
+}
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_the_tangent_has_the_pattern_that_pardiso_takes_and_both_solvers_agree(monkeypatch, name):
+    """By PARDISO, as bodies of more than 3,000 unknowns are, and by SuperLU; in frames it is Q A Qᵀ."""
+    d = SkfemMacroSolver().prepare(MacroProblem.model_validate(PROBLEMS[name]))
+    rng = np.random.default_rng(0)
+    x = 0.02 * rng.standard_normal(d.mesh.size)
+    states, grad_p = d.states(x)
+    tangent = NONLINEAR.respond(states, grad_p, NONLINEAR.initial(len(states))).tangent
+    loads = d.loads(1.0)
+    system = d.system(tangent, 0.3, d.follower_tangent(x, loads))
+    pardiso.GeneralFactor(system.free.indptr, system.free.indices, single=True)  # checks the pattern
+    right, jump = rng.standard_normal(d.mesh.size), np.zeros(len(d.prescribed))
+    by_superlu = d.solve(system, right, jump)
+    monkeypatch.setattr(macro_linear, "SMALL", 0)
+    np.testing.assert_allclose(
+        d.solve(system, right, jump), by_superlu, rtol=0, atol=1e-7 * abs(by_superlu).max()
+    )
+    if d.rotation is not None:
+        plain = SkfemMacroSolver().prepare(d.problem)
+        plain.rotation = plain._frames = None
+        cartesian = plain.system(tangent, 0.3, d.follower_tangent(x, loads))
+        n, m = len(d.free), len(d.prescribed)
+
+        def whole(parts):
+            rows = np.zeros((parts.free.shape[0], d.mesh.size))
+            rows[:, d.free[d.leading]] = parts.free.toarray()
+            rows[:, d.prescribed] = parts.coupling.toarray()
+            return rows
+
+        if name != "plate":  # whose equation is no single row of the turned tangent
+            assert n + m == d.mesh.size
+            Q = d.rotation.toarray()
+            back = whole(system) @ Q
+            some = np.flatnonzero((Q[d.free] == np.eye(d.mesh.size)[d.free]).all(axis=1))
+            np.testing.assert_allclose(back[some], whole(cartesian)[some], atol=1e-12)
