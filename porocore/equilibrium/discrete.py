@@ -130,6 +130,39 @@ class Sensitivities:
     indefinite: bool = False
 
 
+class Factor(ABC):
+    """The inverse of K − shift·M of one class at one iterate, a value: it stays what it is, whatever comes after.
+
+    A solid may keep fewer factors than there are values; one that has been displaced is made anew when it is applied.
+
+    Attributes
+    ----------
+    here
+        The iterate.
+    odd
+        The class.
+    shift
+        Of the eigenvalues.
+    negative
+        Number of negative pivots, which is that of the eigenvalues below the shift; -1 where the solver cannot tell.
+    """
+
+    here: Iterate
+    odd: str
+    shift: float
+    negative: int
+
+    @abstractmethod
+    def solve(self, rhs: Array) -> Array:
+        """Return x (n,) or (n, k) with (K − shift·M) x = rhs, to the precision of the factor.
+
+        Raises
+        ------
+        FactorError
+            The factor cannot be applied.
+        """
+
+
 class DiscreteSolid(ABC):
     """The discrete energy Π(u¹; H, p) on one mesh, with its first and second derivatives and linear solves.
 
@@ -195,10 +228,8 @@ class DiscreteSolid(ABC):
         """
 
     @abstractmethod
-    def negative_pivots(self, here: Iterate, odd: str, shift: float = 0.0) -> int:
-        """Number of negative pivots of the tangent of one class of perturbations; -1 where the solver cannot tell.
-
-        With ``shift`` of K − shift·M, with the :meth:`masses` M: the number of eigenvalues below it.
+    def factor(self, here: Iterate, odd: str, shift: float = 0.0) -> Factor:
+        """Return the factor of K − shift·M of one class of perturbations, with the :meth:`masses` M.
 
         Raises
         ------
@@ -206,15 +237,15 @@ class DiscreteSolid(ABC):
             The tangent cannot be factorised.
         """
 
-    @abstractmethod
-    def divided(self, odd: str, rhs: Array) -> Array:
-        """x (n,) with (K − shift·M) x = rhs about, by the factor that :meth:`negative_pivots` made last for the class.
+    def negative_pivots(self, here: Iterate, odd: str, shift: float = 0.0) -> int:
+        """Return the number of eigenvalues below ``shift``, the negative pivots of :meth:`factor`; -1 where unknown.
 
         Raises
         ------
         FactorError
-            The factor cannot be applied.
+            The tangent cannot be factorised.
         """
+        return self.factor(here, odd, shift).negative
 
     @abstractmethod
     def forget(self, odd: str) -> None:
@@ -241,13 +272,11 @@ class DiscreteSolid(ABC):
         """Over the domain."""
 
     @abstractmethod
-    def sensitivities(self, here: Iterate, odd: str, columns: Sequence[int]) -> Sensitivities:
-        """To the loads in ``columns``, which all belong to the class ``odd``.
-
-        Called after :meth:`negative_pivots` for the same iterate and class.
+    def sensitivities(self, factor: Factor, columns: Sequence[int]) -> Sensitivities:
+        """Return those to the loads in ``columns``, which all belong to the class of the unshifted ``factor``.
 
         Raises
         ------
         FactorError
-            The tangent cannot be factorised.
+            The factor cannot be applied.
         """

@@ -29,11 +29,13 @@ def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResp
     of_images: dict[str, int] = {}
     for odd, columns in classes(problem.mesh).items():
         first = min(images(odd, swaps))
+        factor = None
         if first not in of_images or (tangent and columns):
-            of_images[first] = problem.negative_pivots(here, odd)
+            factor = problem.factor(here, odd)
+            of_images[first] = factor.negative
         count = of_images[first]
-        if tangent and columns:
-            answer = problem.sensitivities(here, odd, columns)
+        if factor is not None and tangent and columns:
+            answer = problem.sensitivities(factor, columns)
             grad = problem.copies * visible(problem.mesh, odd) * answer.grad
             mean_grad[:, :, columns] = np.moveaxis(grad, 0, -1)
             second[np.ix_(columns, columns)] = problem.copies * (answer.second + _direct(here, odd, columns))

@@ -193,15 +193,16 @@ def _factored(
     solid: DiscreteSolid, here: Iterate, odd: str, shift: float, rigid: _Rigid | None
 ) -> tuple[int, Any]:
     """Number of eigenvalues below the shift, and the application of (K − shift·M)⁻¹."""
-    count = solid.negative_pivots(here, odd, shift)
+    factor = solid.factor(here, odd, shift)
+    count = factor.negative
     if rigid is None or count < 0:
-        return count, lambda x: solid.divided(odd, x)
+        return count, factor.solve
     # K − shift·(M − a aᵀ/m) = B + shift·a aᵀ/m, by Sherman and Morrison; its inertia by that of the bordered matrix.
-    solved = solid.divided(odd, rigid.along)
+    solved = factor.solve(rigid.along)
     pivot = rigid.mass + shift * float(rigid.along @ solved)
 
     def divide(x: Array) -> Array:
-        y = solid.divided(odd, x)
+        y = factor.solve(x)
         result: Array = y - solved * (shift * float(rigid.along @ y) / pivot)
         return result
 

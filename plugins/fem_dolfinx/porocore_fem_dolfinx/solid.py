@@ -16,6 +16,7 @@ from porocore.cell.parity import UNIT_LOADS, held_displacements
 from porocore.contact.model import contact_of
 from porocore.equilibrium.discrete import (
     DiscreteSolid,
+    Factor,
     FactorError,
     Iterate,
     Sensitivities,
@@ -73,6 +74,20 @@ class State(Iterate):
         return self.problem.to_nodes(self.u)
 
 
+class TangentFactor(Factor):
+    """What a solid's solver of one class holds until another matrix needs it."""
+
+    def __init__(self, problem: SolidProblem, here: State, odd: str, shift: float) -> None:
+        self.problem, self.here, self.odd, self.shift = problem, here, odd, shift
+        self.token = object()
+        self.negative = problem.make(self)
+
+    def solve(self, rhs: Any) -> Any:
+        if rhs.ndim == 1:
+            return self.problem.divided(self, rhs)
+        return np.stack([self.problem.divided(self, column) for column in rhs.T], axis=1)
+
+
 class SolidProblem(DiscreteSolid):
     """Π and its derivatives on one mesh."""
 
@@ -95,6 +110,8 @@ class SolidProblem(DiscreteSolid):
         self.contact = contact_of(mesh, cell.contact, self.material)
         self._free: dict[str, Condensation] = {}
         self._solvers: dict[str, SymmetricSolver] = {}
+        #: Token of the factor that the solver of a class holds.
+        self._in_use: dict[str, object] = {}
         self._base: SymmetricSolver | None = None
         self._kept: SymmetricSolver | None = None
         self._full: Any = None
@@ -189,6 +206,7 @@ class SolidProblem(DiscreteSolid):
 
     def _matrix(self, here: State, odd: str) -> Any:
         """The tangent for the free unknowns of a class; the next call for this class changes it."""
+        self._in_use.pop(odd, None)
         if self._full_of() is not here:
             full = self.loaded(here).tangent(self._full)
             if self._full is None:
@@ -239,15 +257,24 @@ class SolidProblem(DiscreteSolid):
             shift *= 4
         raise StepFailed(Status.not_converged)
 
-    def negative_pivots(self, here: Any, odd: str, shift: float = 0.0) -> int:
-        return self._factor(here, odd, below=shift)
+    def factor(self, here: Any, odd: str, shift: float = 0.0) -> TangentFactor:
+        return TangentFactor(self, here, odd, shift)
 
-    def divided(self, odd: str, rhs: Any) -> Any:
-        return self._solvers[odd].solve(rhs)
+    def divided(self, factor: TangentFactor, rhs: Any) -> Any:
+        """x with (K − shift·M) x = rhs, (n,); factorised again where the solver of the class serves another matrix."""
+        if self._in_use.get(factor.odd) is not factor.token:
+            self.make(factor)
+        return self._solvers[factor.odd].solve(rhs)
+
+    def make(self, factor: TangentFactor) -> int:
+        """Let the solver of its class hold the factor; its negative pivots."""
+        negative = self._factor(factor.here, factor.odd, below=factor.shift)
+        self._in_use[factor.odd] = factor.token
+        return negative
 
     def forget(self, odd: str) -> None:
-        self._free.pop(odd, None)
-        self._solvers.pop(odd, None)
+        for kept in (self._free, self._solvers, self._in_use):
+            kept.pop(odd, None)
 
     def tangent(self, here: Any, odd: str) -> Any:
         return to_scipy(self._matrix(here, odd))
@@ -269,8 +296,9 @@ class SolidProblem(DiscreteSolid):
             largest_energy=float(here.values[:, :, 18].max()),
         )
 
-    def sensitivities(self, here: Any, odd: str, columns: Sequence[int]) -> Sensitivities:
-        condensation, solver = self.free(odd), self._solvers[odd]
+    def sensitivities(self, factor: Any, columns: Sequence[int]) -> Sensitivities:
+        here, odd = factor.here, factor.odd
+        condensation = self.free(odd)
         R, explicit = [], []
         for column in columns:
             load = UNIT_LOADS[column], float(column == 9)
@@ -279,10 +307,10 @@ class SolidProblem(DiscreteSolid):
         U, indefinite = [], False
         for r in R:
             try:
-                U.append(-solver.solve(r))
+                U.append(-factor.solve(r))
             except FactorError:
                 U.append(np.full(condensation.size, np.nan))
-                indefinite = indefinite or solver.negative > 0
+                indefinite = indefinite or self._solvers[odd].negative > 0
         grad = np.array([[g @ condensation.expand(u) for g in self._forms.means] for u in U])
         # ∂²Π/∂θ∂θ' at fixed u¹; Π is linear in p.
         direct = [

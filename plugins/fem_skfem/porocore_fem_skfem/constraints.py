@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.equilibrium.discrete import Factor, Iterate
 from porocore_fem_skfem.factor import SymmetricFactor
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor
 from porocore_fem_skfem.operators import Pattern
@@ -68,12 +69,20 @@ class Constraints:
         assert self._own is not None
         return self._own.negative
 
-    @property
-    def counts(self) -> bool:
-        """Whether the active factor is a direct one, which counts negative pivots and serves indefinite matrices."""
-        return self.active is not None and self.active.negative >= 0
-
     def precondition(self, rhs: Any) -> Any:
         """Apply the active factor."""
         assert self.active is not None
         return self.active.solve(rhs)
+
+
+class TangentFactor(Factor):
+    """A class's factor of ``entries`` (nnz), made anew where the class has used its place for others since."""
+
+    def __init__(self, here: Iterate, odd: str, shift: float, constraints: Constraints, entries: Any) -> None:
+        self.here, self.odd, self.shift = here, odd, shift
+        self.constraints, self.entries = constraints, entries
+        self.negative = constraints.renew(entries)
+
+    def solve(self, rhs: Any) -> Any:
+        self.constraints.renew(self.entries)
+        return self.constraints.precondition(rhs)

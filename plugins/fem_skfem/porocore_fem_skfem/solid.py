@@ -19,7 +19,7 @@ from porocore.materials.material import StrainEnergy
 from porocore.materials.neo_hookean import NeoHookean
 from porocore.tensors.cofactors import cofactor, determinant
 from porocore_fem_skfem import solves
-from porocore_fem_skfem.constraints import Constraints
+from porocore_fem_skfem.constraints import Constraints, TangentFactor
 from porocore_fem_skfem.operators import Operators, Scatter
 from porocore_fem_skfem.response import Response
 from porocore_fem_skfem.response_general import GeneralResponse
@@ -159,14 +159,11 @@ class SolidProblem(DiscreteSolid):
     def solve(self, here: Any, rhs: Any, accuracy: float) -> Any:
         return solves.direction(*self.system(here, ""), rhs, accuracy)
 
-    def negative_pivots(self, here: Any, odd: str, shift: float = 0.0) -> int:
+    def factor(self, here: Any, odd: str, shift: float = 0.0) -> TangentFactor:
         constraints, entries = self.system(here, odd)
         if shift:
             entries[constraints.pattern.diagonal] -= shift * self.masses(odd)
-        return constraints.renew(entries)
-
-    def divided(self, odd: str, rhs: Any) -> Any:
-        return self._wider.get(odd, self.constraints(odd)).precondition(rhs)
+        return TangentFactor(here, odd, shift, constraints, entries)
 
     def forget(self, odd: str) -> None:
         self._constraints.pop(odd, None)
@@ -194,8 +191,8 @@ class SolidProblem(DiscreteSolid):
             largest_energy=float(energy.max()),
         )
 
-    def sensitivities(self, here: Any, odd: str, columns: Sequence[int]) -> Sensitivities:
-        constraints, entries = self.system(here, odd)
+    def sensitivities(self, factor: Any, columns: Sequence[int]) -> Sensitivities:
+        here, odd, constraints = factor.here, factor.odd, factor.constraints
         loads = [self._unit_load(here, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
         forces = [self.assemble(load) for load in loads]
         if here.touching is not None:
@@ -203,7 +200,7 @@ class SolidProblem(DiscreteSolid):
             for force, column in zip(forces, columns, strict=True):
                 force += self.merged(blocks.load_change(len(self.mesh.points), UNIT_LOADS[column]))
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
-        U, curvature, indefinite = solves.sensitivities(constraints, entries, R)
+        U, curvature, indefinite = solves.sensitivities(factor, R)
         explicit = np.stack([(load @ self.w).ravel() for load in loads])
         # ∂²Π/∂θ∂θ' at fixed u¹; Π is linear in p.
         direct = np.array(

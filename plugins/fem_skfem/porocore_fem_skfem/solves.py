@@ -8,7 +8,7 @@ import numpy as np
 
 from porocore.equilibrium.discrete import FactorError, StepFailed
 from porocore.states import Status
-from porocore_fem_skfem.constraints import Constraints
+from porocore_fem_skfem.constraints import Constraints, TangentFactor
 from porocore_fem_skfem.linalg import conjugate_gradients, refine
 
 #: More iterations than this cost more than a new factor.
@@ -55,7 +55,7 @@ def _shifted(constraints: Constraints, entries: Any, rhs: Any) -> Any:
     raise StepFailed(Status.not_converged)
 
 
-def sensitivities(constraints: Constraints, entries: Any, R: Any) -> tuple[Any, Any, bool]:
+def sensitivities(factor: TangentFactor, R: Any) -> tuple[Any, Any, bool]:
     """U = −K⁻¹ R (n, k), its share RᵀU + UᵀR + UᵀKU of the second derivatives, and whether K was met as indefinite.
 
     The share equals RᵀU, has an error of second order in that of U, and is symmetric whatever that error. U is NaN
@@ -66,13 +66,11 @@ def sensitivities(constraints: Constraints, entries: Any, R: Any) -> tuple[Any, 
     FactorError
         The factor cannot be applied.
     """
-    matrix = constraints.pattern.full(entries)
-    if constraints.counts:
-        solved = refine(matrix, -R, constraints.precondition, tolerance=SENSITIVITY_TOLERANCE)
+    matrix = factor.constraints.pattern.full(factor.entries)
+    if factor.negative >= 0:  # a direct one, which serves indefinite matrices
+        solved = refine(matrix, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE)
     else:
-        solved = conjugate_gradients(
-            matrix, -R, constraints.precondition, tolerance=SENSITIVITY_TOLERANCE, limit=200
-        )
+        solved = conjugate_gradients(matrix, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE, limit=200)
     U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
     mixed = R.T @ U
     return U, mixed + mixed.T + U.T @ (matrix @ U), solved.indefinite

@@ -18,6 +18,7 @@ from porocore.cell.mesh import CellMesh
 from porocore.cell.parity import held_pressures, held_velocities
 from porocore.cell.quadrature import tetrahedron_rule
 from porocore.conductivity.fluid import DiscreteFluid
+from porocore.equilibrium.discrete import FactorError
 from porocore.errors import PorocoreError
 from porocore.states import Array
 from porocore_fem_skfem.factor import SymmetricFactor
@@ -135,8 +136,16 @@ class StokesProblem(DiscreteFluid):
         Raises
         ------
         PorocoreError
-            The iteration does not converge.
+            The iteration does not converge, or a factorisation breaks down.
         """
+        try:
+            return self._flow(points)
+        except FactorError as error:
+            raise PorocoreError(
+                f"the Stokes cell problem cannot be solved ({error}); refine the mesh (cell.mesh.fluid_size)"
+            ) from error
+
+    def _flow(self, points: Array | None) -> Array:
         system = self._system(self.mesh.points if points is None else points)
         forces = np.zeros((3, self.n, 3))
         for i in range(3):
