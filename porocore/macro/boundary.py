@@ -8,13 +8,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy import sparse
 
 from porocore.body.mesh import BodyMesh
 from porocore.body.surfaces import Facets
 from porocore.courses import Course, Value
 from porocore.errors import ConfigurationError
-from porocore.macro.frames import Constraint, in_frames
+from porocore.macro.frames import SAME, Constraint, in_frames
+from porocore.macro.reactions import Share, Support, shares
 from porocore.problem import Boundary, MacroProblem
 from porocore.states import Array, IntArray
 
@@ -41,9 +41,9 @@ class BoundaryData:
     rotation
         (unknowns, unknowns) orthogonal matrix Q from Cartesian unknowns to those that are solved for, which differ
         at nodes of oblique surfaces; None where all are Cartesian.
-    supports : name → (3, unknowns)
+    supports
         By which the reactions at all unknowns are summed up to the force on each surface that is held or moved.
-    drains : name → (unknowns,)
+    drains
         The same for the fluid that enters through each surface with a prescribed pressure.
     """
 
@@ -54,8 +54,8 @@ class BoundaryData:
     plates: tuple[IntArray, ...] = ()
     followers: tuple[tuple[int, float, Facets], ...] = ()
     rotation: Any = None
-    supports: Mapping[str, Any] = field(default_factory=dict)
-    drains: Mapping[str, Any] = field(default_factory=dict)
+    supports: Mapping[str, Share] = field(default_factory=dict)
+    drains: Mapping[str, Share] = field(default_factory=dict)
 
     def amplitudes(self, problem: MacroProblem, time: float) -> Array:
         """(courses,) what acts at ``time``, the load included."""
@@ -69,7 +69,8 @@ def boundary_data(mesh: BodyMesh, problem: MacroProblem) -> BoundaryData:
     ------
     ConfigurationError
         There is no such surface, two surfaces prescribe different values where they meet, one holds the edge of
-        another's plate, a plate or a normal displacement is on a curved surface, or a translation is not held.
+        another's plate along the axis of that, two plates with one axis share an edge, a plate or a normal displacement
+        is on a curved surface, or a translation is not held.
     """
     return _Collector(mesh, problem).result()
 
@@ -85,9 +86,8 @@ class _Collector:
         self.oblique: dict[int, list[Constraint]] = {}
         self.plates: dict[str, IntArray] = {}
         self.followers: list[tuple[int, float, Facets]] = []
-        #: (components, nodes) of each surface that holds the body, and nodes of each with a pressure.
-        self.held: dict[str, IntArray] = {}
-        self.drains: dict[str, IntArray] = {}
+        self.held: dict[str, Support] = {}
+        self.drains: dict[str, Support] = {}
 
     def result(self) -> BoundaryData:
         for name, boundary in self.problem.boundary.items():
@@ -96,8 +96,10 @@ class _Collector:
             if len(facets.nodes):
                 _Surface(self, name, key, facets, boundary).collect()
         self._body_force()
-        rotation, oblique = in_frames(self.mesh, self.oblique, self._cartesian_constraints, len(self.courses))
-        self._check(oblique)
+        self._check()
+        rotation, oblique = in_frames(
+            self.mesh, self.oblique, self._cartesian_constraints, len(self.courses), self._pushed()
+        )
         plain = np.flatnonzero(self.course >= 0)
         plain = plain[~np.isin(plain // 3, list(self.oblique)) | (plain >= self.mesh.n_u)]
         values = np.zeros((self.mesh.size, len(self.courses)))
@@ -116,8 +118,8 @@ class _Collector:
             tuple(self.plates.values()),
             tuple(self.followers),
             rotation,
-            self._sums(self.held, 3),
-            self._sums(self.drains, 1),
+            shares(self.mesh, self.held),
+            shares(self.mesh, self.drains, fluid=True),
         )
 
     def split(self, value: Value) -> tuple[int, float]:
@@ -164,37 +166,54 @@ class _Collector:
         for i in range(3):
             course = self.course[3 * node + i]
             if course >= 0:
-                found.append((np.eye(3)[i], int(course), float(self.factor[3 * node + i])))
+                factor = float(self.factor[3 * node + i])
+                found.append(Constraint(np.eye(3)[i], int(course), factor, f"macro.boundary: u_{i + 1}"))
         return found
 
-    def _check(self, oblique: tuple[IntArray, Array]) -> None:
+    def _pushed(self) -> dict[int, list[int]]:
+        """Axes along which plates move each node."""
+        axes: dict[int, list[int]] = {}
+        for unknowns in self.plates.values():
+            for unknown in unknowns.tolist():
+                axes.setdefault(unknown // 3, []).append(unknown % 3)
+        return axes
+
+    def _check(self) -> None:
         held = [bool((self.course[i : self.mesh.n_u : 3] >= 0).any()) for i in range(3)]
-        normals = [normal for constraints in self.oblique.values() for normal, _, _ in constraints]
+        normals = [each.direction for constraints in self.oblique.values() for each in constraints]
         for i in range(3):
-            if not held[i] and not any(abs(normal[i]) > 1e-6 for normal in normals):
+            if not held[i] and not any(abs(normal[i]) > SAME for normal in normals):
                 raise ConfigurationError(
                     f"macro.boundary: nothing holds the body in direction {i + 1}; "
                     f"prescribe u_{i + 1} on some surface"
                 )
-        for name, unknowns in self.plates.items():
-            if (self.course[unknowns] >= 0).any() or np.isin(unknowns // 3, list(self.oblique)).any():
-                raise ConfigurationError(
-                    f"macro.boundary.{name}: the plate moves as one, but a neighbouring surface prescribes "
-                    f"u_{unknowns[0] % 3 + 1} on their common edge; leave that component free there"
-                )
+        for name in self.plates:
+            self._check_plate(name)
 
-    def _sums(self, groups: dict[str, IntArray], components: int) -> dict[str, Any]:
-        """What two surfaces share counts half for each."""
-        count = np.zeros(self.mesh.size)
-        for unknowns in groups.values():
-            count[unknowns] += 1
-        sums = {}
-        for name, unknowns in groups.items():
-            rows = unknowns % 3 if components == 3 else np.zeros(len(unknowns), dtype=int)
-            sums[name] = sparse.csr_matrix(
-                (1 / count[unknowns], (rows, unknowns)), shape=(components, self.mesh.size)
+    def _check_plate(self, name: str) -> None:
+        """Refuse what would hold some of its nodes, or move them otherwise, along its axis."""
+        unknowns = self.plates[name]
+        axis = int(unknowns[0] % 3)
+        key = f"macro.boundary.{name}: the plate moves as one"
+        if (self.course[unknowns] >= 0).any():
+            raise ConfigurationError(
+                f"{key}, but a neighbouring surface prescribes u_{axis + 1} on their common edge; leave that "
+                "component free there"
             )
-        return sums
+        for other, theirs in self.plates.items():
+            if other != name and np.isin(unknowns, theirs).any():
+                raise ConfigurationError(
+                    f"{key}, but shares an edge with the plate '{other}', which moves along the same axis; make "
+                    "one plate of both, or leave a gap"
+                )
+        for node in (unknowns // 3).tolist():
+            for direction, _, _, source in self.oblique.get(node, ()):
+                if abs(direction[axis]) > SAME:
+                    normal = ", ".join(f"{x:.3g}" for x in direction)
+                    raise ConfigurationError(
+                        f"{key} along {'xyz'[axis]}, but {source} is prescribed on their common edge, along "
+                        f"({normal}), which is not at right angles to that; end the plate before that surface"
+                    )
 
 
 @dataclass(frozen=True)
@@ -218,27 +237,32 @@ class _Surface:
         return np.unique(self.facets.nodes)
 
     def _displacements(self) -> None:
-        held = []
+        directions = [
+            axis
+            for axis, value in zip(np.eye(3), self.boundary.displacement, strict=True)
+            if value is not None
+        ]
         for i, value in enumerate(self.boundary.displacement):
             if value is not None:
                 self.to.prescribe(3 * self.nodes + i, value, f"u_{i + 1}", self.key)
-                held.append(3 * self.nodes + i)
         if self.boundary.normal is not None:
-            held += self._normal(self.boundary.normal)
-        if held:
-            self.to.held[self.name] = np.sort(np.concatenate(held))
+            directions.append(self._normal(self.boundary.normal))
+        if directions:
+            self.to.held[self.name] = Support(self.facets, np.array(directions))
 
-    def _normal(self, value: Value) -> list[IntArray]:
+    def _normal(self, value: Value) -> Array:
+        """The direction that is held, (3,)."""
         normal = self.facets.plane(f"{self.key}.normal")
         axis = int(np.abs(normal).argmax())
         if abs(normal[axis]) > 1 - 1e-9:
             signed = value if normal[axis] > 0 else _opposite(value, self.key)
             self.to.prescribe(3 * self.nodes + axis, signed, f"u_{axis + 1}", self.key)
-            return [3 * self.nodes + axis]
+            return np.asarray(np.eye(3)[axis])
         course, factor = self.to.split(value)
         for node in self.nodes:
-            self.to.oblique.setdefault(int(node), []).append((normal, course, factor))
-        return [3 * self.nodes + i for i in range(3) if abs(normal[i]) > 1e-9]
+            source = f"{self.key}.normal"
+            self.to.oblique.setdefault(int(node), []).append(Constraint(normal, course, factor, source))
+        return normal
 
     def _plate(self) -> None:
         if self.boundary.plate is None:
@@ -271,7 +295,7 @@ class _Surface:
         places = np.searchsorted(mesh.p_nodes, self.nodes[np.isin(self.nodes, mesh.p_nodes)])
         if self.boundary.pressure is not None:
             self.to.prescribe(mesh.n_u + places, self.boundary.pressure, "p", self.key)
-            self.to.drains[self.name] = mesh.n_u + places
+            self.to.drains[self.name] = Support(self.facets, np.ones((1, 1)))
         if self.boundary.flux != 0:
             force = np.zeros(mesh.size)
             force[mesh.n_u :] = self.facets.shares(mesh.element.facet.corner_values)[mesh.p_nodes]

@@ -80,11 +80,19 @@ class Record:
             "iterations": float(step.iterations),
         }
         row |= self._extremes(x)
-        residual = d.to_mesh(step.residual.values)
-        forces = [matrix @ residual for matrix in d.boundary.supports.values()]
-        flows = [matrix @ residual / dt for matrix in d.boundary.drains.values()]
-        extra = np.concatenate([self._probe @ x, *forces, *flows])
+        sums = self._sums(step, dt)
+        extra = np.concatenate([self._probe @ x, *sums])
         self.rows.append((*(row[name] for name in HISTORY), *map(float, extra)))
+
+    def _sums(self, step: Step, dt: float) -> list[Array]:
+        """Forces (3,) on the surfaces that are held, then inflows (1,) through those with a pressure."""
+        d, response = self.d, step.response
+        residual = d.to_mesh(step.residual.values)
+        supports, drains = d.boundary.supports.values(), d.boundary.drains.values()
+        stress = d.all_means(response.stress) if any(each.needs_field for each in supports) else None
+        inward = -d.all_means(response.flux) if any(each.needs_field for each in drains) else None
+        forces = [each.total(residual, stress) for each in supports]
+        return forces + [each.total(residual / dt, inward) for each in drains]
 
     def _extremes(self, x: Array) -> dict[str, float]:
         n_u = self.d.mesh.n_u

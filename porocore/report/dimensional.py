@@ -26,12 +26,13 @@ class DimensionalRow:
 
 
 def fluid_velocity(profile: Profile) -> Array:
-    """w (elements, 3) = F̄ (Ḡw) / det F̄: the relative fluid flux through the deformed area.
+    """Return w (elements, 3) = F₀ q/J₀, F₀ = I + H: the relative fluid flux through area of the deformed body.
 
-    Darcy's law of the paper: w = −K F̄⁻ᵀ ∇_X p.
+    It is F₀ that deforms the body and its surface, so that w of a flux q̄ through reference area dA is q̄ dA/da along
+    the current normal.
     """
-    volume_ratio = np.linalg.det(profile.deformation)[:, None]
-    w: Array = np.einsum("eij,ej->ei", profile.deformation, profile.flux) / volume_ratio
+    F0 = np.eye(3) + profile.grad_u
+    w: Array = np.einsum("eij,ej->ei", F0, profile.flux) / np.linalg.det(F0)[:, None]
     return w
 
 

@@ -8,11 +8,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from porocore.report.dimensional import fluid_velocity
 from porocore.report.figures.profiles import Line, profile_at
 from porocore.report.format import number, percent, plain
 from porocore.reproduce.claims import Claim, Finding, compared, judged
 from porocore.reproduce.column import LARGE, Column
+from porocore.reproduce.column_figures import paper_velocity
 from porocore.reproduce.study import Results
 from porocore.scales import SCENARIOS
 from porocore.solution import Profile
@@ -125,7 +125,7 @@ def _velocity(results: Results) -> Finding:
     found = []
     for time in results.column.times:
         here, there = profile_at(case.nonlinear, time), profile_at(case.linear, time)
-        found.append((_largest(fluid_velocity(here)), _largest(there.flux), _largest(here.flux)))
+        found.append((_largest(paper_velocity(here)), _largest(there.flux), _largest(here.flux)))
     texts = [
         f"t = {plain(t)}: w {number(w, 3)}, Ḡw {number(tr, 3)}, linear {number(lin, 3)}"
         for (w, lin, tr), t in zip(found, results.column.times, strict=True)

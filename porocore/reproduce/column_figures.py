@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
-from porocore.report.dimensional import fluid_velocity
 from porocore.report.figures.history import OTHERS
 from porocore.report.figures.profiles import QUANTITIES, Quantity, profile_figure
 from porocore.report.figures.style import DASHED, LINEAR, NONLINEAR, legend_above, new_figure, styled
@@ -21,8 +21,16 @@ HISTORIES = {
     "pressure_max": r"largest pore pressure $p\,/E$ [–]",
     "drained": r"drained volume $\int\!\!\int (1/\det\bar F)\,\nabla\cdot(\bar G w)\,dV\,dt$ [–]",
 }
+
+
+def paper_velocity(profile: Profile) -> Array:
+    """Return the paper's w (elements, 3) = −K F̄⁻ᵀ ∇_X p = F̄ q/det F̄; the reports push q forward with F₀ instead."""
+    w: Array = np.einsum("eij,ej->ei", profile.deformation, profile.flux)
+    return w / np.linalg.det(profile.deformation)[:, None]
+
+
 VELOCITY = Quantity(
-    r"relative fluid velocity $w_2$ [–]", "relative fluid velocity", False, lambda f: fluid_velocity(f)[:, 1]
+    r"relative fluid velocity $w_2$ [–]", "relative fluid velocity", False, lambda f: paper_velocity(f)[:, 1]
 )
 #: Label, and field and component of the tangent, of M and Q in the paper's figures; its M_2211 is M_1122 of ours, see
 #: :mod:`porocore.reproduce.claims_profiles`.

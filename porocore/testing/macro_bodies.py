@@ -20,8 +20,11 @@ KUHN = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0
 ROLLERS: dict[str, Any] = {name: {"normal": 0} for name in ("x-", "y-", "z-")}
 
 
-def write_tetrahedra(path: Path, box: Box, bend: float = 0.0) -> None:
-    """A box of linear tetrahedra with its six faces by name, in gmsh's format; inner nodes moved by ``bend``."""
+def write_tetrahedra(path: Path, box: Box, bend: float = 0.0, turn: Any = None) -> None:
+    """Write a box of linear tetrahedra with its six faces by name, in gmsh's format.
+
+    Inner nodes are moved by ``bend``, and the whole is rotated by ``turn`` (3, 3).
+    """
     import meshio
 
     mesh = make_body(box)
@@ -45,6 +48,7 @@ def write_tetrahedra(path: Path, box: Box, bend: float = 0.0) -> None:
             tags.append(np.full(int(on.sum()), tag))
             names[letter + side] = [tag, 2]
     points = points + bend * inner[:, None] * np.sin(7 * points[:, [1, 2, 0]] + 1)
+    points = points if turn is None else points @ np.transpose(turn)
     meshio.write(
         path,
         meshio.Mesh(

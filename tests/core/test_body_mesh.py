@@ -15,7 +15,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
 from porocore.macro.followers import forces, tangent
-from porocore.macro.frames import in_frames
+from porocore.macro.frames import Constraint, in_frames
 from porocore.macro.probes import interpolation
 from porocore.problem import MacroProblem
 from porocore.testing.macro_bodies import write_tetrahedra
@@ -196,11 +196,12 @@ def test_a_surface_that_slides_fixes_its_normal_component_with_its_sign():
 
 
 def test_a_frame_holds_what_is_prescribed_of_an_oblique_node():
-    """n·u = 0.3 and u_2 = −0.1 at one node; of two that say the same the first counts."""
+    """n·u = 0.3, said twice, and u_2 = −0.1 at one node."""
     mesh = make((1, 1, 1))
     n = np.array([0.6, 0, -0.8])
-    oblique = {4: [(n, 0, 0.3), (n, 0, 0.3)]}
-    rotation, (unknowns, values) = in_frames(mesh, oblique, lambda node: [(np.eye(3)[1], 1, -0.1)], 2)
+    oblique = {4: [Constraint(n, 0, 0.3, "one"), Constraint(-n, 0, -0.3, "other")]}
+    others = [Constraint(np.eye(3)[1], 1, -0.1, "u_2")]
+    rotation, (unknowns, values) = in_frames(mesh, oblique, lambda node: others, 2)
     np.testing.assert_allclose((rotation @ rotation.T).toarray(), np.eye(mesh.size), atol=1e-14)
     np.testing.assert_array_equal(unknowns, [12, 13])
     amplitudes = np.array([2.0, 3.0])
@@ -210,6 +211,72 @@ def test_a_frame_holds_what_is_prescribed_of_an_oblique_node():
     u = (rotation.T @ framed)[12:15]
     assert n @ u == pytest.approx(0.6)
     assert u[1] == pytest.approx(-0.3)
+
+
+def test_the_axis_of_a_plate_keeps_its_place_in_a_frame():
+    mesh, n = make((1, 1, 1)), np.array([0.6, 0, -0.8])
+    oblique = {4: [Constraint(n, 0, 0.3, "one")]}
+    rotation, (unknowns, _) = in_frames(mesh, oblique, lambda node: [], 1, {4: [1]})
+    frame = rotation[12:15, 12:15].toarray()
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-15)
+    np.testing.assert_array_equal(frame[1], [0, 1, 0])
+    np.testing.assert_allclose(frame[0], n)
+    np.testing.assert_array_equal(unknowns, [12])
+
+
+def test_dependent_constraints_that_contradict_are_refused():
+    """Four planes in three dimensions: the last one follows from the others, or does not."""
+    mesh = make((1, 1, 1))
+    last = np.array([1.0, 2.0, 2.0]) / 3
+
+    def frames(value):
+        planes = [Constraint(axis, 0, 0.3, "a") for axis in np.eye(3)]
+        return in_frames(mesh, {4: [*planes, Constraint(last, 0, value, "d.normal")]}, lambda node: [], 1)
+
+    frames(0.5)
+    with pytest.raises(
+        ConfigurationError, match=r"d.normal contradicts what neighbouring surfaces prescribe"
+    ):
+        frames(0.4)
+
+
+WEDGE = {"body": {"kind": "wedge", "radius": 1, "height": 0.7, "elements": (1, 1, 1), "angle": 60}}
+HELD = {"oblique": {"normal": 0}, "z-": {"normal": 0}, "y-": {"normal": 0}}
+
+
+def test_a_plate_beside_an_oblique_plane_is_refused_where_they_are_not_at_right_angles():
+    """Along y the plate slides on the oblique plane; along z it would be pushed into it."""
+    problem = MacroProblem.model_validate(WEDGE | {"boundary": {**HELD, "y+": {"plate": 1}}})
+    data = boundary_data(body_mesh(problem), problem)
+    assert len(data.plates) == 1
+    assert not np.isin(data.plates[0], data.prescribed).any()
+    faces = {**HELD, "z-": {"plate": 1}}
+    problem = MacroProblem.model_validate(WEDGE | {"boundary": faces})
+    with pytest.raises(
+        ConfigurationError,
+        match=r"boundary.z-: the plate moves as one along z, but macro.boundary.oblique.normal is prescribed on "
+        r"their common edge, along \(.*\), which is not at right angles",
+    ):
+        boundary_data(body_mesh(problem), problem)
+
+
+def test_two_plates_of_one_axis_with_a_common_edge_are_refused():
+    """Their nodes would have to move with both."""
+    problem = MacroProblem.model_validate(
+        PATCH
+        | {
+            "surfaces": {"left": {"of": "y+", "x": (0, 0.5)}},
+            "boundary": {
+                **{face: {"normal": 0} for face in ("x-", "y-", "z-")},
+                "left": {"plate": 1},
+                "y+": {"plate": 2},
+            },
+        }
+    )
+    with pytest.raises(
+        ConfigurationError, match=r"shares an edge with the plate 'y.', which moves along the same"
+    ):
+        boundary_data(body_mesh(problem), problem)
 
 
 def test_courses_have_their_values_and_corners():

@@ -19,6 +19,7 @@ if not find_spec("dolfinx"):
 if shutil.which("mpirun") is None and not os.environ.get("CI"):
     pytest.skip("mpirun is missing", allow_module_level=True)
 
+from porocore.problem import MacroProblem
 from porocore.registry import registry
 from porocore.solution import History, MacroSolution, Profile
 from porocore.testing.macro_plates import squeezed
@@ -209,3 +210,43 @@ if solver.world.rank == 0:
     for name, force in one.reactions.items():
         np.testing.assert_allclose(two.reactions[name], force, atol=1e-10)
     assert abs(one.probes["rim"]).max() > 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("elements", [2, 5])
+def test_two_processes_share_a_plate_beside_an_oblique_plane(tmp_path, elements):
+    """Below and above 3,000 unknowns; reactions are told apart by the stress on both processes."""
+    problem = {
+        "body": {
+            "kind": "wedge",
+            "radius": 1,
+            "height": 0.7,
+            "elements": (elements, elements, 2),
+            "angle": 60,
+        },
+        "boundary": {
+            "oblique": {"normal": 0},
+            "z-": {"normal": 0},
+            "y-": {"displacement": (None, 0, 0)},
+            "y+": {"plate": -0.03},
+            "side": {"pressure": 0, "follower": 0.01},
+        },
+        "time": {"end": 0.2, "step": 0.05, "ramp_increments": 2, "ramp_step": 0.05, "profiles": ()},
+        "newton": {"tolerance": 1e-11},
+    }
+    part = f"""
+        from porocore.problem import MacroProblem
+        from porocore.testing.macro_solving import NONLINEAR
+        solution = solver.solve(solver.prepare(MacroProblem.model_validate({problem!r})), NONLINEAR)
+        if solver.world.rank == 0:
+            solution.save(folder / "solution.h5")
+    """
+    solver = registry().get("macro solver", "dolfinx")()
+    one = solver.solve(solver.prepare(MacroProblem.model_validate(problem)), NONLINEAR)
+    done = run(2, part, tmp_path)
+    assert done.returncode == 0, done.stderr
+    two = MacroSolution.load_file(tmp_path / "solution.h5")
+    np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, rtol=0, atol=1e-9)
+    for name, force in one.reactions.items():
+        np.testing.assert_allclose(two.reactions[name], force, rtol=0, atol=1e-9)
+    assert abs(one.profiles[-1].u).max() > 1e-3
