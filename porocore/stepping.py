@@ -27,8 +27,8 @@ class Stepper:
 
     Every ramp increment, profile time, corner of the load curve and the end are hit exactly; between two such stops the
     steps are equal and at most ``plan.step`` (``plan.ramp_step`` on the ramp), divided by 2^``halvings``. With
-    ``plan.tolerance`` they are also at most as long as the last error asks for, and begin anew with ``plan.ramp_step``
-    after every time at which the load bends.
+    ``plan.tolerance`` they are also at most as long as the last error asks for; after every time at which a load bends
+    ``plan.ramp_step`` is tried first.
 
     Attributes
     ----------

@@ -19,6 +19,7 @@ from porocore.drainage import undrained
 from porocore.interfaces.surrogate import Surrogate
 from porocore.linear import LinearCoefficients
 from porocore.materials.neo_hookean import NeoHookean
+from porocore.oscillation import diffusion_time, unresolved
 from porocore.provenance import versions
 from porocore.reference import CellReference
 from porocore.report.context import (
@@ -85,6 +86,7 @@ def gather(
     }
     main = summaries.pop(config.closure)
     outputs, closure = main.outputs, main.closure_error
+    limit = diffusion_time(config.macro, coefficients)
     direct = direct_costs(folder, config, timings)
     context = ReportContext(
         title=config.title or folder.path.name,
@@ -96,7 +98,7 @@ def gather(
         provenance={**versions(), **reference.mesh, "run identity": config.identity},
         config_text=config.resolved_yaml(),
         published=DEHGHANI_ZILIAN if _is_the_benchmark(config) else None,
-        warnings=tuple(undrained(config.macro, reference.conductivity)),
+        warnings=(*undrained(config.macro, reference.conductivity), *_overshoots(config, cases, limit)),
         other_surrogates=tuple(summaries.values()),
         direct=direct,
         scenarios=config.scenarios,
@@ -134,6 +136,7 @@ def gather(
         "macro": [
             {
                 **found,
+                "mesh_diffusion_time": limit,
                 "gaps": case_gaps(case),
                 "cell_states": visited_shares(case.nonlinear, context.sampling),
             }
@@ -154,6 +157,15 @@ def gather(
     if direct:
         metrics["direct"] = [asdict(cost) | {"speed_up": cost.speed_up} for cost in direct]
     return context, metrics
+
+
+def _overshoots(config: RunConfig, cases: tuple[Case, ...], limit: float) -> Iterator[str]:
+    """Warnings of largest pressures that the mesh does not resolve."""
+    for case in cases:
+        for solution in (case.nonlinear, case.linear, *case.others):
+            warning = unresolved(config.macro.problem(case.load), limit, solution)
+            if warning is not None:
+                yield warning
 
 
 def _errors(summary: SurrogateSummary) -> dict[str, Any]:

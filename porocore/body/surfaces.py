@@ -114,6 +114,16 @@ class Facets:
         """(f, q) area of each quadrature point."""
         return np.asarray(np.linalg.norm(self.normals, axis=-1) * self.mesh.element.facet.weights)
 
+    @property
+    def elements(self) -> IntArray:
+        """(f,) number of the element that each belongs to."""
+        mesh, corners = self.mesh, self.mesh.element.facet_corners
+        nodes = np.sort(self.nodes[:, :corners], axis=1)
+        near = np.flatnonzero(np.isin(mesh.cells[:, : mesh.element.corners], nodes).any(axis=1))
+        theirs = np.sort(mesh.cells[near][:, mesh.element.facets[:, :corners]], axis=2)
+        owner = {tuple(key): int(e) for e, faces in zip(near, theirs.tolist(), strict=True) for key in faces}
+        return np.array([owner[tuple(key)] for key in nodes.tolist()], dtype=np.int64)
+
     def shares(self, of: Array) -> Array:
         """(nodes,) ∫ N dS of shape functions with values ``of`` (q, k) at the points, for the first k nodes."""
         k = of.shape[1]

@@ -1,4 +1,4 @@
-"""The error of a backward Euler step, from how the rate of change has changed."""
+"""The error of a backward Euler step, from how the rate of change has changed, or from two steps of half the length."""
 
 from __future__ import annotations
 
@@ -6,8 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porocore.macro.boundary import BoundaryData
 from porocore.macro.discretisation import Discretisation
+from porocore.problem import MacroProblem
 from porocore.states import Array
+
+#: Times over the run at which the loads are looked at for their largest values.
+SAMPLES = 200
 
 
 @dataclass
@@ -27,29 +32,76 @@ class ErrorControl:
     rate: Array | None = None
     length: float = 0.0
     scales: tuple[float, float] = (0.0, 0.0)
+    _found: tuple[float, float] = (0.0, 0.0)
 
-    def error(self, d: Discretisation, old: Array, new: Array, dt: float) -> float | None:
-        """Largest Δt² ẍ / 2 of u and of p, each as a share of the largest so far; None where no rate is known.
+    def error(
+        self,
+        d: Discretisation,
+        old: Array,
+        new: Array,
+        dt: float,
+        *,
+        finer: Array | None = None,
+        reached: float = 1.0,
+    ) -> float | None:
+        """Return the largest Δt² ẍ / 2 of u and of p, each as a share of the largest so far.
 
-        ẍ is the change of the rate over half of both steps (Milne's device for backward Euler).
+        ẍ is the change of the rate over half of both steps (Milne's device for backward Euler). Where no rate is known
+        it is told by two steps of half the length, whose error is half that of one [Hairer, Nørsett & Wanner, Solving
+        Ordinary Differential Equations I, II.4].
+
+        Parameters
+        ----------
+        finer
+            Where two steps of half the length end; without and without a rate there is no estimate, None.
+        reached
+            Share of the whole load that has acted so far, by which the largest values are divided: of a body that is
+            only being loaded they say nothing yet, and its first step would always be in error by a quarter.
         """
         own = np.arange(len(new)) < d.owned
         blocks = (d.is_force & own, ~d.is_force & own)
         u, p = (d.world.largest(float(np.abs(new[block]).max(initial=0.0))) for block in blocks)
-        self.scales = (max(self.scales[0], u), max(self.scales[1], p))
-        if self.rate is None:
+        self._found = (max(self.scales[0], u), max(self.scales[1], p))
+        if self.rate is not None:
+            change = np.abs((new - old) / dt - self.rate) * dt**2 / (dt + self.length)
+        elif finer is not None:
+            change = 2 * np.abs(new - finer)
+        else:
             return None
-        change = np.abs((new - old) / dt - self.rate) * dt**2 / (dt + self.length)
         errors = [
-            d.world.largest(float(change[block].max(initial=0.0))) / scale if scale > 0 else 0.0
-            for block, scale in zip(blocks, self.scales, strict=True)
+            reached * d.world.largest(float(change[block].max(initial=0.0))) / scale if scale > 0 else 0.0
+            for block, scale in zip(blocks, self._found, strict=True)
         ]
         return max(errors)
 
     def accept(self, old: Array, new: Array, dt: float) -> None:
-        """The step is taken."""
+        """The step is taken, with the values that :meth:`error` has seen last."""
+        self.scales = (max(self.scales[0], self._found[0]), max(self.scales[1], self._found[1]))
         self.rate, self.length = (new - old) / dt, dt
 
     def forget(self) -> None:
         """The load bends, and the rate does not go on."""
         self.rate = None
+
+
+class Reached:
+    """Which share of its largest value over the run any load has had up to a time."""
+
+    def __init__(self, boundary: BoundaryData, problem: MacroProblem) -> None:
+        self._boundary, self._problem = boundary, problem
+        plan = problem.time
+        times = {*np.linspace(0, plan.end, SAMPLES + 1)[1:].tolist(), *problem.corners}
+        times |= {plan.ramp_increments * plan.ramp_step}
+        self._times = np.array(sorted(times))
+        self._sizes = np.abs([boundary.amplitudes(problem, time) for time in self._times])
+        self._peaks = self._sizes.max(axis=0)
+        begins = problem.initial.pressure != 0 or any(map(any, problem.initial.gradient))
+        self._acts = boundary.acting & (self._peaks > 0) & (not begins)
+
+    def __call__(self, time: float) -> float:
+        """Return the share, at most 1; 1 where no load acts, or the body does not begin at rest."""
+        if not self._acts.any():
+            return 1.0
+        now = np.abs(self._boundary.amplitudes(self._problem, time))
+        so_far = np.maximum(now, self._sizes[self._times <= time].max(axis=0, initial=0.0))
+        return min(1.0, float((so_far[self._acts] / self._peaks[self._acts]).max()))

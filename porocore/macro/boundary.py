@@ -57,6 +57,14 @@ class BoundaryData:
     supports: Mapping[str, Share] = field(default_factory=dict)
     drains: Mapping[str, Share] = field(default_factory=dict)
 
+    @property
+    def acting(self) -> Array:
+        """(courses,) bool, which of them do anything."""
+        acts = (self.values != 0).any(axis=0) | (self.external != 0).any(axis=1)
+        for course, factor, _ in self.followers:
+            acts[course] |= factor != 0
+        return np.asarray(acts)
+
     def amplitudes(self, problem: MacroProblem, time: float) -> Array:
         """(courses,) what acts at ``time``, the load included."""
         return problem.load * np.array([problem.factor(course, time) for course in self.courses])

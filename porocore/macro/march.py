@@ -9,9 +9,9 @@ from time import monotonic
 
 import numpy as np
 
-from porocore.laws import MacroLaw
+from porocore.laws import LawMemory, MacroLaw
 from porocore.macro import checkpoint as checkpoints
-from porocore.macro.adaptive import ErrorControl
+from porocore.macro.adaptive import ErrorControl, Reached
 from porocore.macro.discretisation import Discretisation, StepFailed
 from porocore.macro.newton import newton_step
 from porocore.macro.record import Record
@@ -42,6 +42,7 @@ def march(
     """
     world, problem = d.world, d.problem
     stepper, control = Stepper(problem.time, problem.corners), ErrorControl()
+    reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
     owner = checkpoints.identity(problem, law)
     if checkpoint is not None and world.first(checkpoint.exists):
         x, memory, record = checkpoints.load(checkpoint, owner, stepper, control, d, law)
@@ -55,16 +56,21 @@ def march(
     while not stepper.done:
         time = stepper.next()
         dt, amplitudes = time - stepper.time, d.boundary.amplitudes(problem, time)
+        finer = None
         try:
             step = newton_step(d, law, memory, x, dt, d.loads(amplitudes), problem.newton)
+            changed = law.reconsider(step.response, memory)
+            if changed is None and reached is not None and control.rate is None:
+                finer = _halved(d, law, memory, x, stepper.time, time)
         except StepFailed as failure:
             stepper.reject(str(failure))
             continue
-        changed = law.reconsider(step.response, memory)
         if changed is not None:
             memory = changed
             continue
-        error = control.error(d, x, step.x, dt)
+        error = None
+        if reached is not None:
+            error = control.error(d, x, step.x, dt, finer=finer, reached=reached(time))
         if not stepper.tolerates(error):
             continue
         control.accept(x, step.x, dt)
@@ -85,6 +91,22 @@ def march(
             settlement = float(record.column("settlement")[-1])
             on_step(StepReport(time, problem.time.end, step.iterations, settlement))
     return record.solution(law.name)
+
+
+def _halved(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array, begin: float, end: float) -> Array:
+    """Unknowns at ``end`` after two steps of half the length from ``x`` at ``begin``.
+
+    Raises
+    ------
+    StepFailed
+        One of them fails.
+    """
+    dt = (end - begin) / 2
+    for time in (begin + dt, end):
+        loads = d.loads(d.boundary.amplitudes(d.problem, time))
+        step = newton_step(d, law, memory, x, dt, loads, d.problem.newton)
+        x, memory = step.x, step.response.memory
+    return x
 
 
 def _initial(d: Discretisation) -> Array:

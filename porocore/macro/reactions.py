@@ -3,8 +3,8 @@
 A surface bears forces in the directions in which it holds the body: a smooth plane along its normal alone. Where those
 of the surfaces of a node are independent, the reaction R there has one decomposition into such forces. Else the part of
 each is the force of the stress beside it, ∫ P·N φ dS projected on its directions, and what all these lack of R is
-shared by the areas of the facets at the node. So the parts add up to R, turn with the body, and do not depend on the order of
-the surfaces.
+shared by the areas of the facets at the node. So the parts add up to R, turn with the body, and do not depend on the
+order of the surfaces.
 """
 
 from __future__ import annotations
@@ -108,7 +108,8 @@ class _Part:
         """Force of the field beside each shared node, sparse (c · nodes, elements · c · 3)."""
         facet, local = np.nonzero(shared[self.nodes])
         vectors, nodes = self.vectors[facet, local], self.nodes[facet, local]
-        element = self._elements(facet)
+        wanted, which = np.unique(facet, return_inverse=True)
+        element = Facets(self.mesh, self.facets[wanted]).elements[which.ravel()]
         c = self.c
         values = np.einsum("ij,nk->nijk", self.projection, vectors)
         rows = c * nodes[:, None] + np.arange(c)
@@ -121,16 +122,6 @@ class _Part:
             ),
             shape=shape,
         )
-
-    def _elements(self, facet: IntArray) -> IntArray:
-        """The element of each facet."""
-        mesh, corners = self.mesh, self.mesh.element.facet_corners
-        wanted, which = np.unique(facet, return_inverse=True)
-        nodes = np.sort(self.facets[wanted][:, :corners], axis=1)
-        near = np.flatnonzero(np.isin(mesh.cells[:, : mesh.element.corners], nodes).any(axis=1))
-        theirs = np.sort(mesh.cells[near][:, mesh.element.facets[:, :corners]], axis=2)
-        owner = {tuple(key): int(e) for e, faces in zip(near, theirs.tolist(), strict=True) for key in faces}
-        return np.array([owner[tuple(key)] for key in nodes.tolist()], dtype=np.int64)[which.ravel()]
 
     def share(self, inverse: Array, own: Any, together: Any) -> Share:
         """Own forces of the field, and the own part of what the reactions are beyond those of all surfaces.
