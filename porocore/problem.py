@@ -100,9 +100,9 @@ class TimePlan(_Strict):
     smallest_step: Time = 1e-6
     """A step that fails is halved down to this."""
     tolerance: Positive | None = None
-    """Error of one step, as a share of the largest displacement and of the largest pressure so far (while loads come
-    up, divided by the share of them that has acted), by which steps are chosen; ``step`` is then the largest; null: all
-    are ``step`` long."""
+    """Error of one step, as a share of the largest displacement and of the largest pressure so far, by which steps are
+    chosen; ``step`` is then the largest; null: all are ``step`` long. Up to the first bend of the loads, the largest
+    values are divided by the share that has acted of them."""
     profiles: tuple[Time, ...] = (1.0, 10.0, 40.0)
     """Times at which the fields are kept, beside the end; of the default those that lie before it."""
     load_curve: tuple[tuple[Time, float], ...] = ()

@@ -11,8 +11,8 @@ from porocore.macro.discretisation import Discretisation
 from porocore.problem import MacroProblem
 from porocore.states import Array
 
-#: Times over the run at which the loads are looked at for their largest values.
-SAMPLES = 200
+#: Times up to the first bend at which the loads are looked at for their largest values.
+SAMPLES = 100
 
 
 @dataclass
@@ -55,8 +55,8 @@ class ErrorControl:
         finer
             Where two steps of half the length end; without and without a rate there is no estimate, None.
         reached
-            Share of the whole load that has acted so far, by which the largest values are divided: of a body that is
-            only being loaded they say nothing yet, and its first step would always be in error by a quarter.
+            Share that has acted of the load that first comes up, by which the largest values are divided: at its
+            beginning they say nothing yet, and the first step would be in error by a quarter however short it is.
         """
         own = np.arange(len(new)) < d.owned
         blocks = (d.is_force & own, ~d.is_force & own)
@@ -85,22 +85,21 @@ class ErrorControl:
 
 
 class Reached:
-    """Which share of its largest value over the run any load has had up to a time."""
+    """Which share any load has reached of the largest value that it has up to the first bend of the loads."""
 
     def __init__(self, boundary: BoundaryData, problem: MacroProblem) -> None:
         self._boundary, self._problem = boundary, problem
         plan = problem.time
-        times = {*np.linspace(0, plan.end, SAMPLES + 1)[1:].tolist(), *problem.corners}
-        times |= {plan.ramp_increments * plan.ramp_step}
-        self._times = np.array(sorted(times))
-        self._sizes = np.abs([boundary.amplitudes(problem, time) for time in self._times])
+        self._end = min(plan.ramp_increments * plan.ramp_step, *problem.corners, plan.end)
+        self._times = np.linspace(0, self._end, SAMPLES + 1)[1:]
+        self._sizes = np.abs([boundary.amplitudes(problem, time) for time in self._times.tolist()])
         self._peaks = self._sizes.max(axis=0)
         begins = problem.initial.pressure != 0 or any(map(any, problem.initial.gradient))
         self._acts = boundary.acting & (self._peaks > 0) & (not begins)
 
     def __call__(self, time: float) -> float:
-        """Return the share, at most 1; 1 where no load acts, or the body does not begin at rest."""
-        if not self._acts.any():
+        """Return the share, at most 1; 1 from the bend on, where no load acts, or the body does not begin at rest."""
+        if time >= self._end or not self._acts.any():
             return 1.0
         now = np.abs(self._boundary.amplitudes(self._problem, time))
         so_far = np.maximum(now, self._sizes[self._times <= time].max(axis=0, initial=0.0))

@@ -202,25 +202,25 @@ class _Collector:
         """Refuse what would hold some of its nodes, or move them otherwise, along its axis."""
         unknowns = self.plates[name]
         axis = int(unknowns[0] % 3)
-        key = f"macro.boundary.{name}: the plate moves as one"
         if (self.course[unknowns] >= 0).any():
             raise ConfigurationError(
-                f"{key}, but a neighbouring surface prescribes u_{axis + 1} on their common edge; leave that "
-                "component free there"
+                f"macro.boundary.{name}: the plate moves as one, but a neighbouring surface prescribes "
+                f"u_{axis + 1} on their common edge; leave that component free there"
             )
         for other, theirs in self.plates.items():
             if other != name and np.isin(unknowns, theirs).any():
                 raise ConfigurationError(
-                    f"{key}, but shares an edge with the plate '{other}', which moves along the same axis; make "
-                    "one plate of both, or leave a gap"
+                    f"macro.boundary.{name}: the plate moves as one, but shares an edge with the plate '{other}', "
+                    "which moves along the same axis; make one plate of both, or leave a gap"
                 )
         for node in (unknowns // 3).tolist():
             for direction, _, _, source in self.oblique.get(node, ()):
                 if abs(direction[axis]) > SAME:
                     normal = ", ".join(f"{x:.3g}" for x in direction)
                     raise ConfigurationError(
-                        f"{key} along {'xyz'[axis]}, but {source} is prescribed on their common edge, along "
-                        f"({normal}), which is not at right angles to that; end the plate before that surface"
+                        f"macro.boundary.{name}: the plate moves as one along {'xyz'[axis]}, but {source} is "
+                        f"prescribed on their common edge, along ({normal}), which is not at right angles to that; "
+                        "end the plate before that surface"
                     )
 
 

@@ -45,12 +45,13 @@ def test_the_first_step_after_each_bend_meets_the_tolerance(tolerance):
     starts = {0.0: np.zeros(d.mesh.size)}
     for profile in found.profiles:
         starts[profile.time] = np.concatenate([profile.u.ravel(), profile.p[d.mesh.p_nodes]])
-    scales = found.history.settlement.max(), found.history.pressure_max.max()
     for bend in BENDS:
         first = float(time[time > bend + 1e-9][0])
+        so_far = time <= max(first, BENDS[1])
+        scales = (abs(getattr(found.history, name)[so_far]).max() for name in ("settlement", "pressure_max"))
         one, many = (end_of(d, law, starts[bend], bend, first, count) for count in (1, 100))
         for block, scale in zip((d.is_force, ~d.is_force), scales, strict=True):
-            assert abs(one - many)[block].max() < 2.5 * tolerance * scale, (bend, first - bend)
+            assert abs(one - many)[block].max() < 3 * tolerance * scale, (bend, first - bend)
     assert len(time) < 1000
 
 
@@ -67,16 +68,15 @@ def test_two_half_steps_tell_the_error_of_one():
     assert control.scales == (0.0, 0.0)
 
 
-def test_the_share_of_the_load_that_has_been_reached_never_falls():
-    d = Solver().prepare(column(tolerance=1e-3))
+def test_the_share_of_the_first_load_never_falls_and_is_one_from_its_bend_on():
+    d = Solver().prepare(column(tolerance=1e-3, ramp_step=0.4))
     reached = Reached(d.boundary, d.problem)
-    assert [reached(t) for t in (0.25, 0.5, 2.0, 4.25, 4.5, 8.0)] == pytest.approx(
-        [0.25, 0.5, 0.5, 0.75, 1, 1]
-    )
+    assert [reached(t) for t in (0.1, 0.2, 0.4, 2.0)] == pytest.approx([0.25, 0.5, 1, 1])
     swinging = {"displacement": (None, {"expression": "0.1*sin(pi*t)"}, None)}
     faces = {**SIDES, "y-": {"displacement": (0, 0, 0)}, "y+": swinging}
-    d = Solver().prepare(confined_column(1, 1.0, boundary=faces, time={"end": 4.0, "profiles": ()}))
+    plan = {"end": 4.0, "ramp_increments": 1, "ramp_step": 3.0, "profiles": ()}
+    d = Solver().prepare(confined_column(1, 1.0, boundary=faces, time=plan))
     reached = Reached(d.boundary, d.problem)
-    assert [reached(t) for t in (0.25, 0.5, 1.0, 2.0)] == pytest.approx([2**-0.5, 1, 1, 1])
+    assert [reached(t) for t in (0.25, 0.5, 1.0, 2.0)] == pytest.approx([2**-0.5, 1, 1, 1], rel=1e-3)
     still = confined_column(1, 0.0, time={"end": 4.0, "profiles": ()})
     assert Reached(Solver().prepare(still).boundary, still)(0.1) == 1.0
