@@ -146,7 +146,9 @@ def values_at_points(points: Any, weights: Any, shape: tuple[int, ...] = ()) -> 
     if MODERN:
         import basix.ufl
 
-        return basix.ufl.quadrature_element("tetrahedron", value_shape=shape, points=points, weights=weights)
+        # Copies: the bindings of 0.9 take no array that cannot be written.
+        rule = {"points": np.array(points), "weights": np.array(weights)}
+        return basix.ufl.quadrature_element("tetrahedron", value_shape=shape, **rule)
     degree, scheme = _RULES_BY_SIZE[len(points)]
     if not shape:
         return ufl.FiniteElement("Quadrature", "tetrahedron", degree, quad_scheme=scheme)
