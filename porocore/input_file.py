@@ -12,6 +12,9 @@ from pydantic_core.core_schema import ValidationInfo
 from porocore.errors import ConfigurationError
 from porocore.reading import require_ordinary
 
+#: Size of a mesh, geometry or image that is read [bytes].
+LARGEST = 2 << 30
+
 
 class FromFile(BaseModel):
     """The keys of a file.
@@ -75,7 +78,7 @@ def absolute_path(given: str, info: ValidationInfo) -> str:
 def _fault(path: Path) -> str | None:
     """Why a path leads to no file; None: it does."""
     try:
-        require_ordinary(path)
+        require_ordinary(path, LARGEST)
     except FileNotFoundError:
         return f"no such file: {path}"
     except OSError as error:

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from uuid import uuid4
 
 from porocore.errors import UnexpectedError
 
@@ -39,7 +40,7 @@ def describe(error: BaseException) -> str:
     The file is in the run folder that the exception came out of, else in the user's folder for such things
     (``$XDG_STATE_HOME/porocore``), else among the temporary files. Where none can be written, the line says so.
     """
-    kind = "memory ran out" if isinstance(error, MemoryError) else f"unexpected {type(error).__name__}"
+    kind = "memory ran out" if isinstance(error, MemoryError) else f"unexpected {_name(type(error))}"
     if isinstance(error, UnexpectedError):
         kind = "unexpected"
     words = " ".join(str(error).split())
@@ -51,6 +52,11 @@ def describe(error: BaseException) -> str:
     if isinstance(error, MemoryError):
         return f"{said}; take a coarser mesh, fewer states or fewer workers; {written}"
     return f"{said} ({_place(error)}), a fault of porocore or of a plugin; {written}; please report it"
+
+
+def _name(kind: type[BaseException]) -> str:
+    """Return the name of a class, with its module where that is not Python's own."""
+    return kind.__qualname__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__qualname__}"
 
 
 def _place(error: BaseException) -> str:
@@ -70,7 +76,7 @@ def _write(error: BaseException) -> Path:
     OSError
         None does.
     """
-    name = f"porocore-error-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.txt"
+    name = f"porocore-error-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}-{uuid4().hex[:4]}.txt"
     text = _text(error).encode(errors="backslashreplace")
     refused: OSError | None = None
     for folder in _folders(error):

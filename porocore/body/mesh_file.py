@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,20 @@ import numpy as np
 from porocore.body.element import HEXAHEDRON, TETRAHEDRON
 from porocore.body.mesh import BodyMesh, boundary_facets
 from porocore.cell.cad import import_gmsh
+from porocore.cell.estimate import PER_CUBE, require_few
 from porocore.errors import ConfigurationError
 from porocore.foreign_mesh import read_mesh
+from porocore.reading import read_text, require_ordinary
 from porocore.states import Array, IntArray
 
 KEY = "macro.body.path"
 #: What gmsh meshes itself.
 GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs", ".opt")
 #: Volume and surface elements that are understood: VTK's name in meshio, dimension, corners.
+#: Share of the body's length within which two nodes are at the same place.
+SAME = 1e-10
+#: Commands of a .geo file that run other programs, or take in what its checksum does not cover.
+EXECUTING = re.compile(r"\b(NonBlockingSystemCall|SystemCall|System|Include)\b")
 VOLUMES = {"tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron27": 27}
 FACES = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
@@ -30,10 +37,10 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
     ConfigurationError
         There is no such file, it cannot be read or meshed, or it holds no tetrahedra and hexahedra of one kind.
     """
-    if not path.is_file():
-        raise ConfigurationError(
-            f"{KEY}: there is no file {path}; the path is relative to the configuration file"
-        )
+    try:
+        require_ordinary(path)
+    except OSError as error:
+        raise ConfigurationError(f"{KEY}: {path}: {error.strerror or error}") from error
     if path.suffix.lower() in GEOMETRIES:
         if size is None:
             raise ConfigurationError(
@@ -46,24 +53,33 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
         )
     else:
         points, volumes, faces = _by_meshio(path)
-    if len(volumes) != 1:
+    if len(volumes) != 1 or next(iter(volumes)) not in VOLUMES:
         held = " and ".join(volumes) or "none"
         raise ConfigurationError(
             f"{KEY}: expected volume elements of one kind, {', '.join(VOLUMES)}; {path.name} has {held}"
         )
     ((kind, cells),) = volumes.items()
+    _require_apart(points, path)
     mesh = _quadratic(points * scale, kind, _upright(points, cells))
     return BodyMesh(mesh.points, mesh.cells, _named(mesh, faces, path))
 
 
 def _by_gmsh(path: Path, size: float) -> tuple[Array, dict[str, IntArray], dict[str, list[IntArray]]]:
     """Second-order tetrahedra; the names are those of physical surfaces."""
+    if path.suffix.lower().startswith(".geo"):
+        found = EXECUTING.search(read_text(path).replace("\0", " "))
+        if found:
+            raise ConfigurationError(
+                f"{KEY}: {path.name} holds the command {found[0]}; nothing that is read may execute a program, and "
+                "what it includes is not covered by sha256: leave it out, or mesh it into a .msh file"
+            )
     gmsh = import_gmsh()
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)
         gmsh.open(str(path))
+        _require_few(gmsh, size)
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
         gmsh.model.mesh.generate(3)
@@ -98,6 +114,25 @@ def _by_gmsh(path: Path, size: float) -> tuple[Array, dict[str, IntArray], dict[
         gmsh.finalize()
 
 
+def _require_few(gmsh: Any, size: float) -> None:
+    """Refuse more elements than memory holds, by the boxes around the volumes.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no volume, or too many elements would fill them.
+    """
+    volumes = gmsh.model.getEntities(3)
+    if not volumes:
+        raise ConfigurationError(
+            f"{KEY}: expected a geometry with a volume, got none, so there are no tetrahedra"
+        )
+    boxes = np.array([gmsh.model.getBoundingBox(*volume) for volume in volumes])
+    require_few(
+        float(np.prod(boxes[:, 3:] - boxes[:, :3], axis=1).sum()) * PER_CUBE / size**3, "macro.body.size"
+    )
+
+
 def _by_meshio(path: Path) -> tuple[Array, dict[str, IntArray], dict[str, list[IntArray]]]:
     try:
         mesh = read_mesh(path)
@@ -110,7 +145,7 @@ def _by_meshio(path: Path) -> tuple[Array, dict[str, IntArray], dict[str, list[I
         (mesh.cell_data[k] for k in ("gmsh:physical", "medit:ref", "surface") if k in mesh.cell_data), None
     )
     for i, block in enumerate(mesh.cells):
-        if block.type in VOLUMES:
+        if block.type in VOLUMES or block.dim == 3:
             volumes.setdefault(block.type, []).append(block.data)
         elif block.type in FACES:
             corners = np.asarray(block.data)[:, : FACES[block.type]]
@@ -119,7 +154,36 @@ def _by_meshio(path: Path) -> tuple[Array, dict[str, IntArray], dict[str, list[I
             )
             for tag in np.unique(of):
                 faces.setdefault(names.get(int(tag), str(tag)), []).append(corners[of == tag])
-    return np.asarray(mesh.points, float)[:, :3], {k: np.concatenate(v) for k, v in volumes.items()}, faces
+    joined = {k: np.concatenate(v).astype(np.int64) for k, v in volumes.items()}
+    return _used(np.asarray(mesh.points, float), joined, faces)
+
+
+def _used(
+    points: Array, volumes: dict[str, IntArray], faces: dict[str, list[IntArray]]
+) -> tuple[Array, dict[str, IntArray], dict[str, list[IntArray]]]:
+    """Leave out the nodes that no volume element has, and the faces on them."""
+    kept = np.unique(np.concatenate([np.zeros(0, np.int64), *(cells.ravel() for cells in volumes.values())]))
+    number = np.full(len(points), -1, dtype=np.int64)
+    number[kept] = np.arange(len(kept))
+    found = {name: [number[part] for part in parts] for name, parts in faces.items()}
+    on = {name: [part[(part >= 0).all(axis=1)] for part in parts] for name, parts in found.items()}
+    return points[kept], {kind: number[cells] for kind, cells in volumes.items()}, on
+
+
+def _require_apart(points: Array, path: Path) -> None:
+    """Refuse nodes that are there twice, between which the body would be torn.
+
+    Raises
+    ------
+    ConfigurationError
+        Some are.
+    """
+    grain = np.ptp(points, axis=0).max() * SAME if len(points) else 0.0
+    if grain > 0 and (twice := len(points) - len(np.unique(np.rint(points / grain), axis=0))):
+        raise ConfigurationError(
+            f"{KEY}: {twice:,} nodes of {path.name} lie at the same place as others, so that the body is torn there; "
+            "merge them (gmsh: Coherence Mesh;)"
+        )
 
 
 def _upright(points: Array, cells: IntArray) -> IntArray:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.cell.estimate import PER_CUBE, PER_FILLET
 from porocore.cell.part import PoreGeometry
 from porocore.cell.tetrahedra import EDGES, Element, Phase, Tetrahedra, least_stretch, used, volumes
 from porocore.errors import PorocoreError
@@ -76,6 +77,11 @@ class DrawnGeometry(PoreGeometry):
     def onto_channel(self, points: Array) -> Array:
         """Points (n, 3) of the drawn part near a channel's wall, moved onto it; as they are where there is none."""
         return points
+
+    def elements(self, size: float) -> float:
+        """See :class:`~porocore.cell.part.PoreGeometry`."""
+        on_fillets = PER_FILLET / self.finest_fillet if self.finest_fillet else 0.0
+        return PER_CUBE / min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest) ** 3 + on_fillets
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
         """By gmsh; see :class:`~porocore.cell.part.PoreGeometry`.

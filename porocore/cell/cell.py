@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -18,6 +19,7 @@ from pydantic import (
 
 from porocore.cell.connectivity import pieces, why_loose
 from porocore.cell.contact import ContactSettings
+from porocore.cell.estimate import require_few
 from porocore.cell.geometry import Geometry, OrthogonalChannels
 from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.supercell import block
@@ -65,6 +67,16 @@ class Cell(BaseModel):
     def _one_or_the_other(self) -> Self:
         if self.material is not None and self.materials is not None:
             raise ValueError("expected either material or materials, got both; keep the one that is meant")
+        return self
+
+    @model_validator(mode="after")
+    def _few(self) -> Self:
+        mesh, cells = self.mesh, math.prod(self.supercell)
+        for name, size, count in (("size", mesh.size, cells), ("fluid_size", mesh.fluid_size, 1)):
+            try:
+                require_few(count * self.geometry.elements(size), f"mesh.{name}")
+            except ConfigurationError as error:
+                raise ValueError(str(error)) from error
         return self
 
     @model_serializer(mode="wrap")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
@@ -40,27 +41,51 @@ def read_image(path: Path) -> npt.NDArray[np.integer[Any]]:
             "image as .npy"
         )
     try:
-        if suffix == ".npy":
-            found = np.load(path, allow_pickle=False)
-        else:
-            import tifffile
+        found = _read_npy(path) if suffix == ".npy" else _read_tiff(path)
+    except ConfigurationError:
+        raise
+    except Exception as error:  # readers raise whatever a file makes them stumble over
+        reason = " ".join(f"{error}".split())[:200] or type(error).__name__
+        raise ConfigurationError(f"{path}: not an image that can be read: {reason}") from error
+    return found.astype(np.int64) if found.dtype == bool else found
 
-            found = np.asarray(tifffile.imread(path)).T
-    except (OSError, ValueError, EOFError) as error:
-        raise ConfigurationError(f"{path}: not an image that can be read: {error}") from error
-    if not isinstance(found, np.ndarray) or not (
-        found.dtype == bool or np.issubdtype(found.dtype, np.integer)
-    ):
+
+def _read_npy(path: Path) -> npt.NDArray[Any]:
+    """Read an array after a look at what its header declares."""
+    with path.open("rb") as file:
+        version = np.lib.format.read_magic(file)
+        if version not in ((1, 0), (2, 0)):
+            raise ValueError(f"its version {version[0]}.{version[1]} is unknown")
+        first = version == (1, 0)
+        read = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(file)
+    _check(path, shape, dtype)
+    return np.asarray(np.load(path, allow_pickle=False))
+
+
+def _read_tiff(path: Path) -> npt.NDArray[Any]:
+    """Read the first series of pages, z leading, after a look at what it declares."""
+    import tifffile
+
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # it is raised as well
+    with tifffile.TiffFile(path) as file:
+        series = file.series[0]
+        _check(path, series.shape, series.dtype)
+        return np.asarray(series.asarray()).T
+
+
+def _check(path: Path, shape: tuple[int, ...], dtype: Any) -> None:
+    """Refuse what is no segmented cube, before it is read."""
+    if dtype is None or not (np.issubdtype(dtype, np.bool_) or np.issubdtype(dtype, np.integer)):
         raise ConfigurationError(
             f"{path}: expected a segmented image, of whole numbers or of true and false, got values of the type "
-            f"{getattr(found, 'dtype', type(found).__name__)}; segment it first"
+            f"{dtype}; segment it first"
         )
-    if found.ndim != 3 or len(set(found.shape)) > 1 or not SMALLEST <= found.shape[0] <= LARGEST:
+    if len(shape) != 3 or len(set(shape)) > 1 or not SMALLEST <= shape[0] <= LARGEST:
         raise ConfigurationError(
-            f"{path}: expected a cube of {SMALLEST} to {LARGEST} voxels along each edge, got the shape {found.shape}; "
-            "crop it"
+            f"{path}: expected a cube of {SMALLEST} to {LARGEST} voxels along each edge, got the shape "
+            f"{str(tuple(shape))[:80]}; crop it"
         )
-    return found.astype(np.int64) if found.dtype == bool else found
 
 
 class SmoothImage:

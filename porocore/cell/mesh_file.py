@@ -77,6 +77,10 @@ class MeshFile(FromFile, PoreGeometry):
         """See :class:`~porocore.cell.part.PoreGeometry`."""
         return f"mesh {Path(self.path).name}"
 
+    def elements(self, size: float) -> float:
+        """Return 0: the mesh is there already."""
+        return 0.0
+
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
         """Of the file; see :class:`~porocore.cell.part.PoreGeometry`.
 
@@ -146,7 +150,7 @@ def _tags(geometry: MeshFile, path: Path, mesh: Any, blocks: list[int]) -> tuple
             f"got {geometry.tags or 'none, and none of the usual ones is there'}; it has {', '.join(known) or 'none'}"
         )
     tags = np.concatenate([np.asarray(mesh.cell_data[wanted[0]][i]).reshape(-1) for i in blocks])
-    if not (tags == np.rint(tags)).all():
+    if not (np.isfinite(tags) & (tags == np.rint(tags))).all():
         raise ConfigurationError(f"cell.geometry.tags: {wanted[0]} of {path} does not hold whole numbers")
     names = {int(number): name for name, (number, dim) in mesh.field_data.items() if int(dim) == 3}
     return tags.astype(np.int64), names

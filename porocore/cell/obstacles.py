@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from porocore.cell.cad import DrawnGeometry, DrawnPart
+from porocore.cell.cad import LARGEST_SIZE_TO_RADIUS, DrawnGeometry, DrawnPart
 from porocore.cell.drawing import split, wedge
+from porocore.cell.estimate import PER_CUBE
 from porocore.cell.part import Unfolding
 from porocore.dimensions import Unit
 
@@ -126,6 +127,10 @@ class CylinderArray(DrawnGeometry):
     def gap(self, x: float, y: float, z: float) -> float:
         """To the mirror planes between this cylinder and the next along x and along y."""
         return 0.5 - float(np.sqrt(max(self.radius**2 - min(x, y) ** 2, 0.0)))
+
+    def elements(self, size: float) -> float:
+        """See :class:`~porocore.cell.part.PoreGeometry`; one layer only."""
+        return PER_CUBE / min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest) ** 2
 
     def draw(self, gmsh: Any) -> DrawnPart:
         """A section, extruded: the flow does not change along z."""

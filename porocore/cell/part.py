@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from porocore.cell.estimate import PER_CUBE
 from porocore.cell.tetrahedra import Element, Phase, Tetrahedra
 
 Unfolding = Literal["wedge", "eighth", "whole"]
@@ -45,6 +46,10 @@ class PoreGeometry(BaseModel, ABC):
     def loose(self) -> str | None:
         """Why the solid does not hang together from cell to cell; empty if it does, None where only a mesh can tell."""
         return None
+
+    def elements(self, size: float) -> float:
+        """Return about how many tetrahedra of the given size fill the whole cell, without meshing it."""
+        return PER_CUBE / size**3
 
     @abstractmethod
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:

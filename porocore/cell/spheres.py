@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from porocore.cell.cad import DrawnGeometry, DrawnPart
 from porocore.cell.capsules import Capsules
 from porocore.cell.drawing import split, wedge
+from porocore.cell.estimate import PER_CUBE
 from porocore.cell.level_set import stuffed
 from porocore.cell.part import Unfolding
 from porocore.cell.tetrahedra import Element, Phase, Tetrahedra
@@ -26,8 +27,8 @@ LATTICES: dict[str, tuple[Array, float]] = {
 }
 #: A body that reaches less far into the part is left out: it only touches it.
 TOUCH = 1e-9
-#: Given centres in one cell.
-MOST = 64
+#: Given centres in one cell, throats between them, and periods that a throat bridges along an axis.
+MOST, MOST_THROATS, FARTHEST = 64, 512, 4
 Radius = Annotated[float, Field(gt=0, lt=0.9), Unit("cell")]
 Point = tuple[float, float, float]
 
@@ -87,6 +88,8 @@ class SpherePores(DrawnGeometry):
             )
         if self.centres and self.throat and self.throats is None:
             raise ValueError("throat: say which centres are joined, for instance throats: [{join: [0, 1]}]")
+        if len(self.throats or ()) > MOST_THROATS:
+            raise ValueError(f"throats: expected at most {MOST_THROATS}, got {len(self.throats or ())}")
         for throat in self.throats or ():
             self._check(throat)
         if self.lattice and self.radius is not None and self.throat >= self.radius:
@@ -104,6 +107,12 @@ class SpherePores(DrawnGeometry):
                 f"throats: to join pore {throat.join[0]} with its image give shift: [1, 0, 0] or so"
             )
         radius = self.throat if throat.radius is None else throat.radius
+        reach = self._ends(throat)
+        if not (np.isfinite(reach).all() and np.abs(np.diff(reach, axis=0)).max() <= FARTHEST):
+            raise ValueError(
+                f"throats: expected pores at most {FARTHEST} periods apart along each axis, got {list(throat.join)} "
+                f"with the shift {list(throat.shift or ())}"
+            )
         pores = [self._spheres[1][i] for i in throat.join]
         if not 0 < radius < min(pores):
             raise ValueError(
@@ -147,6 +156,10 @@ class SpherePores(DrawnGeometry):
         radii = [self.throat] if self.throat else []
         radii += [throat.radius for throat in self.throats or () if throat.radius is not None]
         return float(min([*radii, *self._spheres[1]]))
+
+    def elements(self, size: float) -> float:
+        """See :class:`~porocore.cell.part.PoreGeometry`; a level set has the smallest radius."""
+        return super().elements(size) if self.lattice else PER_CUBE / min(size, self.narrowest) ** 3
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
         """A lattice is drawn, with sharp ridges where pores meet; at given centres a level set is cut.
@@ -198,20 +211,23 @@ class SpherePores(DrawnGeometry):
                 for a, b in combinations(places, 2)
                 if abs(np.linalg.norm(b - a) - distance) < 1e-9
             ]
-        centres, _ = self._spheres
-        given = np.array(self.centres, dtype=np.float64)
         found = []
         for throat in self.throats or ():
-            i, j = throat.join
-            a, b = centres[i], centres[j]
-            if throat.shift is None:
-                b = b - np.rint(b - a)
-            else:
-                b = a + (given[j] + throat.shift - given[i])
+            a, b = self._ends(throat)
             radius = self.throat if throat.radius is None else throat.radius
             reach = range(-1 - int(np.abs(b).max()), 2 + int(np.abs(b).max()))
             found += [(a + shift, b + shift, radius) for shift in product(map(float, reach), repeat=3)]
         return found
+
+    def _ends(self, throat: Throat) -> Array:
+        """Centres (2, 3) of the two pores that a throat joins, the first in the cell."""
+        centres, _ = self._spheres
+        given = np.array(self.centres, dtype=np.float64)
+        i, j = throat.join
+        a, b = centres[i], centres[j]
+        if throat.shift is None:
+            return np.stack([a, b - np.rint(b - a)])
+        return np.stack([a, a + (given[j] + np.array(throat.shift, dtype=np.float64) - given[i])])
 
 
 @lru_cache(maxsize=8)

@@ -365,7 +365,7 @@ def test_a_geometry_is_meshed_by_gmsh_with_its_names(tmp_path):
 
 
 def test_files_that_are_no_body_are_refused(tmp_path):
-    with pytest.raises(ConfigurationError, match="there is no file"):
+    with pytest.raises(ConfigurationError, match="No such file"):
         read_body(tmp_path / "none.msh", None, 1.0)
     broken = tmp_path / "broken.msh"
     broken.write_text("$MeshFormat\n4.1 0 8\n", encoding="utf-8")

@@ -82,7 +82,7 @@ def test_a_tiff_stack_has_its_pages_along_z(tmp_path):
             {"pore": 3},
             r"no voxel of .* has the value 3; its values are 1 \(64\)",
         ),
-        (np.array([{}, 1], dtype=object), {}, "not an image that can be read"),
+        (np.array([{}, 1], dtype=object), {}, "expected a segmented image.*object"),
     ],
     ids=["not a cube", "grey", "one phase", "pickled"],
 )

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import threading
+import uuid
 from pathlib import Path
 
 import numpy as np
@@ -113,11 +114,12 @@ def test_a_long_message_is_cut_in_the_line_and_whole_in_the_file(command, monkey
 def test_no_file_is_written_through_a_link_or_over_another(monkeypatch, tmp_path):
     """The next place is taken instead."""
     monkeypatch.setattr(unexpected.time, "strftime", lambda *_: "now")
+    monkeypatch.setattr(unexpected, "uuid4", lambda: uuid.UUID(int=0))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     run, mine = tmp_path / "run", tmp_path / "mine"
     run.mkdir()
     mine.write_text("mine")
-    (run / f"porocore-error-now-{os.getpid()}.txt").symlink_to(mine)
+    (run / f"porocore-error-now-{os.getpid()}-0000.txt").symlink_to(mine)
     error = ValueError("a bug")
     unexpected.note_folder(error, run)
     assert str(tmp_path / "state") in unexpected.describe(error)

@@ -1,0 +1,162 @@
+"""Images that cannot be a cell."""
+
+from __future__ import annotations
+
+import io
+import struct
+from pathlib import Path
+
+import numpy as np
+from bad_files import fifo, folder, holes, link
+from bad_row import Content, Row, faulty
+
+HALF = np.zeros((8, 8, 8), dtype=np.uint8)
+HALF[:4] = 1
+
+
+def npy(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array, allow_pickle=True)
+    return stream.getvalue()
+
+
+def header(text: str, data: bytes = b"") -> bytes:
+    """A .npy file with any header."""
+    padded = text.encode().ljust(118) + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(padded)) + padded + data
+
+
+def declared(shape: str, descr: str = "'|u1'", data: bytes = b"\0" * 512) -> bytes:
+    return header(f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}", data)
+
+
+def archive(path: Path) -> None:
+    with path.open("wb") as file:
+        np.savez(file, HALF)
+
+
+def tiff(array: np.ndarray, **how: object):
+    def make(path: Path) -> None:
+        import tifffile
+
+        tifffile.imwrite(path, array, **how)
+
+    return make
+
+
+def tiff_of(width: int, height: int, pages: int = 1) -> bytes:
+    """A TIFF that declares pages of the given size and holds eight bytes of them."""
+    entries = [
+        (256, 4, width), (257, 4, height), (258, 3, 8), (259, 3, 1), (262, 3, 1), (273, 4, 0), (277, 3, 1),
+        (278, 4, height), (279, 4, min(width * height, 2**32 - 1)),
+    ]  # fmt: skip
+    size = 2 + 12 * len(entries) + 4
+    blocks = []
+    for page in range(pages):
+        at = 8 + page * size
+        following = 0 if page == pages - 1 else at + size
+        rows = b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in entries)
+        blocks.append(struct.pack("<H", len(entries)) + rows + struct.pack("<I", following))
+    return b"II*\0" + struct.pack("<I", 8) + b"".join(blocks) + b"\0" * 8
+
+
+def looped() -> bytes:
+    """A TIFF whose page is followed by itself."""
+    whole = bytearray(tiff_of(8, 8))
+    whole[8 + 2 + 12 * 9 : 8 + 2 + 12 * 9 + 4] = struct.pack("<I", 8)
+    return bytes(whole)
+
+
+CANNOT = "not an image that can be read"
+CUBE = "expected a cube of 4 to 400 voxels"
+TYPE = "expected a segmented image"
+#: Suffix, content, words of the message.
+FAULTS: dict[str, tuple[str, Content, str]] = {
+    "missing": (".npy", lambda path: None, "no such file"),
+    "of another kind": (".png", b"\x89PNG", "expected an image as .npy, .tif or .tiff"),
+    "without a suffix": ("", npy(HALF), "expected an image as .npy, .tif or .tiff"),
+    "a folder": (".npy", folder, "expected a file, got a folder"),
+    "a named pipe": (".npy", fifo, "got a named pipe"),
+    "an endless device": (".npy", link("/dev/zero"), "got a device"),
+    "a loop of links": (".npy", link("image.npy"), "symbolic links"),
+    "of a terabyte": (".npy", holes(1 << 40), "at most"),
+    "empty": (".npy", b"", CANNOT),
+    "junk": (".npy", bytes(range(256)) * 10, CANNOT),
+    "words": (".npy", "Dear diary", CANNOT),
+    "cut in its header": (".npy", npy(HALF)[:40], CANNOT),
+    "cut in its data": (".npy", npy(HALF)[:-100], CANNOT),
+    "of version 9": (".npy", b"\x93NUMPY\x09\x00" + npy(HALF)[8:], CANNOT),
+    "an archive": (".npy", archive, CANNOT),
+    "of objects": (".npy", npy(np.array([{"a": 1}] * 8).reshape(2, 2, 2)), TYPE),
+    "with a header that is code": (".npy", header("__import__('os').system('touch hacked')"), CANNOT),
+    "with a header of braces": (".npy", header("{" * 100), CANNOT),
+    "with a header without a shape": (".npy", header("{'descr': '|u1'}"), CANNOT),
+    "of shape 10^12": (".npy", declared("(1000000000000,)"), CUBE),
+    "of shape 10^4 cubed": (".npy", declared("(10000, 10000, 10000)"), CUBE),
+    "of shape 10^30": (".npy", declared(f"({10**30}, 1, 1)"), ""),
+    "of negative shape": (".npy", declared("(-8, -8, -8)"), ""),
+    "of 400 cubed declared and 512 bytes": (".npy", declared("(400, 400, 400)"), CANNOT),
+    "of void items of 10^9 bytes": (".npy", declared("(8, 8, 8)", "'|V1000000000'"), TYPE),
+    "of 3 voxels": (".npy", npy(np.zeros((3, 3, 3), dtype=int)), CUBE),
+    "of no voxels": (".npy", npy(np.zeros((0, 0, 0), dtype=int)), CUBE),
+    "a number": (".npy", npy(np.array(1)), CUBE),
+    "a line": (".npy", npy(np.zeros(8, dtype=int)), CUBE),
+    "a plane": (".npy", npy(HALF[0]), CUBE),
+    "of four dimensions": (".npy", npy(np.stack([HALF, HALF])), CUBE),
+    "of unequal sides": (".npy", npy(HALF[:, :6]), CUBE),
+    "of 401 voxels": (".npy", declared("(401, 401, 401)"), CUBE),
+    "of floats": (".npy", npy(HALF.astype(float)), TYPE),
+    "of NaN": (".npy", npy(np.full((8, 8, 8), np.nan)), TYPE),
+    "of complex numbers": (".npy", npy(HALF.astype(complex)), TYPE),
+    "of texts": (".npy", npy(HALF.astype("U3")), TYPE),
+    "of dates": (".npy", npy(HALF.astype("datetime64[s]")), TYPE),
+    "of records": (".npy", npy(np.zeros((8, 8, 8), dtype=[("a", "u1")])), TYPE),
+    "all pore": (".npy", npy(np.zeros((8, 8, 8), dtype=int)), "every voxel"),
+    "all solid": (".npy", npy(np.ones((8, 8, 8), dtype=int)), "no voxel"),
+    "of other values": (".npy", npy(np.arange(512).reshape(8, 8, 8) + 7), "no voxel"),
+    "TIFF, empty": (".tif", b"", CANNOT),
+    "TIFF, junk": (".tif", bytes(range(256)), CANNOT),
+    "TIFF, its beginning only": (".tif", b"II*\0", CANNOT),
+    "TIFF, cut short": (".tif", tiff_of(8, 8)[:40], CANNOT),
+    "TIFF of one page": (".tif", tiff(HALF[0]), CUBE),
+    "TIFF of floats": (".tif", tiff(HALF.astype(np.float32)), TYPE),
+    "TIFF in colour": (".tif", tiff(np.zeros((8, 8, 8, 3), dtype=np.uint8)), CUBE),
+    "TIFF of 10^9 × 10^9": (".tif", tiff_of(10**9, 10**9), CUBE),
+    "TIFF of 400 × 400 declared and 8 bytes": (".tif", tiff_of(400, 400, 400), ""),
+    "TIFF whose page follows itself": (".tif", looped(), ""),
+    "TIFF of zeros that were packed": (
+        ".tif",
+        tiff(np.zeros((500, 500, 500), dtype=np.uint8), compression="zlib"),
+        CUBE,
+    ),
+    "TIFF, all pore": (".tif", tiff(np.zeros((8, 8, 8), dtype=np.uint8)), "every voxel"),
+}
+LONG = "x" * 300 + ".npy"
+
+
+def row(kind: str, **keys: object) -> Row:
+    suffix, content, expected = FAULTS[kind]
+    name = f"image{suffix}"
+    changes = {"cell.geometry": {"kind": "voxels", "path": name, **keys}}
+    return faulty(f"image {kind}", changes, expected, files={name: content})
+
+
+ROWS = [
+    *map(row, FAULTS),
+    *(
+        faulty(f"image with a path {name}", {"cell.geometry": {"kind": "voxels", "path": path}}, expected)
+        for name, path, expected in (
+            ("of 300 characters", LONG, "too long"),
+            ("of 5,000 characters", "y/" * 2500 + "image.npy", "too long"),
+            ("with a null character", "image\0.npy", ""),
+            ("with a line break", "image\n.npy", "no such file"),
+            ("that is a number", 7, "expected text, got 7"),
+        )
+    ),
+    faulty(
+        "image with another checksum",
+        {"cell.geometry": {"kind": "voxels", "path": "image.npy", "sha256": "0" * 64}},
+        "has changed",
+        files={"image.npy": npy(HALF)},
+    ),
+]

@@ -1,0 +1,267 @@
+"""Meshes and geometries that cannot be used, as a body and as a cell."""
+
+from __future__ import annotations
+
+import itertools
+import struct
+
+import numpy as np
+from bad_files import fifo, folder, holes, link
+from bad_row import Content, Row, faulty
+
+#: Tetrahedra and triangles of gmsh's format 2.2, with their numbers of nodes.
+TETRAHEDRON, TRIANGLE, PYRAMID, HEXAHEDRON, LINE = 4, 2, 7, 5, 1
+
+
+class Mesh:
+    """A cube of 2 × 2 × 2 small ones, each of six tetrahedra; the surfaces y- and y+ have the tags 1 and 2.
+
+    Of the tetrahedra those of the last small cube have the tag 4, all others 3. To be altered, then written as text.
+    """
+
+    def __init__(self) -> None:
+        n = 2
+        grid = np.array(list(itertools.product(range(n + 1), repeat=3)))
+        self.points = (grid / n).tolist()
+        number = {tuple(at): i for i, at in enumerate(grid.tolist())}
+        self.elements: list[tuple[int, int, list[int]]] = []
+        for at in itertools.product(range(n), repeat=3):
+            for order in itertools.permutations(range(3)):
+                path = [np.array(at)]
+                for axis in order:
+                    path.append(path[-1] + np.eye(3, dtype=int)[axis])
+                nodes = [number[tuple(p.tolist())] for p in path]
+                edges = np.array([path[i] - path[0] for i in (1, 2, 3)])
+                if np.linalg.det(edges) < 0:
+                    nodes[2], nodes[3] = nodes[3], nodes[2]
+                self.elements.append((TETRAHEDRON, 4 if at == (n - 1,) * 3 else 3, nodes))
+        for tag, y in ((1, 0), (2, n)):
+            for a, b in itertools.product(range(n), repeat=2):
+                corners = [number[a + i, y, b + j] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
+                self.elements += [
+                    (TRIANGLE, tag, [corners[k] for k in pick]) for pick in ((0, 1, 2), (0, 2, 3))
+                ]
+
+    @property
+    def tetrahedra(self) -> list[list[int]]:
+        return [nodes for kind, _, nodes in self.elements if kind == TETRAHEDRON]
+
+    def text(self) -> str:
+        lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$Nodes", str(len(self.points))]
+        lines += [f"{i + 1} {' '.join(map(str, p))}" for i, p in enumerate(self.points)]
+        lines += ["$EndNodes", "$Elements", str(len(self.elements))]
+        lines += [
+            f"{i + 1} {kind} 2 {tag} {tag} {' '.join(str(n + 1) for n in nodes)}"
+            for i, (kind, tag, nodes) in enumerate(self.elements)
+        ]
+        return "\n".join([*lines, "$EndElements", ""])
+
+
+def altered(alter) -> str:
+    mesh = Mesh()
+    alter(mesh)
+    return mesh.text()
+
+
+def node(value):
+    def alter(mesh):
+        mesh.points[13] = value
+
+    return alter
+
+
+def index(value):
+    def alter(mesh):
+        mesh.tetrahedra[0][0] = value
+
+    return alter
+
+
+def flat(mesh):
+    mesh.tetrahedra[0][1] = mesh.tetrahedra[0][0]
+
+
+def torn(mesh):
+    """The second half has nodes of its own, at the same places."""
+    count = len(mesh.points)
+    mesh.points += [list(p) for p in mesh.points]
+    for nodes in mesh.tetrahedra[24:]:
+        nodes[:] = [n + count for n in nodes]
+
+
+def shrunk(mesh):
+    mesh.points = [[x, y, 0.0] for x, y, _ in mesh.points]
+
+
+def pyramids(mesh):
+    mesh.elements.append((PYRAMID, 3, [0, 3, 12, 9, 13]))
+
+
+def hexahedra(mesh):
+    mesh.elements.append((HEXAHEDRON, 3, [0, 9, 12, 3, 1, 10, 13, 4]))
+
+
+def surface_only(mesh):
+    mesh.elements = [e for e in mesh.elements if e[0] == TRIANGLE]
+
+
+def lines_only(mesh):
+    mesh.elements = [(LINE, 1, [0, 1])]
+
+
+def turned_hexahedron(mesh):
+    mesh.elements = [
+        (HEXAHEDRON, 3, [1, 10, 13, 4, 0, 9, 12, 3]),
+        (3, 1, [0, 9, 10, 1]),
+        (3, 2, [3, 12, 13, 4]),
+    ]
+
+
+WHOLE = Mesh().text()
+STL = (
+    "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    "endsolid a\n"
+)
+BINARY_STL = b"\0" * 80 + struct.pack("<I", 2**31 - 1) + b"\0" * 50
+VTU = """<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>
+<Piece NumberOfPoints="{points}" NumberOfCells="{cells}"><Points><DataArray type="Float64" NumberOfComponents="3"
+ format="ascii">{values}</DataArray></Points><Cells><DataArray type="Int64" Name="connectivity" format="ascii">{nodes}
+</DataArray><DataArray type="Int64" Name="offsets" format="ascii">4</DataArray><DataArray type="UInt8" Name="types"
+ format="ascii">10</DataArray></Cells></Piece></UnstructuredGrid></VTKFile>"""
+LAUGHS = (
+    '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY a0 "ha">'
+    + "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 12))
+    + ']><VTKFile type="UnstructuredGrid">&a11;</VTKFile>'
+)
+UNREADABLE = "not a mesh that meshio can read"
+#: What is wrong in a mesh's own terms: suffix, content, words of the message as a body, and as a cell.
+FAULTS: dict[str, tuple[str, Content, str, str]] = {
+    "empty": (".msh", "", UNREADABLE, UNREADABLE),
+    "binary junk": (".msh", bytes(range(256)) * 40, UNREADABLE, UNREADABLE),
+    "words": (".msh", "Dear diary,\n", UNREADABLE, UNREADABLE),
+    "no known suffix": (".xyzzy", WHOLE, UNREADABLE, UNREADABLE),
+    "no suffix": ("", WHOLE, UNREADABLE, UNREADABLE),
+    "cut short": (".msh", WHOLE[: len(WHOLE) // 2], UNREADABLE, UNREADABLE),
+    "of zeros": (".msh", b"\0" * 5000, UNREADABLE, UNREADABLE),
+    "JSON": (".vtu", "{}", UNREADABLE, UNREADABLE),
+    "XML entities that grow": (".vtu", LAUGHS, UNREADABLE, UNREADABLE),
+    "VTK of 10^12 points": (
+        ".vtu", VTU.format(points=10**12, cells=1, values="0 0 0", nodes="0 1 2 3"), UNREADABLE, UNREADABLE,
+    ),
+    "VTK with a node beyond the last": (
+        ".vtu", VTU.format(points=4, cells=1, values="0 0 0 1 0 0 0 1 0 0 0 1", nodes="0 1 2 99"), "node 99", "node 99",
+    ),
+    "10^15 nodes": (".msh", WHOLE.replace("$Nodes\n27", f"$Nodes\n{10**15}"), UNREADABLE, UNREADABLE),
+    "10^15 elements": (".msh", WHOLE.replace("$Elements\n64", f"$Elements\n{10**15}"), UNREADABLE, UNREADABLE),
+    "STL": (".stl", STL, "mesh.stl has none", "no elements with a volume"),
+    "binary STL that declares 2^31 facets": (".stl", BINARY_STL, "an array of shape", "an array of shape"),
+    "an infinite node": (".msh", altered(node([float("inf"), 0, 0])), "not finite", "not finite"),
+    "a node that is no number": (".msh", altered(node([float("nan"), 0, 0])), "not finite", "not finite"),
+    "a node at 1e300": (".msh", altered(node([1e300, 0, 0])), "1e+300", "1e+300"),
+    "an index beyond the last node": (".msh", altered(index(10**6)), UNREADABLE, UNREADABLE),
+    "an index of 10^18": (".msh", altered(index(10**18)), UNREADABLE, UNREADABLE),
+    "a tetrahedron without volume": (".msh", altered(flat), "turned inside out or flat", "inside of the cell"),
+    "nodes that are there twice": (".msh", altered(torn), "same place", "not periodic"),
+    "a flat mesh": (".msh", altered(shrunk), "same place", "expected a cube"),
+    "pyramids too": (".msh", altered(pyramids), "expected volume elements of one kind", "expected tetrahedra"),
+    "hexahedra too": (".msh", altered(hexahedra), "expected volume elements of one kind", "expected tetrahedra"),
+    "a surface only": (".msh", altered(surface_only), "expected volume elements", "no elements with a volume"),
+    "lines only": (".msh", altered(lines_only), "expected volume elements", "no elements with a volume"),
+    "a hexahedron turned inside out": (
+        ".msh", altered(turned_hexahedron), "turned inside out or flat", "expected tetrahedra",
+    ),
+    "missing": (".msh", lambda path: None, "no such file", "no such file"),
+    "a folder": (".msh", folder, "expected a file, got a folder", "expected a file, got a folder"),
+    "a named pipe": (".msh", fifo, "got a named pipe", "got a named pipe"),
+    "an endless device": (".msh", link("/dev/zero"), "got a device", "got a device"),
+    "a loop of links": (".msh", link("mesh.msh"), "symbolic links", "symbolic links"),
+    "of a terabyte": (".msh", holes(1 << 40), "at most", "at most"),
+}  # fmt: skip
+BODY = {"1": {"displacement": [0, 0, 0]}, "2": {"traction": [0, 1, 0], "pressure": 0}}
+
+
+def as_body(kind: str) -> Row:
+    suffix, content, expected, _ = FAULTS[kind]
+    changes = {"macro.body": {"kind": "file", "path": f"mesh{suffix}"}, "macro.boundary": BODY}
+    return faulty(f"body: {kind}", changes, expected, files={f"mesh{suffix}": content})
+
+
+def as_cell(kind: str) -> Row:
+    suffix, content, _, expected = FAULTS[kind]
+    geometry = {"kind": "mesh-file", "path": f"mesh{suffix}", "solid": [3], "fluid": [4]}
+    return faulty(f"cell: {kind}", {"cell.geometry": geometry}, expected, files={f"mesh{suffix}": content})
+
+
+#: Geometries that gmsh meshes, of a body: suffix, content, size, words of the message.
+GEOMETRIES: dict[str, tuple[str, Content, float, str]] = {
+    "empty .geo": (".geo", "", 0.5, "expected a geometry with a volume"),
+    "junk .step": (".step", bytes(range(256)), 0.5, "could not mesh"),
+    "empty .step": (".step", "", 0.5, "expected a geometry with a volume"),
+    "junk .brep": (
+        ".brep",
+        "DBRep_DrawableShape\n\nCASCADE Topology V1, (c)",
+        0.5,
+        "expected a geometry with a volume",
+    ),
+    "a .geo with a fault": (".geo", "Point(1) = {0, 0,;\n", 0.5, "could not mesh"),
+    "too fine": (".geo", 'SetFactory("OpenCASCADE"); Box(1) = {0,0,0, 1,1,1};', 1e-3, "about"),
+    "that calls the system": (".geo", 'SystemCall "touch hacked";\n', 0.5, "SystemCall"),
+}
+
+
+def as_geometry(kind: str) -> Row:
+    suffix, content, size, expected = GEOMETRIES[kind]
+    changes = {
+        "macro.body": {"kind": "file", "path": f"part{suffix}", "size": size},
+        "macro.boundary": BODY,
+    }
+    return faulty(f"geometry: {kind}", changes, expected, files={f"part{suffix}": content})
+
+
+#: Cells that would take more elements than memory holds: changes, words of the message.
+TOO_FINE: dict[str, tuple[dict[str, object], str]] = {
+    "size 0.01": ({"cell.mesh.size": 0.01}, "tetrahedra"),
+    "fluid_size 0.01": ({"cell.mesh.fluid_size": 0.01}, "tetrahedra"),
+    "a radius of 1e-6": ({"cell.geometry.radius": 1e-6}, "tetrahedra"),
+    "a fillet of 1e-7": ({"cell.geometry.fillet": 1e-7}, "a radius from 0.005"),
+    "spheres of radius 1e-5": (
+        {"cell.geometry": {"kind": "sphere-pores", "centres": [[0, 0, 0]], "radius": 1e-5}}, "tetrahedra",
+    ),
+    "a throat of radius 1e-7": (
+        {"cell.geometry": {"kind": "sphere-pores", "lattice": "bcc", "radius": 0.3, "throat": 1e-7}}, "tetrahedra",
+    ),
+    "size 0.01 of a gyroid": (
+        {"cell.geometry": {"kind": "tpms", "surface": "gyroid", "void_fraction": 0.5}, "cell.mesh.size": 0.01}, "tetrahedra",
+    ),
+    "a large block of fine cells": ({"cell.mesh.size": 0.05, "cell.supercell": [8, 8, 8]}, "tetrahedra"),
+}  # fmt: skip
+
+
+def throat(**given: object) -> dict[str, object]:
+    pores = {"kind": "sphere-pores", "centres": [[0, 0, 0], [0.5, 0.5, 0.5]], "radius": 0.2}
+    return {"cell.geometry": {**pores, "throats": [{"join": [0, 1], "radius": 0.1, **given}]}}
+
+
+ROWS = [
+    *map(as_body, FAULTS),
+    *map(as_cell, FAULTS),
+    *map(as_geometry, GEOMETRIES),
+    *(faulty(f"too fine: {name}", changes, words) for name, (changes, words) in TOO_FINE.items()),
+    *(
+        faulty(f"throat that joins cells {shift} apart", throat(shift=shift), "throats")
+        for shift in ([1000, 0, 0], [0, -(10**6), 0], [10**30, 0, 0], [20, 20, 20])
+    ),
+    faulty(
+        "throat between centres a million apart",
+        {
+            **throat(shift=[1, 0, 0]),
+            "cell.geometry.centres": [[0, 0, 0], [1e6, 0, 0]],
+        },
+        "throats",
+    ),
+    faulty(
+        "10,000 throats",
+        {**throat(), "cell.geometry.throats": [{"join": [0, 1], "radius": 0.1}] * 10_000},
+        "throats",
+    ),
+]
