@@ -231,7 +231,8 @@ TOO_FINE: dict[str, tuple[dict[str, object], str]] = {
         {"cell.geometry": {"kind": "sphere-pores", "lattice": "bcc", "radius": 0.3, "throat": 1e-7}}, "tetrahedra",
     ),
     "size 0.01 of a gyroid": (
-        {"cell.geometry": {"kind": "tpms", "surface": "gyroid", "void_fraction": 0.5}, "cell.mesh.size": 0.01}, "tetrahedra",
+        {"cell.geometry": {"kind": "tpms", "surface": "gyroid", "void_fraction": 0.5}, "cell.mesh.size": 0.01},
+        "tetrahedra",
     ),
     "a large block of fine cells": ({"cell.mesh.size": 0.05, "cell.supercell": [8, 8, 8]}, "tetrahedra"),
 }  # fmt: skip
