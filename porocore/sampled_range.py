@@ -13,6 +13,11 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from porocore.inputs import InputSpace, components
 from porocore.states import Array, MacroState
 
+#: Farther beyond the samples than this share of the ranges nothing is known, whatever an estimate says.
+FAR = 0.25
+#: Up to this number of inputs a design begins with the corners of the box; where its hull lacks one, the cell has no
+#: stable state there.
+CORNERED = 3
 #: Above this number of inputs the hull has too many facets to be of use and the bounding box stands in.
 MOST_HULL_INPUTS = 5
 
@@ -61,11 +66,7 @@ class SampledRange:
 
     def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
         """Which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
-        rows: Array = np.atleast_2d(np.asarray(x, dtype=float))
-        with_one = np.ones((len(self.inputs) + 1, len(rows)))
-        with_one[:-1] = rows.T
-        inside: npt.NDArray[np.bool_] = (self._planes @ with_one).max(axis=0) <= tolerance
-        return inside
+        return _within(self._planes, np.atleast_2d(np.asarray(x, dtype=float)), tolerance)
 
     @cached_property
     def _planes(self) -> Array:
@@ -76,10 +77,31 @@ class SampledRange:
 
     def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
         """Which states (n,) lie outside, or move a component that was not sampled."""
+        return self._beyond(states, self._planes, 1e-9)
+
+    def far(self, states: MacroState) -> npt.NDArray[np.bool_]:
+        """Tell which states (n,) lie :data:`FAR` outside, or move a component that was not sampled.
+
+        In more than :data:`CORNERED` inputs the faces of the box count only: the corners that an even design leaves
+        empty lie outside its hull, and a surrogate may know them well.
+        """
+        few = len(self.inputs) <= CORNERED
+        faces = np.count_nonzero(self.normals, axis=1) == 1
+        return self._beyond(states, self._planes if few else self._planes[faces], FAR)
+
+    def _beyond(self, states: MacroState, planes: Array, by: float) -> npt.NDArray[np.bool_]:
         rows = components(states)
-        outside: npt.NDArray[np.bool_] = np.logical_not(self.contains(rows[list(self.inputs.columns)].T))
+        outside = np.logical_not(_within(planes, rows[list(self.inputs.columns)].T, by))
         outside |= self.inputs.others_move(rows)
         return outside
+
+
+def _within(planes: Array, rows: Array, by: float) -> npt.NDArray[np.bool_]:
+    """Tell which rows (n, d) lie beyond none of the planes (m, d + 1) by more than that."""
+    with_one = np.ones((planes.shape[1], len(rows)))
+    with_one[:-1] = rows.T
+    inside: npt.NDArray[np.bool_] = (planes @ with_one).max(axis=0) <= by
+    return inside
 
 
 def _spacing(points: Array) -> float:

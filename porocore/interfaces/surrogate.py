@@ -42,6 +42,9 @@ class TrainingSet:
     isotropic
         Whether the solid is the same along all directions. If not, the cell may lack symmetries that its stiffness at
         rest shows: fibres that bear tension only do nothing there.
+    tolerance
+        States whose estimated error is larger, as a share of the range of what is learned, are to be flagged as
+        outside; None: those beyond the hull of the training states are.
     """
 
     states: MacroState
@@ -51,6 +54,7 @@ class TrainingSet:
     identity: str
     provenance: dict[str, str]
     isotropic: bool = True
+    tolerance: float | None = None
 
 
 @dataclass(frozen=True)

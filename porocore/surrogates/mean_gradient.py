@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from porocore.inputs import InputSpace, flatten
 from porocore.sampled_range import SampledRange
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
+from porocore.surrogates.error_estimate import ErrorEstimate
 from porocore.surrogates.network import Evaluator
 
 
@@ -62,6 +64,8 @@ class AnchoredModel:
         N.
     sampled
         The inputs and the hull of the training states.
+    estimate
+        Of its errors, by which states are flagged; None: those beyond the hull are.
     """
 
     linear: Array
@@ -69,6 +73,7 @@ class AnchoredModel:
     output_scale: Array
     network: Evaluator
     sampled: SampledRange
+    estimate: ErrorEstimate | None = None
 
     @cached_property
     def scaling(self) -> InputScaling:
@@ -109,5 +114,18 @@ class AnchoredModel:
             mean_grad=mean_grad.reshape(n, 3, 3),
             status=np.full(n, int(Status.converged), dtype=np.int64),
             tangent=derivatives,
-            outside=self.sampled.outside(states),
+            outside=self._outside(states, flat, mean_grad),
         )
+
+    def beyond_linear(self, x: Array) -> Array:
+        """Return what the network adds to the linear limit at scaled inputs x (n, d), (components, n)."""
+        value, slope = self.anchor
+        return (self.output_scale * (self.network.evaluate(x) - value - (x - self.scaling.rest) @ slope)).T
+
+    def _outside(self, states: MacroState, flat: Array, mean_grad: Array) -> npt.NDArray[np.bool_]:
+        """Tell which states are flagged, (n,): far from all known ones, or by the estimated error."""
+        if self.estimate is None:
+            return self.sampled.outside(states)
+        found = (mean_grad - flat @ self.linear.T)[:, list(self.components)].T
+        x = self.scaling.scale(flat[:, self.sampled.inputs.columns])
+        return self.sampled.far(states) | self.estimate.flagged((x - self.scaling.rest).T, found)

@@ -11,6 +11,7 @@ from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
 from porocore.sampled_range import SampledRange
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.mean_gradient_data import ScaledData
+from porocore.surrogates.model_errors import with_mean_gradient_error
 from porocore.surrogates.network import Network
 from porocore.surrogates.options import MlpOptions, PotentialOptions
 from porocore.surrogates.potential_training import train_potential
@@ -119,6 +120,6 @@ class NetworkSurrogate(ModelSurrogate):
         anchored = AnchoredModel(
             scaled.linear, scaled.components, scaled.output_scale, self.evaluator(network), sampled
         )
-        self._become(anchored, data.identity, data.provenance)
+        self._become(with_mean_gradient_error(anchored, data), data.identity, data.provenance)
         self.learn_conductivity(data)
         return self

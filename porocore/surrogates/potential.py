@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from porocore.sampled_range import SampledRange
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 from porocore.surrogates.composition import Derivatives, Sum
+from porocore.surrogates.error_estimate import ErrorEstimate
 from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.network import Evaluator, begun
 from porocore.surrogates.potential_data import Rest, variables
@@ -95,6 +97,8 @@ class PotentialModel:
         Their box in the variables y.
     refinement
         The rest, as a polynomial in the same terms; None where there is no such part.
+    estimate
+        Of its errors, by which states are flagged; None: those beyond the hull are.
     """
 
     rest: Rest
@@ -106,6 +110,7 @@ class PotentialModel:
     sampled: SampledRange
     reach: Reach
     refinement: Polynomial | None = None
+    estimate: ErrorEstimate | None = None
 
     def potential(self, y: Array) -> tuple[Array, Array, Array]:
         """W (n,), ∂W/∂y (7, n) and ∂²W/∂y² (7, 7, n)."""
@@ -208,8 +213,21 @@ class PotentialModel:
             stress=stress,
             fluid_volume=-gradient[6],
             tangent=slopes if tangent else None,
-            outside=self.sampled.outside(self.sampled.inputs.without_rotation(states)),
+            outside=self._outside(states, y, gradient),
         )
+
+    def beyond_rest(self, y: Array, judged: tuple[int, ...], gradient: Array | None = None) -> Array:
+        """Return ∂(W − W₂)/∂y (c, n) of the judged variables at y (7, n), of which ∂W/∂y may be known."""
+        whole = self.potential(y)[1] if gradient is None else gradient
+        return (whole - self.rest.potential(y)[1])[list(judged)]
+
+    def _outside(self, states: MacroState, y: Array, gradient: Array) -> npt.NDArray[np.bool_]:
+        """Tell which states are flagged, (n,): far from all known ones, or by the estimated error."""
+        unrotated = self.sampled.inputs.without_rotation(states)
+        if self.estimate is None:
+            return self.sampled.outside(unrotated)
+        found = self.beyond_rest(y, self.estimate.judged, gradient)
+        return self.sampled.far(unrotated) | self.estimate.flagged(y, found)
 
     def _mean_grad(self, stretch: LogStretch, y: Array, tangent: bool) -> tuple[Array, tuple[Array, Array]]:
         n = y.shape[1]

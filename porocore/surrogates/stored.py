@@ -17,6 +17,7 @@ from porocore.surrogates.conductivity import ConductivityModel
 from porocore.surrogates.conductivity_fit import fit_conductivity
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.memory import keep_freed_memory
+from porocore.surrogates.model_errors import with_potential_error
 from porocore.surrogates.network import Evaluator, Network
 from porocore.surrogates.potential import PotentialModel
 
@@ -145,7 +146,7 @@ class ModelSurrogate(Surrogate):
     def _with(self, model: PotentialModel, data: TrainingSet, errors: dict[str, float]) -> Self:
         """Become a fitted potential."""
         self.accuracy = errors
-        self._become(model, data.identity, data.provenance)
+        self._become(with_potential_error(model, data), data.identity, data.provenance)
         self.learn_conductivity(data)
         return self
 
