@@ -130,7 +130,9 @@ class RunConfig(Section):
             own = None if backend == (fem or self.fem.backend) else backend
             update["macro"] = self.macro.model_copy(update={"backend": own, "options": options})
         if surrogate is not None and surrogate != self.surrogate.backend:
-            update["surrogate"] = SurrogateSettings(backend=surrogate, seed=self.surrogate.seed)
+            update["surrogate"] = SurrogateSettings(
+                backend=surrogate, seed=self.surrogate.seed, tolerance=self.surrogate.tolerance
+            )
         return self.model_copy(update=update)
 
     def with_executor(self, executor: str | None = None, scheduler: str | None = None) -> RunConfig:

@@ -129,6 +129,8 @@ class SurrogateSettings(Section):
     (``potential``); ``auto`` is what the closure needs."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the first weights and of the split into training and validation states."""
+    tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01
+    """Share of the range of what is learned; a state is flagged whose error is estimated to be larger."""
     options: dict[str, Any] = {}
     """Options of the surrogate."""
 

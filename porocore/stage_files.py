@@ -137,6 +137,7 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
         config.stages.cell,
         versions(),
         config.cell.solid.isotropic,
+        config.surrogate.tolerance,
     )
 
 

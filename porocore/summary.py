@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -44,7 +44,7 @@ from porocore.run_files import LINEAR, direct_law, fallback_law
 from porocore.runfolder import RunFolder
 from porocore.sampled_range import SampledRange
 from porocore.solution import MacroSolution
-from porocore.states import Status
+from porocore.states import MacroState, Status
 from porocore.training_curve import read_training_curve
 
 #: An output whose values span less than this is zero up to the cell solver's tolerance and is not judged.
@@ -77,6 +77,9 @@ def gather(
             ),
         )
         for load in config.macro.loads
+    )
+    cases = tuple(
+        replace(case, flagged=flagged_place(case.nonlinear, surrogates[config.closure])) for case in cases
     )
     responses = dataset.responses()
     training = responses.stable
@@ -312,6 +315,22 @@ def _cell_summary(
         crease=(-0.15, -0.33) if benchmark_like and material == NeoHookean(poisson_ratio=0.35) else None,
         law=config.conductivity,
     )
+
+
+def flagged_place(solution: MacroSolution, surrogate: Surrogate) -> str:
+    """Return where and when in a body most of an element is flagged, and which component is at fault.
+
+    Of elements alike it is the first at the latest kept time; empty where no kept time shows one.
+    """
+    shares = [float(profile.outside.max(initial=0.0)) for profile in solution.profiles]
+    if not max(shares, default=0.0) > 0:
+        return ""
+    profile = solution.profiles[len(shares) - 1 - int(np.argmax(shares[::-1]))]
+    element = int(np.argmax(profile.outside))
+    place = ", ".join(f"{x:.3g}" for x in solution.points[solution.cells[element]].mean(axis=0))
+    state = MacroState(profile.grad_u[[element]], profile.element_p[[element]])
+    (why,) = surrogate.reasons(state)
+    return f"So it is around ({place}) at t = {profile.time:.3g}{why and ': ' + why}."
 
 
 def _is_the_benchmark(config: RunConfig) -> bool:

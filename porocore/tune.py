@@ -13,7 +13,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -154,7 +154,9 @@ def tune(
     RunFolderError, DataError
         Sampling is not finished or gave too few states, or the folder cannot be written.
     """
-    data, held_out = training_set(folder, config), _held_out(folder, config)
+    # All candidates are compared at the same states, not each where it trusts itself.
+    data = replace(training_set(folder, config), tolerance=None)
+    held_out = _held_out(folder, config)
     places = {candidate: _place(folder, config, candidate) for candidate in grid}
     results = {candidate: found for candidate, path in places.items() if (found := _read(path)) is not None}
     if on_result is not None:

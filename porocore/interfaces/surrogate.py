@@ -111,7 +111,15 @@ class Surrogate(ABC):
 
     @abstractmethod
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """Responses and exact derivatives for n states; ``outside`` flags those beyond the sampled range."""
+        """Responses and exact derivatives for n states; ``outside`` flags those that are not to be trusted.
+
+        These are states whose error is estimated to exceed the tolerance of the training set, and those far from all
+        that was sampled.
+        """
+
+    def reasons(self, states: MacroState) -> list[str]:
+        """Return for each of n flagged states which component drives it out, in words; empty where it is not known."""
+        return [""] * len(states)
 
     @abstractmethod
     def save(self, path: Path) -> None:

@@ -211,12 +211,14 @@ class SurrogateSummary:
 class Case:
     """One load, solved with the cell's law and with linear poroelasticity on the same mesh and time plan.
 
-    ``others`` are solutions with other closures, or with the cell itself (direct FE²).
+    ``others`` are solutions with other closures, or with the cell itself (direct FE²). ``flagged`` says where and why
+    the surrogate is not to be trusted in the nonlinear solution; it is empty where it is, or where no profile tells.
     """
 
     nonlinear: MacroSolution
     linear: MacroSolution
     others: tuple[MacroSolution, ...] = ()
+    flagged: str = ""
 
     def __post_init__(self) -> None:
         for solution in (self.linear, *self.others):

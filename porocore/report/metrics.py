@@ -89,7 +89,7 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
 
 
 def _first_time(history: History, share: float) -> float | None:
-    """First time at which more than ``share`` of the body lies beyond the sampled range; None: never."""
+    """First time at which more than ``share`` of the body is flagged; None: never."""
     beyond = np.flatnonzero(history.outside > share)
     return float(history.time[beyond[0]]) if len(beyond) else None
 
@@ -120,23 +120,26 @@ def report_metrics(cases: tuple[Case, ...]) -> dict[str, Any]:
 
 
 def leaving(metrics: dict[str, Any]) -> str:
-    """When the body leaves the sampled range, in words; of a solution that does."""
+    """When parts of the body are flagged, in words; of a solution in which some are."""
     words = f"the first points from t = {metrics['flagged_first_time']:.3g}"
     if metrics["flagged_all_time"] is not None:
         words += f", all of it from t = {metrics['flagged_all_time']:.3g}"
     return words
 
 
-def case_warnings(metrics: dict[str, Any]) -> list[str]:
-    """What a reader must know before trusting the case that :func:`case_metrics` describes."""
+def case_warnings(metrics: dict[str, Any], where: str = "") -> list[str]:
+    """Return what a reader must know before trusting the case that :func:`case_metrics` describes.
+
+    ``where`` says where in the body states are flagged and which component is at fault, if that is known.
+    """
     load, found = f"{metrics['load']:g}".replace("-", "−"), []
     flagged = metrics["nonlinear"]
     if flagged["flagged_largest"] > 0:
         found.append(
             f"Load {load}: at the end {100 * flagged['flagged_end']:.0f} % of the body, at most "
             f"{100 * flagged['flagged_largest']:.0f} % and {100 * flagged['flagged_time_mean']:.0f} % on "
-            "average over time, asked the surrogate beyond the states that it was trained on "
-            f"({leaving(flagged)}). There it extrapolates: its answers are not backed by cell solutions."
+            f"average over time, is flagged ({leaving(flagged)}): there the error of the surrogate is estimated to "
+            f"exceed surrogate.tolerance, or no cell was solved near.{where and ' ' + where}"
         )
     for kind in ("nonlinear", "linear"):
         drift = metrics[kind]["steady_drift"]

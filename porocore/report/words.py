@@ -167,5 +167,5 @@ def all_warnings(context: ReportContext) -> list[str]:
     """Those handed in, then those that the results give rise to."""
     found = [*context.warnings, *_unjudged(context.surrogate)]
     for case in context.cases:
-        found += case_warnings(case_metrics(case))
+        found += case_warnings(case_metrics(case), case.flagged)
     return found

@@ -17,19 +17,21 @@ from porocore.errors import DataError
 from porocore.inputs import InputSpace
 from porocore.sampled_range import SampledRange
 from porocore.states import Array
+from porocore.surrogates import estimate_file
 from porocore.surrogates.archive import read_archive, write_archive
 from porocore.surrogates.conductivity import ConductivityModel, triangle
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.network import Evaluator, Network
+from porocore.surrogates.polynomial_file import pack_polynomial, unpack_polynomial
 from porocore.surrogates.potential import NetworkPart, PotentialModel
 from porocore.surrogates.potential_data import Rest
 from porocore.surrogates.reach import Reach
 from porocore.surrogates.terms import VARIABLES, Terms, cubic, plain
 
-FORMAT, VERSION = "porocore-surrogate", 4
-#: They differ in nothing but that they hold no conductivity of the deformed pore.
-OLDER = (3,)
+FORMAT, VERSION = "porocore-surrogate", 5
+#: They differ in nothing but that they hold no estimate of errors, and 3 no conductivity of the deformed pore.
+OLDER = (3, 4)
 ADVICE = "delete it and train the surrogate again"
 
 Model = AnchoredModel | PotentialModel
@@ -90,6 +92,8 @@ def write(path: Path, model: Model, record: Record) -> None:
     }
     pack = _pack_anchored if isinstance(model, AnchoredModel) else _pack_potential
     pack(model, header, arrays)  # type: ignore[arg-type]
+    if model.estimate is not None:
+        estimate_file.pack(model.estimate, header, arrays)
     if record.conductivity is not None:
         _pack_conductivity(record.conductivity, header, arrays)
     write_archive(path, FORMAT, VERSION, header, arrays)
@@ -116,6 +120,8 @@ def read(path: Path) -> tuple[Model, Record]:
             raise ValueError(f"range/normals has shape {sampled.normals.shape}")
         unpack: dict[str, Callable[..., Model]] = {"mlp": _unpack_anchored, "potential": _unpack_potential}
         model = unpack[header["model"]](header, arrays, sampled)
+        if "estimate" in header:
+            model = replace(model, estimate=estimate_file.unpack(header, arrays, model))
         record = Record(
             header["backend"],
             header["options"],
@@ -188,27 +194,8 @@ def _unpack_anchored(
     )
 
 
-def _pack_polynomial(polynomial: Polynomial, name: str, arrays: dict[str, Array]) -> None:
-    arrays[f"{name}/exponents"] = polynomial.exponents.astype(float)
-    arrays[f"{name}/coefficients"] = polynomial.coefficients
-
-
-def _unpack_polynomial(arrays: dict[str, Array], name: str, variables: int, outputs: int) -> Polynomial:
-    exponents = arrays[f"{name}/exponents"]
-    coefficients = arrays[f"{name}/coefficients"]
-    if (
-        exponents.ndim != 2
-        or exponents.shape[1] != variables
-        or coefficients.shape != (outputs, len(exponents))
-    ):
-        raise ValueError(f"{name} has shapes {exponents.shape} and {coefficients.shape}")
-    if (exponents < 0).any() or (exponents > 64).any() or (exponents % 1).any():
-        raise ValueError(f"{name} has exponents that are none")
-    return Polynomial(exponents.astype(np.int64), coefficients)
-
-
 def _unpack_terms(name: str, arrays: dict[str, Array], weights: tuple[int, ...]) -> Terms:
-    polynomial = _unpack_polynomial(arrays, "network/terms", VARIABLES, len(weights))
+    polynomial = unpack_polynomial(arrays, "network/terms", VARIABLES, len(weights))
     if name == "plain":
         return plain(tuple(int(row.argmax()) for row in polynomial.exponents))
     return Terms(name, polynomial, weights)
@@ -216,7 +203,7 @@ def _unpack_terms(name: str, arrays: dict[str, Array], weights: tuple[int, ...])
 
 def _pack_conductivity(model: ConductivityModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
     header["conductivity"] = {"active": model.active}
-    _pack_polynomial(model.polynomial, "conductivity/polynomial", arrays)
+    pack_polynomial(model.polynomial, "conductivity/polynomial", arrays)
     arrays |= {
         "conductivity/basis": model.basis,
         "conductivity/log_rest": model.log_rest,
@@ -243,7 +230,7 @@ def _unpack_conductivity(
     return ConductivityModel(
         basis,
         log_rest,
-        _unpack_polynomial(arrays, "conductivity/polynomial", len(active), len(triangle(r))),
+        unpack_polynomial(arrays, "conductivity/polynomial", len(active), len(triangle(r))),
         active,
         Reach(active, *(arrays[f"conductivity/reach/{end}"].reshape(len(active)) for end in ("low", "high"))),
         sampled,
@@ -259,18 +246,18 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
         "network": model.network is not None,
     }
     arrays |= {"rest/matrix": model.rest.matrix, "rest/mean_grad": model.rest.mean_grad}
-    _pack_polynomial(model.mean_grad, "mean_grad", arrays)
+    pack_polynomial(model.mean_grad, "mean_grad", arrays)
     arrays |= {"reach/low": model.reach.low, "reach/high": model.reach.high}
     header["variables"] = model.terms.variables if model.terms and model.terms.name == "plain" else ()
     header["polynomials"] = []
     for name, polynomial in (("polynomial", model.polynomial), ("refinement", model.refinement)):
         if model.terms is not None and polynomial is not None:
             header["polynomials"].append(name)
-            _pack_polynomial(polynomial, name, arrays)
+            pack_polynomial(polynomial, name, arrays)
     if model.network is not None:
         part = model.network
         header["network_terms"] = part.terms.name
-        _pack_polynomial(part.terms.polynomial, "network/terms", arrays)
+        pack_polynomial(part.terms.polynomial, "network/terms", arrays)
         arrays["network/term_weights"] = np.array(part.terms.weights, dtype=float)
         _pack_network(part.network, header, arrays)
 
@@ -295,7 +282,7 @@ def _unpack_potential(
             raise ValueError(f"variables {known}")
         terms = {"plain": lambda: plain(known), "cubic": cubic}[header["terms"]]()
         for name in header["polynomials"]:
-            polynomials[name] = _unpack_polynomial(arrays, name, len(terms.weights), 1)
+            polynomials[name] = unpack_polynomial(arrays, name, len(terms.weights), 1)
     part = None
     if header["network"]:
         weights = tuple(int(w) for w in arrays["network/term_weights"])
@@ -303,7 +290,7 @@ def _unpack_potential(
             _unpack_network(header, arrays, len(weights), 1),
             _unpack_terms(header["network_terms"], arrays, weights),
         )
-    mean_grad = _unpack_polynomial(arrays, "mean_grad", len(active), 9)
+    mean_grad = unpack_polynomial(arrays, "mean_grad", len(active), 9)
     reach = Reach(active, *(arrays[f"reach/{end}"].reshape(len(active)) for end in ("low", "high")))
     coarse, fine = polynomials.get("polynomial"), polynomials.get("refinement")
     return PotentialModel(rest, terms, coarse, part, mean_grad, active, sampled, reach, fine)

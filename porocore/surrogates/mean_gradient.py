@@ -122,6 +122,13 @@ class AnchoredModel:
         value, slope = self.anchor
         return (self.output_scale * (self.network.evaluate(x) - value - (x - self.scaling.rest) @ slope)).T
 
+    def error(self, states: MacroState) -> Array:
+        """Return the estimated error of n states, a share of the range of <∇u¹>_s; NaN without one."""
+        if self.estimate is None:
+            return np.full(len(states), np.nan)
+        x = self.scaling.scale(flatten(states)[:, self.sampled.inputs.columns])
+        return self.estimate.error((x - self.scaling.rest).T, self.beyond_linear(x))
+
     def _outside(self, states: MacroState, flat: Array, mean_grad: Array) -> npt.NDArray[np.bool_]:
         """Tell which states are flagged, (n,): far from all known ones, or by the estimated error."""
         if self.estimate is None:

@@ -221,6 +221,13 @@ class PotentialModel:
         whole = self.potential(y)[1] if gradient is None else gradient
         return (whole - self.rest.potential(y)[1])[list(judged)]
 
+    def error(self, states: MacroState) -> Array:
+        """Return the estimated error of n states, a share of the range of stress or fluid volume; NaN without one."""
+        if self.estimate is None:
+            return np.full(len(states), np.nan)
+        y = variables(LogStretch.of(states.grad_u), states.p)
+        return self.estimate.error(y, self.beyond_rest(y, self.estimate.judged))
+
     def _outside(self, states: MacroState, y: Array, gradient: Array) -> npt.NDArray[np.bool_]:
         """Tell which states are flagged, (n,): far from all known ones, or by the estimated error."""
         unrotated = self.sampled.inputs.without_rotation(states)

@@ -15,6 +15,7 @@ from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
 from porocore.surrogates import file
 from porocore.surrogates.conductivity import ConductivityModel
 from porocore.surrogates.conductivity_fit import fit_conductivity
+from porocore.surrogates.drivers import reasons
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.memory import keep_freed_memory
 from porocore.surrogates.model_errors import with_potential_error
@@ -71,9 +72,9 @@ class ModelSurrogate(Surrogate):
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
         """See :class:`~porocore.Surrogate`.
 
-        Every status is ``converged``; rows outside the hull of the training states hold what the model
-        extrapolates and are flagged. The conductivity of the deformed pore is there if it was trained on, and its
-        hull, which may be smaller, counts too.
+        Every status is ``converged``; rows that are not to be trusted hold what the model says all the same, and are
+        flagged: those whose error is estimated to exceed the tolerance, and those far from all training states. The
+        conductivity of the deformed pore is there if it was trained on, and the hull of its states counts too.
         """
         response = self._fitted().predict(states, tangent=tangent)
         if self.conductivity is None:
@@ -86,6 +87,13 @@ class ModelSurrogate(Surrogate):
         if response.outside is not None:
             outside = outside | response.outside
         return replace(response, conductivity=K, tangent=slopes, outside=outside)
+
+    def reasons(self, states: MacroState) -> list[str]:
+        """See :class:`~porocore.Surrogate`."""
+        model = self._fitted()
+        if isinstance(model, PotentialModel):
+            states = self.inputs.without_rotation(states)
+        return reasons(self.inputs, states, None if model.estimate is None else model.error)
 
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically.

@@ -137,7 +137,7 @@ def profile_figure(
 ) -> Figure:
     """One field along the column, solid for the cell's law and dashed for linear poroelasticity.
 
-    Parts in which the cell law was asked outside its sampled range are pale with hollow markers.
+    Parts in which the cell law was flagged are pale with hollow markers.
 
     Parameters
     ----------
@@ -191,9 +191,7 @@ def profile_figure(
     axes.set_ylabel(what.label)
     axes.margins(x=0.02)
     if any_flagged:
-        axes.plot(
-            [], [], color="0.65", marker="o", ms=3.6, mfc="white", mec="0.5", label="beyond the sampled range"
-        )
+        axes.plot([], [], color="0.65", marker="o", ms=3.6, mfc="white", mec="0.5", label="flagged")
     legend_above(figure, axes, columns=3)
     return figure
 
