@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.stats import qmc
 
@@ -46,7 +47,7 @@ class Equations:
     rows: Array
     right: Array
     degrees: IntArray
-    judged: Array
+    judged: npt.NDArray[np.bool_]
 
 
 def draw(equations: Equations, seed: int = 0) -> tuple[Array, float]:
@@ -103,13 +104,16 @@ def _left_out(
     return wrong**2, (half**2).sum(axis=0)
 
 
-def monomials(weights: tuple[int, ...], lowest: int, terms: Terms | None = None) -> IntArray:
-    """Return exponents of as high a weight as :data:`MOST_MONOMIALS` allows, at least of one above the lowest."""
+def monomials(equations: int, weights: tuple[int, ...], lowest: int, terms: Terms | None = None) -> IntArray:
+    """Return exponents up to a weight that is at least one above the lowest.
+
+    It is as high as :data:`MOST_MONOMIALS` and two coefficients for each of the ``equations`` allow.
+    """
     find = terms.monomials if terms is not None else lambda low, high: exponents_up_to(weights, low, high)
     found = find(lowest, lowest + 1)
     for highest in range(lowest + 2, HIGHEST + 1):
         more = find(lowest, highest)
-        if len(more) > MOST_MONOMIALS:
+        if len(more) > min(MOST_MONOMIALS, 2 * equations):
             break
         found = more
     return found

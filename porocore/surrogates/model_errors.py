@@ -29,8 +29,8 @@ def with_potential_error(model: PotentialModel, training: TrainingSet) -> Potent
         return model
     data = PotentialData.of(training)
     terms = terms_for(data)
-    exponents = monomials(terms.weights, 3, terms)
     judged = tuple(int(a) for a in np.flatnonzero(terms.polynomial.exponents.any(axis=0)))
+    exponents = monomials(len(data) * (1 + len(judged)), terms.weights, 3, terms)
     ranges = np.ptp(data.gradient, axis=1)
     spread = np.append(np.full(6, ranges[:6].max()), ranges[6])
     spread[spread == 0] = 1.0
@@ -70,7 +70,7 @@ def with_mean_gradient_error(model: AnchoredModel, training: TrainingSet) -> Anc
         return model
     # From rest on, where the network begins at second order.
     x, d = (data.x - data.rest).T, len(data.x.T)
-    exponents = monomials((1,) * d, 2)
+    exponents = monomials(len(data.x) * (1 + d), (1,) * d, 2)
     spread = float(np.ptp(training.responses.mean_grad.reshape(-1, 9), axis=0).max()) or 1.0
     scale = data.output_scale[:, None] / spread
     right = (data.target.T * scale)[:, None]

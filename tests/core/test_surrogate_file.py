@@ -16,13 +16,14 @@ from porocore.sampled_range import SampledRange
 from porocore.states import MacroState
 from porocore.surrogates.archive import read_archive, write_archive
 from porocore.surrogates.conductivity import ConductivityModel
+from porocore.surrogates.error_estimate import ErrorEstimate
 from porocore.surrogates.file import FORMAT, VERSION, Record, read, write
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.network import Network
 from porocore.surrogates.polynomial import polynomial_model
 from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-from porocore.surrogates.potential import NetworkPart
+from porocore.surrogates.potential import NetworkPart, PotentialModel
 from porocore.surrogates.reach import Reach
 from porocore.surrogates.stored import NumpySurrogate
 from porocore.surrogates.terms import cubic, plain
@@ -305,6 +306,18 @@ def test_the_documentation_lists_the_file(tmp_path):
     page = Path(__file__).parents[2] / "docs" / "surrogates.md"
     found = set()
     for model in MODELS.values():
+        slopes = isinstance(model, PotentialModel)
+        o = 2 if slopes else len(model.components)
+        estimate = ErrorEstimate(
+            0.01,
+            Polynomial(np.eye(2, dtype=np.int64), np.ones((7 if slopes else 7 * o, 2))),
+            Polynomial(np.eye(7, dtype=np.int64)[:2], np.eye(2)) if slopes else None,
+            (1, 6) if slopes else (),
+            np.ones(o),
+            0.0,
+            np.zeros((2, 7 if slopes else 2)),
+        )
+        model = replace(model, estimate=estimate)
         write(tmp_path / "surrogate.h5", model, replace(RECORD, conductivity=conductivity))
         header, arrays = read_archive(tmp_path / "surrogate.h5", FORMAT, VERSION, "")
         found |= set(header) | {re.sub(r"/\d+/", "/l/", name) for name in arrays}
