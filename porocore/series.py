@@ -19,7 +19,7 @@ HISTORY = {
     "pressure_max": ("pressure", "largest pore pressure"),
     "drained": ("volume", "drained volume, integral of the divergence of the flux"),
     "drained_flux": ("volume", "drained volume by the flux through the boundary"),
-    "outside": ("", "share of the body beyond the sampled range"),
+    "outside": ("", "share of the body that is flagged"),
     "stress_spread": ("stress", "largest deviation of P_E,22 from its mean over the body"),
     "iterations": ("", "Newton iterations of the step"),
 }

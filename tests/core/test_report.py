@@ -189,7 +189,10 @@ def test_says_the_result_in_numbers_beside_the_publication(page):
 
 @pytest.mark.usefixtures("undrawn")
 def test_warnings_come_before_the_summary(context, page):
-    handed_in, flagged = page.words.index("Handed in <first>"), page.words.index("it extrapolates")
+    handed_in, flagged = (
+        page.words.index("Handed in <first>"),
+        page.words.index("surrogate.tolerance, or no cell was solved near."),
+    )
     assert handed_in < flagged < page.words.index("Under the load −0.2")
     calm = replace(
         context, warnings=(), cases=(Case(replace_outside(context, 0.0), context.cases[0].linear),)
