@@ -270,7 +270,7 @@ PRINTED = {
     "A value out of its bounds": lambda reader: reader.changed("radius: 0.25\n", "radius: 0.6\n"),
     "A value with a unit, and no scales": lambda reader: reader.changed("end: 150\n", "end: 150 s\n"),
     "An unknown surface": lambda reader: reader.changed("    y-: {", "    bottom: {"),
-    "The body left the sampled states": lambda reader: outside(reader)[0],
+    "Parts of the body are flagged": lambda reader: outside(reader)[0],
     "The end is not steady": lambda reader: outside(reader)[1],
     "A time step failed": failed_step,
     "The run is there already": same_run,
