@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from porocore.errors import RunFolderError
+from porocore.files import open_lock
 
 if sys.platform != "win32":
     import fcntl
@@ -40,7 +41,7 @@ def _take(path: Path, lock: Path) -> int:
     while True:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            held = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            held = open_lock(lock)
         except OSError as error:
             raise RunFolderError(
                 f"cannot write {path}: {error.strerror or error}; make room or choose another --out"

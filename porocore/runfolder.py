@@ -19,7 +19,7 @@ from typing import Self
 from porocore.backends import with_closure
 from porocore.config import RunConfig, differences, load_config
 from porocore.errors import RunFolderError
-from porocore.files import atomic_path
+from porocore.files import RUN_RECORD, atomic_path, open_lock, require_outside_a_run
 from porocore.provenance import versions
 from porocore.reading import read_json
 from porocore.run_files import RunFiles
@@ -30,7 +30,7 @@ if sys.platform != "win32":
 
 FORMAT = "porocore-run"
 VERSION = 1
-CONFIG, RECORD, LOCK = "config.yaml", "run.json", ".lock"
+CONFIG, RECORD, LOCK = "config.yaml", RUN_RECORD, ".lock"
 #: The temporary names of :func:`porocore.files.atomic_path`.
 _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
 #: Keys of the configuration that may change when a run goes on.
@@ -55,6 +55,7 @@ class RunFolder(RunFiles):
         """
         path = Path(path)
         folder = cls(path, config)
+        require_outside_a_run(path.absolute().parent)
         try:
             if path.exists() and not path.is_dir():
                 raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
@@ -121,7 +122,7 @@ class RunFolder(RunFiles):
         if sys.platform == "win32":
             return self
         try:
-            self._lock = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._lock = open_lock(self.path / LOCK)
         except OSError as error:
             raise RunFolderError(
                 f"{self.path} cannot be written: {error.strerror or error}; choose another --out"

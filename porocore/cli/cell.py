@@ -101,8 +101,10 @@ def fields(
     path, settings = read_config(config, fem)
     asked = parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at)
     with interruptible(), located(path):
+        from porocore.files import new_folder
         from porocore.local_fields.solve import solve_and_write
 
+        new_folder(out)
         found = solve_and_write(
             settings.cell,
             settings.fem,
@@ -143,8 +145,10 @@ def show(
     path, settings = read_config(config, None)
     with interruptible(), located(path):
         from porocore.cell.facts import as_lines, facts_of
+        from porocore.files import new_folder
         from porocore.local_fields.geometry import render_phases, write_phases
 
+        new_folder(out)
         facts = facts_of(settings.cell)
         if as_json:
             typer.echo(json.dumps(json_ready(asdict(facts)), allow_nan=False))

@@ -49,10 +49,11 @@ def crosscheck(
     with interruptible():
         from porocore.crosscheck import crosscheck as check
         from porocore.crosscheck import find_contestants
-        from porocore.crosscheck.files import make_folder, write
+        from porocore.crosscheck.files import write
+        from porocore.files import new_folder
 
         who = find_contestants(fem or (), surrogate or ())
-        make_folder(out)
+        new_folder(out)
         console = Console()
         for text in who.absent:
             console.note(f"takes no part: {text}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -183,7 +184,10 @@ def _samples(target: Path) -> Path:
 
 
 def _fresh(out: Path) -> Path:
-    if out.exists():
+    from porocore.files import place_for
+
+    place_for(out)
+    if os.path.lexists(out):
         raise RunFolderError(f"{out} exists; choose another --out or delete it")
     return out
 

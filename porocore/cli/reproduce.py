@@ -65,6 +65,7 @@ def reproduce(
     figures = chosen(figure)
     with interruptible(again):
         from porocore.benchmark import as_stated_path
+        from porocore.files import new_folder
         from porocore.local_fields.pictures import require
         from porocore.preflight import find_backends
         from porocore.reproduce.make import claim_folder, draw, write_pages
@@ -90,6 +91,7 @@ def reproduce(
         if any(f.stage == "column" for f in figures):
             needed = ("cell solver", "macro solver", "sampler", "surrogate")
         find_backends(config, needed)
+        new_folder(results.folder)
         claim_folder(results, resume=resume)
         paths = draw(results, figures)
         if figure is None:

@@ -61,6 +61,7 @@ def sensitivity(
         *(["--workers", workers] if workers else []), "--out", out, "--resume",
     )  # fmt: skip
     with interruptible(again):
+        from porocore.files import new_folder
         from porocore.sensitivity.figures import write_figures
         from porocore.sensitivity.study import FILE, run_study
         from porocore.sensitivity.tables import write_table
@@ -72,6 +73,7 @@ def sensitivity(
             raise RunFolderError(
                 f"{out} already holds a study; add --resume to continue it, or choose another --out"
             )
+        new_folder(out)
         console = Console()
         with console.task("sensitivity", "states") as task:
 

@@ -69,6 +69,7 @@ def stability(
     _, settings = read_config(config, fem)
     with interruptible(_again(config, fem, along, across, steps, tolerance, eigenvalues, out)):
         from porocore.equilibrium.solver import EquilibriumCellSolver
+        from porocore.files import new_folder
         from porocore.report.figures.style import png_bytes
         from porocore.stability.figure import stability_figure
         from porocore.stability.line import LineSettings
@@ -87,6 +88,7 @@ def stability(
             raise RunFolderError(
                 f"{out} already holds a map; add --resume to continue it, or choose another --out"
             )
+        new_folder(out)
         console = Console()
         solver, prepared = prepare_cell(settings.fem.backend, settings.fem.options, settings.cell)
         if not isinstance(solver, EquilibriumCellSolver):

@@ -61,13 +61,13 @@ def schema(
 
     With --to it is written to a file, whose path is printed; an older schema there is replaced.
     """
-    from porocore.files import atomic_path
+    from porocore.files import atomic_path, place_for
     from porocore.schema import DIALECT, schema_text
 
     if to is None:
         typer.echo(schema_text(), nl=False)
         return
-    if to.exists() and DIALECT not in to.read_text(encoding="utf-8", errors="replace")[:200]:
+    if place_for(to, "--to").exists() and DIALECT not in _beginning(to):
         raise ConfigurationError(f"--to: {to} is no JSON schema; choose another file, or remove it")
     with atomic_path(to) as part:
         part.write_text(schema_text(), encoding="utf-8")
@@ -95,11 +95,16 @@ def check(
     typer.echo(f"no faults; next: {command('run', config)}")
 
 
+def _beginning(path: Path) -> str:
+    with path.open("rb") as file:
+        return file.read(200).decode(errors="replace")
+
+
 def _write_new(path: Path, text: str) -> None:
     """Write a file that must not exist."""
-    from porocore.files import atomic_path
+    from porocore.files import atomic_path, place_for
 
-    if path.exists():
+    if place_for(path, "--to").exists():
         raise ConfigurationError(f"{path} is there already and is not overwritten; choose another --to")
     with atomic_path(path) as part:
         part.write_text(text, encoding="utf-8")

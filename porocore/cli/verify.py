@@ -11,7 +11,6 @@ import typer
 
 from porocore.cli.common import interruptible
 from porocore.console import Console
-from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from porocore.verify.case import Check
@@ -44,12 +43,13 @@ def verify(
     strain. Exit status 1 when an error is larger than allowed or a backend fails; docs/verification.md has the sources.
     """
     with interruptible():
+        from porocore.files import place_for
         from porocore.verify import document
         from porocore.verify.ladder import climb, find_backends, find_cases
 
         cases, backends = find_cases(case or ()), find_backends(fem or ())
         if out is not None:
-            _make_room(out)
+            place_for(out)
         console = Console()
         for text in backends.absent:
             console.note(f"takes no part: {text}")
@@ -115,15 +115,3 @@ def _cells(check: Check) -> tuple[Any, ...]:
 
 def _value(value: float | None) -> str:
     return "–" if value is None else f"{value:.5g}"
-
-
-def _make_room(out: Path) -> None:
-    """Refuse what cannot be written before anything is solved."""
-    if out.is_dir():
-        raise ConfigurationError(f"--out {out}: expected a file, got a folder")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(
-            f"--out {out}: its folder cannot be made: {error.strerror or error}"
-        ) from error

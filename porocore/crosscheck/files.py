@@ -8,24 +8,7 @@ from pathlib import Path
 from porocore.crosscheck.check import CrossCheck
 from porocore.crosscheck.document import document
 from porocore.crosscheck.html import render
-from porocore.errors import RunFolderError
 from porocore.files import atomic_path
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder before the work begins.
-
-    Raises
-    ------
-    RunFolderError
-        It cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunFolderError(
-            f"{folder}: expected a folder that can be written: {error.strerror or error}; choose another --out"
-        ) from error
 
 
 def write(folder: Path, result: CrossCheck) -> tuple[Path, Path]:
