@@ -94,4 +94,4 @@ def _prescribed(problem: MacroProblem, time: float) -> float:
     factors = [
         value.at(time) if isinstance(value, Course) else value * problem.ramp(time) for value in values
     ]
-    return max((problem.load * factor for factor in factors), default=0.0)
+    return float(max((problem.load * factor for factor in factors), default=0.0))

@@ -40,7 +40,6 @@ class ErrorControl:
         old: Array,
         new: Array,
         dt: float,
-        *,
         finer: Array | None = None,
         reached: float = 1.0,
     ) -> float | None:

@@ -47,11 +47,7 @@ def march(
     if checkpoint is not None and world.first(checkpoint.exists):
         x, memory, record = checkpoints.load(checkpoint, owner, stepper, control, d, law)
     else:
-        x, record = _initial(d), Record(d)
-        states, grad_p = d.states(x)
-        response = law.respond(states, grad_p, law.initial(d.n_points), tangent=False)
-        memory = response.memory
-        record.add_start(x, response)
+        x, memory, record = _at_rest(d, law)
     written = monotonic()
     while not stepper.done:
         time = stepper.next()
@@ -68,9 +64,7 @@ def march(
         if changed is not None:
             memory = changed
             continue
-        error = None
-        if reached is not None:
-            error = control.error(d, x, step.x, dt, finer=finer, reached=reached(time))
+        error = None if reached is None else control.error(d, x, step.x, dt, finer, reached(time))
         if not stepper.tolerates(error):
             continue
         control.accept(x, step.x, dt)
@@ -109,13 +103,17 @@ def _halved(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array, begin
     return x
 
 
-def _initial(d: Discretisation) -> Array:
-    """Unknowns of the initial state."""
-    start, mesh = d.problem.initial, d.mesh
+def _at_rest(d: Discretisation, law: MacroLaw) -> tuple[Array, LawMemory, Record]:
+    """Unknowns of the initial state, the law's memory of it, and a record that begins with it."""
+    start, mesh, record = d.problem.initial, d.mesh, Record(d)
     whole = np.concatenate(
         [(mesh.points @ np.array(start.gradient).T).ravel(), np.full(len(mesh.p_nodes), start.pressure)]
     )
-    return d.from_mesh(whole)
+    x = d.from_mesh(whole)
+    states, grad_p = d.states(x)
+    response = law.respond(states, grad_p, law.initial(d.n_points), tangent=False)
+    record.add_start(x, response)
+    return x, response.memory, record
 
 
 def _is_late(due: float) -> bool:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
 
 from porocore.body.mesh import BodyMesh
@@ -22,6 +23,8 @@ from porocore.states import Array, IntArray
 
 #: Of the largest eigenvalue of a node, below which a direction is not held.
 RANK = 1e-9
+#: Of the largest vector area of a facet's node.
+ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +107,7 @@ class _Part:
             return np.asarray(self.mesh.n_u + np.searchsorted(self.mesh.p_nodes, nodes)[:, None])
         return np.asarray(3 * nodes[:, None] + np.arange(3))
 
-    def by_field(self, shared: Array) -> Any:
+    def by_field(self, shared: npt.NDArray[np.bool_]) -> Any:
         """Force of the field beside each shared node, sparse (c · nodes, elements · c · 3)."""
         facet, local = np.nonzero(shared[self.nodes])
         vectors, nodes = self.vectors[facet, local], self.nodes[facet, local]
@@ -139,4 +142,7 @@ class _Part:
         at_nodes = summed(c * nodes[:, None] + np.arange(c), c * n)
         all_nodes = sparse.csr_matrix((np.ones(c * n), (np.tile(np.arange(c), n), np.arange(c * n))))
         by_field = (all_nodes @ own - at_nodes @ together).tocsr()
+        # Where directions are independent, the two are one but for round-off.
+        by_field.data[np.abs(by_field.data) <= ROUND_OFF * abs(own).max()] = 0.0
+        by_field.eliminate_zeros()
         return Share(self.projection, summed(self.unknowns(nodes), self.mesh.size), by_field)

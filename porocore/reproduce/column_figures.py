@@ -25,8 +25,9 @@ HISTORIES = {
 
 def paper_velocity(profile: Profile) -> Array:
     """Return the paper's w (elements, 3) = −K F̄⁻ᵀ ∇_X p = F̄ q/det F̄; the reports push q forward with F₀ instead."""
-    w: Array = np.einsum("eij,ej->ei", profile.deformation, profile.flux)
-    return w / np.linalg.det(profile.deformation)[:, None]
+    volume_ratio = np.linalg.det(profile.deformation)[:, None]
+    w: Array = np.einsum("eij,ej->ei", profile.deformation, profile.flux) / volume_ratio
+    return w
 
 
 VELOCITY = Quantity(

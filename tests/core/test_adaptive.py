@@ -62,7 +62,7 @@ def test_two_half_steps_tell_the_error_of_one():
     old, control = np.ones(d.mesh.size), ErrorControl()
     for dt in (0.1, 0.05):
         one, two = old / (1 + dt), old / (1 + dt / 2) ** 2
-        error = control.error(d, old, one, dt, finer=two)
+        error = control.error(d, old, one, dt, two)
         assert error == pytest.approx((one - np.exp(-dt))[0] / one[0], rel=0.2)
     assert control.error(d, old, old, 0.1) is None
     assert control.scales == (0.0, 0.0)
