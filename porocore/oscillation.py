@@ -81,7 +81,7 @@ def _begin(problem: MacroProblem, time: float) -> float:
 
     plan = problem.time
     ramp = () if plan.load_curve else (plan.ramp_increments * plan.ramp_step,)
-    bends = [t for t in sorted({0.0, *ramp, *problem.corners}) if t < time * (1 - SAME)]
+    bends: list[float] = [t for t in sorted({0.0, *ramp, *problem.corners}) if t < time * (1 - SAME)]
     for before, bend in zip(reversed(bends[:-1]), reversed(bends[1:]), strict=True):
         if loads(before) == loads(bend):
             return bend
