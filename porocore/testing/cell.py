@@ -152,7 +152,7 @@ class CellSolverSuite(CellSuite):
 
     def test_objectivity(self, solver: CellSolver, prepared: Any, responses: dict[str, Any]) -> None:
         """W and φ do not feel a rotation; P_E and <∇u¹> turn with it."""
-        H, p = STATES["compressed"]
+        H, p = STATES["sheared"]
         R = Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix()
         before = responses["sheared"]
         turned: Any = solver.solve_one(prepared, R @ (np.eye(3) + H) - np.eye(3), p)
