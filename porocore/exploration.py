@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.backends import make_backend
+from porocore.border import body_solution_of
 from porocore.closures import CLOSURES, ClosedLaw
 from porocore.config import RunConfig
 from porocore.errors import SolveError
@@ -61,9 +62,10 @@ class MacroExplorer:
             law = VisitedStates(ClosedLaw(cells, closure))
             problem = self.config.macro.problem(load)
             moved = [name for name, boundary in problem.boundary.items() if boundary.is_moved]
-            prepared = self._solver.prepare(coarse_problem(problem, elements, steps))
+            coarse = coarse_problem(problem, elements, steps)
+            prepared = self._solver.prepare(coarse)
             try:
-                solution = self._solver.solve(prepared, law)
+                solution = body_solution_of(self._solver, prepared, law, coarse)
             except SolveError:
                 results += [np.nan] * (2 + 2 * len(moved))
             else:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from porocore.backends import make_backend, with_closure
+from porocore.border import conductivity_of, solution_of
 from porocore.closures import CLOSURES
 from porocore.config import RunConfig
 from porocore.console import Console
@@ -181,7 +182,7 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
     """
     began = time.perf_counter()
     solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell, config.conductivity)
-    conductivity = solver.conductivity(prepared)
+    conductivity = conductivity_of(solver, prepared)
     geometry = config.cell.geometry
     if (loose := config.cell.loose) and p == 0 and not np.any(grad_u):
         return {
@@ -190,9 +191,9 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
             "solid": f"loose: {loose}",
             "seconds": {"set_up": time.perf_counter() - began},
         }
-    rest = solver.solve(prepared, MacroState.zeros(1), tangent=False).response
+    rest = solution_of(solver, prepared, MacroState.zeros(1), tangent=False).response
     ready = time.perf_counter()
-    response = solver.solve_one(prepared, grad_u, p)
+    response = solution_of(solver, prepared, MacroState.single(grad_u, p)).response
     return {
         "porosity": geometry.porosity if rest.fluid_volume is None else float(rest.fluid_volume[0]),
         "conductivity": conductivity,

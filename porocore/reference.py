@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.border import conductivity_of, solution_of
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import Domain
 from porocore.closures import CLOSURES, Closure
@@ -77,7 +78,7 @@ class CellReference:
             The undeformed cell has no solution, which a mesh or backend fault must cause.
         """
         cell.require_pores()
-        response = solver.solve(prepared, MacroState.zeros(1)).response
+        response = solution_of(solver, prepared, MacroState.zeros(1)).response
         if response.status[0] != Status.converged:
             raise PorocoreError(
                 f"the undeformed cell ended with status '{Status(response.status[0]).name}'; "
@@ -94,7 +95,7 @@ class CellReference:
             "solid mesh hash": solid.hash,
             "fluid mesh hash": fluid.hash,
         }
-        return cls(identity, response, solver.conductivity(prepared), mesh)
+        return cls(identity, response, conductivity_of(solver, prepared), mesh)
 
     def save(self, path: Path) -> None:
         """Write one JSON file, atomically."""

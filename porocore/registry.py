@@ -93,6 +93,9 @@ class Registry:
         implementation: type[Any] = loaded.value
         if misfit := _misfit(implementation, _interface(kind)):
             raise PluginError(f"{who} {misfit} ({offered.source.file}); report this to its authors")
+        from porocore.border.origin import note_origin  # numpy, as above
+
+        note_origin(implementation, who)
         return implementation
 
     def table(self) -> list[PluginRow]:

@@ -17,6 +17,11 @@ def response_fault(response: CellResponse, n: int) -> str | None:
     Rows with values are finite where the declaration says so, the others hold NaN throughout, and every status is a
     :class:`Status`.
     """
+    return shape_fault(response, n) or number_fault(response)
+
+
+def shape_fault(response: CellResponse, n: int) -> str | None:
+    """Return which field is missing, or has not the shape or type that n states must have; None: none."""
     found = _provided(response)
     for name, array in found.items():
         declared, expected = RESPONSE_FIELDS[name], (n, *RESPONSE_FIELDS[name].shape)
@@ -29,12 +34,20 @@ def response_fault(response: CellResponse, n: int) -> str | None:
     for name in ("status", "mean_grad"):
         if name not in found:
             return f"{name}: is missing"
+    return None
+
+
+def number_fault(response: CellResponse) -> str | None:
+    """Return which row of which field, all of the right shape, holds what does not belong there; None: none."""
     unknown = ~known_statuses(response.status)
     if unknown.any():
         at = int(unknown.argmax())
         return f"status: {int(response.status[at])} of row {at} is no status"
-    valid = response.valid
+    found, valid = _provided(response), response.valid
     for name, array in found.items():
+        # Most rows are as they should be: one pass over the numbers tells.
+        if valid.all() and np.isfinite(array).all():
+            continue
         wrong = ~rows_as_declared(RESPONSE_FIELDS[name], array, valid)
         if wrong.any():
             at = int(wrong.argmax())

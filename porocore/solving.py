@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from porocore.backends import make_backend
+from porocore.border import body_solution_of
 from porocore.closures import ClosedLaw, LearningLaw
 from porocore.config import RunConfig
 from porocore.console import Console
@@ -173,12 +174,13 @@ def _solve_load(
     console: Console,
 ) -> None:
     world, prepared = solver.world, None
+    problem = config.macro.problem(load)
     for name, run in laws.items():
         path = folder.solution(name, load)
         if world.first(partial(_is_solved, folder, name, load, backend, console)):
             continue
         if prepared is None:
-            prepared = solver.prepare(config.macro.problem(load))
+            prepared = solver.prepare(problem)
         checkpoint = folder.macro_checkpoint(name, load)
         with (
             world.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
@@ -197,7 +199,9 @@ def _solve_load(
                     task.update(*reached, detail=text)
 
                 run.cells.on_work = say
-            solution = solver.solve(prepared, run.law, checkpoint=checkpoint, on_step=show)
+            solution = body_solution_of(
+                solver, prepared, run.law, problem, checkpoint=checkpoint, on_step=show
+            )
             solution = replace(solution, backend=backend or config.macro_backend)
             world.first(partial(solution.save, path))
         if run.cells is not None:

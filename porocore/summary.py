@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from porocore.body.kinds import Box
+from porocore.border import prediction_of
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.closure_error import ClosureError, closure_error
 from porocore.closures import CLOSURES
@@ -258,7 +259,7 @@ def output_checks(dataset: Dataset, held_out: Dataset, surrogate: Surrogate) -> 
     training = trained.stable
     solved = np.flatnonzero(tested.stable)
     states = held_out.states()[solved]
-    predicted = surrogate.predict(states, tangent=False)
+    predicted = prediction_of(surrogate, states, tangent=False)
     outside = SampledRange.around(dataset.inputs, dataset.x()[training]).outside(states)
     checks = []
     for field, at, name, plain in _outputs():

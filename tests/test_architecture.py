@@ -189,6 +189,36 @@ def test_no_module_of_the_core_imports_itself_in_a_circle():
         walk(module, [])
 
 
+#: Beside the border itself: suites and cases that judge what comes, a study that counts what is not finite, one that
+#: times it, and what a surrogate of the core calls of its own.
+BEFORE_THE_BORDER = (
+    "border",
+    "testing",
+    "verify",
+    "tune",
+    "reproduce.calls",
+    "surrogates",
+    "interfaces",
+)
+
+
+@pytest.mark.parametrize("module", [m for m in CORE_MODULES if not m[9:].startswith(BEFORE_THE_BORDER)])
+def test_what_comes_out_of_a_plugin_passes_the_border(module):
+    for node in ast.walk(ast.parse(CORE_MODULES[module].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            called, of = node.func.attr, ast.unparse(node.func.value)
+            crosses = {
+                "predict": True,
+                "solve_one": True,
+                "ask": of.endswith("sampler") and module != "porocore.sampling.campaign",
+                "solve": of.endswith("solver"),
+                "conductivity": of.endswith("solver"),
+            }
+            assert not crosses.get(called, False), (
+                f"{module}:{node.lineno} calls {of}.{called}; see porocore.border"
+            )
+
+
 @pytest.mark.parametrize("plugin", PLUGINS, ids=lambda path: path.name)
 def test_a_plugin_imports_only_what_is_public(plugin):
     others = {path.name for path in PLUGINS} - {plugin.name}

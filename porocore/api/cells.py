@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from porocore.border import conductivity_of, solution_of
 from porocore.cell.cell import Cell
 from porocore.config import cell_from
 from porocore.interfaces.cell import CellSolver
@@ -53,7 +54,7 @@ class CellProblem:
     @cached_property
     def conductivity(self) -> Array:
         """K (3, 3) of the undeformed cell, with the cell's viscosity."""
-        return self._solver.conductivity(self._prepared)
+        return conductivity_of(self._solver, self._prepared)
 
     def response(
         self, grad_u: npt.ArrayLike, p: npt.ArrayLike = 0.0, *, tangent: bool = True
@@ -82,4 +83,5 @@ class CellProblem:
         H = np.asarray(grad_u, dtype=float)
         H = H[None] if H.ndim == 2 else H
         pressures = np.broadcast_to(np.asarray(p, dtype=float), H.shape[:1]).copy()
-        return self._solver.solve(self._prepared, MacroState(H, pressures), tangent=tangent).response
+        states = MacroState(H, pressures)
+        return solution_of(self._solver, self._prepared, states, tangent=tangent).response

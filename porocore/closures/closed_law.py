@@ -7,6 +7,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from porocore.border import check_prediction, prediction_of
 from porocore.closures.closure import CellLaw, Closure
 from porocore.laws import LawMemory, MacroLaw, MacroResponse, fingerprint
 from porocore.states import Array, CellResponse, MacroState
@@ -48,7 +49,7 @@ class ClosedLaw(MacroLaw):
         self.name = closure.name if name is None else name
         self.noise = float(getattr(cell_law, "noise", 0.0))
         self.identity = fingerprint(closure.identity, cell_law.identity if identity is None else identity)
-        self._rest = cell_law.predict(MacroState.zeros(1))
+        self._rest = prediction_of(cell_law, MacroState.zeros(1))
         closure.check(self._rest, type(cell_law).__name__)
 
     def initial(self, n: int) -> LawMemory:
@@ -63,7 +64,8 @@ class ClosedLaw(MacroLaw):
         # Newton's iteration may ask for anything; what is not finite is for the macro solver to refuse.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             if isinstance(self.cell_law, PathCellLaw):
-                cell = self.cell_law.predict_from(memory.states, states, tangent=tangent)
+                found = self.cell_law.predict_from(memory.states, states, tangent=tangent)
+                cell = check_prediction(self.cell_law, found, states)
             else:
-                cell = self.cell_law.predict(states, tangent=tangent)
+                cell = prediction_of(self.cell_law, states, tangent=tangent)
             return self.closure.respond(states, cell, grad_p, memory, tangent=tangent)

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from porocore.border import prediction_of
 from porocore.closures.closed_law import ClosedLaw
 from porocore.closures.closure import CellLaw, Closure
 from porocore.laws import LawMemory, MacroResponse
@@ -62,6 +63,6 @@ class LearningLaw(ClosedLaw):
             return None
         self._round += 1
         self.cell_law = wiser
-        self._rest = wiser.predict(MacroState.zeros(1))
-        known = replace(wiser.predict(memory.states, tangent=False), outside=None)
+        self._rest = prediction_of(wiser, MacroState.zeros(1))
+        known = replace(prediction_of(wiser, memory.states, tangent=False), outside=None)
         return self.closure.memory(memory.states, known)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from porocore.backends import make_backend
+from porocore.border import body_solution_of
 from porocore.closures import ClosedLaw
 from porocore.config import RunConfig
 from porocore.console import Console
@@ -79,7 +80,8 @@ def run_body(config: RunConfig, backend: str, name: str, law: MacroLaw, console:
 
         def solve() -> MacroSolution:
             solver: MacroSolver = make_backend("macro solver", settings)
-            return solver.solve(solver.prepare(settings.macro.problem(load)), law, on_step=show)
+            problem = settings.macro.problem(load)
+            return body_solution_of(solver, solver.prepare(problem), law, problem, on_step=show)
 
         outcome = attempt(solve)
     return BodyRun(backend, name, outcome.value, outcome.seconds, outcome.reason)

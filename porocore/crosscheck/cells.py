@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.border import conductivity_of, solution_of
 from porocore.config import RunConfig
 from porocore.console import Task
 from porocore.crosscheck.attempt import attempt
@@ -104,9 +105,9 @@ def run_cell(config: RunConfig, backend: str, task: Task) -> CellRun:
     if ready is None:
         return CellRun(backend, {}, None, failures, seconds)
     solver, prepared = ready
-    solved = {name: step(name, solver.solve, prepared, state) for name, state in STATES.items()}
-    conductivity = step("conductivity", solver.conductivity, prepared)
-    responses = {name: solution.response for name, solution in solved.items() if solution is not None}
+    solutions = {name: step(name, solution_of, solver, prepared, state) for name, state in STATES.items()}
+    conductivity = step("conductivity", conductivity_of, solver, prepared)
+    responses = {name: solution.response for name, solution in solutions.items() if solution is not None}
     return CellRun(backend, responses, conductivity, failures, seconds)
 
 

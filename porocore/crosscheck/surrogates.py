@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.backends import make_backend
+from porocore.border import prediction_of
 from porocore.config import RunConfig
 from porocore.console import Console
 from porocore.crosscheck.attempt import attempt
@@ -188,7 +189,7 @@ def _load_libraries(name: str) -> None:
 
 def held_out_errors(surrogate: Surrogate, samples: Samples) -> dict[str, float]:
     """Largest error of each response that it predicts, in the range that it knows, as a share of the span."""
-    predicted = surrogate.predict(samples.states, tangent=False)
+    predicted = prediction_of(surrogate, samples.states, tangent=False)
     inside = _inside(predicted)
     errors = {}
     for response in RESPONSES:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
 
+from porocore.border import solution_of
 from porocore.execution.threads import THREAD_VARIABLES
 from porocore.interfaces.cell import CellField, CellSolver
 from porocore.states import CellResponse, MacroState
@@ -132,8 +133,8 @@ def solve(
     try:
         began = time.perf_counter()
         with _ended_after(limit):
-            solution = solver.solve(
-                prepared, state, start=[start], tangent=recipe.tangent, fields=recipe.fields
+            solution = solution_of(
+                solver, prepared, state, start=[start], tangent=recipe.tangent, fields=recipe.fields
             )
         seconds = time.perf_counter() - began
     except Exception as error:  # noqa: BLE001 - as above

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from porocore.border import solution_of
 from porocore.cell.cell import Cell
 from porocore.config_sections import FemSettings
 from porocore.errors import ConfigurationError, PorocoreError
@@ -108,7 +109,7 @@ def solve_fields(
         row[NAMES.index(name)] = value
     solver, prepared = prepare_cell(fem.backend, fem.options, cell)
     asked = MacroState.single(row[:9], row[9])
-    solution = solver.solve(prepared, asked, tangent=False, fields=True)
+    solution = solution_of(solver, prepared, asked, tangent=False, fields=True)
     if solution.fields is None:
         raise ConfigurationError(
             f"--fem: backend '{fem.backend}' gives no fields of its cell; choose one that does, such as skfem"

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.border import prediction_of
 from porocore.config import RunConfig
 from porocore.dataset import Dataset
 from porocore.interfaces.surrogate import Surrogate
@@ -63,7 +64,8 @@ class Column:
 
     def tangent(self, profile: Profile) -> CellTangent:
         """M and Q of the surrogate at the states of a profile."""
-        found = self.surrogate.predict(MacroState(profile.grad_u, profile.element_p)).tangent
+        states = MacroState(profile.grad_u, profile.element_p)
+        found = prediction_of(self.surrogate, states).tangent
         assert found is not None
         return found
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
+from porocore.border import CheckedSampler, origin_of
 from porocore.dataset import Dataset
 from porocore.errors import DataError, PluginError
 from porocore.execution import CellPool, Outcome
@@ -98,12 +99,13 @@ def run_campaign(
 
 def is_complete(sampler: Sampler, dataset: Dataset) -> bool:
     """Whether ``dataset`` holds every state that a fresh ``sampler`` asks for."""
-    while requests := sampler.ask():
+    asked = CheckedSampler(sampler, dataset.inputs)
+    while requests := asked.ask():
         for request in requests:
             if request.key not in dataset:
                 return False
-            sampler.tell(request.key, dataset.response(request.key))
-    return sampler.done
+            asked.tell(request.key, dataset.response(request.key))
+    return asked.done
 
 
 class _Campaign:
@@ -114,7 +116,8 @@ class _Campaign:
         dataset: Dataset,
         on_progress: Callable[[Progress], None] | None,
     ) -> None:
-        self.sampler, self.pool, self.dataset, self.on_progress = sampler, pool, dataset, on_progress
+        self.sampler = CheckedSampler(sampler, dataset.inputs)
+        self.pool, self.dataset, self.on_progress = pool, dataset, on_progress
         self.began = time.perf_counter()
         self.queue: deque[Request] = deque()
         self.running: dict[str, Request] = {}
@@ -139,8 +142,8 @@ class _Campaign:
             self.report(stopping=interrupt.is_set())
         if not self.sampler.done:
             raise PluginError(
-                f"the sampler {type(self.sampler).__name__} asks for no more states, but says that it is not "
-                "done; report this to its author"
+                f"{origin_of(self.sampler.sampler)} asks for no more states, but says that it is not done; report this "
+                "to its authors"
             )
 
     def ask(self) -> None:
@@ -161,8 +164,8 @@ class _Campaign:
     def submit(self, request: Request) -> None:
         if request.start is not None and request.start not in self.dataset:
             raise PluginError(
-                f"the sampler {type(self.sampler).__name__} asks for state '{request.key}' to start from "
-                f"'{request.start}', which is not solved; report this to its author"
+                f"{origin_of(self.sampler.sampler)} asks for state '{request.key}' to start from '{request.start}', "
+                "which is not solved; report this to its authors"
             )
         start = None if request.start is None else self.dataset.field(request.start)
         self.running[request.key] = request

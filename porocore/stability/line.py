@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porocore.border import solution_of
 from porocore.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
 from porocore.equilibrium.solver import EquilibriumCellSolver, PreparedCell
 from porocore.errors import ConfigurationError
@@ -246,7 +247,7 @@ class _Walk:
     ) -> _State:
         theta = self.start + share * (self.goal - self.start)
         state = MacroState.single(theta[:9], float(theta[9]))
-        solution = self.solver.solve(self.prepared, state, start=[field], fields=True)
+        solution = solution_of(self.solver, self.prepared, state, start=[field], fields=True)
         response = solution.response
         reached = solution.fields[0] if solution.fields else None
         pivots: dict[str, int] = {}
