@@ -109,7 +109,7 @@ def test_an_exception_in_a_solve_comes_back_with_its_message(tmp_path: Path, wor
         PorocoreError, match=r"ArithmeticError at state 'p=\+0.1000000000 .*: a pivot vanished"
     ) as caught:
         sample(tmp_path / "data.h5", Fake(raise_at=0.1), workers=workers)
-    assert "in solve" in caught.value.__notes__[0]
+    assert "in solve" in caught.value.details
     # The other first steps were asked for together with it.
     assert len(Dataset.open(tmp_path / "data.h5")) >= workers
 
