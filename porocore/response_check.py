@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.declared_fields import RowField
-from porocore.states import RESPONSE_FIELDS, CellResponse, Status
+from porocore.states import RESPONSE_FIELDS, CellPeaks, CellResponse, CellTangent, Status
 
 
-def response_fault(response: CellResponse, n: int) -> str | None:
+def response_fault(response: Any, n: int) -> str | None:
     """Return what is wrong with a response of n states, as a clause that names field and row; None: nothing.
 
     Rows with values are finite where the declaration says so, the others hold NaN throughout, and every status is a
@@ -20,8 +20,13 @@ def response_fault(response: CellResponse, n: int) -> str | None:
     return shape_fault(response, n) or number_fault(response)
 
 
-def shape_fault(response: CellResponse, n: int) -> str | None:
+def shape_fault(response: Any, n: int) -> str | None:
     """Return which field is missing, or has not the shape or type that n states must have; None: none."""
+    if not isinstance(response, CellResponse):
+        return f"expected a CellResponse, got {type(response).__name__}"
+    for batch, kind in ((response.tangent, CellTangent), (response.peaks, CellPeaks)):
+        if batch is not None and not isinstance(batch, kind):
+            return f"expected a {kind.__name__}, got {type(batch).__name__}"
     found = _provided(response)
     for name, array in found.items():
         declared, expected = RESPONSE_FIELDS[name], (n, *RESPONSE_FIELDS[name].shape)

@@ -27,7 +27,7 @@ from porocore.inputs import InputSpace
 from porocore.interfaces.cell import CellField, CellSolution
 from porocore.interfaces.sampler import Request
 from porocore.sampling.campaign import is_complete
-from porocore.states import CellResponse, MacroState, Status
+from porocore.states import MacroState, Status
 from porocore.testing.synthetic import confined_column
 from porocore.testing.synthetic_cell import respond
 
@@ -88,8 +88,10 @@ def changed(name, at, value, response=RIGHT):
 
 #: What a cell solver or a surrogate may say, and what is told about it.
 RESPONSES = {
-    "nothing": (None, "expected a CellResponse, got None"),
-    "an array": (np.zeros(3), "expected a CellResponse, got array([0., 0., 0.])"),
+    "nothing": (None, "expected a CellResponse, got NoneType"),
+    "an array": (np.zeros(3), "expected a CellResponse, got ndarray"),
+    "derivatives of another kind": (replace(RIGHT, tangent={}), "expected a CellTangent, got dict"),
+    "peaks of another kind": (replace(RIGHT, peaks=RIGHT), "expected a CellPeaks, got CellResponse"),
     "NaN in a stress": (
         changed("stress", 1, np.nan),
         "stress: row 1, with status 'converged', holds numbers that are not finite",
@@ -135,8 +137,7 @@ def test_a_wrong_response_is_refused(name):
     """From a cell solver and from a surrogate."""
     response, words = RESPONSES[name]
     assert words in refused(prediction_of, Says(response), STATES)
-    if isinstance(response, CellResponse):
-        assert words in refused(solution_of, Says(CellSolution(response)), None, STATES)
+    assert words in refused(solution_of, Says(CellSolution(response)), None, STATES)
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,8 @@ from porocore.local_fields.nodal import NodalFields, recovered
 from porocore.local_fields.points import PointFields
 from porocore.local_fields.solve import PAPER_STATES, in_words, solve_and_write, solve_fields
 from porocore.local_fields.vtu import write_vtu
+from porocore.records import failed_response
+from porocore.states import Status
 
 pytest.importorskip("porocore_fem_skfem")
 
@@ -264,7 +266,7 @@ def test_the_command_refuses_what_is_no_state(monkeypatch, capsys, tmp_path, at)
 
 
 def test_a_backend_without_fields_is_refused(monkeypatch):
-    solver = SimpleNamespace(solve=lambda *_, **__: CellSolution(SimpleNamespace(status=[0])))
+    solver = SimpleNamespace(solve=lambda *_, **__: CellSolution(failed_response(Status.lost)))
     monkeypatch.setattr("porocore.local_fields.solve.prepare_cell", lambda *_: (solver, None))
     with pytest.raises(
         ConfigurationError, match="backend 'mine' gives no fields of its cell; choose one that does"
