@@ -94,6 +94,23 @@ def test_new_projects_pass_a_strangers_linter(tmp_path):
         assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.slow
+def test_new_projects_pass_strict_mypy(tmp_path):
+    """By the settings of their own, against the types of the installed porocore."""
+    pytest.importorskip("mypy")
+    folders = [write_project("my-own", kind, tmp_path / kind) for kind in TEMPLATES]
+    packages = [word for kind in TEMPLATES for word in ("-p", f"porocore_{kind}_my_own")]
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--cache-dir", tmp_path / "cache", *packages],
+        env=os.environ | {"MYPYPATH": os.pathsep.join(map(str, folders))},
+        cwd=folders[0],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+
+
 def test_the_plugin_of_the_page_is_the_example():
     """docs/plugin-tutorial.md shows the files of the sampler as they are."""
     page = (ROOT / "docs/plugin-tutorial.md").read_text(encoding="utf-8")
