@@ -13,6 +13,8 @@ import porocore
 from porocore.errors import ConfigurationError, RunFolderError
 
 ROOT = Path(__file__).parents[2]
+#: The finished run was made with one thread; this process may have more, which sum in another order.
+ROUND_OFF = 1e-12
 
 
 def blocks(page):
@@ -40,7 +42,8 @@ def test_the_python_of_the_documents_runs(place, finished, capsys):
     printed = [line.split() for line in capsys.readouterr().out.splitlines()]
     metrics = json.loads((finished / "metrics.json").read_text(encoding="utf-8"))["macro"]
     assert [float(load) for load, _ in printed] == list(LOADS)
-    assert [float(ratio) for _, ratio in printed] == [case["settlement_ratio"] for case in metrics]
+    ratios = [case["settlement_ratio"] for case in metrics]
+    assert [float(ratio) for _, ratio in printed] == pytest.approx(ratios, rel=ROUND_OFF)
     assert names["samples"].responses.stress.shape == (len(names["samples"].x), 3, 3)
     assert set(names["history"].dims) == {"time", "surface", "component", "drain"}
     assert names["history"].settlement.attrs["units"] == "1"
@@ -63,7 +66,9 @@ def assert_same_results_of_all_loads(folder, finished):
     for path in sorted((finished / "solutions").iterdir()):
         here = porocore.MacroSolution.load_file(folder / "solutions" / path.name)
         there = porocore.MacroSolution.load_file(path)
-        assert np.array_equal(here.history.settlement, there.history.settlement), path.name
+        np.testing.assert_allclose(
+            here.history.settlement, there.history.settlement, rtol=ROUND_OFF, err_msg=path.name
+        )
 
 
 def test_a_folder_of_another_study_is_refused(finished, tmp_path, monkeypatch):
