@@ -1,6 +1,8 @@
 """Options of the test suite, and how its tests are shared among workers."""
 
+import os
 import signal
+from collections import Counter
 
 import pytest
 
@@ -31,6 +33,18 @@ TOGETHER = {
 LONG = ("jax", "finished run", "tests/docs/test_snippets", "plugins/", "tests/consistency/", "tests/e2e/")
 
 
+#: Beginnings of the reasons for which a test may be skipped where everything is installed: it is for the slow suite, or
+#: the machine lacks what cannot be installed.
+GOOD_REASONS = (
+    "slow;",
+    "torch sees no GPU",
+    "a small disk cannot be mounted here",
+    "there is no 'unshare' here",
+)
+#: What an implementation need not offer: reasons from the kit, and from tests that compare what only some offer.
+OFFERED_BY_SOME = ("porocore/testing/", "gives no access to its tangent")
+
+
 def pytest_addoption(parser):
     parser.addoption("--run-slow", action="store_true", help="also run the tests marked slow")
 
@@ -40,7 +54,7 @@ def pytest_collection_modifyitems(config, items):
         return
     skip = pytest.mark.skip(reason="slow; run with --run-slow")
     for item in items:
-        if "slow" in item.keywords:
+        if item.get_closest_marker("slow"):  # not among the keywords: names of parameters are there too
             item.add_marker(skip)
 
 
@@ -69,3 +83,42 @@ def pytest_xdist_make_scheduler(config, log):
             super()._assign_work_unit(node)
 
     return Scheduling(config, log)
+
+
+def bad_skips(skipped):
+    """Reasons, with their numbers, for which (file, line, reason) were skipped though everything is installed."""
+    return Counter(
+        reason.removeprefix("Skipped: ")
+        for file, _, reason in skipped
+        if not reason.removeprefix("Skipped: ").startswith(GOOD_REASONS)
+        and not any(part in file or part in reason for part in OFFERED_BY_SOME)
+    )
+
+
+def _skipped(config):
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    reports = reporter.stats.get("skipped", []) if reporter else []
+    return [report.longrepr for report in reports if isinstance(report.longrepr, tuple)]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionfinish(session, exitstatus):
+    """With the variable CI set, a test that is skipped for want of something fails the run."""
+    if os.environ.get("CI") and exitstatus == 0 and bad_skips(_skipped(session.config)):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    if not os.environ.get("CI"):
+        return
+    skipped = _skipped(config)
+    bad = bad_skips(skipped)
+    slow = sum(reason.removeprefix("Skipped: ").startswith("slow;") for *_, reason in skipped)
+    terminalreporter.section("skipped")
+    terminalreporter.line(
+        f"{len(skipped)} skipped: {slow} for the slow suite, {len(skipped) - slow - bad.total()} that an "
+        f"implementation does not offer or the machine cannot do, {bad.total()} for want of something, "
+        "which is a failure here"
+    )
+    for reason, count in bad.most_common():
+        terminalreporter.line(f"{count}: {reason}")

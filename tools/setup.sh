@@ -27,6 +27,21 @@ as_root() {
     if [ "$(id -u)" = 0 ]; then "$@"; else sudo -n "$@"; fi
 }
 
+# apt-get waits for dpkg's lock where it is told to, but never for that of its lists, which the daily update holds.
+update_lists() {
+    waited=0
+    until said=$(as_root env LC_ALL=C apt-get update -qq 2>&1); do
+        case $said in
+            *"nable to lock"* | *"ould not get lock"*) ;;
+            *) give_up "apt-get update: $said" ;;
+        esac
+        [ $waited -lt 600 ] || give_up "another process has held apt's lock for ten minutes: $said"
+        [ $waited -gt 0 ] || say "another process holds apt's lock; waiting for it, ten minutes at most"
+        sleep 5
+        waited=$((waited + 5))
+    done
+}
+
 # install WHY PACKAGE...: those that are not there yet, by apt-get.
 install() {
     why=$1
@@ -40,7 +55,7 @@ install() {
         give_up "$why; neither root nor allowed to use sudo without a password; run as root: apt-get install --no-install-recommends$wanted"
     fi
     say "$why; installing with apt-get $how:$wanted"
-    as_root apt-get update -qq
+    update_lists
     # Another process may hold dpkg's lock, such as the daily upgrade: wait for it, ten minutes at most.
     # shellcheck disable=SC2086
     as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq -o DPkg::Lock::Timeout=600 \
