@@ -16,10 +16,25 @@ ROOT = Path(__file__).parents[1]
     ("body", "ci", "status"),
     [
         ("import pytest\ndef test_a(): pytest.importorskip('no_such_package')", "true", 1),
-        ("import pytest\ndef test_a(): pytest.importorskip('no_such_package')", "", 0),
-        ("import pytest\npytest.skip('it is not installed', allow_module_level=True)", "true", 1),
+        pytest.param(
+            "import pytest\ndef test_a(): pytest.importorskip('no_such_package')",
+            "",
+            0,
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "import pytest\npytest.skip('it is not installed', allow_module_level=True)",
+            "true",
+            1,
+            marks=pytest.mark.slow,
+        ),
         ("import pytest\n@pytest.mark.slow\ndef test_a(): pass", "true", 0),
-        ("import pytest\ndef test_a(): pytest.skip('Own gives no access to its tangent')", "true", 0),
+        pytest.param(
+            "import pytest\ndef test_a(): pytest.skip('Own gives no access to its tangent')",
+            "true",
+            0,
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["missing package", "not in CI", "missing for a module", "slow", "not offered"],
 )

@@ -52,12 +52,13 @@ def read_image(path: Path) -> npt.NDArray[np.integer[Any]]:
 
 def _read_npy(path: Path) -> npt.NDArray[Any]:
     """Read an array after a look at what its header declares."""
+    npy: Any = np.lib.format
     with path.open("rb") as file:
-        version = np.lib.format.read_magic(file)
+        version = npy.read_magic(file)
         if version not in ((1, 0), (2, 0)):
             raise ValueError(f"its version {version[0]}.{version[1]} is unknown")
         first = version == (1, 0)
-        read = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
+        read = npy.read_array_header_1_0 if first else npy.read_array_header_2_0
         shape, _, dtype = read(file)
     _check(path, shape, dtype)
     return np.asarray(np.load(path, allow_pickle=False))
