@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from porocore.abilities import require_conductivity, require_parts
 from porocore.closures import CLOSURES
 from porocore.config import RunConfig
 from porocore.errors import ConfigurationError, PluginError
@@ -91,15 +92,19 @@ def check(kind: Kind, config: RunConfig) -> None:
         or leave the body loose; or the surrogate does not predict what the closure needs.
     """
     backend = make_backend(kind, config)
+    if kind == "cell solver":
+        require_conductivity(type(backend), config.fem.backend, config.conductivity)
     if kind == "surrogate":
         _check_responses(backend, config)
     if kind == "macro solver":
-        backend.prepare(config.macro.problem(config.macro.loads[0]))
+        problem = config.macro.problem(config.macro.loads[0])
+        require_parts(type(backend), config.macro_backend, problem)
+        backend.prepare(problem)
 
 
 def _check_responses(surrogate: Any, config: RunConfig) -> None:
-    """A surrogate that does not say what it provides is found out when it is closed."""
-    provided = getattr(surrogate, "provides", None)
+    """A surrogate that does not declare what it provides is found out when it is closed."""
+    provided = surrogate.provides
     if provided is None:
         return
     missing = [name for name in CLOSURES[config.closure].responses if name not in provided]

@@ -6,6 +6,7 @@ a plugin that kills its process, or changes how pytest works, does no harm here.
 
 from __future__ import annotations
 
+import difflib
 import json
 import os
 import subprocess
@@ -29,6 +30,27 @@ Result = Literal["passed", "failed", "expected failure", "skipped"]
 INTERVAL = 0.1
 #: Lines of what a process said before it died that are shown.
 LAST = 6
+
+
+class UnknownLaw(PluginError):
+    """The suites of a plugin have no law of a name.
+
+    Attributes
+    ----------
+    laws
+        Those that they have, in words.
+    """
+
+    def __init__(self, name: str, laws: Sequence[str]) -> None:
+        close = difflib.get_close_matches(in_words(name), laws, n=3, cutoff=0.4)
+        near = f"did you mean {' or '.join(map(repr, close))}?" if close else f"there are {', '.join(laws)}"
+        super().__init__(f"--only: there is no law '{in_words(name)}'; {near}")
+        self.laws = laws
+
+
+def in_words(law: str) -> str:
+    """Return the name of a law as a reader reads it."""
+    return law.removeprefix("test_").replace("_", " ")
 
 
 @dataclass(frozen=True)
@@ -62,7 +84,7 @@ class Law:
     @property
     def words(self) -> str:
         """The law as a reader reads it."""
-        text = self.law.removeprefix("test_").replace("_", " ")
+        text = in_words(self.law)
         return f"{text} [{self.case}]" if self.case else text
 
 
@@ -89,7 +111,13 @@ def offers_of(name: str, kind: Kind | None = None) -> list[Offered]:
     return [known.find(k, name) for k in kinds]
 
 
-def check_plugin(offered: Offered, on_law: Callable[[Law, int], None] | None = None) -> list[Law]:
+def check_plugin(
+    offered: Offered,
+    on_law: Callable[[Law, int], None] | None = None,
+    *,
+    only: str = "",
+    on_start: Callable[[str, int], None] | None = None,
+) -> list[Law]:
     """Run the suites of one offer.
 
     Parameters
@@ -98,9 +126,15 @@ def check_plugin(offered: Offered, on_law: Callable[[Law, int], None] | None = N
         From :func:`offers_of`.
     on_law
         Called with each result and the number of all.
+    only
+        The one law to hold it to, by its name or in words; empty: all.
+    on_start
+        Called with each law in words before it is tested, and the number of all.
 
     Raises
     ------
+    UnknownLaw
+        There is no law ``only``.
     PluginError
         pytest is missing, the class or its suites cannot be loaded, or the process died.
     """
@@ -113,18 +147,20 @@ def check_plugin(offered: Offered, on_law: Callable[[Law, int], None] | None = N
         report.touch()
         environment = {k: v for k, v in os.environ.items() if k != "PYTEST_ADDOPTS"}
         environment["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
-        command = [sys.executable, "-m", "porocore.plugin_check", kind, name, folder]
+        command = [sys.executable, "-m", "porocore.plugin_check", kind, name, folder, only]
         with (
             log.open("wb") as said,
             subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=environment) as process,
         ):
             try:
-                lines = _follow(process, report, on_law)
+                lines = _follow(process, report, on_law, on_start)
             except BaseException:
                 process.terminate()
                 raise
         if lines and "fault" in lines[-1]:
             raise PluginError(str(lines[-1]["fault"]))
+        if lines and "unknown" in lines[-1]:
+            raise UnknownLaw(only, lines[-1]["unknown"])
         laws = [Law(**line["law"]) for line in lines if "law" in line]
         if not lines or "end" not in lines[-1] or not laws:
             said_last = " | ".join(log.read_text("utf-8", "replace").split("\n")[-LAST:]).strip(" |")
@@ -136,7 +172,10 @@ def check_plugin(offered: Offered, on_law: Callable[[Law, int], None] | None = N
 
 
 def _follow(
-    process: subprocess.Popen[bytes], report: Path, on_law: Callable[[Law, int], None] | None
+    process: subprocess.Popen[bytes],
+    report: Path,
+    on_law: Callable[[Law, int], None] | None,
+    on_start: Callable[[str, int], None] | None,
 ) -> list[dict[str, Any]]:
     """The lines of a growing file, until the process ends."""
     lines: list[dict[str, Any]] = []
@@ -150,6 +189,8 @@ def _follow(
                 line = json.loads(text)
                 lines.append(line)
                 total = line.get("total", total)
+                if "start" in line and on_start is not None:
+                    on_start(line["start"], total)
                 if "law" in line and on_law is not None:
                     on_law(Law(**line["law"]), total)
             if ended:
@@ -166,14 +207,23 @@ def collected(kind: Kind, name: str) -> dict[str, type[Any]]:
 
     offered = registry().find(kind, name)
     suites = suites_of(kind, offered.offer, registry().get(kind, name))
+    if offered.offer.suites is None:
+        suites[0].recipe = ("porocore.plugin_check:default_suite", kind, name)
     return {s.__name__ if s.__name__.startswith("Test") else f"Test{s.__name__}": s for s in suites}
+
+
+def default_suite(kind: Kind, name: str) -> type[Any]:
+    """Return the suite of a plugin that has none of its own."""
+    (suite,) = collected(kind, name).values()
+    return suite
 
 
 class _Reporter:
     """A pytest plugin that writes a line for each law."""
 
-    def __init__(self, kind: Kind, name: str, path: Path) -> None:
-        self.kind, self.name = kind, name
+    def __init__(self, kind: Kind, name: str, path: Path, only: str) -> None:
+        self.kind, self.name, self.only = kind, name, in_words(only)
+        self._unknown: list[str] = []
         self._file = path.open("a", encoding="utf-8")
         self._fault = ""
 
@@ -186,6 +236,18 @@ class _Reporter:
             text = str(getattr(getattr(report.longrepr, "reprcrash", None), "message", report.longrepr))
             text = next((part for part in reversed(text.splitlines()) if part.strip()), text)
             self._fault = text.removeprefix("E").strip().removeprefix("porocore.errors.PluginError: ")
+
+    def pytest_collection_modifyitems(self, items: list[Any]) -> None:
+        if not self.only:
+            return
+        laws = {in_words(item.originalname): None for item in items}
+        if self.only not in laws and not self._fault:
+            self._unknown = list(laws)
+        items[:] = [item for item in items if in_words(item.originalname) == self.only]
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        law, _, case = nodeid.rpartition("::")[2].partition("[")
+        self.write(start=in_words(law) + (f" [{case}" if case else ""))
 
     def pytest_collection_finish(self, session: Any) -> None:
         self.write(total=len(session.items))
@@ -205,6 +267,8 @@ class _Reporter:
     def close(self, status: int) -> None:
         if self._fault:
             self.write(fault=self._fault)
+        elif self._unknown:
+            self.write(unknown=self._unknown)
         else:
             self.write(end=status)
         self._file.close()
@@ -228,7 +292,7 @@ def _main(arguments: Sequence[str]) -> int:
     """Run pytest; the results go into the folder's ``report``."""
     import pytest
 
-    kind, name, folder = arguments
+    kind, name, folder, only = arguments
     assert kind in get_args(Kind)
     here = Path(folder)
     module = here / "test_laws.py"
@@ -237,7 +301,7 @@ def _main(arguments: Sequence[str]) -> int:
         encoding="utf-8",
     )
     (here / "pytest.ini").write_text("[pytest]\n", encoding="utf-8")
-    reporter = _Reporter(kind, name, here / "report")  # type: ignore[arg-type]
+    reporter = _Reporter(kind, name, here / "report", only)  # type: ignore[arg-type]
     options = ["-p", "no:cacheprovider", "--import-mode=importlib", f"--rootdir={folder}"]
     options += ["-c", str(here / "pytest.ini"), f"--basetemp={here / 'files'}", str(module)]
     status = int(pytest.main(options, plugins=[reporter]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -17,6 +17,11 @@ Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 Time = Annotated[Positive, Dimension("time")]
 Row = tuple[float, float, float]
+#: What a problem may have beside displacements, tractions and pressures; not every macro solver offers all.
+Part = Literal[
+    "follower", "plate", "flux", "body_force", "initial", "probes", "surfaces", "tolerance", "load_curve"
+]
+PARTS: frozenset[Part] = frozenset(get_args(Part))
 NO_GRADIENT: tuple[Row, Row, Row] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -185,6 +190,43 @@ class MacroSetup(_Strict):
                     f"u_{axis + 1}, which moves it as one already; keep one"
                 )
         return self
+
+    @property
+    def parts(self) -> frozenset[Part]:
+        """Those of :data:`PARTS` that are there."""
+        faces, none = self.boundary.values(), InitialState()
+        there: dict[Part, bool] = {
+            "follower": any(face.follower != 0 for face in faces),
+            "plate": any(face.plate is not None for face in faces),
+            "flux": any(face.flux != 0 for face in faces),
+            "body_force": any(value != 0 for value in self.body_force),
+            "initial": self.initial != none,
+            "probes": bool(self.probes),
+            "surfaces": bool(self.surfaces),
+            "tolerance": self.time.tolerance is not None,
+            "load_curve": bool(self.time.load_curve),
+        }
+        return frozenset(part for part, is_there in there.items() if is_there)
+
+    @property
+    def is_column(self) -> bool:
+        """Whether it is a box whose four sides move along y alone, loaded along y: a problem of one dimension."""
+        if self.body.kind != "box" or self.surfaces or self.body_force[0] != 0 or self.body_force[2] != 0:
+            return False
+        gradient = [row[:i] + row[i + 1 :] for i, row in enumerate(self.initial.gradient)]
+        if any(map(any, gradient)) or self.initial.gradient[0][0] or self.initial.gradient[2][2]:
+            return False
+        for name, face in self.boundary.items():
+            along, across = face.displacement[1], (face.displacement[0], face.displacement[2])
+            if any(u not in (None, 0) for u in across) or face.traction[0] != 0 or face.traction[2] != 0:
+                return False
+            if name[0] != "y" and (along is not None or face.traction[1] != 0 or face.follower != 0):
+                return False
+            if name[0] != "y" and (face.pressure is not None or face.flux != 0 or face.plate is not None):
+                return False
+        free = Boundary()
+        sides = ((name, self.boundary.get(name, free)) for name in ("x-", "x+", "z-", "z+"))
+        return all(face.normal == 0 or face.displacement["xyz".index(name[0])] == 0 for name, face in sides)
 
     @property
     def corners(self) -> tuple[float, ...]:

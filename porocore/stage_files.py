@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from porocore.abilities import require_conductivity
 from porocore.backends import make_backend
 from porocore.cell.cell import Cell
 from porocore.config import RunConfig
 from porocore.dataset import Dataset, describe
-from porocore.errors import ConfigurationError, DataError
+from porocore.errors import DataError
 from porocore.exploration import inform
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.sampler import Sampler
@@ -37,13 +37,9 @@ def prepare_cell(
         The solver cannot compute the conductivity of a deformed pore, or not of this cell.
     """
     solver: CellSolver = registry().get("cell solver", backend)(**options)
+    require_conductivity(type(solver), backend, conductivity)
     if conductivity != "deformed":
         return solver, solver.prepare(cell)
-    if "deformed" not in signature(solver.prepare).parameters:
-        raise ConfigurationError(
-            f"conductivity: the cell solver '{backend}' does not compute that of the deformed pore; choose "
-            "conductivity: piola or another fem.backend"
-        )
     deformed: Any = solver
     return solver, deformed.prepare(cell, deformed=True)
 

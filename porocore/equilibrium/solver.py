@@ -84,6 +84,11 @@ class PreparedCell:
 class EquilibriumCellSolver(CellSolver):
     """The part of a cell solver that no finite element library changes; subclasses discretise."""
 
+    conductivities = ("piola", "deformed")
+    contact = True
+    returns_fields = True
+    meshes = "core"
+
     @abstractmethod
     def solid(self, cell: Cell, mesh: CellMesh) -> DiscreteSolid:
         """The solid problem on the mesh."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -56,7 +56,25 @@ class CellSolver(ABC):
     The laws that an implementation obeys are tested by ``porocore.testing.CellSolverSuite``:
     the derivatives are the slopes of the responses, ∂P_E/∂p = −∂φ/∂H, W is objective, and a state that
     cannot be solved is a row with a status and NaN while the others are returned.
+
+    What a solver offers beyond or short of the ordinary is declared by the attributes of its class; a study that needs
+    more is refused before anything is solved, and the suite skips what is not offered.
     """
+
+    #: Conductivities that it computes: ``piola`` is K of the undeformed cell by :meth:`conductivity`; ``deformed`` is
+    #: K_ref of the deformed pore, for which :meth:`prepare` takes ``deformed=True``. Empty: none.
+    conductivities: ClassVar[tuple[Literal["piola", "deformed"], ...]] = ("piola",)
+    #: Whether it holds the pore wall against itself as ``cell.contact`` says. Without, a state whose wall passes
+    #: through itself has the status ``overlap``.
+    contact: ClassVar[bool] = False
+    #: Whether :meth:`solve` returns the micro displacement where ``fields`` are asked for.
+    returns_fields: ClassVar[bool] = False
+    #: ``core``: it solves on ``cell.make_mesh``, so that it agrees with others on that mesh to round-off; ``own``: on
+    #: another mesh, or without any.
+    meshes: ClassVar[Literal["core", "own"]] = "own"
+    #: Largest relative difference from the exact responses and conductivity of a cell, at the mesh that is asked for;
+    #: None: an estimate, which is held to no exact value.
+    accuracy: ClassVar[float | None] = 1e-2
 
     def __init__(self, **options: Any) -> None:
         if options:
@@ -64,10 +82,10 @@ class CellSolver(ABC):
 
     @abstractmethod
     def prepare(self, cell: Cell) -> Any:
-        """Everything that the states of one cell share (meshes, operators, sparsity, factors).
+        """Return what the states of one cell share (meshes, operators, sparsity, factors).
 
-        A solver that can compute the conductivity of the deformed pore takes a further keyword ``deformed``; if that
-        is true, every response holds ``conductivity`` and ``min_fluid_jacobian``.
+        A solver whose :attr:`conductivities` hold ``deformed`` takes a further keyword ``deformed``; if that is true,
+        every response holds ``conductivity`` and ``min_fluid_jacobian``.
         """
 
     @abstractmethod
@@ -97,9 +115,12 @@ class CellSolver(ABC):
             Whether the micro displacement is wanted.
         """
 
-    @abstractmethod
     def conductivity(self, prepared: Any) -> Array:
-        """Hydraulic conductivity K (3, 3) of the undeformed cell, <w^j_i>_f with the cell's viscosity."""
+        """Return the hydraulic conductivity K (3, 3) of the undeformed cell, <w^j_i>_f with the cell's viscosity.
+
+        A solver whose :attr:`conductivities` are empty leaves it out.
+        """
+        raise NotImplementedError(f"{type(self).__name__} computes no conductivity")
 
     def solve_one(self, prepared: Any, grad_u: Any, p: float = 0.0, **how: Any) -> CellResponse:
         """Solve one state; a convenience around :meth:`solve`."""

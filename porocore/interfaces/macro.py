@@ -5,11 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from porocore.laws import MacroLaw
 from porocore.parallel import World
-from porocore.problem import MacroProblem
+from porocore.problem import PARTS, MacroProblem, Part
 from porocore.solution import MacroSolution, StepReport
 
 
@@ -19,8 +19,23 @@ class MacroSolver(ABC):
     The law is asked once an iteration for all quadrature points and returns the exact tangent; a step whose
     Newton iteration fails is halved. Inf–sup stable: quadratic u, linear p.
     ``porocore.macro`` has what all implementations share, and ``porocore.testing.macro`` tests them.
+
+    What a solver offers is declared by the attributes of its class; a study that needs more is refused before anything
+    is solved, and the suite skips what is not offered.
     """
 
+    #: Kinds of bodies that it solves, as ``macro.body.kind`` has them; ``column`` is a box whose sides move along y
+    #: alone and which is loaded along y. None: every kind.
+    bodies: ClassVar[tuple[str, ...] | None] = None
+    #: Parts of a problem that it solves beside displacements, tractions and pressures.
+    parts: ClassVar[frozenset[Part]] = PARTS
+    #: Whether it writes checkpoints and continues from them; it then takes the option ``checkpoint_seconds``.
+    checkpoints: ClassVar[bool] = True
+    #: ``core``: :meth:`prepare` returns a ``porocore.macro`` discretisation of the body's mesh; ``own``: anything else.
+    meshes: ClassVar[Literal["core", "own"]] = "core"
+    #: Largest relative error of histories and fields on a column of ten elements; of a solver on the core's mesh the
+    #: difference from others on it, which the tolerance of Newton's iteration decides.
+    accuracy: ClassVar[float] = 1e-6
     #: Whether several MPI processes can share one problem; those that can set :attr:`world` too.
     distributed: ClassVar[bool] = False
     #: The processes that solve together, all of which call :meth:`prepare` and :meth:`solve`.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import TrainingSet
@@ -34,8 +34,12 @@ class Sampler(ABC):
     """Chooses states by ask and tell.
 
     A sampler is deterministic: after the same tells it asks for the same states, so that an interrupted
-    sampling is resumed by telling a new sampler the finished states again as it asks for them.
+    sampling is resumed by telling a new sampler the finished states again as it asks for them. So no key may hang on
+    ``hash()`` or on the order of a set, which are others in every process.
     """
+
+    #: Whether it takes the option ``seed``, and other seeds give other states.
+    seeded: ClassVar[bool] = False
 
     @abstractmethod
     def __init__(self, inputs: InputSpace, **options: Any) -> None: ...

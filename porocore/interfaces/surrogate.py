@@ -72,8 +72,15 @@ class Surrogate(ABC):
 
     An instance is created with its options, :meth:`fit` makes it usable, :meth:`save` and :meth:`load`
     keep everything that using it needs, in a format that executes nothing when it is read.
+
+    What it offers is declared by the attributes of its class; a study that needs more is refused before anything is
+    solved, and the conformance suite and the crosscheck hold it to what it declares.
     """
 
+    #: Largest error within the sampled range, as a share of the range of each response, that users may count on.
+    expected_error: ClassVar[float] = 5e-3
+    #: Whether it gives the undeformed cell's responses and derivatives exactly.
+    exact_at_rest: ClassVar[bool] = True
     #: Models to choose from, if there are several kinds; then the constructor takes ``model=``.
     models: ClassVar[tuple[str, ...]] = ()
     #: Hash of the cell that it was trained for; set by ``fit`` and ``load``.
@@ -85,6 +92,11 @@ class Surrogate(ABC):
 
     @abstractmethod
     def __init__(self, **options: Any) -> None: ...
+
+    @property
+    def provides(self) -> tuple[str, ...] | None:
+        """Responses of :class:`~porocore.CellResponse` that :meth:`predict` fills in; None: not declared."""
+        return None
 
     @classmethod
     def load_libraries(cls) -> None:

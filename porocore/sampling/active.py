@@ -51,6 +51,8 @@ class Learning(RoundSampler, StudySampler):
 
     _study: StudyFacts | None = None
 
+    seeded = True
+
     def __init__(
         self, inputs: InputSpace, count: int, initial: int | None, usual: int, batch: int, seed: int
     ) -> None:

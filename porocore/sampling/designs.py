@@ -42,6 +42,8 @@ class Design(RoundSampler):
 
     name: ClassVar[str]
 
+    seeded = True
+
     def __init__(
         self, inputs: InputSpace, count: int = 100, seed: int = 0, corners: bool = False, **unknown: Any
     ) -> None:

@@ -46,6 +46,8 @@ class RandomStates(Sampler):
         An option is unknown or of no use.
     """
 
+    seeded = True
+
     def __init__(
         self, inputs: InputSpace, count: int = 100, seed: int = 0, most_tries: int = 10, **unknown: Any
     ) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from porocore.states import Array, CellResponse, MacroState
+from porocore.testing.expect import holds, same, there
 
 RESPONSES = ("mean_grad", "potential", "stress", "fluid_volume")
 #: Responses with the names of their derivatives in :class:`~porocore.states.CellTangent`.
@@ -33,19 +34,17 @@ def moved(states: MacroState, column: int, step: float) -> MacroState:
     return MacroState(flat.reshape(-1, 3, 3), p)
 
 
-def assert_identical(one: CellResponse, other: CellResponse) -> None:
-    """To the last bit, derivatives included."""
-    assert one.outside is not None
-    assert other.outside is not None
-    assert (one.outside == other.outside).all()
+def assert_identical(found: CellResponse, expected: CellResponse, state: str) -> None:
+    """Raise a violation unless both are alike to the last bit, derivatives and flags included."""
+    same("outside", there("outside", found.outside, state), there("outside", expected.outside, state), state)
     for name in RESPONSES:
-        if getattr(one, name) is not None:
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    slopes, others = dict(provided(one)), dict(provided(other))
-    assert slopes.keys() == others.keys()
-    for name in slopes:
-        for a, b in zip(slopes[name], others[name], strict=True):
-            np.testing.assert_array_equal(a, b)
+        if getattr(expected, name) is not None:
+            same(name, getattr(found, name), getattr(expected, name), state)
+    slopes, others = dict(provided(found)), dict(provided(expected))
+    holds(slopes.keys() == others.keys(), state, f"derivatives of {sorted(others)}", sorted(slopes))
+    for name in others:
+        for what, a, b in zip(("H", "p"), slopes[name], others[name], strict=True):
+            same(f"d{name}/d{what}", a, b, state)
 
 
 def global_random_state() -> tuple[Any, ...]:

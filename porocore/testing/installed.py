@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
 from porocore.errors import PluginError
@@ -60,7 +59,7 @@ def suites_of(kind: Kind, offer: Offer, implementation: type[Any]) -> list[type[
 
 
 def _default(kind: Kind, name: str, implementation: type[Any]) -> type[Suite]:
-    """Of the present version, since a plugin without suites of its own pins none."""
+    """Return the suite of a plugin without suites of its own: with default options, of the present version."""
 
     def make(cls: Any, *inputs: Any, **options: Any) -> Any:
         return implementation(*inputs, **options)
@@ -69,6 +68,6 @@ def _default(kind: Kind, name: str, implementation: type[Any]) -> type[Suite]:
     if kind == "surrogate":
         members["resumable"] = members["random"] = None
     if kind == "sampler":
-        members["random"] = "seed" in inspect.signature(implementation).parameters
+        members["random"] = implementation.seeded
     words = "".join(word.capitalize() for word in name.replace("-", "_").split("_"))
     return type(f"Test{words}", (SUITES[kind],), members)

@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMyMacroSolver(MacroSolverSuite):
-        kit_version = "2"
+        kit_version = "3"
 
         @classmethod
         def make_solver(cls, **options):

@@ -12,7 +12,9 @@ import pytest
 from porocore.body.kinds import Box, make_body
 from porocore.body.surfaces import Facets
 from porocore.errors import ConfigurationError
+from porocore.macro.body import body_mesh
 from porocore.problem import MacroProblem
+from porocore.testing.expect import holds, near, refused, same
 from porocore.testing.macro_solving import C22, HELD, LINEAR, NONLINEAR, SHORT, SIDES, Solving
 
 #: A cube's corners numbered as bits xyz, cut into six tetrahedra about its diagonal; neighbours match.
@@ -97,7 +99,7 @@ class Bodies(Solving):
 
     def test_the_tangent_is_the_slope_of_the_residual_on_any_body(self, body: Any) -> None:
         """Followers included, at a state without any symmetry."""
-        d = self.prepare(self.problem(body, boundary={"y+": {"follower": 0.3}}))
+        d = self.discretise(self.problem(body, boundary={"y+": {"follower": 0.3}}))
         rng = np.random.default_rng(0)
         x, old = 0.02 * rng.standard_normal((2, d.mesh.size))
         states, _ = d.states(old)
@@ -114,17 +116,21 @@ class Bodies(Solving):
         slope = (residual(x + h * direction)[0] - residual(x - h * direction)[0]) / (2 * h)
         system = d.system(tangent, 0.3, d.follower_tangent(x, loads))
         found = d.solve(system, slope, direction[d.prescribed])
-        np.testing.assert_allclose(found, direction, rtol=0, atol=2e-5 * abs(direction).max())
+        state = f"random unknowns of the body '{body['kind']}', along a random direction"
+        near(
+            "what the tangent makes of the slope", found, direction, state, within=2e-5 * abs(direction).max()
+        )
 
     def test_fields_of_first_order_are_exact_on_any_body(self, body: Any) -> None:
-        d = self.prepare(self.problem(body))
+        d = self.discretise(self.problem(body))
         mesh, rng = d.mesh, np.random.default_rng(2)
         A, g = rng.standard_normal((3, 3)), rng.standard_normal(3)
         p = 0.3 + mesh.points[mesh.p_nodes] @ g
         states, grad_p = d.states(d.from_mesh(np.concatenate([(mesh.points @ A.T).ravel(), p])))
-        np.testing.assert_allclose(states.grad_u, np.broadcast_to(A, states.grad_u.shape), atol=1e-11)
+        state = f"a linear displacement and pressure on the body '{body['kind']}'"
+        near("H", states.grad_u, A, state, within=1e-11, rel=1e-7)
         if mesh.straight:  # on curved elements the pressure is linear in the reference coordinates only
-            np.testing.assert_allclose(grad_p, np.broadcast_to(g, grad_p.shape), atol=1e-11)
+            near("grad_p", grad_p, g, state, within=1e-11, rel=1e-7)
 
     def test_a_pressure_all_around_follows_the_surface(self, either: Any) -> None:
         """A drained body under fluid pressure alone: P = −p J F⁻ᵀ everywhere, homogeneous, whatever the shape."""
@@ -134,11 +140,12 @@ class Bodies(Solving):
         profile = self.solve(problem, NONLINEAR).profiles[-1]
         F = np.eye(3) + profile.grad_u
         expected = -0.02 * np.linalg.det(F)[:, None, None] * np.linalg.inv(F).swapaxes(1, 2)
-        np.testing.assert_allclose(profile.p, 0, atol=1e-10)
-        np.testing.assert_allclose(profile.stress, expected, atol=1e-8)
-        np.testing.assert_allclose(F, np.broadcast_to(F[0], F.shape), atol=1e-8)
-        assert np.diag(F[0]) == pytest.approx(np.full(3, F[0, 0, 0]), abs=1e-8)
-        assert 0.9 < F[0, 0, 0] < 0.99
+        state, exact = f"the body '{either['kind']}' under p = 0.02 all around, drained", self.within(1e-8)
+        near("p", profile.p, 0.0, state, within=self.within(1e-10))
+        near("P = −p J F⁻ᵀ", profile.stress, expected, state, within=exact, rel=1e-7)
+        near("F, the same everywhere,", F, F[0], state, within=exact, rel=1e-7)
+        near("diag F", np.diag(F[0]), F[0, 0, 0], state, within=exact)
+        holds(0.9 < F[0, 0, 0] < 0.99, state, "F_11 from 0.9 to 0.99", F[0, 0, 0])
 
     def test_reactions_balance_the_loads(self, either: Any) -> None:
         """Body force, traction on a patch and a course: what holds the body bears them all."""
@@ -151,24 +158,24 @@ class Bodies(Solving):
             },
             body_force=(0, {"table": [[0, 0], [3, -0.02]]}, 0),
         )
-        d = self.prepare(problem)
-        solution = self.solve(problem, LINEAR)
-        areas = {name: float(Facets(d.mesh, d.mesh.surfaces[name]).areas.sum()) for name in ("patch", "y+")}
+        solution, mesh = self.solve(problem, LINEAR), body_mesh(problem)
+        areas = {name: float(Facets(mesh, mesh.surfaces[name]).areas.sum()) for name in ("patch", "y+")}
         whole = {"wedge": np.pi / 6, "file": 0.8}[either["kind"]]
-        assert areas["patch"] + areas["y+"] == pytest.approx(whole, rel=2e-3)
-        assert min(areas.values()) > 0.1 * whole
+        state = f"the body '{either['kind']}' with a traction on a patch and a body force"
+        near("the area of patch and y+", sum(areas.values()), whole, state, rel=2e-3)
         t = solution.history.time
-        volume = float(d.mesh.weights.sum())
+        volume = float(mesh.weights.sum())
         down = -0.01 * areas["patch"] * np.minimum(1, t / 0.2) - 0.02 * volume * np.minimum(1, t / 3)
         found = solution.reactions["y-"][:, 1]
-        np.testing.assert_allclose(found[1:], -down[1:], rtol=1e-9)
+        near("the reaction of y-", found[1:], -down[1:], state, rel=self.within(1e-9))
         entered = (np.diff(t) * solution.inflow["y+"][1:]).sum()
-        assert solution.history.drained_flux[-1] == pytest.approx(-entered, rel=1e-9)
-        assert set(solution.inflow) == {"y+"}
+        near("drained_flux", solution.history.drained_flux[-1], -entered, state, rel=self.within(1e-9))
+        holds(set(solution.inflow) == {"y+"}, state, "an inflow of y+ alone", sorted(solution.inflow))
 
     def test_probes_say_what_the_fields_say(self, either: Any) -> None:
         """At a node, and between nodes a first-order field."""
-        mesh = self.prepare(self.problem(either)).mesh
+        self.needs_core_mesh()
+        mesh = body_mesh(self.problem(either))
         node = int(np.argmax(mesh.points @ np.array([0.3, 1.0, 0.2])))
         problem = self.problem(
             either,
@@ -177,13 +184,23 @@ class Bodies(Solving):
         )
         solution = self.solve(problem, LINEAR)
         last = solution.profiles[-1]
-        np.testing.assert_allclose(solution.probes["corner"][-1], [*last.u[node], last.p[node]], atol=1e-13)
-        assert solution.probes["inside"].shape == (len(solution.history.time), 4)
-        assert -0.02 < solution.probes["inside"][-1, 1] < 0
+        state, inside = f"the body '{either['kind']}', pushed down by 0.02", solution.probes["inside"]
+        near(
+            "the probe at a node",
+            solution.probes["corner"][-1],
+            [*last.u[node], last.p[node]],
+            state,
+            within=1e-13,
+        )
+        shape, wanted = inside.shape, (len(solution.history.time), 4)
+        holds(shape == wanted, state, f"a probe of shape {wanted}", f"shape {shape}")
+        holds(-0.02 < inside[-1, 1] < 0, state, "u_2 of the probe inside from -0.02 to 0", inside[-1, 1])
 
     def test_a_probe_outside_is_refused(self, tmp_path: Path) -> None:
-        with pytest.raises(ConfigurationError, match=r"macro.probes.far: the point \(9.0, .* lies outside"):
-            self.solve(self.problem(make("wedge", tmp_path), probes={"far": (9, 0, 0)}), LINEAR)
+        problem = self.problem(make("wedge", tmp_path), probes={"far": (9, 0, 0)})
+        state = "a probe 'far' at (9, 0, 0), outside"
+        with refused(ConfigurationError, state=state, naming=("far", "outside")):
+            self.solve(problem, LINEAR)
 
     def test_an_initial_state_is_where_it_begins(self) -> None:
         """Uniform pressure in a sealed and held body stays as it is."""
@@ -191,8 +208,9 @@ class Bodies(Solving):
         body = {"size": (1, 1, 1), "elements": (1, 1, 1)}
         data = {"body": body, "boundary": held, "time": SHORT, "initial": {"pressure": 0.01}}
         solution = self.solve(MacroProblem.model_validate(data), LINEAR)
-        np.testing.assert_allclose(solution.history.pressure_max, 0.01, rtol=1e-12)
-        np.testing.assert_allclose(solution.profiles[-1].p, 0.01, rtol=1e-12)
+        state = "a sealed and held box with an initial pressure"
+        near("pressure_max", solution.history.pressure_max, 0.01, state, rel=1e-12)
+        near("p", solution.profiles[-1].p, 0.01, state, rel=1e-12)
 
     def test_an_initial_strain_presses_no_fluid_out(self) -> None:
         """Storage is counted from it, stress from H = 0: where it is held, nothing happens."""
@@ -205,9 +223,10 @@ class Bodies(Solving):
             "initial": {"gradient": ((0, 0, 0), (0, strain, 0), (0, 0, 0))},
         }
         solution = self.solve(MacroProblem.model_validate(data), LINEAR)
-        np.testing.assert_allclose(solution.history.settlement, 0.04, rtol=1e-12)
-        np.testing.assert_allclose(solution.history.pressure_max, 0, atol=1e-12)
-        np.testing.assert_allclose(solution.profiles[-1].stress[:, 1, 1], C22 * strain, rtol=1e-10)
+        state, last = "a held column with an initial strain", solution.profiles[-1]
+        near("settlement", solution.history.settlement, 0.04, state, rel=1e-12)
+        near("pressure_max", solution.history.pressure_max, 0.0, state, within=1e-12)
+        near("P_E,22", last.stress[:, 1, 1], C22 * strain, state, rel=self.within(1e-10))
 
     def test_steps_by_error_meet_the_tolerance(self) -> None:
         """The last state of a relaxing column against very fine steps; fewer, where little happens."""
@@ -228,9 +247,11 @@ class Bodies(Solving):
                 abs(found.profiles[0].p - fine.profiles[0].p).max() / fine.history.pressure_max.max()
             )
             counts.append(len(found.history.time))
-        assert errors[1] < errors[0] < 0.05
-        assert errors[1] < 0.012
-        assert counts[0] < counts[1] < 200
+        state = "time.tolerance = 1e-2 and 1e-3, against steps of 0.004"
+        found = f"{errors[0]:.3g} and {errors[1]:.3g}"
+        less = errors[1] < errors[0] < 0.05 and errors[1] < 0.012
+        holds(less, state, "errors of p below 0.05 and 0.012, the second the smaller", found)
+        holds(counts[0] < counts[1] < 200, state, "more steps for the second, below 200", counts)
 
     def test_a_killed_run_continues_to_the_identical_history_on_any_body(self, tmp_path: Path) -> None:
         """With steps by error, a follower, a course, probes and reactions: to the last bit, killed after every step."""
@@ -240,8 +261,10 @@ class Bodies(Solving):
             probes={"inside": (0.31, 0.2, 0.05)},
             time=SHORT | {"end": 1.0, "tolerance": 1e-2},
         )
-        whole = self.solve(problem, NONLINEAR)
-        assert len(whole.history.time) > 9
+        self.needs_checkpoints()
+        whole, state = self.solve(problem, NONLINEAR), "a wedge, killed after every step and resumed"
+        count = len(whole.history.time) - 1
+        holds(count > 8, "time.tolerance = 1e-2 on a wedge", "more than 8 steps", count)
         path = tmp_path / "macro.h5"
 
         def killed(report: Any) -> None:
@@ -252,19 +275,18 @@ class Bodies(Solving):
             with suppress(KeyboardInterrupt):
                 solver.solve(solver.prepare(problem), NONLINEAR, checkpoint=path, on_step=killed)
         resumed = self.solve(problem, NONLINEAR, checkpoint=path)
-        np.testing.assert_array_equal(resumed.history.time, whole.history.time)
-        np.testing.assert_array_equal(resumed.probes["inside"], whole.probes["inside"])
+        same("time", resumed.history.time, whole.history.time, state)
+        same("the probe", resumed.probes["inside"], whole.probes["inside"], state)
         for name, force in whole.reactions.items():
-            np.testing.assert_array_equal(resumed.reactions[name], force)
-        np.testing.assert_array_equal(resumed.inflow["y+"], whole.inflow["y+"])
-        np.testing.assert_array_equal(resumed.profiles[-1].u, whole.profiles[-1].u)
+            same(f"the reaction of {name}", resumed.reactions[name], force, state)
+        same("the inflow of y+", resumed.inflow["y+"], whole.inflow["y+"], state)
+        same("u", resumed.profiles[-1].u, whole.profiles[-1].u, state)
 
     def test_an_unknown_surface_is_refused(self) -> None:
         data = {"body": {"elements": (1, 1, 1)}, "boundary": {**ROLLERS, "lid": {"pressure": 0}}}
-        with pytest.raises(
-            ConfigurationError, match=r"macro.boundary.lid: the body has no surface 'lid'; its .* x-, x"
-        ):
-            self.prepare(MacroProblem.model_validate(data))
+        problem = MacroProblem.model_validate(data)
+        with refused(ConfigurationError, state="a boundary 'lid' of a box", naming=("'lid'", "x-")):
+            self.prepare(problem)
 
     def test_an_empty_patch_is_refused(self) -> None:
         data = {
@@ -272,7 +294,8 @@ class Bodies(Solving):
             "boundary": ROLLERS,
             "surfaces": {"strip": {"of": "y+", "x": (5, 6)}},
         }
-        with pytest.raises(
-            ConfigurationError, match=r"macro.surfaces.strip: none of the 1 facets of 'y.' has"
+        problem = MacroProblem.model_validate(data)
+        with refused(
+            ConfigurationError, state="a patch 'strip' beside the body", naming=("strip", "none of")
         ):
-            self.prepare(MacroProblem.model_validate(data))
+            self.prepare(problem)

@@ -10,6 +10,7 @@ import pytest
 
 from porocore.solution import MacroSolution
 from porocore.terzaghi import Terzaghi
+from porocore.testing.expect import holds, near, same
 from porocore.testing.macro_solving import (
     COEFFICIENTS,
     HELD,
@@ -45,7 +46,8 @@ class Histories(Solving):
             "profiles": (),
         }
         solution = self.solve(confined_column(elements, load=-1e-3, time=plan), LINEAR)
-        assert len(solution.history.time) == steps + 1
+        found = len(solution.history.time) - 1
+        holds(found == steps, f"a linear column in {steps} equal steps", f"{steps} steps", found)
         return layer, end, solution
 
     @pytest.fixture(scope="class")
@@ -61,13 +63,15 @@ class Histories(Solving):
         errors = []
         for elements in (4, 8, 16, 32):
             layer, _, solution = self.linear_column(elements, steps, T)
-            y, first = np.unique(np.rint(solution.points[:, 1] / 7.5 * 2 * elements), return_index=True)
-            p = np.interp(1 - depth, y / (2 * elements), solution.profiles[-1].p[first])
+            y, first = np.unique(np.round(solution.points[:, 1] / 7.5, 9), return_index=True)
+            p = np.interp(1 - depth, y, solution.profiles[-1].p[first])
             exact = discrete_terzaghi(layer, depth, steps, T / steps)
             errors.append(np.sqrt(np.mean((p - exact) ** 2)) / layer.initial_pressure)
         orders = np.log2(np.array(errors[:-1]) / errors[1:])
-        np.testing.assert_allclose(orders, 2, atol=0.1)
-        assert errors[-1] < 1e-4
+        state = "a linear column of 4, 8, 16 and 32 elements"
+        near("the order of convergence", orders, 2.0, state, within=self.within(0.1))
+        least = self.within(1e-4)
+        holds(errors[-1] < least, state, f"an error of the pressure below {least:g} at 32", errors[-1])
 
     def test_time_steps_converge_with_order_one(self) -> None:
         """Backward Euler against the continuous series, on a mesh so fine that the error is that of time."""
@@ -78,7 +82,7 @@ class Histories(Solving):
                 abs(solution.history.pressure_max[-1] - layer.pressure(0.0, end)) / layer.initial_pressure
             )
         orders = np.log2(np.array(errors[:-1]) / errors[1:])
-        np.testing.assert_allclose(orders, 1, atol=0.1)
+        near("the order of convergence", orders, 1.0, "10, 20 and 40 time steps", within=self.within(0.1))
 
     # --- laws against each other, balances --------------------------------------------------------------
 
@@ -86,14 +90,16 @@ class Histories(Solving):
     def test_a_small_load_gives_linear_poroelasticity(self, load: Any) -> None:
         problem = confined_column(4, load=load, time=SHORT | {"end": 10.0})
         nonlinear, linear = self.solve(problem, NONLINEAR).history, self.solve(problem, LINEAR).history
-        np.testing.assert_allclose(nonlinear.settlement[1:], linear.settlement[1:], rtol=1e-3)
-        np.testing.assert_allclose(nonlinear.pressure_max[1:], linear.pressure_max[1:], rtol=1e-3)
-        np.testing.assert_allclose(nonlinear.drained[1:], linear.drained[1:], rtol=2e-3)
-        assert nonlinear.settlement[-1] != linear.settlement[-1]
+        state = f"a nonlinear law under the load {load:g}, against linear poroelasticity"
+        for name, rel in (("settlement", 1e-3), ("pressure_max", 1e-3), ("drained", 2e-3)):
+            near(name, getattr(nonlinear, name)[1:], getattr(linear, name)[1:], state, rel=rel)
+        end = nonlinear.settlement[-1]
+        holds(end != linear.settlement[-1], state, "another settlement, if only by a little", end)
 
     def test_axial_stress_is_uniform(self, large: Any) -> None:
-        assert large.history.stress_spread.max() < 1e-6 * 0.2
-        np.testing.assert_allclose(large.profiles[0].stress[:, 1, 1], -0.2, rtol=1e-6)
+        state = "a column under the load 0.2"
+        near("stress_spread", large.history.stress_spread, 0.0, state, within=self.within(1e-6) * 0.2)
+        near("P_E,22", large.profiles[0].stress[:, 1, 1], -0.2, state, rel=self.within(1e-6))
 
     def test_steady_state_is_the_drained_uniaxial_one(self, large: Any) -> None:
         """P_E,22(H_22) = −0.2 at p = 0, by bisection of the scalar formula."""
@@ -107,25 +113,32 @@ class Histories(Solving):
         for _ in range(60):
             middle = (low + high) / 2
             low, high = (middle, high) if stress(middle) < -0.2 else (low, middle)
-        assert large.history.settlement[-1] == pytest.approx(-7.5 * low, rel=1e-6)
-        assert abs(large.profiles[-1].p).max() < 1e-6
+        state = "the steady state under the load 0.2"
+        near("settlement", large.history.settlement[-1], -7.5 * low, state, rel=self.within(1e-6))
+        near("p", large.profiles[-1].p, 0.0, state, within=1e-6)
 
     def test_histories_are_what_they_say(self, large: Any) -> None:
-        history, last = large.history, large.profiles[-1]
-        assert [p.time for p in large.profiles] == [1.0, 10.0, 400.0]
-        assert history.time[0] == 0
-        assert history.settlement[0] == 0
-        np.testing.assert_allclose(history.ramp, np.minimum(1, history.time / 0.5), rtol=1e-12)
-        assert history.settlement[-1] == -last.u[:, 1].min()
-        assert (np.diff(history.settlement) > -1e-9).all()
-        assert history.iterations[1:20].min() >= 1
-        assert last.deformation.shape == (10, 3, 3)
-        det = np.linalg.det(last.deformation)
-        assert history.drained[-1] > history.drained_flux[-1] * 1.05 > 0  # 1/det F̄ > 1 weighs it up
-        np.testing.assert_allclose(
-            last.conductivity[:, 1, 1], 1.94 / last.deformation[:, 1, 1] ** 2, rtol=1e-6
+        history, last, state = large.history, large.profiles[-1], "a column under the load 0.2"
+        same("the times of the profiles", [p.time for p in large.profiles], [1.0, 10.0, 400.0], state)
+        same("the first time", history.time[0], 0.0, state)
+        same("the first settlement", history.settlement[0], 0.0, state)
+        near("ramp", history.ramp, np.minimum(1, history.time / 0.5), state, rel=1e-12)
+        near("settlement, the largest −u_2,", history.settlement[-1], -last.u[:, 1].min(), state)
+        back = np.diff(history.settlement).min()
+        holds(back > -1e-9, state, "a settlement that grows", f"a step of {back:.3g}")
+        fewest = history.iterations[1:20].min()
+        holds(fewest >= 1, state, "at least one iteration a step", fewest)
+        shape, wanted = last.deformation.shape, (len(large.cells), 3, 3)
+        holds(shape == wanted, state, f"F̄ of shape {wanted}, one an element", f"shape {shape}")
+        # 1/det F̄ > 1 weighs it up.
+        drained, by_flux = history.drained[-1], history.drained_flux[-1]
+        holds(
+            drained > by_flux * 1.05 > 0, state, "drained to exceed a positive drained_flux by 5 %", drained
         )
-        assert (det < 1).all()
+        expected = 1.94 / last.deformation[:, 1, 1] ** 2
+        near("K_t,22 = K/F̄₂₂²", last.conductivity[:, 1, 1], expected, state, rel=self.within(1e-6))
+        largest = np.linalg.det(last.deformation).max()
+        holds(largest < 1, state, "det F̄ below 1", largest)
 
     @pytest.mark.parametrize("law", [LINEAR, NONLINEAR], ids=["linear", "nonlinear"])
     def test_fluid_is_conserved(self, law: Any) -> None:
@@ -134,8 +147,9 @@ class Histories(Solving):
         boundary = {**SIDES, "y-": {**HELD, "flux": 0.05}, "y+": {"traction": (0, 1, 0), "pressure": 0}}
         problem = confined_column(8, load=-0.1, boundary=boundary, time=SHORT, newton={"tolerance": 1e-12})
         history = self.solve(problem, undivided).history
-        assert abs(history.drained_flux).max() > 1e-5
-        np.testing.assert_allclose(history.drained, history.drained_flux, rtol=1e-10, atol=1e-14)
+        state, most = "a column with an inflow at its base", abs(history.drained_flux).max()
+        holds(most > 1e-5, state, "a drained_flux beyond 1e-5", most)
+        near("drained", history.drained, history.drained_flux, state, rel=1e-10, within=1e-14)
 
     def test_share_outside_the_trained_range_is_a_volume(self) -> None:
         narrow = AlteredLaw(LINEAR, lambda r, states, memory: replace(r, outside=states.p > 5e-4))
@@ -143,7 +157,13 @@ class Histories(Solving):
         layer = Terzaghi.from_coefficients(COEFFICIENTS, 7.5, 1e-3)
         y = np.linspace(0, 7.5, 4001)
         share = (layer.pressure(y, 6.0 - 0.1) > 5e-4).mean()
-        assert 0.2 < share < 0.9
-        assert solution.history.outside[-1] == pytest.approx(share, abs=0.02)
-        assert solution.history.outside[-1] == pytest.approx(solution.profiles[-1].outside.mean(), abs=1e-12)
-        assert solution.history.outside[0] == 0
+        state, found = "a law that flags p > 5e-4", solution.history.outside
+        near("outside", found[-1], share, state, within=0.02)
+        near(
+            "outside, the mean of the profile,",
+            found[-1],
+            solution.profiles[-1].outside.mean(),
+            state,
+            within=1e-12,
+        )
+        same("outside at rest", found[0], 0.0, state)

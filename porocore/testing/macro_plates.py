@@ -9,6 +9,7 @@ import pytest
 
 from porocore.errors import ConfigurationError
 from porocore.problem import MacroProblem
+from porocore.testing.expect import holds, near, refused, same
 from porocore.testing.macro_solving import LINEAR, NONLINEAR, SHORT, Solving
 from porocore.testing.synthetic import confined_column
 
@@ -41,12 +42,18 @@ class Plates(Solving):
         solution = self.solve(squeezed({"plate": 1}, newton={"tolerance": 1e-11}), law)
         top = solution.points[:, 1] == 1
         for profile in solution.profiles:
-            assert np.ptp(profile.u[top, 1]) == 0
-            assert np.ptp(profile.u[top, 0]) > 1e-3  # it slides
-            assert profile.stress[:, 1, 1].mean() == pytest.approx(-0.05, rel=1e-9)
+            state = f"a plate on a block that drains to one side, t = {profile.time:g}"
+            same("the spread of u_2 under the plate", np.ptp(profile.u[top, 1]), 0.0, state)
+            slides = np.ptp(profile.u[top, 0])
+            holds(slides > 1e-3, state, "a spread of u_1 under the plate above 1e-3", slides)
+            near("the mean of P_E,22", profile.stress[:, 1, 1].mean(), -0.05, state, rel=1e-9)
         # While the drained side softens, the middle takes over: the stress beneath is not uniform.
-        assert np.ptp(solution.profiles[0].stress[:, 1, 1]) > 0.1 * 0.05
-        assert solution.history.settlement[-1] == -solution.profiles[-1].u[top, 1][0]
+        state, spread = (
+            "a plate on a block that drains to one side",
+            np.ptp(solution.profiles[0].stress[:, 1, 1]),
+        )
+        holds(spread > 0.1 * 0.05, state, "a spread of P_E,22 above a tenth of its mean", spread)
+        same("settlement", solution.history.settlement[-1], -solution.profiles[-1].u[top, 1][0], state)
 
     def test_a_pushed_plate_is_a_face_moved_by_as_much(self) -> None:
         """The steady states are the same, up to what is left of the pressure."""
@@ -54,8 +61,9 @@ class Plates(Solving):
         pushed = self.solve(squeezed({"plate": 1}, time=plan), NONLINEAR)
         by = float(pushed.history.settlement[-1])
         moved = self.solve(squeezed({"displacement": (None, 1, None)}, load=-by, time=plan), NONLINEAR)
-        assert abs(pushed.profiles[-1].p).max() < 1e-6
-        np.testing.assert_allclose(moved.profiles[-1].u, pushed.profiles[-1].u, rtol=0, atol=1e-5 * by)
+        state = "the steady states of a pushed plate and of a face moved by as much"
+        near("p", pushed.profiles[-1].p, 0.0, state, within=1e-6)
+        near("u", moved.profiles[-1].u, pushed.profiles[-1].u, state, within=1e-5 * by)
 
     def test_on_a_column_a_plate_is_a_traction(self) -> None:
         by_traction = confined_column(4, load=-0.1, time=SHORT)
@@ -63,14 +71,12 @@ class Plates(Solving):
         faces["y+"] = {"plate": 0.01, "pressure": 0}  # the cross-section is 0.01
         by_plate = confined_column(4, load=-0.1, time=SHORT, boundary=faces)
         one, other = self.solve(by_traction, NONLINEAR), self.solve(by_plate, NONLINEAR)
-        np.testing.assert_allclose(one.history.settlement, other.history.settlement, rtol=1e-8)
-        np.testing.assert_allclose(
-            one.history.drained_flux, other.history.drained_flux, rtol=1e-7, atol=1e-15
-        )
+        state, a, b = "a column under a plate, against a traction", one.history, other.history
+        near("settlement", b.settlement, a.settlement, state, rel=1e-8)
+        near("drained_flux", b.drained_flux, a.drained_flux, state, rel=1e-7, within=1e-15)
 
     def test_a_plate_whose_edge_is_held_is_refused(self) -> None:
         faces = {**PLANES, "x-": {"displacement": (0, 0, None)}}
-        with pytest.raises(
-            ConfigurationError, match=r"boundary.y\+: the plate moves as one, but .* u_2 on their common edge"
-        ):
+        state = "a plate on y+ whose edge x- holds u_2"
+        with refused(ConfigurationError, state=state, naming=("boundary.y+", "plate", "u_2")):
             self.prepare(squeezed({"plate": 1}, boundary={**faces, "y+": {"plate": 1}}))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from porocore.abilities import lacking
 from porocore.interfaces.macro import MacroSolver
 from porocore.problem import MacroProblem
 from porocore.solution import MacroSolution
@@ -35,12 +36,45 @@ class Solving(Suite):
         )
 
     @classmethod
+    def offered(cls, problem: MacroProblem) -> MacroSolver:
+        """A new solver; the law is skipped where it does not declare what the problem needs."""
+        solver = cls.make_solver()
+        missing = lacking(type(solver), problem)
+        cls.needs(not missing, f"the solver does not offer {missing}")
+        return solver
+
+    @classmethod
     def prepare(cls, problem: MacroProblem) -> Any:
         """By a new solver."""
-        return cls.make_solver().prepare(problem)
+        return cls.offered(problem).prepare(problem)
 
     @classmethod
     def solve(cls, problem: MacroProblem, law: Any, **how: Any) -> MacroSolution:
         """By a new solver."""
-        solver = cls.make_solver()
+        solver = cls.offered(problem)
         return solver.solve(solver.prepare(problem), law, **how)
+
+    @classmethod
+    def discretise(cls, problem: MacroProblem) -> Any:
+        """What a new solver prepares, where that is a ``porocore.macro`` discretisation; else the law is skipped."""
+        cls.needs_core_mesh()
+        return cls.prepare(problem)
+
+    @classmethod
+    def needs_core_mesh(cls) -> None:
+        """Skip where the solver has a mesh of its own."""
+        cls.needs(
+            type(cls.make_solver()).meshes == "core",
+            "meshes = 'own': it prepares no discretisation of porocore.macro",
+        )
+
+    @classmethod
+    def needs_checkpoints(cls) -> None:
+        """Skip where the solver writes no checkpoints."""
+        cls.needs(type(cls.make_solver()).checkpoints, "checkpoints = False: it writes none")
+
+    @classmethod
+    def within(cls, exact: float) -> float:
+        """``exact`` on the core's mesh, whose elements reproduce the solution; on another the declared accuracy."""
+        solver = type(cls.make_solver())
+        return exact if solver.meshes == "core" else max(exact, solver.accuracy)

@@ -12,6 +12,7 @@ from porocore.closures import LinearCellLaw
 from porocore.materials.neo_hookean import NeoHookean
 from porocore.solution import History
 from porocore.states import MacroState
+from porocore.testing.expect import holds, near, same
 from porocore.testing.macro_solving import (
     ALPHA,
     C22,
@@ -35,7 +36,7 @@ class KnownStates(Solving):
     def test_tangent_is_the_slope_of_the_residual(self, elements: Any) -> None:
         """All unknowns free to move, a nonlinear law, a state without any symmetry."""
         problem = confined_column(elements, size=(0.7, 1.1, 0.9))
-        d = self.prepare(problem)
+        d = self.discretise(problem)
         rng = np.random.default_rng(0)
         x, old = 0.02 * rng.standard_normal((2, d.mesh.size))
         states, _ = d.states(old)
@@ -51,27 +52,32 @@ class KnownStates(Solving):
         slope = (residual(x + h * direction)[0] - residual(x - h * direction)[0]) / (2 * h)
         # Solving with the slope gives the direction back, if the tangent is the slope.
         found = d.solve(d.system(tangent, 0.3), slope, direction[d.prescribed])
-        np.testing.assert_allclose(found, direction, rtol=0, atol=1e-5 * abs(direction).max())
+        state = f"random unknowns of {elements} elements, along a random direction"
+        near(
+            "what the tangent makes of the slope", found, direction, state, within=1e-5 * abs(direction).max()
+        )
         sizes = d.magnitudes(d.system(tangent, 0.3), direction)[d.free]
-        assert (sizes >= abs(slope[d.free]) * (1 - 1e-6)).all()
+        least = (sizes - abs(slope[d.free]) * (1 - 1e-6)).min()
+        holds(least >= 0, state, "magnitudes that are no smaller than the sums of what they measure", least)
 
     def test_gradients_of_a_quadratic_displacement_and_a_linear_pressure_are_exact(self) -> None:
-        d = self.prepare(confined_column((2, 3, 2), size=(1, 2, 3)))
+        d = self.discretise(confined_column((2, 3, 2), size=(1, 2, 3)))
         mesh = d.mesh
         rng = np.random.default_rng(2)
         A, B, g = rng.standard_normal((3, 3)), rng.standard_normal((3, 3, 3)), rng.standard_normal(3)
         u = mesh.points @ A.T + np.einsum("ijk,nj,nk->ni", B, mesh.points, mesh.points)
         p = 0.3 + mesh.points[mesh.p_nodes] @ g
         states, grad_p = d.states(d.from_mesh(np.concatenate([u.ravel(), p])))
-        np.testing.assert_allclose(grad_p, np.broadcast_to(g, grad_p.shape), rtol=1e-11)
+        near("grad_p", grad_p, g, "a linear pressure", rel=1e-11)
         linear, _ = d.states(d.from_mesh(np.concatenate([(mesh.points @ A.T).ravel(), p])))
-        np.testing.assert_allclose(linear.grad_u, np.broadcast_to(A, linear.grad_u.shape), atol=1e-12)
+        near("H", linear.grad_u, A, "a linear displacement", within=1e-12, rel=1e-7)
         # A pressure that is a coordinate says where the quadrature points lie.
         at = np.stack([self._pressures(d, mesh.points[mesh.p_nodes, i]) for i in range(3)], axis=1)
         expected = A + np.einsum("ijk,nk->nij", B + B.transpose(0, 2, 1), at)
-        np.testing.assert_allclose(states.grad_u, expected, atol=1e-11)
-        np.testing.assert_allclose(d.weights @ at / d.weights.sum(), [0.5, 1, 1.5], rtol=1e-11)
-        assert d.weights.sum() == pytest.approx(6, rel=1e-13)
+        near("H", states.grad_u, expected, "a quadratic displacement", within=1e-11, rel=1e-7)
+        centre = d.weights @ at / d.weights.sum()
+        near("the centre of the quadrature points", centre, [0.5, 1, 1.5], "a box of 1 × 2 × 3", rel=1e-11)
+        near("the volume", d.weights.sum(), 6.0, "a box of 1 × 2 × 3", rel=1e-13)
 
     @staticmethod
     def _pressures(d: Any, p: Any) -> Any:
@@ -79,6 +85,7 @@ class KnownStates(Solving):
         return d.states(d.from_mesh(np.concatenate([np.zeros(d.mesh.n_u), p])))[0].p
 
     def test_cells_are_triquadratic_hexahedra_in_vtk_order(self) -> None:
+        self.needs_core_mesh()
         solution = self.solve(confined_column((1, 2, 1), size=(2, 4, 6), time=SHORT), LINEAR)
         nodes = solution.points[solution.cells]
         first = nodes[np.argmin(nodes[:, :, 1].mean(axis=1))] / np.array([1, 1, 3])
@@ -88,7 +95,7 @@ class KnownStates(Solving):
         expected = np.array(
             corners + [np.mean([corners[int(c)] for c in e], axis=0) for e in edges + faces] + [(1, 1, 1)]
         )
-        np.testing.assert_allclose(first, expected, atol=1e-12)
+        near("nodes of the first cell", first, expected, "a box of two elements", within=1e-12, rel=1e-7)
 
     # --- states that are known exactly ------------------------------------------------------------------
 
@@ -109,18 +116,19 @@ class KnownStates(Solving):
         problem = confined_column((2, 3, 2), load=1.0, size=(1, 2, 1.5), boundary=boundary, time=SHORT)
         profile = self.solve(problem, NONLINEAR).profiles[-1]
         H = profile.grad_u
-        np.testing.assert_allclose(H, np.broadcast_to(H[0], H.shape), atol=1e-10)
-        np.testing.assert_allclose(np.diag(H[0])[:2], [0.1, -0.15], atol=1e-12)
-        np.testing.assert_allclose(H[0] - np.diag(np.diag(H[0])), 0, atol=1e-10)
-        np.testing.assert_allclose(profile.p, 0, atol=1e-14)
+        state, exact = "two faces displaced, drained", self.within(1e-10)
+        near("H, the same everywhere,", H, H[0], state, within=exact)
+        near("H11, H22", np.diag(H[0])[:2], [0.1, -0.15], state, within=self.within(1e-12))
+        near("shear of H", H[0] - np.diag(np.diag(H[0])), 0.0, state, within=exact)
+        near("p", profile.p, 0.0, state, within=1e-14)
         # The stress by the strain energy of the mean deformation, differentiated numerically.
         law = LinearCellLaw(cubic_reference())
         mean = law.predict(MacroState.single(H[0])).mean_grad[0]
         F, h = np.eye(3) + H[0] + mean / PHI_S, 1e-5
         energy = [NeoHookean().energy_density(F + s * h * np.diag(e)) for e in np.eye(3) for s in (1, -1)]
         stress = PHI_S * (np.array(energy[::2]) - np.array(energy[1::2])) / (2 * h)
-        np.testing.assert_allclose(np.diag(profile.stress[0]), stress, atol=1e-9)
-        assert abs(stress[2]) < 1e-8 < abs(stress[1])
+        near("P_E,ii", np.diag(profile.stress[0]), stress, state, within=self.within(1e-9))
+        near("P_E,33 of the free face", profile.stress[0, 2, 2], 0.0, state, within=self.within(1e-8))
 
     def test_undrained_column_keeps_its_fluid(self) -> None:
         """Displaced on top and sealed: p = −α ε M_B at once and everywhere, P_E,22 = (C + α² M_B) ε."""
@@ -128,15 +136,16 @@ class KnownStates(Solving):
         solution = self.solve(confined_column(5, load=-0.03, boundary=boundary, time=SHORT), LINEAR)
         strain = -0.03 / 7.5
         p = -ALPHA * strain * COEFFICIENTS.biot_modulus
-        np.testing.assert_allclose(solution.profiles[-1].p, p, rtol=1e-10)
-        np.testing.assert_allclose(
-            solution.profiles[-1].stress[:, 1, 1], C22 * strain - ALPHA * p, rtol=1e-10
-        )
-        np.testing.assert_allclose(solution.history.drained_flux, 0, atol=1e-16)
-        ramp = np.minimum(1, solution.history.time / 0.2)
-        np.testing.assert_allclose(solution.history.settlement, 0.03 * ramp, rtol=1e-12)
-        np.testing.assert_allclose(solution.history.pressure_max, p * ramp, rtol=1e-9)
-        assert solution.history.iterations.max() == 1  # the prescribed jump is part of the linear system
+        last, history, state = solution.profiles[-1], solution.history, "a sealed column, displaced on top"
+        near("p", last.p, p, state, rel=self.within(1e-10))
+        near("P_E,22", last.stress[:, 1, 1], C22 * strain - ALPHA * p, state, rel=self.within(1e-10))
+        near("drained_flux", history.drained_flux, 0.0, state, within=1e-16)
+        ramp = np.minimum(1, history.time / 0.2)
+        near("settlement", history.settlement, 0.03 * ramp, state, rel=1e-12)
+        near("pressure_max", history.pressure_max, p * ramp, state, rel=self.within(1e-9))
+        # The prescribed jump is part of the linear system.
+        most = history.iterations.max()
+        holds(most == 1, state, "one iteration a step", most)
 
     def test_prescribed_inflow_ends_in_a_linear_pressure(self) -> None:
         """Fluid pressed in at the base and let out on top: p = q̄ (h − y)/K, σ = 0, swelling α p/C."""
@@ -146,23 +155,24 @@ class KnownStates(Solving):
         solution = self.solve(confined_column(6, load=1.0, boundary=boundary, time=plan), LINEAR)
         profile, y = solution.profiles[-1], solution.points[:, 1]
         p = flux * (h - y) / K[1, 1]
-        np.testing.assert_allclose(profile.p, p, atol=1e-8 * p.max())
-        np.testing.assert_allclose(profile.flux, np.broadcast_to([0, flux, 0], (6, 3)), atol=1e-8 * flux)
+        exact, state = self.within(1e-8), f"steady, an inflow of {flux} at the base"
+        near("p", profile.p, p, state, within=exact * p.max(), rel=1e-7)
+        near("flux", profile.flux, [0, flux, 0], state, within=exact * flux, rel=1e-7)
         swelling = ALPHA / C22 * flux * (h * y - y**2 / 2) / K[1, 1]
-        np.testing.assert_allclose(profile.u[:, 1], swelling, atol=1e-7 * swelling.max())
+        near("u_2", profile.u[:, 1], swelling, state, within=self.within(1e-7) * swelling.max(), rel=1e-7)
         stored = (COEFFICIENTS.storage + ALPHA**2 / C22) * 0.01 * flux * h**2 / 2 / K[1, 1]
-        assert solution.history.drained_flux[-1] == pytest.approx(-stored, rel=1e-7)
+        near("drained_flux", solution.history.drained_flux[-1], -stored, state, rel=self.within(1e-7))
 
     def test_prescribed_pressure_scales_with_the_load(self) -> None:
         boundary = {**SIDES, "y-": {**HELD, "pressure": 2}, "y+": {"pressure": -1}}
         plan = {"end": 4000, "step": 200, "ramp_increments": 2, "ramp_step": 10, "profiles": ()}
         solution = self.solve(confined_column(4, load=0.01, boundary=boundary, time=plan), LINEAR)
-        np.testing.assert_allclose(
-            solution.profiles[-1].p, 0.02 - 0.03 * solution.points[:, 1] / 7.5, atol=1e-9
-        )
+        expected = 0.02 - 0.03 * solution.points[:, 1] / 7.5
+        state = "steady, p = 0.02 at the base and -0.01 on top"
+        near("p", solution.profiles[-1].p, expected, state, within=1e-9, rel=self.within(1e-7))
 
     def test_without_load_nothing_happens(self) -> None:
         history = self.solve(confined_column(3, load=0.0, time=SHORT), NONLINEAR).history
         for field in fields(History):
             if field.name not in ("time", "ramp"):
-                assert not getattr(history, field.name).any(), field.name
+                same(field.name, getattr(history, field.name), 0.0, "no load")

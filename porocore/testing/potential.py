@@ -8,6 +8,7 @@ import pytest
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, MacroState
 from porocore.testing.compare import RESPONSES, provided
+from porocore.testing.expect import holds, near, there, these
 from porocore.testing.surrogate import SurrogateSuite
 
 
@@ -28,28 +29,27 @@ class PotentialSuite(SurrogateSuite):
 
     def test_it_provides_a_potential(self, fitted: Surrogate, states: MacroState) -> None:
         response = fitted.predict(states)
-        assert response.tangent is not None
         for name in RESPONSES:
-            assert getattr(response, name) is not None, name
-        assert dict(provided(response)).keys() == {"mean_grad", "stress", "fluid_volume"}
+            there(name, getattr(response, name), these(states))
+        found, wanted = sorted(dict(provided(response))), ["fluid_volume", "mean_grad", "stress"]
+        holds(found == wanted, these(states), f"derivatives of {wanted}", found)
 
     def test_rest_is_free_of_energy_and_stress(self, fitted: Surrogate, data: TrainingSet) -> None:
         at_rest = fitted.predict(MacroState.zeros(1))
-        assert abs(_there(at_rest.potential)[0]) < 1e-12
-        assert np.abs(_there(at_rest.stress)).max() < 1e-12
-        assert abs(_there(at_rest.fluid_volume)[0] - _there(data.reference.fluid_volume)[0]) < 1e-12
+        near("potential", at_rest.potential, 0.0, "at rest", within=1e-12)
+        near("stress", at_rest.stress, 0.0, "at rest", within=1e-12)
+        near("fluid_volume", at_rest.fluid_volume, data.reference.fluid_volume, "at rest", within=1e-12)
 
     def test_the_tangent_is_symmetric(self, fitted: Surrogate, states: MacroState) -> None:
-        tangent = fitted.predict(states).tangent
-        assert tangent is not None
-        A = _there(tangent.stress_grad_u)
-        assert np.abs(A - A.transpose(0, 3, 4, 1, 2)).max() < 1e-12
+        tangent = there("derivatives", fitted.predict(states).tangent, these(states))
+        A = there("∂P_E/∂H", tangent.stress_grad_u, these(states))
+        near("∂P_E/∂H, with major symmetry,", A, A.transpose(0, 3, 4, 1, 2), these(states), within=1e-12)
 
     def test_reciprocity(self, fitted: Surrogate, states: MacroState) -> None:
         """∂P_E/∂p = −∂φ/∂H."""
-        tangent = fitted.predict(states).tangent
-        assert tangent is not None
-        assert np.abs(_there(tangent.stress_p) + _there(tangent.fluid_volume_grad_u)).max() < 1e-12
+        tangent = there("derivatives", fitted.predict(states).tangent, these(states))
+        by_H = there("∂φ/∂H", tangent.fluid_volume_grad_u, these(states))
+        near("∂P_E/∂p = −∂φ/∂H", tangent.stress_p, -by_H, these(states), within=1e-12)
 
     def test_objectivity(self, fitted: Surrogate, states: MacroState) -> None:
         """W and φ do not feel a rotation; P_E and <∇u¹> turn with it."""
@@ -57,9 +57,10 @@ class PotentialSuite(SurrogateSuite):
         turned = MacroState(R @ (np.eye(3) + states.grad_u) - np.eye(3), states.p)
         before, after = fitted.predict(states, tangent=False), fitted.predict(turned, tangent=False)
         for name in ("potential", "fluid_volume"):
-            assert np.abs(getattr(after, name) - getattr(before, name)).max() < 1e-12, name
+            near(name, getattr(after, name), getattr(before, name), f"{these(states)}, turned", within=1e-12)
         for name in ("stress", "mean_grad"):
-            assert np.abs(getattr(after, name) - R @ getattr(before, name)).max() < 1e-12, name
+            expected = R @ getattr(before, name)
+            near(name, getattr(after, name), expected, f"{these(states)}, turned", within=1e-12)
 
     @pytest.mark.parametrize("seed", [0, 1, 2])
     def test_a_closed_cycle_does_no_work(self, fitted: Surrogate, seed: int) -> None:
@@ -73,14 +74,13 @@ class PotentialSuite(SurrogateSuite):
         )
         response = fitted.predict(loop, tangent=False)
         dH, dp = cos[:, None, None] * H2 - sin[:, None, None] * H1, cos * p2 - sin * p1
-        power = np.einsum("nij,nij->n", _there(response.stress), dH) - _there(response.fluid_volume) * dp
-        assert np.abs(power).mean() > 1e-6, "nothing happens in this loop"
-        assert abs(power.sum() * 2 * np.pi / len(angle)) < 1e-10
-
-
-def _there(array: Array | None) -> Array:
-    assert array is not None
-    return array
+        stress = there("stress", response.stress, these(loop))
+        volume = there("fluid_volume", response.fluid_volume, these(loop))
+        power = np.einsum("nij,nij->n", stress, dH) - volume * dp
+        state = f"a closed loop of {len(angle)} states"
+        mean = np.abs(power).mean()
+        holds(mean > 1e-6, state, "a power on the way above 1e-6", mean)
+        near("work", power.sum() * 2 * np.pi / len(angle), 0.0, state, within=1e-10)
 
 
 def _rotations(n: int, seed: int) -> Array:

@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMySampler(SamplerSuite):
-        kit_version = "2"
+        kit_version = "3"
 
         @classmethod
         def make_sampler(cls, inputs, **options):
@@ -15,15 +15,17 @@ The cell that is sampled is :mod:`porocore.testing.synthetic_cell`, without a so
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
 import pytest
 
 from porocore.errors import ConfigurationError
 from porocore.inputs import InputSpace
 from porocore.interfaces.sampler import Request, Sampler
+from porocore.testing import elsewhere
 from porocore.testing.compare import global_random_state
+from porocore.testing.expect import holds, options, refused, same
 from porocore.testing.sampling import FAILED, INPUTS, Outcome, inform, run, solve
 from porocore.testing.suite import Suite
 
@@ -68,77 +70,102 @@ class SamplerSuite(Suite):
 
     def test_requests_are_what_they_should_be(self, whole: Outcome) -> None:
         """Unique keys, finite numbers within the box, no state twice."""
-        asked = whole.asked
-        assert asked, "nothing was asked for"
+        asked, state = whole.asked, "all requests"
+        holds(asked, state, "at least one", "none")
         for request in asked:
-            assert isinstance(request, Request)
-            assert isinstance(request.key, str)
-            assert request.key
-            assert len(request.x) == len(INPUTS)
-            assert all(isinstance(value, float) for value in request.x), request.x
-        assert len({request.key for request in asked}) == len(asked), "a key was asked for twice"
-        assert len({request.x for request in asked}) == len(asked), "a state was asked for twice"
-        x = np.array([request.x for request in asked])
-        slack = 1e-12 * (np.array(INPUTS.upper) - np.array(INPUTS.lower))
-        assert np.isfinite(x).all()
-        assert (x >= np.array(INPUTS.lower) - slack).all(), "a state lies outside the box"
-        assert (x <= np.array(INPUTS.upper) + slack).all(), "a state lies outside the box"
+            holds(isinstance(request, Request), state, "a porocore.Request", repr(request))
+            is_text = isinstance(request.key, str) and request.key
+            holds(is_text, state, "a text as key", repr(request.key))
+            _is_inside(request, INPUTS)
+        for what, values in (("keys", [r.key for r in asked]), ("states", [r.x for r in asked])):
+            count = len(set(values))
+            holds(count == len(asked), state, f"{len(asked)} different {what}", f"{count}")
 
     def test_it_keeps_to_its_budget(self, whole: Outcome) -> None:
-        if self.budget is not None:
-            assert len(whole.asked) <= self.budget
+        if self.budget is None:
+            pytest.skip("budget = None: it decides by itself when it knows enough")
+        count = len(whole.asked)
+        holds(count <= self.budget, "a whole sampling", f"at most {self.budget} states", f"{count} states")
 
     def test_it_says_when_it_is_done(self, whole: Outcome) -> None:
-        assert whole.ended, "it asks for nothing, waits for nothing and is not done"
-        assert not whole.early, f"it was done while {whole.early} states were being solved"
-        assert whole.expected == len(whole.asked)
+        holds(whole.ended, "nothing is left to ask or to wait for", "done = True", "done = False")
+        state = "while states were being solved"
+        holds(
+            not whole.early,
+            state,
+            "done = False",
+            f"it was done while {whole.early} states were being solved",
+        )
+        count = len(whole.asked)
+        holds(whole.expected == count, "at the end", f"expected = {count}", whole.expected)
 
     def test_starts_are_solved_states(self, whole: Outcome) -> None:
         """A field to start from must exist when the state is asked for."""
-        assert not whole.bad_starts, f"{whole.bad_starts[0]} starts from what has no field yet"
+        bad = whole.bad_starts
+        holds(
+            not bad,
+            "all requests",
+            "starts that were solved before",
+            f"{', '.join(bad[:3])} start from others",
+        )
 
     def test_it_is_deterministic(self, whole: Outcome) -> None:
         """Without drawing from a global random number generator."""
         before = global_random_state()
-        assert run(self.ready()).asked == whole.asked
-        assert before == global_random_state(), "it drew from a global random number generator"
+        _same_states(run(self.ready()).asked, whole.asked, "sampled twice")
+        untouched = before == global_random_state()
+        holds(untouched, "a whole sampling", "no draw from a global random number generator", "one")
+
+    def test_another_process_asks_for_the_same_states(self, whole: Outcome, tmp_path: Path) -> None:
+        """With another PYTHONHASHSEED, as a resumed run has it; else the states that were solved are solved again."""
+        question = "porocore.testing.sampling:asked"
+        state = "in another process, with another PYTHONHASHSEED"
+        rows = elsewhere.ask(type(self), question, state, tmp_path)
+        _same_states([Request(key, tuple(x), start) for key, x, start in rows], whole.asked, state)
 
     def test_the_seed_decides(self, whole: Outcome) -> None:
         """Another seed gives other states, where ``random`` says so."""
         if not self.random:
             pytest.skip("nothing in this sampler is random")
-        assert run(self.ready(seed=7)).states != whole.states
+        other = run(self.ready(seed=7)).states
+        holds(other != whole.states, "seed=7, random = True", "other states", "the same states")
 
     @pytest.mark.parametrize("order", [1, 2])
     def test_the_same_states_whatever_the_order_of_completion(self, whole: Outcome, order: int) -> None:
         """Under the same keys, from the same starts; workers finish in any order."""
-        assert run(self.ready(), order=order).states == whole.states
+        found = run(self.ready(), order=order).asked
+        _same_states(found, whole.asked, f"told in another order ({order})", ordered=False)
 
     def test_an_interrupted_sampling_goes_on_by_telling_again(self, whole: Outcome) -> None:
         """A new sampler is told what is known as it asks for it, in another order."""
         half = run(self.ready(), most=(len(whole.asked) + 1) // 2)
         known = {request.key: request for request in half.told}
         resumed = run(self.ready(), order=3)
-        assert {request.key: request for request in resumed.asked if request.key in known} == known
-        assert resumed.states == whole.states
+        again = [request for request in resumed.asked if request.key in known]
+        state = "interrupted half-way, and told again in another order"
+        _same_states(again, list(known.values()), state, ordered=False)
+        _same_states(resumed.asked, whole.asked, state, ordered=False)
 
     def test_asking_again_gives_nothing_twice(self) -> None:
         sampler = self.ready()
         first = {request.key for request in sampler.ask()}
-        assert not first & {request.key for request in sampler.ask()}
+        twice = sorted(first & {request.key for request in sampler.ask()})
+        holds(not twice, "asked twice, with nothing told between", "no key again", twice)
 
     def test_what_was_not_asked_for_cannot_be_told(self) -> None:
         sampler = self.ready()
         first = sampler.ask()[0]
         sampler.tell(first.key, solve(INPUTS, first))
         for key in (first.key, "never asked for"):
-            with pytest.raises(ValueError):
+            state = "told twice" if key == first.key else f"told '{key}'"
+            with refused(ValueError, state=state):
                 sampler.tell(key, solve(INPUTS, first))
 
     def test_a_cell_without_any_solution_ends_the_sampling(self) -> None:
         """Failed states are outcomes like others; a sampler must not ask for ever."""
         outcome = run(self.ready(), answer=lambda inputs, request: FAILED, most=2000)
-        assert outcome.ended, "it goes on although no state can be solved"
+        state = "no state can be solved"
+        holds(outcome.ended, state, "an end", f"{len(outcome.asked)} requests and no end")
 
     def test_outcomes_are_not_changed(self) -> None:
         sampler = self.ready()
@@ -146,20 +173,42 @@ class SamplerSuite(Suite):
             response = solve(INPUTS, request)
             kept = [array.copy() for array in (response.mean_grad, response.status)]
             sampler.tell(request.key, response)
-            np.testing.assert_array_equal(response.mean_grad, kept[0])
-            np.testing.assert_array_equal(response.status, kept[1])
+            same("mean_grad", response.mean_grad, kept[0], f"told {request.key}")
+            same("status", response.status, kept[1], f"told {request.key}")
 
     @pytest.mark.parametrize("box", BOXES)
     def test_any_number_of_inputs(self, box: str) -> None:
         inputs = BOXES[box]
         asked = self.ready(inputs).ask()
-        assert asked
-        x = np.array([request.x for request in asked])
-        assert x.shape == (len(asked), len(inputs))
-        assert (x >= np.array(inputs.lower) - 1e-12).all()
-        assert (x <= np.array(inputs.upper) + 1e-12).all()
+        holds(asked, f"a box of {box}", "at least one request", "none")
+        for request in asked:
+            _is_inside(request, inputs)
 
     def test_invalid_options_are_refused(self) -> None:
-        for options in self.invalid_options:
-            with pytest.raises(ConfigurationError, match=next(iter(options))):
-                self.make_sampler(INPUTS, **{**self.options, **options})
+        for given in self.invalid_options:
+            with refused(ConfigurationError, state=options(given), naming=(next(iter(given)),)):
+                self.make_sampler(INPUTS, **{**self.options, **given})
+
+
+def _is_inside(request: Request, inputs: InputSpace) -> None:
+    """One finite float for each input, within its range but for round-off."""
+    state, n = f"the request {request.key!r}", len(inputs)
+    floats = isinstance(request.x, tuple) and all(isinstance(value, float) for value in request.x)
+    holds(floats and len(request.x) == n, state, f"a tuple of {n} floats", repr(request.x))
+    for name, value, low, high in zip(inputs.names, request.x, inputs.lower, inputs.upper, strict=True):
+        slack = 1e-12 * (high - low)
+        inside = low - slack <= value <= high + slack
+        holds(inside, state, f"{name} from {low:g} to {high:g}", value)
+
+
+def _same_states(found: list[Request], expected: list[Request], state: str, *, ordered: bool = True) -> None:
+    """The same keys with the same inputs and starts; in the same order if so."""
+    known, asked = {r.key: r for r in expected}, {r.key: r for r in found}
+    new = [r.key for r in found if r.key not in known]
+    what = f"the same {len(expected)} states"
+    holds(not new, state, what, f"{len(new)} other keys, such as {', '.join(map(repr, new[:2]))}")
+    for key, request in known.items():
+        holds(
+            asked.get(key) == request, state, f"{what}, such as {request}", asked.get(key, "none of that key")
+        )
+    holds(not ordered or found == expected, state, f"{what} in the same order", "another order")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,11 @@ def explore(data: TrainingSet, *, elements: int, steps: int) -> Exploration:
     H = np.zeros((steps, 3, 3))
     H[:, 1, 1] = reached * s
     return Exploration(MacroState(H, 0.2 * s * (1 - s) * elements / 20), (reached, 0.05))
+
+
+def asked(suite: Any) -> list[tuple[str, tuple[float, ...], str | None]]:
+    """Return key, inputs and start of all that the sampler of a suite asks for, in its order."""
+    return [(request.key, request.x, request.start) for request in run(suite.ready()).asked]
 
 
 def inform(sampler: Sampler, responses: tuple[str, ...] = ("stress", "fluid_volume")) -> Sampler:

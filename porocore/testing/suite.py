@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 
 import pytest
 
-from porocore.testing.version import complaint
+from porocore.testing.expect import Undefined, holds, told
+from porocore.testing.version import KIT_VERSION, complaint
 
 
 class Suite:
@@ -25,10 +26,15 @@ class Suite:
     """
 
     kit_version: ClassVar[str] = ""
+    #: ``module:function`` and its arguments, which make the suite in another process; empty: it is a class of a module.
+    recipe: ClassVar[tuple[str, ...]] = ()
     expected_failures: ClassVar[Mapping[str, str]] = {}
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)
+        for name, law in list(vars(cls).items()):
+            if name.startswith("test_") and callable(law):
+                setattr(cls, name, told(law))
         for name, reason in cls.expected_failures.items():
             law = name.partition("[")[0]
             if not callable(getattr(cls, law, None)):
@@ -41,7 +47,7 @@ class Suite:
                 )
 
     @classmethod
-    def undefined(cls, arguments: str, example: str, what: str) -> NotImplementedError:
+    def undefined(cls, arguments: str, example: str, what: str) -> Undefined:
         """What to raise where a subclass does not define a function that it must define.
 
         Parameters
@@ -53,10 +59,16 @@ class Suite:
         what
             What that is, in words.
         """
-        return NotImplementedError(
+        return Undefined(
             f"{cls.__name__} does not say what is tested; write in it a function that returns {what}:\n\n"
             f"    @classmethod\n    def {arguments}:\n        return {example}\n"
         )
+
+    @staticmethod
+    def needs(offered: bool, what: str) -> None:
+        """Skip the law where the implementation declares not to offer what it tests; ``what`` says so."""
+        if not offered:
+            pytest.skip(what)
 
     @pytest.fixture(autouse=True)
     def _expect_failures(self, request: pytest.FixtureRequest) -> None:
@@ -70,8 +82,8 @@ class Suite:
     def test_version_of_the_kit(self) -> None:
         """The suite was written for the kit that is installed."""
         wrong = complaint(self.kit_version)
-        if wrong:
-            pytest.fail(f"{type(self).__name__} {wrong}", pytrace=False)
+        state = f"{type(self).__name__}.kit_version = {self.kit_version!r}"
+        holds(not wrong, state, f"a suite for version {KIT_VERSION} of the kit", f"one that {wrong}")
 
 
 def laws_of(suite: type[Suite]) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 from porocore.testing.compare import assert_identical, global_random_state
+from porocore.testing.expect import holds, refused
 from porocore.testing.surrogate_fitting import Fitting
 
 
@@ -26,16 +28,19 @@ class Trainings(Fitting):
         before = global_random_state()
         again = self.make_surrogate().fit(data, seed=self.seed)
         other = self.make_surrogate().fit(data, seed=self.seed + 1)
-        assert before == global_random_state(), "the training drew from a global random number generator"
-        assert_identical(fitted.predict(unseen.states), again.predict(unseen.states))
+        untouched = before == global_random_state()
+        holds(untouched, f"seed {self.seed}", "no draw from a global random number generator", "one")
+        one, two = fitted.predict(unseen.states), other.predict(unseen.states)
+        assert_identical(again.predict(unseen.states), one, f"trained twice with seed {self.seed}")
         if self.random is None:
             return
-        one, two = fitted.predict(unseen.states), other.predict(unseen.states)
+        state = f"seeds {self.seed} and {self.seed + 1}"
         if not self.random:
-            assert_identical(one, two)
+            assert_identical(two, one, f"{state}, random = False")
             return
         learned = "mean_grad" if one.potential is None else "potential"
-        assert (getattr(one, learned) != getattr(two, learned)).any()
+        differ = (getattr(one, learned) != getattr(two, learned)).any()
+        holds(differ, f"{state}, random = True", f"another {learned}", "the same")
 
     @pytest.fixture(scope="class")
     @classmethod
@@ -59,9 +64,11 @@ class Trainings(Fitting):
 
         with pytest.MonkeyPatch.context() as patch:
             cls().checkpoint_often(patch)
-            with pytest.raises(_Stop):
+            with suppress(_Stop):
                 cls.make_surrogate().fit(data, seed=cls.seed, checkpoint=path, on_progress=stop)
-        assert path.exists(), "no checkpoint was written before the training ended"
+        state = "interrupted after three reports of progress"
+        holds(path.exists(), state, "a checkpoint, since resumable = True", "none")
+        holds(count >= 3, state, "at least three reports of progress", count)
         return path, last
 
     @pytest.fixture
@@ -88,8 +95,10 @@ class Trainings(Fitting):
             epochs.append(progress.epoch)
 
         resumed = self.make_surrogate().fit(data, seed=self.seed, checkpoint=checkpoint, on_progress=report)
-        assert epochs[0] >= last.epoch, "the training began anew"
-        assert_identical(fitted.predict(unseen.states), resumed.predict(unseen.states))
+        state = f"interrupted at epoch {last.epoch} and resumed"
+        first = epochs[0] if epochs else None
+        holds(first is not None and first >= last.epoch, state, f"to go on at epoch {last.epoch}", first)
+        assert_identical(resumed.predict(unseen.states), fitted.predict(unseen.states), state)
 
     def test_a_checkpoint_of_another_training_is_refused(
         self, interrupted: tuple[Path, TrainingProgress], data: TrainingSet, tmp_path: Path
@@ -98,9 +107,11 @@ class Trainings(Fitting):
         kept = shutil.copy(checkpoint, tmp_path / "kept.h5")
         changed = replace(data, states=data.states[:-1], responses=data.responses[:-1])
         for other, seed in ((changed, self.seed), (data, self.seed + 1)):
-            with pytest.raises(DataError, match=rf"{checkpoint.name}.*remove"):
+            state = f"the checkpoint of seed {self.seed}, for seed {seed} and {len(other.states)} states"
+            with refused(DataError, state=state, naming=(checkpoint.name, "remove")):
                 self.make_surrogate().fit(other, seed=seed, checkpoint=checkpoint)
-        assert checkpoint.read_bytes() == Path(kept).read_bytes(), "a refused checkpoint was written to"
+        before, after = Path(kept).read_bytes(), checkpoint.read_bytes()
+        holds(after == before, "a refused checkpoint", "the file as it was", "another content")
 
     def test_a_truncated_checkpoint_is_refused(
         self, interrupted: tuple[Path, TrainingProgress], data: TrainingSet
@@ -108,11 +119,12 @@ class Trainings(Fitting):
         checkpoint, _ = interrupted
         whole = checkpoint.read_bytes()
         checkpoint.write_bytes(whole[: len(whole) // 2])
-        with pytest.raises(DataError, match=rf"{checkpoint.name}.*remove"):
+        with refused(DataError, state="half of a checkpoint", naming=(checkpoint.name, "remove")):
             self.make_surrogate().fit(data, seed=self.seed, checkpoint=checkpoint)
 
     def test_what_is_not_resumable_leaves_no_checkpoint(self, data: TrainingSet, tmp_path: Path) -> None:
         if self.resumable is not False:
             pytest.skip("this training writes checkpoints, or may do so")
         self.make_surrogate().fit(data, seed=self.seed, checkpoint=tmp_path / "training.h5")
-        assert list(tmp_path.iterdir()) == []
+        left = [path.name for path in tmp_path.iterdir()]
+        holds(not left, "resumable = False", "no file left behind", left)

@@ -43,7 +43,7 @@ from porocore.testing import Suite
 import pytest
 
 class Laws(Suite):
-    kit_version = "2"
+    kit_version = "3"
     def test_holds(self): pass
     def test_breaks(self): assert 1 == 2
     @pytest.mark.parametrize("n", [1, 2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 from importlib.util import find_spec
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import porocore.testing
 from porocore.testing.suite import laws_of
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -18,8 +20,10 @@ from kit_runs import Outcomes, run_pytest
 #: Files whose right implementation is cheap, so that it is held to all laws here; the others are those of a backend,
 #: which is held to all of them by its own tests.
 WHOLE = ("samplers", "cells", "surrogates")
-#: How a failed assertion begins, in words of Python, numpy and pytest.
-ASSERTIONS = ("AssertionError", "assert ", "Failed: ")
+#: What a violation says: law, state, expected, got.
+TEXT = re.compile(r"(?:[\w.]+: )?law '(?P<law>[^']+)', .+: expected (?P<expected>.+); got .+", re.DOTALL)
+#: What is expected where the implementation raises an error of its own.
+NOTHING_RAISED = "that nothing is raised"
 
 
 def run(folder: Path, slow: bool) -> Outcomes:
@@ -45,15 +49,18 @@ def slow(tmp_path_factory: pytest.TempPathFactory) -> Outcomes:
 
 
 def assert_caught(case: Case, outcomes: Outcomes) -> None:
-    """By an assertion of the law, so that a slip in the wrong implementation itself does not count."""
+    """By the law, whose text says what is wrong; a slip in the wrong implementation itself does not count."""
     if case.file not in WHOLE:
         pytest.importorskip("porocore_fem_skfem")
     found = outcomes[str(case), case.caught_by]
     caught = [message for outcome, message in found if outcome == "failure"]
-    if case.raises:
-        assert any(re.match(rf"(\w+\.)*{case.raises}: ", message) for message in caught), found
-    else:
-        assert any(message.startswith(ASSERTIONS) for message in caught), found
+    assert caught, found
+    for message in caught:
+        said = TEXT.match(message)
+        assert said, message
+        assert said["law"].partition("[")[0] == case.caught_by.removeprefix("test_").replace("_", " ")
+        assert (said["expected"] == NOTHING_RAISED) == bool(case.raises), message
+        assert not case.raises or f"; got {case.raises}: " in message
 
 
 @pytest.mark.parametrize("case", [case for case in WRONGS if not case.slow], ids=str)
@@ -107,9 +114,24 @@ def test_every_suite_has_a_law_that_is_shown_at_once_to_catch_a_wrong_one(suite)
 def test_what_is_spoilt_is_told_apart_from_a_slip():
     """An implementation that does not run at all proves nothing about a law."""
     case = Case("cells", "TestX", "", "test_rest")
-    for message in ("NameError: name 'npp' is not defined", "TypeError: alter() takes 2 arguments"):
+    said = "porocore.testing.expect.Violation: law 'rest', at rest: expected"
+    slip = f"{said} {NOTHING_RAISED}; got NameError: name 'npp' is not defined"
+    for message in (slip, "TypeError: alter() takes 2 arguments", "assert 1 == 2", f"{said} 0"):
         with pytest.raises(AssertionError):
             assert_caught(case, {("cells.TestX", "test_rest"): [("failure", message)]})
-    assert_caught(case, {("cells.TestX", "test_rest"): [("passed", ""), ("failure", "assert 1 == 2")]})
+    good = f"{said} stress = 0 within 1.0e-13; got 1e-06"
+    assert_caught(case, {("cells.TestX", "test_rest"): [("passed", ""), ("failure", good)]})
     with pytest.raises(AssertionError):
-        assert_caught(case, {("cells.TestX", "test_rest"): [("error", "assert 1 == 2")]})
+        assert_caught(case, {("cells.TestX", "test_rest"): [("error", good)]})
+
+
+def test_no_law_ends_in_a_bare_assertion():
+    """What fails in a suite says law, state, expected and got; assert, numpy and pytest's raises do not."""
+    bare = []
+    for path in sorted(Path(porocore.testing.__file__).parent.glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            words = ast.unparse(node.func) if isinstance(node, ast.Call) else ""
+            asserts = isinstance(node, ast.Assert) and "is not None" not in ast.unparse(node.test)
+            if asserts or words.startswith(("np.testing.", "pytest.raises", "pytest.fail")):
+                bare.append(f"{path.name}:{node.lineno}")
+    assert bare == []

@@ -96,7 +96,9 @@ def test_bit_by_bit(model, tmp_path):
     write(tmp_path / "one.h5", model, RECORD)
     found, record = read(tmp_path / "one.h5")
     assert record == RECORD
-    assert_identical(model.predict(states(), tangent=True), found.predict(states(), tangent=True))
+    assert_identical(
+        found.predict(states(), tangent=True), model.predict(states(), tangent=True), "read back"
+    )
     write(tmp_path / "two.h5", found, record)
     first, second = (read_archive(tmp_path / name, FORMAT, VERSION, "") for name in ("one.h5", "two.h5"))
     assert first[0] == second[0]
@@ -116,7 +118,7 @@ def test_numpy_reads_what_any_backend_wrote(model, tmp_path):
         if isinstance(model, AnchoredModel)
         else ("mean_grad", "potential", "stress", "fluid_volume")
     )
-    assert_identical(surrogate.predict(states()), model.predict(states(), tangent=True))
+    assert_identical(surrogate.predict(states()), model.predict(states(), tangent=True), "read back")
 
 
 def refused(path, *words):

@@ -12,7 +12,7 @@ from porocore_fem_dolfinx.macro import DolfinxMacroSolver
 class TestDolfinxCellSolver(MeshedCellSuite):
     """Any pore geometry."""
 
-    kit_version = "2"
+    kit_version = "3"
 
     @classmethod
     def make_solver(cls) -> DolfinxCellSolver:
@@ -22,7 +22,7 @@ class TestDolfinxCellSolver(MeshedCellSuite):
 class TestDolfinxCellContact(CellContactSuite):
     """Pore walls that touch themselves."""
 
-    kit_version = "2"
+    kit_version = "3"
 
     @classmethod
     def make_solver(cls) -> DolfinxCellSolver:
@@ -32,7 +32,7 @@ class TestDolfinxCellContact(CellContactSuite):
 class TestDolfinxMacroSolver(MacroSolverSuite):
     """Any body."""
 
-    kit_version = "2"
+    kit_version = "3"
 
     @classmethod
     def make_solver(cls, **options: Any) -> DolfinxMacroSolver:

@@ -12,7 +12,7 @@ from porocore_fem_skfem.macro import SkfemMacroSolver
 class TestSkfemCellSolver(MeshedCellSuite):
     """Any pore geometry."""
 
-    kit_version = "2"
+    kit_version = "3"
 
     @classmethod
     def make_solver(cls) -> SkfemCellSolver:
@@ -22,7 +22,7 @@ class TestSkfemCellSolver(MeshedCellSuite):
 class TestSkfemCellContact(CellContactSuite):
     """Pore walls that touch themselves."""
 
-    kit_version = "2"
+    kit_version = "3"
 
     @classmethod
     def make_solver(cls) -> SkfemCellSolver:
@@ -32,7 +32,7 @@ class TestSkfemCellContact(CellContactSuite):
 class TestSkfemMacroSolver(MacroSolverSuite):
     """Any body."""
 
-    kit_version = "2"
+    kit_version = "3"
 
     @classmethod
     def make_solver(cls, **options: Any) -> SkfemMacroSolver:

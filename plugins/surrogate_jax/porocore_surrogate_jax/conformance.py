@@ -6,7 +6,7 @@ from porocore_surrogate_jax.surrogate import JaxSurrogate
 
 
 class TestMlp(SurrogateSuite):
-    kit_version = "2"
+    kit_version = "3"
     invalid_options = (
         {"hiden": [40]},
         {"hidden": []},
@@ -28,7 +28,7 @@ class TestMlp(SurrogateSuite):
 
 
 class TestMlpWithTanh(SurrogateSuite):
-    kit_version = "2"
+    kit_version = "3"
 
     @classmethod
     def make_surrogate(cls):
@@ -39,7 +39,7 @@ class TestMlpWithTanh(SurrogateSuite):
 
 
 class TestPotential(PotentialSuite):
-    kit_version = "2"
+    kit_version = "3"
     resumable = False
     invalid_options = (
         {"model": "tree"},
@@ -63,7 +63,7 @@ class TestPotential(PotentialSuite):
 
 
 class TestPotentialOnPolynomial(PotentialSuite):
-    kit_version = "2"
+    kit_version = "3"
     resumable = False
 
     @classmethod

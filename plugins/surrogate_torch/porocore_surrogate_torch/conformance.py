@@ -6,7 +6,7 @@ from porocore_surrogate_torch.surrogate import TorchSurrogate
 
 
 class TestTorchSurrogate(SurrogateSuite):
-    kit_version = "2"
+    kit_version = "3"
     invalid_options = (
         {"hiden": [40]},
         {"hidden": []},
@@ -29,7 +29,7 @@ class TestTorchSurrogate(SurrogateSuite):
 
 
 class TestTorchSurrogateWithTanh(SurrogateSuite):
-    kit_version = "2"
+    kit_version = "3"
 
     @classmethod
     def make_surrogate(cls):
@@ -40,7 +40,7 @@ class TestTorchSurrogateWithTanh(SurrogateSuite):
 
 
 class TestTorchPotential(PotentialSuite):
-    kit_version = "2"
+    kit_version = "3"
     resumable = False
     invalid_options = (
         {"model": "tree"},
@@ -64,7 +64,7 @@ class TestTorchPotential(PotentialSuite):
 
 
 class TestTorchPotentialOnPolynomial(PotentialSuite):
-    kit_version = "2"
+    kit_version = "3"
     resumable = False
 
     @classmethod

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from porocore.interfaces.cell import CellField, CellSolution
-from porocore.states import MacroState, Status
+from porocore.states import CellResponse, MacroState, Status
 from porocore.tensors.polar import polar_rotation
 from porocore.testing import CellSolverSuite
 
@@ -42,7 +42,7 @@ def with_slopes(response, **changed):
 
 
 class _Law(CellSolverSuite):
-    kit_version = "2"
+    kit_version = "3"
     caught_by: ClassVar[str]
     solver_class: ClassVar[type[LayeredCellSolver]] = Altered
 
@@ -249,3 +249,79 @@ class TestSwallowsOptions(_Law):
     class solver_class(LayeredCellSolver):
         def __init__(self, **ignored):
             super().__init__()
+
+
+class TestForgetsThePressure(_Law):
+    """It keeps what it solved by H alone."""
+
+    caught_by = "test_each_variable_alone_changes_the_answer"
+
+    class solver_class(LayeredCellSolver):
+        def solve(self, prepared, states, *, start=None, tangent=True, fields=False):
+            kept = self.__dict__.setdefault("kept", {})
+            rows = []
+            for H, p in zip(states.grad_u, states.p, strict=True):
+                key = H.tobytes(), tangent
+                if key not in kept:
+                    kept[key] = super().solve(prepared, MacroState.single(H, p), tangent=tangent).response
+                rows.append(kept[key])
+            return CellSolution(CellResponse.concatenate(rows))
+
+
+class TestClipsThePressure(_Law):
+    """At 0.2."""
+
+    caught_by = "test_under_a_pressure_on_all_sides_the_solid_deforms_alike"
+
+    class solver_class(LayeredCellSolver):
+        def solve(self, prepared, states, *, start=None, tangent=True, fields=False):
+            clipped = MacroState(states.grad_u, np.clip(states.p, -0.2, 0.2))
+            return super().solve(prepared, clipped, tangent=tangent)
+
+
+class TestNoise(_Law):
+    """Of 1e-9."""
+
+    caught_by = "test_two_calls_give_the_same_to_the_last_bit"
+
+    class solver_class(Altered):
+        random = np.random.default_rng(0)
+
+        def alter(self, response, states):
+            noise = 1e-9 * self.random.normal(size=response.stress.shape)
+            return replace(response, stress=response.stress + noise)
+
+
+class TestConductivityOfAnotherCell(_Law):
+    """Larger by 1.7."""
+
+    caught_by = "test_conductivity_has_the_known_value"
+
+    class solver_class(LayeredCellSolver):
+        def conductivity(self, prepared):
+            return 1.7 * super().conductivity(prepared)
+
+
+class TestNeverFlagsAnOverlap(_Law):
+    """It answers with the state before the wall meets itself."""
+
+    caught_by = "test_an_overlap_has_no_values"
+
+    class solver_class(LayeredCellSolver):
+        def solve(self, prepared, states, *, start=None, tangent=True, fields=False):
+            found = super().solve(prepared, states, tangent=tangent).response
+            through = found.status == Status.overlap
+            if not through.any():
+                return CellSolution(found)
+            rest = super().solve(prepared, MacroState.zeros(len(states)), tangent=tangent).response
+            volume = np.where(through, -0.1, found.fluid_volume)
+            return CellSolution(replace(rest, fluid_volume=volume))
+
+
+class TestPromisesFields(_Law):
+    """It declares fields and returns none."""
+
+    caught_by = "test_fields_are_returned_where_they_are_declared"
+
+    class solver_class(LayeredCellSolver):
+        returns_fields = True

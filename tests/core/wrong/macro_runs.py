@@ -265,3 +265,15 @@ class TestTakesForeignFiles(Law):
 
     class solver(BeginsAnew):
         pass
+
+
+class TestNoise(Law):
+    """Of 1e-9."""
+
+    caught_by = "test_two_solves_give_the_same_to_the_last_bit"
+
+    class elements(Loaded):
+        noise = np.random.default_rng(0)
+
+        def alter(self, loads):
+            return (1 + 1e-9 * self.noise.normal()) * loads

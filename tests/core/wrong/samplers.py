@@ -47,7 +47,7 @@ class Fine(Sampler):
 
 
 class _Law(SamplerSuite):
-    kit_version = "2"
+    kit_version = "3"
     budget = 12
     random = True
     caught_by: ClassVar[str]
@@ -251,3 +251,38 @@ class TestSwallowsOptions(_Law):
     class sampler(Fine):
         def __init__(self, inputs, count=12, seed=0, **ignored):
             super().__init__(inputs, count, seed)
+
+
+class TestKeysFromHash(_Law):
+    """A resumed run solves every state again: ``hash()`` of a text is another in each process."""
+
+    caught_by = "test_another_process_asks_for_the_same_states"
+
+    class sampler(Fine):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            self.ready = [Request(f"{hash(request.key):x}", request.x) for request in self.ready]
+
+
+class TestOrderOfASet(_Law):
+    """Numbers its states in the order of a set."""
+
+    caught_by = "test_another_process_asks_for_the_same_states"
+
+    class sampler(Fine):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            by_key = {request.key: request.x for request in self.ready}
+            self.ready = [Request(f"state-{i}", by_key[key]) for i, key in enumerate(set(by_key))]
+
+
+class TestOrderOfTheInputs(_Law):
+    """Draws for the inputs in the order of a set of two names."""
+
+    caught_by = "test_another_process_asks_for_the_same_states"
+
+    class sampler(Fine):
+        def __init__(self, inputs, **options):
+            super().__init__(inputs, **options)
+            if list(set(inputs.names)) != list(inputs.names):
+                self.ready = self.ready[::-1]

@@ -43,7 +43,7 @@ class Altered(Right):
 class Law(MacroSolverSuite):
     """Of a macro solver with other elements, or altered otherwise."""
 
-    kit_version = "2"
+    kit_version = "3"
     caught_by: ClassVar[str]
     elements: ClassVar[Any] = Elements
     solver: ClassVar[Any] = Altered

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 from dataclasses import replace
+from pathlib import Path
 from typing import ClassVar
 from unittest.mock import patch
 
@@ -44,7 +45,7 @@ def with_slopes(response, **changed):
 
 
 class _Law(PotentialSuite):
-    kit_version = "2"
+    kit_version = "3"
     random: ClassVar = False
     resumable: ClassVar = False
     caught_by: ClassVar[str]
@@ -250,6 +251,79 @@ class TestGlobalRandomNumbers(_Law):
 class TestSeedIsIgnored(_Law):
     caught_by = "test_training_is_seeded"
     random: ClassVar = True
+
+
+class TestNoise(_Law):
+    """Of 1e-13, which every tolerance bears."""
+
+    caught_by = "test_two_calls_give_the_same_to_the_last_bit"
+
+    class surrogate(Altered):
+        noise = np.random.default_rng(0)
+
+        def alter(self, response, states):
+            return replace(response, mean_grad=response.mean_grad * (1 + 1e-13 * self.noise.random()))
+
+
+class TestHoldsAPath(_Law):
+    """Its file says where the numbers lie, which it keeps in memory too."""
+
+    caught_by = "test_a_file_that_was_moved_is_enough"
+
+    class surrogate(Altered):
+        kept: ClassVar = {}
+
+        def save(self, path):
+            super().save(path)
+            self.kept[str(path.absolute())] = path.read_bytes()
+            path.write_text(str(path.absolute()))
+
+        @classmethod
+        def load(cls, path):
+            place = path.read_text()
+            copy = path.with_name("copy.h5")
+            copy.write_bytes(cls.kept.get(place) or Path(place).read_bytes())
+            return super().load(copy)
+
+
+class TestNeedsAFileBesideIt(_Law):
+    caught_by = "test_a_file_that_was_moved_is_enough"
+
+    class surrogate(Altered):
+        def save(self, path):
+            super().save(path)
+            path.rename(path.with_suffix(".weights"))
+            path.write_text("see beside")
+
+        @classmethod
+        def load(cls, path):
+            return super().load(path.with_suffix(".weights"))
+
+
+class TestPickles(_Law):
+    """A file of its own with numbers as a pickle, checked by a sum before it is read."""
+
+    caught_by = "test_a_file_that_was_moved_is_enough"
+
+    class surrogate(Altered):
+        def save(self, path):
+            super().save(path)
+            path.write_bytes(pickle.dumps(path.read_bytes()))
+
+        @classmethod
+        def load(cls, path):
+            copy = path.with_name("copy.h5")
+            copy.write_bytes(pickle.loads(path.read_bytes()))
+            return super().load(copy)
+
+
+class TestPromisesTooMuch(_Law):
+    """It declares an error that it does not keep."""
+
+    caught_by = "test_learns_the_map"
+
+    class surrogate(Altered):
+        expected_error = 1e-9
 
 
 # ---- a training that can be resumed ---------------------------------------------------------------

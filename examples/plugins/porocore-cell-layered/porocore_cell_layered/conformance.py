@@ -8,7 +8,7 @@ from porocore_cell_layered.cell_solver import LayeredCellSolver
 
 
 class TestLayeredCellSolver(CellSolverSuite):
-    kit_version = "2"
+    kit_version = "3"
 
     @classmethod
     def make_solver(cls):

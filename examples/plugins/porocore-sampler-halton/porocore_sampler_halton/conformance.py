@@ -7,7 +7,7 @@ from porocore_sampler_halton.sampler import HaltonSampler
 
 
 class TestHaltonSampler(SamplerSuite):
-    kit_version = "2"
+    kit_version = "3"
     options: ClassVar = {"count": 24}
     budget = 24
     random = True

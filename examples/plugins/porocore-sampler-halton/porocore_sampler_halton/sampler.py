@@ -14,6 +14,8 @@ class HaltonSampler(Sampler):
         An option is unknown or of no use.
     """
 
+    seeded = True
+
     def __init__(self, inputs: InputSpace, count: int = 64, seed: int = 0, **unknown):
         if unknown:
             raise ConfigurationError(

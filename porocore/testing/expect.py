@@ -1,0 +1,172 @@
+"""What a law expects; a violation reads: law, state: expected …; got …."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import wraps
+from typing import Any, TypeVar
+
+import numpy as np
+
+from porocore.states import MacroState
+
+T = TypeVar("T")
+#: Characters of a text that came, in a message.
+LONGEST = 300
+
+
+class Violation(AssertionError):
+    """A law that does not hold.
+
+    Parameters
+    ----------
+    state
+        What was asked, or the circumstances.
+    expected
+        What the law demands.
+    got
+        What came instead.
+    """
+
+    def __init__(self, state: str, expected: str, got: object) -> None:
+        text = " ".join(str(got).split())
+        if len(text) > LONGEST:
+            text = f"{text[:LONGEST]} …"
+        super().__init__(f"law '{_running()}', {state}: expected {expected}; got {text or 'nothing'}")
+
+
+class Undefined(NotImplementedError):
+    """A suite lacks a function that its author has to write."""
+
+
+def holds(condition: object, state: str, expected: str, got: object) -> None:
+    """Raise a :class:`Violation` unless ``condition`` is true."""
+    __tracebackhide__ = True
+    if not condition:
+        raise Violation(state, expected, got)
+
+
+def near(what: str, found: Any, expected: Any, state: str, *, rel: float = 0.0, within: float = 0.0) -> None:
+    """Raise a :class:`Violation` unless each entry is near the expected one, which is broadcast.
+
+    Parameters
+    ----------
+    what
+        Name of the quantity.
+    rel, within
+        Allowed difference as a share of the expected entry, and absolute; their sum counts.
+    """
+    __tracebackhide__ = True
+    a, b = _alike(what, found, expected, state)
+    allowed = within + rel * np.abs(b)
+    with np.errstate(invalid="ignore"):
+        far = ~((np.abs(a - b) <= allowed) | (a == b))
+    if far.any():
+        excess = np.where(np.isfinite(a), np.abs(a - b) / np.maximum(allowed, 1e-300), np.inf)
+        place = np.unravel_index(int(np.argmax(np.where(far, excess, -1.0))), a.shape)
+        raise Violation(
+            state,
+            f"{what}{_place(place)} = {b[place]:.10g} within {allowed[place]:.1e}",
+            f"{a[place]:.10g}"
+            + (f" ({int(far.sum())} of {a.size} entries are too far)" if a.size > 1 else ""),
+        )
+
+
+def same(what: str, found: Any, expected: Any, state: str) -> None:
+    """Raise a :class:`Violation` unless both are alike to the last bit; NaN equals NaN."""
+    __tracebackhide__ = True
+    a, b = _alike(what, found, expected, state)
+    far = ~((a == b) | (np.isnan(a) & np.isnan(b)))
+    if far.any():
+        place = np.unravel_index(int(np.argmax(far)), a.shape)
+        raise Violation(
+            state,
+            f"{what}{_place(place)} = {b[place]:.17g} to the last bit",
+            f"{a[place]:.17g}" + (f" ({int(far.sum())} of {a.size} entries differ)" if a.size > 1 else ""),
+        )
+
+
+def there(what: str, value: T | None, state: str) -> T:
+    """Return the value; raise a :class:`Violation` where it is None."""
+    __tracebackhide__ = True
+    if value is None:
+        raise Violation(state, what, "None")
+    return value
+
+
+@contextmanager
+def refused(*errors: type[Exception], state: str, naming: tuple[str, ...] = ()) -> Iterator[None]:
+    """Expect that the block raises one of ``errors``, with a message that holds every text of ``naming``."""
+    __tracebackhide__ = True
+    kinds = " or ".join(error.__name__ for error in errors)
+    expected = f"a {kinds}" + (f" that names {', '.join(map(repr, naming))}" if naming else "")
+    try:
+        yield
+    except errors as error:
+        if any(text not in str(error) for text in naming):
+            raise Violation(state, expected, f"{type(error).__name__}: {error}") from error
+    except Exception as error:
+        raise Violation(state, expected, f"{type(error).__name__}: {error}") from error
+    else:
+        raise Violation(state, expected, "no error")
+
+
+def told(law: Callable[..., None]) -> Callable[..., None]:
+    """Return the law with a :class:`Violation` in the place of an error that the implementation raises in it."""
+
+    @wraps(law)
+    def telling(*arguments: Any, **named: Any) -> None:
+        __tracebackhide__ = True
+        try:
+            law(*arguments, **named)
+        except (AssertionError, Undefined):
+            raise
+        except Exception as error:
+            raise Violation(
+                "while it was tested", "that nothing is raised", f"{type(error).__name__}: {error}"
+            ) from error
+
+    return telling
+
+
+def words(grad_u: Any, p: Any = 0.0) -> str:
+    """Return a state (H, p) as text, without the components that are zero."""
+    H = np.asarray(grad_u, float).reshape(3, 3)
+    parts = [f"H{i + 1}{j + 1} = {H[i, j]:.4g}" for i in range(3) for j in range(3) if H[i, j]]
+    parts += [f"p = {float(p):.4g}"] if p else []
+    return ", ".join(parts) or "at rest"
+
+
+def these(states: MacroState) -> str:
+    """Return several states as text: the first, and how many more."""
+    if not len(states):
+        return "no states"
+    more = f" and {len(states) - 1} more states" if len(states) > 1 else ""
+    return words(states.grad_u[0], states.p[0]) + more
+
+
+def options(given: Mapping[str, Any]) -> str:
+    """Return options as text."""
+    return "made with " + ", ".join(f"{name}={value!r}" for name, value in given.items())
+
+
+def _running() -> str:
+    """The law that pytest runs, in words."""
+    test = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" (")[0].rpartition("::")[2]
+    return test.removeprefix("test_").replace("_", " ") or "unknown"
+
+
+def _alike(what: str, found: Any, expected: Any, state: str) -> tuple[Any, Any]:
+    """Both as arrays of floats of one shape."""
+    if found is None:
+        raise Violation(state, what, "None")
+    a, b = np.asarray(found, float), np.asarray(expected, float)
+    if a.shape != b.shape and b.shape not in ((), a.shape[-b.ndim :]):
+        raise Violation(state, f"{what} of shape {b.shape}", f"shape {a.shape}")
+    return a, np.broadcast_to(b, a.shape)
+
+
+def _place(place: tuple[Any, ...]) -> str:
+    return f"[{', '.join(map(str, place))}]" if place else ""
