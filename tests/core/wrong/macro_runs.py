@@ -272,8 +272,8 @@ class TestNoise(Law):
 
     caught_by = "test_two_solves_give_the_same_to_the_last_bit"
 
-    class elements(Loaded):
+    class solver(Altered):
         noise = np.random.default_rng(0)
 
-        def alter(self, loads):
-            return (1 + 1e-9 * self.noise.normal()) * loads
+        def problem(self, problem):
+            return problem.model_copy(update={"load": (1 + 1e-9 * self.noise.normal()) * problem.load})
