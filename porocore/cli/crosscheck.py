@@ -93,8 +93,9 @@ def _print(result: CrossCheck) -> None:
         part = line.part
         numbers = ("–", "–") if line.reason else (f"{line.difference:.1e}", f"{line.tolerance:.0e}")
         verdict = "[green]pass[/green]" if line.passed else "[red]FAIL[/red]"
+        verdict = "[dim]skipped[/dim]" if line.skipped else verdict
         table.add_row(title, Text(line.quantity), Text(line.case), Text(line.pair), *numbers, verdict)
     shown.print(table)
-    for line in result.failed:
-        if line.reason:
+    for line in result.comparisons:
+        if line.reason and (line.skipped or not line.passed):
             typer.echo(line.describe())

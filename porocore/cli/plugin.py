@@ -145,4 +145,4 @@ def _show(laws: list[Law]) -> None:
         for result in ("passed", "failed", "expected failure", "skipped")
     }
     words = [f"{count} {result}" for result, count in counts.items() if count]
-    console.print(f"{len(laws)} laws: {', '.join(words)}")
+    console.print(f"{len(laws)} {'law' if len(laws) == 1 else 'laws'}: {', '.join(words)}")

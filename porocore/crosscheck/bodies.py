@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.abilities import lacking
 from porocore.backends import make_backend
 from porocore.border import body_solution_of
 from porocore.closures import ClosedLaw
@@ -19,6 +20,7 @@ from porocore.crosscheck.surrogates import Samples, SurrogateRun
 from porocore.interfaces.macro import MacroSolver
 from porocore.laws import MacroLaw
 from porocore.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.registry import registry
 from porocore.solution import MacroSolution, Profile, StepReport
 from porocore.states import Array
 
@@ -37,13 +39,15 @@ SAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class BodyRun:
-    """What one macro solver gave under one law; without a solution, why."""
+    """What one macro solver gave under one law; without a solution, why, or what it does not offer for this body."""
 
     backend: str
     law: str
     solution: MacroSolution | None
     seconds: float
     failure: str = ""
+    lacks: str = ""
+    solver: type[MacroSolver] | None = None
 
 
 def make_laws(config: RunConfig, samples: Samples, surrogates: list[SurrogateRun]) -> dict[str, Any]:
@@ -73,6 +77,14 @@ def run_body(config: RunConfig, backend: str, name: str, law: MacroLaw, console:
     """Solve the body under the first load."""
     settings = config.with_backends(fem=backend)
     load = settings.macro.loads[0]
+    problem = settings.macro.problem(load)
+    found = attempt(registry().get, "macro solver", backend)
+    if found.value is None:
+        return BodyRun(backend, name, None, found.seconds, found.reason)
+    kind: type[MacroSolver] = found.value
+    missing = lacking(kind, problem)
+    if missing:
+        return BodyRun(backend, name, None, 0.0, lacks=missing, solver=kind)
     with console.task(f"body, {name}, {backend}", "time") as task:
 
         def show(step: StepReport) -> None:
@@ -80,11 +92,10 @@ def run_body(config: RunConfig, backend: str, name: str, law: MacroLaw, console:
 
         def solve() -> MacroSolution:
             solver: MacroSolver = make_backend("macro solver", settings)
-            problem = settings.macro.problem(load)
             return body_solution_of(solver, solver.prepare(problem), law, problem, on_step=show)
 
         outcome = attempt(solve)
-    return BodyRun(backend, name, outcome.value, outcome.seconds, outcome.reason)
+    return BodyRun(backend, name, outcome.value, outcome.seconds, outcome.reason, solver=kind)
 
 
 def compare_bodies(runs: list[BodyRun]) -> list[Comparison]:
@@ -92,7 +103,14 @@ def compare_bodies(runs: list[BodyRun]) -> list[Comparison]:
     found = [
         Comparison.failure("body", f"law {run.law}", "solution", run.backend, run.failure)
         for run in runs
-        if run.solution is None
+        if run.failure
+    ]
+    found += [
+        Comparison.left_out(
+            "body", f"law {run.law}", "solution", run.backend, f"it does not offer {run.lacks}"
+        )
+        for run in runs
+        if run.lacks
     ]
     solved = [run for run in runs if run.solution is not None]
     for law in dict.fromkeys(run.law for run in solved):
@@ -106,8 +124,12 @@ def _compare_pair(case: str, one: BodyRun, other: BodyRun) -> list[Comparison]:
     assert a is not None
     assert b is not None
 
+    solvers = [run.solver for run in (one, other) if run.solver is not None]
+    alike = all(solver.meshes == "core" for solver in solvers)
+    allowed = BODY if alike else sum(solver.accuracy for solver in solvers)
+
     def line(quantity: str, difference: float) -> Comparison:
-        return Comparison("body", case, quantity, one.backend, other.backend, difference, BODY)
+        return Comparison("body", case, quantity, one.backend, other.backend, difference, allowed)
 
     def failure(quantity: str, reason: str) -> list[Comparison]:
         return [Comparison.failure("body", case, quantity, one.backend, reason, other=other.backend)]

@@ -57,6 +57,8 @@ class CellRun:
         By what was tried.
     seconds
         By what was tried.
+    solver
+        Its class, which declares on which meshes and how accurately it solves; None where it could not be made.
     """
 
     backend: str
@@ -64,6 +66,7 @@ class CellRun:
     conductivity: Array | None
     failures: dict[str, str] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
+    solver: type[CellSolver] | None = None
 
 
 def make_meshes(config: RunConfig) -> None:
@@ -106,9 +109,23 @@ def run_cell(config: RunConfig, backend: str, task: Task) -> CellRun:
         return CellRun(backend, {}, None, failures, seconds)
     solver, prepared = ready
     solutions = {name: step(name, solution_of, solver, prepared, state) for name, state in STATES.items()}
-    conductivity = step("conductivity", conductivity_of, solver, prepared)
+    conducts = "piola" in type(solver).conductivities
+    conductivity = step("conductivity", conductivity_of, solver, prepared) if conducts else None
     responses = {name: solution.response for name, solution in solutions.items() if solution is not None}
-    return CellRun(backend, responses, conductivity, failures, seconds)
+    return CellRun(backend, responses, conductivity, failures, seconds, type(solver))
+
+
+def tolerance(one: type[CellSolver] | None, other: type[CellSolver] | None) -> float | None:
+    """Return what two solvers may differ by: round-off on the core's mesh, else the sum of what they declare.
+
+    None: one of them is an estimate, which declares nothing.
+    """
+    solvers = [solver for solver in (one, other) if solver is not None]
+    if all(solver.meshes == "core" for solver in solvers):
+        return CELL
+    declared = [solver.accuracy for solver in solvers]
+    known = [accuracy for accuracy in declared if accuracy is not None]
+    return sum(known) if len(known) == len(declared) else None
 
 
 def compare_cells(runs: list[CellRun]) -> list[Comparison]:
@@ -119,24 +136,44 @@ def compare_cells(runs: list[CellRun]) -> list[Comparison]:
         for name, reason in run.failures.items()
     ]
     for one, other in combinations(runs, 2):
+        allowed = tolerance(one.solver, other.solver)
+        if allowed is None:
+            estimate = one if one.solver is not None and one.solver.accuracy is None else other
+            reason = f"{estimate.backend} is an estimate that declares no accuracy"
+            found.append(
+                Comparison.left_out("cell", "", "responses", one.backend, reason, other=other.backend)
+            )
+            continue
         for name in STATES:
             if name in one.responses and name in other.responses:
                 found += compare_responses(
-                    name, one.backend, one.responses[name], other.backend, other.responses[name]
+                    name, one.backend, one.responses[name], other.backend, other.responses[name], allowed
                 )
-        if one.conductivity is not None and other.conductivity is not None:
-            difference = relative(one.conductivity, other.conductivity, 0.0)
-            found.append(Comparison("cell", "at rest", "K", one.backend, other.backend, difference, CELL))
+        found += _compare_conductivity(one, other, allowed)
     return found
 
 
-def compare_responses(case: str, one: str, a: CellResponse, other: str, b: CellResponse) -> list[Comparison]:
+def _compare_conductivity(one: CellRun, other: CellRun, allowed: float) -> list[Comparison]:
+    """K at rest, where both have it."""
+    for run in (one, other):
+        if run.solver is not None and "piola" not in run.solver.conductivities:
+            reason = f"{run.backend} computes no conductivity"
+            return [Comparison.left_out("cell", "at rest", "K", one.backend, reason, other=other.backend)]
+    if one.conductivity is None or other.conductivity is None:
+        return []
+    difference = relative(one.conductivity, other.conductivity, 0.0)
+    return [Comparison("cell", "at rest", "K", one.backend, other.backend, difference, allowed)]
+
+
+def compare_responses(
+    case: str, one: str, a: CellResponse, other: str, b: CellResponse, allowed: float = CELL
+) -> list[Comparison]:
     """Two backends at one state (one row each): status, averages, derivatives."""
     statuses = Status(int(a.status[0])), Status(int(b.status[0]))
     if statuses[0] is not statuses[1]:
         reason = f"{statuses[0].name} against {statuses[1].name}"
         return [Comparison.failure("cell", case, "status", one, reason, other=other)]
-    found = [Comparison("cell", case, "status", one, other, 0.0, CELL)]
+    found = [Comparison("cell", case, "status", one, other, 0.0, allowed)]
     if not statuses[0].has_values:
         return found
     floors = scales(a)
@@ -150,7 +187,7 @@ def compare_responses(case: str, one: str, a: CellResponse, other: str, b: CellR
                 found.append(Comparison.failure("cell", case, symbol, one, reason, other=other))
                 continue
             difference = relative(x[0], y[0], floors.get(name, 0.0))
-            found.append(Comparison("cell", case, symbol, one, other, difference, CELL))
+            found.append(Comparison("cell", case, symbol, one, other, difference, allowed))
     return found
 
 

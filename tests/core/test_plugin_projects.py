@@ -167,7 +167,11 @@ def test_new_and_check_by_the_command(site):
     assert row["modules"] == ["numpy"]
     out, _ = porocore(site, "plugin", "check", "my-own")
     assert re.search(r"any number of inputs \[three inputs\] +│ passed", out)
-    assert out.splitlines()[-1] == "17 laws: 16 passed, 1 skipped"
+    assert out.splitlines()[-1] == "18 laws: 17 passed, 1 skipped"
+    out, _ = porocore(site, "plugin", "check", "my-own", "--only", "it is deterministic")
+    assert out.splitlines()[-1] == "1 law: 1 passed"
+    _, err = porocore(site, "plugin", "check", "my-own", "--only", "test_its_deterministic", status=2)
+    assert "--only: there is no law 'its deterministic'; did you mean 'it is deterministic'" in err
 
 
 def test_a_broken_law_is_told_and_ends_with_status_1(site):
