@@ -237,7 +237,7 @@ def _compare_pair(
             return [Comparison.failure("surrogate", case, "prediction", run.name, outcome.reason)]
         predicted.append(outcome.value)
     a, b = predicted
-    expected = [type(run.surrogate).expected_error for run in (one, other)]
+    expected = [type(run.surrogate).expected_error for run in (one, other) if run.surrogate is not None]
     # What approximates says so; the others are held to what they were measured to reach.
     declared = sum(expected) if max(expected) > Surrogate.expected_error else 0.0
     inside = _inside(a) & _inside(b)

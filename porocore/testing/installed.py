@@ -67,7 +67,5 @@ def _default(kind: Kind, name: str, implementation: type[Any]) -> type[Suite]:
     members: dict[str, Any] = {MAKERS[kind]: classmethod(make), "kit_version": KIT_VERSION}
     if kind == "surrogate":
         members["resumable"] = members["random"] = None
-    if kind == "sampler":
-        members["random"] = implementation.seeded
     words = "".join(word.capitalize() for word in name.replace("-", "_").split("_"))
     return type(f"Test{words}", (SUITES[kind],), members)

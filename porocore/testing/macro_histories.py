@@ -74,15 +74,20 @@ class Histories(Solving):
         holds(errors[-1] < least, state, f"an error of the pressure below {least:g} at 32", errors[-1])
 
     def test_time_steps_converge_with_order_one(self) -> None:
-        """Backward Euler against the continuous series, on a mesh so fine that the error is that of time."""
+        """Backward Euler against the continuous series, on a mesh so fine that the error is that of time.
+
+        On a mesh of the solver's own by the differences of its answers, from which the error of the mesh cancels.
+        """
+        exact = type(self.make_solver()).meshes == "core"
         errors = []
-        for steps in (10, 20, 40):
+        for steps in (10, 20, 40) if exact else (10, 20, 40, 80):
             layer, end, solution = self.linear_column(20, steps, 0.3)
             errors.append(
-                abs(solution.history.pressure_max[-1] - layer.pressure(0.0, end)) / layer.initial_pressure
+                (solution.history.pressure_max[-1] - layer.pressure(0.0, end)) / layer.initial_pressure
             )
-        orders = np.log2(np.array(errors[:-1]) / errors[1:])
-        near("the order of convergence", orders, 1.0, "10, 20 and 40 time steps", within=self.within(0.1))
+        sizes = np.abs(errors[:-1]) if exact else np.abs(np.diff(errors))
+        orders = np.log2(sizes[:-1] / sizes[1:])
+        near("the order of convergence", orders, 1.0, "10, 20, 40 time steps and more", within=0.1)
 
     # --- laws against each other, balances --------------------------------------------------------------
 

@@ -43,8 +43,6 @@ class SamplerSuite(Suite):
     options: ClassVar[Mapping[str, Any]] = {}
     #: Most states that it may ask for with these; None: it decides by itself when it knows enough.
     budget: ClassVar[int | None] = None
-    #: Whether other seeds give other states; it then takes the option ``seed``.
-    random = False
     #: Options that the constructor must refuse by name, one after the other.
     invalid_options: ClassVar[tuple[dict[str, Any], ...]] = ({"no_such_option": 1},)
 
@@ -124,11 +122,10 @@ class SamplerSuite(Suite):
         _same_states([Request(key, tuple(x), start) for key, x, start in rows], whole.asked, state)
 
     def test_the_seed_decides(self, whole: Outcome) -> None:
-        """Another seed gives other states, where ``random`` says so."""
-        if not self.random:
-            pytest.skip("nothing in this sampler is random")
+        """Another seed gives other states, where the class declares ``seeded``."""
+        self.needs(type(self.ready()).seeded, "seeded = False: nothing in this sampler is random")
         other = run(self.ready(seed=7)).states
-        holds(other != whole.states, "seed=7, random = True", "other states", "the same states")
+        holds(other != whole.states, "seed=7, seeded = True", "other states", "the same states")
 
     @pytest.mark.parametrize("order", [1, 2])
     def test_the_same_states_whatever_the_order_of_completion(self, whole: Outcome, order: int) -> None:

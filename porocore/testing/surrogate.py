@@ -195,8 +195,8 @@ class SurrogateSuite(Files, Trainings):
             state = words(states.grad_u[row], states.p[row])
             holds(bool(outside[row]) == flagged, state, f"outside = {flagged}", bool(outside[row]))
         trained = fitted.predict(data.states, tangent=False).outside
-        flagged = int(there("outside", trained, "the states of the training").sum())
-        holds(not flagged, "the states of the training", "none outside", f"{flagged} outside")
+        count = int(there("outside", trained, "the states of the training").sum())
+        holds(not count, "the states of the training", "none outside", f"{count} outside")
 
     def test_invalid_options_are_refused(self) -> None:
         for given in self.invalid_options:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -53,7 +52,7 @@ def _unpickling() -> Iterator[list[str]]:
             owner = getattr(function, "__self__", None)
             if "_pickle" in (getattr(function, "__module__", None), type(owner).__module__):
                 calls.append(f"pickle's {function.__name__}")
-        elif event == "call" and frame.f_code.co_filename == pickle.__file__ and frame.f_code.co_name in READ:
+        elif event == "call" and frame.f_globals.get("__name__") == "pickle" and frame.f_code.co_name in READ:
             calls.append(f"pickle's {frame.f_code.co_name}")
 
     sys.setprofile(look)

@@ -37,6 +37,7 @@ SUITES: dict[str, type[Suite]] = {
     "macro_bodies": porocore.testing.MacroSolverSuite,
     "macro_histories": porocore.testing.MacroSolverSuite,
     "macro_runs": porocore.testing.MacroSolverSuite,
+    "macro_columns": porocore.testing.MacroSolverSuite,
 }
 
 

@@ -20,6 +20,8 @@ from kit_runs import Outcomes, run_pytest
 #: Files whose right implementation is cheap, so that it is held to all laws here; the others are those of a backend,
 #: which is held to all of them by its own tests.
 WHOLE = ("samplers", "cells", "surrogates")
+#: Files that need no backend.
+FREE = (*WHOLE, "macro_columns")
 #: What a violation says: law, state, expected, got.
 TEXT = re.compile(r"(?:[\w.]+: )?law '(?P<law>[^']+)', .+: expected (?P<expected>.+); got .+", re.DOTALL)
 #: What is expected where the implementation raises an error of its own.
@@ -28,7 +30,7 @@ NOTHING_RAISED = "that nothing is raised"
 
 def run(folder: Path, slow: bool) -> Outcomes:
     """The wrong ones by the law that is meant for them. If slow, also the right ones by the laws of their file."""
-    there = [case for case in CASES if case.file in WHOLE or find_spec("porocore_fem_skfem")]
+    there = [case for case in CASES if case.file in FREE or find_spec("porocore_fem_skfem")]
     nodes = [case.node(case.caught_by) for case in there if case.caught_by and case.slow == slow]
     for case in there:
         if not case.caught_by and slow and case.file not in WHOLE:
@@ -50,7 +52,7 @@ def slow(tmp_path_factory: pytest.TempPathFactory) -> Outcomes:
 
 def assert_caught(case: Case, outcomes: Outcomes) -> None:
     """By the law, whose text says what is wrong; a slip in the wrong implementation itself does not count."""
-    if case.file not in WHOLE:
+    if case.file not in FREE:
         pytest.importorskip("porocore_fem_skfem")
     found = outcomes[str(case), case.caught_by]
     caught = [message for outcome, message in found if outcome == "failure"]

@@ -1,4 +1,4 @@
-"""Plugins that do less than others and say so: they pass, what they lack is skipped, and studies that need it refused."""
+"""Plugins that do less than others and say so pass: what they lack is skipped; studies that need it are refused."""
 
 from __future__ import annotations
 

@@ -19,7 +19,6 @@ class _Rounds(SamplerSuite):
     name: str
     options = {"count": 30}  # noqa: RUF012
     budget = 30
-    random = True
     invalid_options = ({"count": 0}, {"seed": -1}, {"colour": 3}, {"step": {"p": 0.1}})
 
     @classmethod
@@ -47,7 +46,6 @@ class TestDensitySweep(_Rounds):
     name = "density-sweep"
     options = {"step": {"H22": 0.04, "p": 0.1}, "tolerance": 0.05}  # noqa: RUF012
     budget = None
-    random = False
     invalid_options = ({"colour": 3}, {"tolerance": -1.0})
 
     @classmethod

@@ -112,7 +112,7 @@ class Column:
             values, tangent = self.residual(x, response, dt, time)
             scale = np.abs(tangent) @ np.abs(x) + 1e-3 * np.abs(tangent).max(axis=1) * 1e-6
             misfit = float((np.abs(values) / scale).max())
-            if misfit <= settings.tolerance and iteration:
+            if misfit <= (settings.tolerance if iteration else 0.0):
                 return x, response, iteration
             if iteration < settings.iterations:
                 x -= np.linalg.solve(tangent, values)

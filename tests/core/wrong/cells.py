@@ -325,3 +325,13 @@ class TestPromisesFields(_Law):
 
     class solver_class(LayeredCellSolver):
         returns_fields = True
+
+
+class TestPromisesADeformedPore(_Law):
+    """It declares the conductivity of the deformed pore, and does not prepare for it."""
+
+    caught_by = "test_conductivity_of_the_deformed_pore"
+    raises = "TypeError"
+
+    class solver_class(LayeredCellSolver):
+        conductivities = ("piola", "deformed")

@@ -93,3 +93,13 @@ class TestStaysWhereItStarts(Contact):
             if start and start[0] is not None:
                 states = MacroState(np.stack([f.grad_u for f in start]), np.array([f.p for f in start]))
             return super().solve(prepared, states, start=start, tangent=tangent, fields=fields)
+
+
+class TestPromisesContact(Contact):
+    """It declares contact and solves without."""
+
+    caught_by = "test_says_so"
+
+    class solver_class(Altered):
+        def prepare(self, cell, **how):
+            return super().prepare(cell.model_copy(update={"contact": ContactSettings(kind="none")}), **how)

@@ -156,3 +156,27 @@ class TestTakesEmptyPatches(Law):
     class solver(TakesAnything):
         def without(self, problem):
             return problem.model_copy(update={"surfaces": {}})
+
+
+class TestPromisesEveryBody(Law):
+    """It refuses a wedge that it declares to solve."""
+
+    caught_by = "test_probes_say_what_the_fields_say"
+    raises = "ConfigurationError"
+
+    class solver(Altered):
+        def prepare(self, problem):
+            if problem.body.kind == "wedge":
+                raise ConfigurationError("macro.body: a wedge cannot be solved")
+            return super().prepare(problem)
+
+
+class TestPromisesProbes(Law):
+    """It declares probes and records none."""
+
+    caught_by = "test_probes_say_what_the_fields_say"
+    raises = "KeyError"
+
+    class solver(Altered):
+        def solution(self, solution):
+            return replace(solution, probes={})

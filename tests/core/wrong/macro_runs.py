@@ -277,3 +277,13 @@ class TestNoise(Law):
 
         def problem(self, problem):
             return problem.model_copy(update={"load": (1 + 1e-9 * self.noise.normal()) * problem.load})
+
+
+class TestPromisesCheckpoints(Law):
+    """It declares checkpoints and writes none."""
+
+    caught_by = "test_a_truncated_checkpoint_is_refused"
+
+    class solver(Altered):
+        def solve(self, prepared, law, *, checkpoint=None, **how):
+            return super().solve(prepared, law, **how)

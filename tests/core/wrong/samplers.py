@@ -16,6 +16,8 @@ from porocore.testing import SamplerSuite
 class Fine(Sampler):
     """``count`` random states, which obeys all laws."""
 
+    seeded = True
+
     def __init__(self, inputs: InputSpace, count: int = 12, seed: int = 0, **unknown: Any) -> None:
         if unknown:
             raise ConfigurationError(f"unknown option {min(unknown)}")
@@ -49,7 +51,6 @@ class Fine(Sampler):
 class _Law(SamplerSuite):
     kit_version = "3"
     budget = 12
-    random = True
     caught_by: ClassVar[str]
     sampler: ClassVar[type[Sampler]] = Fine
 

@@ -10,7 +10,6 @@ class TestHaltonSampler(SamplerSuite):
     kit_version = "3"
     options: ClassVar = {"count": 24}
     budget = 24
-    random = True
     invalid_options = ({"no_such_option": 1}, {"count": 0}, {"count": True}, {"seed": -1})
 
     @classmethod
