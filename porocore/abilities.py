@@ -8,6 +8,11 @@ from porocore.interfaces.macro import MacroSolver
 from porocore.problem import MacroSetup
 
 
+def offers_conductivity(solver: type[CellSolver], which: str) -> bool:
+    """Return whether a cell solver computes what the law ``which`` of the conductivity needs."""
+    return ("deformed" if which == "deformed" else "piola") in solver.conductivities
+
+
 def require_conductivity(solver: type[CellSolver], name: str, which: str) -> None:
     """Refuse a cell solver that does not compute a conductivity.
 
@@ -23,7 +28,7 @@ def require_conductivity(solver: type[CellSolver], name: str, which: str) -> Non
     ConfigurationError
         It is not among :attr:`~porocore.CellSolver.conductivities`.
     """
-    if ("deformed" if which == "deformed" else "piola") in solver.conductivities:
+    if offers_conductivity(solver, which):
         return
     if not solver.conductivities:
         raise ConfigurationError(

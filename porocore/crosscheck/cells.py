@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from porocore.abilities import offers_conductivity
 from porocore.border import conductivity_of, solution_of
 from porocore.config import RunConfig
 from porocore.console import Task
 from porocore.crosscheck.attempt import attempt
 from porocore.crosscheck.comparison import CELL, Comparison
 from porocore.interfaces.cell import CellSolver
+from porocore.registry import registry
 from porocore.stage_files import prepare_cell
 from porocore.states import Array, CellResponse, MacroState, Status
 
@@ -102,7 +104,11 @@ def run_cell(config: RunConfig, backend: str, task: Task) -> CellRun:
         return outcome.value
 
     def set_up() -> tuple[CellSolver, Any]:
-        return prepare_cell(backend, settings.fem.options, settings.cell, settings.conductivity)
+        kind: type[CellSolver] = registry().get("cell solver", backend)
+        if offers_conductivity(kind, settings.conductivity):
+            return prepare_cell(backend, settings.fem.options, settings.cell, settings.conductivity)
+        solver = kind(**settings.fem.options)
+        return solver, solver.prepare(settings.cell)
 
     ready = step("set-up", set_up)
     if ready is None:
