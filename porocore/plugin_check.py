@@ -203,7 +203,7 @@ def _follow(
 
 def collected(kind: Kind, name: str) -> dict[str, type[Any]]:
     """The suites of a plugin, by names that pytest collects."""
-    from porocore.testing.installed import suites_of  # after pytest has begun, so that it explains assertions
+    from porocore.testing.installed import suites_of
 
     offered = registry().find(kind, name)
     suites = suites_of(kind, offered.offer, registry().get(kind, name))

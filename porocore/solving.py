@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from porocore.abilities import require_parts
 from porocore.backends import make_backend
 from porocore.border import body_solution_of
 from porocore.closures import ClosedLaw, LearningLaw
@@ -180,6 +181,7 @@ def _solve_load(
         if world.first(partial(_is_solved, folder, name, load, backend, console)):
             continue
         if prepared is None:
+            require_parts(type(solver), backend or config.macro_backend, problem)
             prepared = solver.prepare(problem)
         checkpoint = folder.macro_checkpoint(name, load)
         with (

@@ -70,7 +70,9 @@ def macro_solvers():
         def solve(self, prepared, law, **how):
             raise SolveError("the smallest step failed at t = 0.1")
 
-    return {"twin": Twin, "heavier": Heavier, "hasty": Hasty, "stuck": Stuck}
+    from partial.column import ColumnMacroSolver
+
+    return {"twin": Twin, "heavier": Heavier, "hasty": Hasty, "stuck": Stuck, "volumes": ColumnMacroSolver}
 
 
 def surrogates():
@@ -146,7 +148,9 @@ def surrogates():
         def fit(self, data, **how):
             raise MemoryError("no room for the weights")
 
-    return {"cubic": Cubic, "biased": Biased, "wavy": Wavy, "lazy": Lazy}
+    from partial.kernel import KernelSurrogate
+
+    return {"cubic": Cubic, "biased": Biased, "wavy": Wavy, "lazy": Lazy, "kernels": KernelSurrogate}
 
 
 def _offers(classes, names):
@@ -160,9 +164,9 @@ def porocore_cell_solvers():
 
 @hookimpl
 def porocore_macro_solvers():
-    return _offers(macro_solvers, ["twin", "heavier", "hasty", "stuck", "unimportable"])
+    return _offers(macro_solvers, ["twin", "heavier", "hasty", "stuck", "unimportable", "volumes"])
 
 
 @hookimpl
 def porocore_surrogates():
-    return _offers(surrogates, ["cubic", "biased", "wavy", "lazy"])
+    return _offers(surrogates, ["cubic", "biased", "wavy", "lazy", "kernels"])

@@ -361,3 +361,36 @@ def test_the_packaged_case_is_the_benchmarks_cell():
     assert small.cell.mesh.element == benchmark.cell.mesh.element
     assert small.cell.mesh.size >= benchmark.cell.mesh.size
     assert small.closure == benchmark.closure
+
+
+def test_what_backends_declare_decides_how_closely_they_are_compared(tmp_path):
+    """A column of finite volumes and kernels, which approximate and say so: every line passes, none is widened else."""
+    settings = yaml.safe_load(write_case(tmp_path / "case.yaml").read_text(encoding="utf-8"))
+    settings["macro"]["body"]["elements"] = [1, 10, 1]
+    case = tmp_path / "column.yaml"
+    case.write_text(yaml.safe_dump(settings), encoding="utf-8")
+    who = {"fem": ["skfem", "volumes"], "surrogate": ["cubic", "kernels"]}
+    status, out, err, document = run(case, tmp_path / "out", **who)
+    assert status == 0, err + out
+    lines = document["comparisons"]
+    bodies = [line for line in lines if line["part"] == "body"]
+    assert {line["case"] for line in bodies} == {"law linear", "law cubic", "law kernels"}
+    assert {line["tolerance"] for line in bodies} == {2e-2 + 1e-6}
+    assert max(line["difference"] for line in bodies) > 1e-6
+    held_out = {line["one"]: line for line in lines if line["case"] == "held-out states"}
+    assert {name: line["tolerance"] for name, line in held_out.items()} == {"cubic": 5e-3, "kernels": 0.03}
+    assert held_out["kernels"]["difference"] > 5e-3
+
+
+def test_what_a_backend_does_not_offer_is_a_line_that_says_so(tmp_path):
+    """The column of finite volumes on a body with a plate."""
+    plate = {"y+": {"plate": 0.01, "pressure": 0}}
+    settings = yaml.safe_load(write_case(tmp_path / "case.yaml").read_text(encoding="utf-8"))
+    settings["macro"]["boundary"] |= plate
+    case = tmp_path / "plate.yaml"
+    case.write_text(yaml.safe_dump(settings), encoding="utf-8")
+    status, out, err, document = run(case, tmp_path / "out", fem=["skfem", "volumes"], surrogate=["cubic"])
+    assert status == 0, err + out
+    skipped = [line for line in document["comparisons"] if line["skipped"]]
+    assert {line["one"] for line in skipped} == {"volumes"}
+    assert "solution, law linear, volumes: it does not offer plate" in out
