@@ -106,6 +106,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     if config.cell.materials is not None:
         config.cell.solid.on(config.cell.make_mesh("solid", "whole"))
     yield f"  {config.cell.solid.description}, viscosity {config.cell.viscosity:g}"
+    yield from _without_contact(config)
     sampling = config.sampling
     ranges = ", ".join(f"{name} in [{s.range[0]:g}, {s.range[1]:g}]" for name, s in sampling.inputs.items())
     count = f", {sampling.options['count']} states" if "count" in sampling.options else ""
@@ -119,6 +120,20 @@ def outline(config: RunConfig) -> Iterator[str]:
     # What K is nobody knows yet, but along which axes there is any.
     percolates = np.diag([float(axis not in facts.blocked) for axis in "xyz"])
     yield from (f"note: {warning}" for warning in undrained(config.macro, percolates))
+
+
+def _without_contact(config: RunConfig) -> Iterator[str]:
+    """A note where the cell solver cannot do what ``cell.contact`` asks for."""
+    name = config.fem.backend
+    try:
+        solver = registry.get("cell solver", name)
+    except PluginError:  # a stage that needs it says so
+        return
+    if config.cell.contact.kind != "none" and not solver.contact:
+        yield (
+            f"note: the cell solver '{name}' does not hold the pore wall against itself; a state whose wall passes "
+            "through itself has no values"
+        )
 
 
 def _body(config: RunConfig) -> Iterator[str]:

@@ -8,7 +8,7 @@ import yaml
 from pydantic import ValidationError
 
 import porocore
-from porocore import backends
+from porocore import backends, registry
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.config import load_config
 from porocore.errors import ConfigurationError
@@ -135,3 +135,12 @@ def test_the_checks_mesh_the_body_once(monkeypatch):
     check_backends(porocore.load_config(BENCHMARK))
     assert len(made) == 1
     assert backends.backend_name("macro solver", porocore.load_config(BENCHMARK)) == "skfem"
+
+
+def test_check_notes_a_cell_solver_without_contact(monkeypatch):
+    solver = registry.get("cell solver", "skfem")
+    words = "note: the cell solver 'skfem' does not hold the pore wall against itself"
+    config = load_config(BENCHMARK)
+    assert words not in "\n".join(outline(config))
+    monkeypatch.setattr(solver, "contact", False)
+    assert words in "\n".join(outline(config))
