@@ -15,14 +15,14 @@ from porocore.testing.synthetic import confined_column
 
 sys.path.insert(0, str(Path(__file__).parent))
 from kit_runs import Outcomes, run_pytest
-from partial.cells import SolidCellSolver, TestSolid
-from partial.column import ColumnMacroSolver, TestColumn
-from partial.kernel import TestKernels
+from partial import cells, column, kernel
+from partial.cells import SolidCellSolver
+from partial.column import ColumnMacroSolver
 
 FOLDER = Path(__file__).parent / "partial"
 #: Suite → file, a law that must have been tested, and laws that must be skipped, with a word of the reason.
 PARTIAL = {
-    TestColumn: (
+    column.TestColumn: (
         "column",
         "test_steady_state_is_the_drained_uniaxial_one",
         {
@@ -33,12 +33,12 @@ PARTIAL = {
             "test_steps_by_error_meet_the_tolerance": "tolerance",
         },
     ),
-    TestKernels: (
+    kernel.TestKernels: (
         "kernel",
         "test_reference_state_is_exact",
         {"test_a_truncated_checkpoint_is_refused": "begins anew"},
     ),
-    TestSolid: (
+    cells.TestSolid: (
         "cells",
         "test_each_variable_alone_changes_the_answer",
         {
