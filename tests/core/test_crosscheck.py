@@ -375,11 +375,10 @@ def test_what_backends_declare_decides_how_closely_they_are_compared(tmp_path):
     lines = document["comparisons"]
     bodies = [line for line in lines if line["part"] == "body"]
     assert {line["case"] for line in bodies} == {"law linear", "law cubic", "law kernels"}
-    assert {line["tolerance"] for line in bodies} == {2e-2 + 1e-6}
+    assert {line["tolerance"] for line in bodies} == {8e-2 + 1e-6}
     assert max(line["difference"] for line in bodies) > 1e-6
     held_out = {line["one"]: line for line in lines if line["case"] == "held-out states"}
     assert {name: line["tolerance"] for name, line in held_out.items()} == {"cubic": 5e-3, "kernels": 0.03}
-    assert held_out["kernels"]["difference"] > 5e-3
 
 
 def test_what_a_backend_does_not_offer_is_a_line_that_says_so(tmp_path):

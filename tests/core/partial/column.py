@@ -144,7 +144,7 @@ class ColumnMacroSolver(MacroSolver):
     parts = frozenset({"flux", "load_curve", "initial"})
     checkpoints = False
     meshes = "own"
-    accuracy = 2e-2
+    accuracy = 8e-2
 
     def prepare(self, problem):
         return Column(problem)
