@@ -75,7 +75,7 @@ nitpick_ignore_regex = [
     # The inside of porocore, which the pages of the reference leave out.
     (
         "py:class",
-        r"porocore\.(api\.solved\.T|cell\.(contact|mesh)|config\.StageIdentities|courses|materials|parallel|result_units|runfolder"
+        r"porocore\.(api\.solved\.T|cell\.(contact|mesh)|config\.StageIdentities|courses|materials|parallel|problem\.TimePlan|result_units|runfolder"
         r"|terzaghi|testing\.sampling)\b.*",
     ),
     # What stands where a type stands in a docstring, such as (n, 3, 3).

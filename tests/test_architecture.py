@@ -4,6 +4,7 @@ Every module is parsed, so that imports inside functions count too.
 """
 
 import ast
+import re
 import subprocess
 import sys
 import textwrap
@@ -245,6 +246,20 @@ def test_the_hooks_of_a_plugin_are_light(plugin):
         print([name for name in ("torch", "skfem", "gmsh", "matplotlib", "scipy") if name in sys.modules])
     """
     assert run_python(code) == "[]"
+
+
+def test_the_documents_have_these_layers():
+    """docs/architecture.md row by row, and both pages with what plugins may use of the layer work."""
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    for name, modules in LAYERS:
+        row = re.search(rf"^\| {name} \| (.*) \|$", page, re.MULTILINE)
+        assert row, f"docs/architecture.md has no row '{name}'"
+        if modules:
+            assert set(row[1].split(", ")) == set(modules), f"docs/architecture.md, row '{name}'"
+    for name in ("architecture", "plugins"):
+        page = (ROOT / f"docs/{name}.md").read_text(encoding="utf-8")
+        (told,) = re.findall(r"of the layer work, ([^;.]*)[;.]", page)
+        assert set(re.findall(r"[a-z]+", told)) - {"and"} >= set(FOR_PLUGINS) - {"testing"}, f"docs/{name}.md"
 
 
 def test_there_are_plugins_and_modules_to_look_at():

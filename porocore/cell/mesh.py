@@ -44,13 +44,13 @@ class CellMesh:
     ----------
     phase, domain
         What is meshed.
-    points : (N, 3)
+    points : (nodes, 3)
         Nodes.
-    cells : (M, 4) or (M, 10)
+    cells : (tetrahedra, 4 or 10)
         Linear or quadratic tetrahedra in VTK order, positively oriented.
     periods
         Whole cells along each axis; a block extends from −½ to periods − ½ and is of the domain "whole".
-    regions : (M,)
+    regions : (tetrahedra,)
         Index of each element into ``region_names``; all 0 where none are given.
     region_names
         Parts of the phase that may differ in material; one, named like the phase, where none are given.
