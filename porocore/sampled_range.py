@@ -80,9 +80,9 @@ class SampledRange:
         return self._beyond(states, self._planes, 1e-9)
 
     def far(self, states: MacroState) -> npt.NDArray[np.bool_]:
-        """Tell which states (n,) lie :data:`FAR` outside, or move a component that was not sampled.
+        """Tell which states (n,) lie ``FAR`` outside, or move a component that was not sampled.
 
-        In more than :data:`CORNERED` inputs the faces of the box count only: the corners that an even design leaves
+        In more than ``CORNERED`` inputs the faces of the box count only: the corners that an even design leaves
         empty lie outside its hull, and a surrogate may know them well.
         """
         few = len(self.inputs) <= CORNERED

@@ -102,7 +102,7 @@ class MacroSolution:
         u_1, u_2, u_3 and p of each probe against the history's time.
     reactions : name → (steps, 3)
         Force on each surface that is held or moved, from outside on the body, in the directions in which it is; see
-        :mod:`porocore.macro.reactions` for nodes that several of them share.
+        ``porocore.macro.reactions`` for nodes that several of them share.
     inflow : name → (steps,)
         Rate of fluid that enters through each surface with a prescribed pressure, the mean over the step.
     """
