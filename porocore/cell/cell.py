@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import (
     BaseModel,
     BeforeValidator,
@@ -28,6 +30,7 @@ from porocore.errors import ConfigurationError
 from porocore.materials.choice import AnyMaterial
 from porocore.materials.composite import Composite, Solid
 from porocore.materials.neo_hookean import NeoHookean
+from porocore.tensors.point_group import PointGroup
 
 Cells = Annotated[int, Field(ge=1, le=8)]
 #: A number is a name too: that of a tag.
@@ -102,6 +105,20 @@ class Cell(BaseModel):
     def mirrored(self) -> bool:
         """Whether states without shear are solved on the eighth."""
         return self.symmetric and self.solid.mirrored and self.supercell == (1, 1, 1)
+
+    @cached_property
+    def point_group(self) -> PointGroup:
+        """The operations of the cube that leave the cell as it is: its pores, its material and its block of cells.
+
+        It is that of what is described. A free mesh of it breaks some of them by its own error.
+        """
+        counts = np.array(self.supercell)
+        return self.geometry.point_group.kept(
+            lambda Q: (
+                bool((np.abs(Q) @ counts == counts).all())
+                and self.solid.allows(Q, self.geometry.regions_after(Q))
+            )
+        )
 
     @property
     def loose(self) -> str:

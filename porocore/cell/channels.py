@@ -16,6 +16,7 @@ from porocore.cell.part import Unfolding
 from porocore.cell.rounded_wedge import draw_wedge
 from porocore.dimensions import Unit
 from porocore.states import Array
+from porocore.tensors.point_group import CUBIC, PointGroup
 
 #: The mesh resolves every fillet, so that a smaller one would only cost elements.
 SMALLEST_FILLET = 0.005
@@ -136,6 +137,12 @@ class OrthogonalChannels(DrawnGeometry):
         """The wedge with all three axes alike, else the eighth."""
         radii = self._by_axis
         return "wedge" if len(radii) == 3 and len(set(radii.values())) == 1 else "eighth"
+
+    @property
+    def point_group(self) -> PointGroup:
+        """Mirrors, and the permutations of axes with equal channels."""
+        radii = np.array([self._by_axis.get(axis, 0.0) for axis in "xyz"])
+        return CUBIC.kept(lambda Q: (np.abs(Q) @ radii == radii).all())
 
     def draw(self, gmsh: Any) -> DrawnPart:
         """Add the part to the current gmsh model."""

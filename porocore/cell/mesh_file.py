@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from porocore.cell.mesh_symmetry import RegionMap, region_maps
 from porocore.cell.part import PoreGeometry, Unfolding
 from porocore.cell.periodicity import matched
 from porocore.cell.tetrahedra import (
@@ -26,6 +27,7 @@ from porocore.errors import ConfigurationError
 from porocore.foreign_mesh import read_mesh
 from porocore.input_file import FromFile
 from porocore.states import Array, IntArray
+from porocore.tensors.point_group import PointGroup, Rotation, as_rotation
 
 Tag = int | str
 Tags = Annotated[tuple[Tag, ...], Field(min_length=1)]
@@ -71,6 +73,15 @@ class MeshFile(FromFile, PoreGeometry):
     def unfolding(self) -> Unfolding:
         """A whole cell."""
         return "whole"
+
+    @property
+    def point_group(self) -> PointGroup:
+        """That of the mesh of the solid: the operations that take its nodes and tetrahedra to themselves."""
+        return PointGroup.generated([np.reshape(Q, (3, 3)) for Q in _region_maps(self)])
+
+    def regions_after(self, Q: IntArray) -> RegionMap:
+        """See :class:`~porocore.cell.part.PoreGeometry`."""
+        return _region_maps(self).get(as_rotation(Q))
 
     @property
     def description(self) -> str:
@@ -138,6 +149,11 @@ def _read(geometry: MeshFile) -> dict[Phase, Tetrahedra]:
         return Tetrahedra(*part, regions, tuple(str(names.get(number, number)) for number in numbers))
 
     return {"solid": of_phase("solid"), "fluid": of_phase("fluid")}
+
+
+@lru_cache(maxsize=2)
+def _region_maps(geometry: MeshFile) -> dict[Rotation, RegionMap]:
+    return region_maps(_read(geometry)["solid"])
 
 
 def _tags(geometry: MeshFile, path: Path, mesh: Any, blocks: list[int]) -> tuple[IntArray, dict[int, str]]:

@@ -12,6 +12,7 @@ from porocore.cell.drawing import split, wedge
 from porocore.cell.estimate import PER_CUBE
 from porocore.cell.part import Unfolding
 from porocore.dimensions import Unit
+from porocore.tensors.point_group import CUBIC, PointGroup
 
 #: Neighbours with less than this between them have a gap that no mesh resolves.
 SMALLEST_GAP = 0.002
@@ -108,6 +109,11 @@ class CylinderArray(DrawnGeometry):
     def unfolding(self) -> Unfolding:
         """The eighth, one element high."""
         return "eighth"
+
+    @property
+    def point_group(self) -> PointGroup:
+        """That of a square prism along z, 4/mmm."""
+        return CUBIC.kept(lambda Q: Q[2, 2] != 0)
 
     @property
     def description(self) -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
 from porocore.cell.estimate import PER_CUBE
 from porocore.cell.tetrahedra import Element, Phase, Tetrahedra
+from porocore.states import IntArray
+from porocore.tensors.point_group import CUBIC, MIRRORS, TRIVIAL, PointGroup
 
 Unfolding = Literal["wedge", "eighth", "whole"]
 
@@ -41,6 +44,22 @@ class PoreGeometry(BaseModel, ABC):
     @abstractmethod
     def description(self) -> str:
         """A few words for a reader, such as ``spheres of radius 0.4 on a cubic lattice``."""
+
+    @property
+    def point_group(self) -> PointGroup:
+        """The operations of the cube that leave the pores as they are, together with some shift of the periodic cell.
+
+        Here: those that unfold the part. A kind that has more says so. To leave out some costs accuracy, to claim too
+        many makes laws wrong. Parts of the solid that differ in material may change places, see :meth:`regions_after`.
+        """
+        return {"wedge": CUBIC, "eighth": MIRRORS, "whole": TRIVIAL}[self.unfolding]
+
+    def regions_after(self, Q: IntArray) -> Mapping[str, str] | None:
+        """Return to which region of the solid an operation Q (3, 3) of the point group takes each, by name.
+
+        A region that is not named stays where it is; None: regions are not taken to regions.
+        """
+        return {}
 
     @property
     def loose(self) -> str | None:

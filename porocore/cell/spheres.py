@@ -15,9 +15,11 @@ from porocore.cell.drawing import split, wedge
 from porocore.cell.estimate import PER_CUBE
 from porocore.cell.level_set import stuffed
 from porocore.cell.part import Unfolding
+from porocore.cell.symmetry import group_of_points, kinds
 from porocore.cell.tetrahedra import Element, Phase, Tetrahedra
 from porocore.dimensions import Unit
-from porocore.states import Array
+from porocore.states import Array, IntArray
+from porocore.tensors.point_group import CUBIC, PointGroup
 
 #: Centres of the presets, and the distance of nearest neighbours.
 LATTICES: dict[str, tuple[Array, float]] = {
@@ -29,6 +31,8 @@ LATTICES: dict[str, tuple[Array, float]] = {
 TOUCH = 1e-9
 #: Given centres in one cell, throats between them, and periods that a throat bridges along an axis.
 MOST, MOST_THROATS, FARTHEST = 64, 512, 4
+#: Lengths that differ by less are the same.
+SAME = 1e-9
 Radius = Annotated[float, Field(gt=0, lt=0.9), Unit("cell")]
 Point = tuple[float, float, float]
 
@@ -142,6 +146,11 @@ class SpherePores(DrawnGeometry):
         return "wedge" if self.lattice else "whole"
 
     @property
+    def point_group(self) -> PointGroup:
+        """The cube's of a lattice; of given centres what spheres and throats have."""
+        return CUBIC if self.lattice else _point_group(self)
+
+    @property
     def description(self) -> str:
         """See :class:`~porocore.cell.part.PoreGeometry`."""
         centres, radii = self._spheres
@@ -212,11 +221,17 @@ class SpherePores(DrawnGeometry):
                 if abs(np.linalg.norm(b - a) - distance) < 1e-9
             ]
         found = []
-        for throat in self.throats or ():
-            a, b = self._ends(throat)
-            radius = self.throat if throat.radius is None else throat.radius
+        for a, b, radius in self._given_tubes():
             reach = range(-1 - int(np.abs(b).max()), 2 + int(np.abs(b).max()))
             found += [(a + shift, b + shift, radius) for shift in product(map(float, reach), repeat=3)]
+        return found
+
+    def _given_tubes(self) -> list[tuple[Array, Array, float]]:
+        """Ends and radius of every given throat, once."""
+        found = []
+        for throat in self.throats or ():
+            a, b = self._ends(throat)
+            found.append((a, b, self.throat if throat.radius is None else throat.radius))
         return found
 
     def _ends(self, throat: Throat) -> Array:
@@ -228,6 +243,23 @@ class SpherePores(DrawnGeometry):
         if throat.shift is None:
             return np.stack([a, b - np.rint(b - a)])
         return np.stack([a, a + (given[j] + np.array(throat.shift, dtype=np.float64) - given[i])])
+
+
+@lru_cache(maxsize=8)
+def _point_group(geometry: SpherePores) -> PointGroup:
+    """That of given centres: each sphere and throat stands for a point with a length and a radius."""
+    centres, radii = geometry._spheres
+    tubes = geometry._given_tubes()
+    middles = np.array([*centres, *((a + b) / 2 for a, b, _ in tubes)])
+    along = np.array([*np.zeros_like(centres), *(b - a for a, b, _ in tubes)])
+    sizes = np.column_stack([[*radii, *(r for _, _, r in tubes)], np.linalg.norm(along, axis=1)])
+
+    def allows(Q: IntArray, order: IntArray) -> bool:
+        turned, there = along @ Q.T, along[order]
+        apart = np.minimum(np.abs(turned - there).max(axis=1), np.abs(turned + there).max(axis=1))
+        return bool(apart.max() < SAME)
+
+    return group_of_points(middles, kinds(sizes, SAME), SAME, allows)
 
 
 @lru_cache(maxsize=8)

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from porocore.cell.level_set import LevelSetGeometry
 from porocore.cell.part import Unfolding
 from porocore.states import Array
+from porocore.tensors.point_group import CUBIC, PointGroup
 
 Surface = Literal["gyroid", "schwarz-p", "diamond"]
 #: Largest value of |f|: beyond there is no surface.
@@ -84,6 +85,11 @@ class TriplyPeriodic(LevelSetGeometry):
     def unfolding(self) -> Unfolding:
         """Of the three Schwarz P alone has mirrors across the axes."""
         return "eighth" if self.surface == "schwarz-p" else "whole"
+
+    @property
+    def point_group(self) -> PointGroup:
+        """The cube's: I4₁32 of the gyroid, Pm-3m of Schwarz P and Fd-3m of the diamond; of the sheets no less."""
+        return CUBIC
 
     @property
     def description(self) -> str:

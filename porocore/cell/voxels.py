@@ -12,9 +12,11 @@ from pydantic import Field
 from porocore.cell.image import Mask, SmoothImage, read_image
 from porocore.cell.level_set import LevelSetGeometry
 from porocore.cell.part import Unfolding
+from porocore.cell.symmetry import group_of_voxels
 from porocore.dimensions import Unit
 from porocore.errors import ConfigurationError
 from porocore.input_file import FromFile
+from porocore.tensors.point_group import PointGroup
 
 
 class Voxels(FromFile, LevelSetGeometry):
@@ -56,6 +58,11 @@ class Voxels(FromFile, LevelSetGeometry):
         return "eighth" if self.repeat == "mirror" else "whole"
 
     @property
+    def point_group(self) -> PointGroup:
+        """That of the voxels, exactly."""
+        return _point_group(self)
+
+    @property
     def description(self) -> str:
         """See :class:`~porocore.cell.part.PoreGeometry`."""
         return f"image {Path(self.path).name} of {len(self.solid)}³ voxels, {self.repeat}"
@@ -79,6 +86,11 @@ def _solid(geometry: Voxels) -> Mask:
         )
     solid.setflags(write=False)
     return solid
+
+
+@lru_cache(maxsize=2)
+def _point_group(geometry: Voxels) -> PointGroup:
+    return group_of_voxels(geometry.solid, mirror=geometry.repeat == "mirror")
 
 
 @lru_cache(maxsize=2)

@@ -50,11 +50,6 @@ class InvariantMaterial(Material):
         """No fibres, unless a kind has them."""
         return True
 
-    @property
-    def mirrored(self) -> bool:
-        """See :class:`~porocore.materials.material.StrainEnergy`."""
-        return self.isotropic
-
     def energy_density(self, F: Array) -> Array:
         """See :class:`~porocore.materials.material.StrainEnergy`."""
 

@@ -40,6 +40,25 @@ class Composite:
         """Whether the mirrors of the three axes leave each of them alone."""
         return all(material.mirrored for material in self.materials.values())
 
+    def allows(self, Q: IntArray, regions: Mapping[str, str] | None) -> bool:
+        """Return whether Q leaves the response of the whole alone.
+
+        Parameters
+        ----------
+        Q : (3, 3)
+            Signed permutation of the axes.
+        regions
+            The region to which Q takes each; one that is not named stays where it is. None: regions are not taken to
+            regions.
+        """
+        if regions is None:
+            return False
+        for region, material in self.materials.items():
+            image, turned = self.materials.get(regions.get(region, region)), material.turned(Q)
+            if image is None or turned is None or not turned.equals(image):
+                return False
+        return True
+
     @property
     def description(self) -> str:
         """A few words for a reader."""

@@ -11,10 +11,12 @@ from pydantic import Field, ValidationInfo, field_validator
 from porocore.dimensions import Dimension
 from porocore.expressions import CONSTANTS, Expression
 from porocore.materials.by_invariants import BASIC, InvariantMaterial
-from porocore.materials.fibres import Direction, alike, fibre_invariants
+from porocore.materials.fibres import Direction, fibre_invariants, same_in_order, turned
 from porocore.materials.formula import FUNCTIONS, Formula, stress_at_rest
 from porocore.materials.generated import derivatives
 from porocore.materials.invariants import Invariant, Third
+from porocore.materials.material import Material
+from porocore.states import IntArray
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 
@@ -88,10 +90,17 @@ class ExpressionMaterial(InvariantMaterial):
         """Without fibres."""
         return not self.directions
 
-    @property
-    def mirrored(self) -> bool:
-        """With all fibres along axes, since a formula may tell one direction from another."""
-        return alike(self.directions)
+    def turned(self, Q: IntArray) -> ExpressionMaterial:
+        """See :class:`~porocore.materials.material.Material`; the directions turn."""
+        return self.model_copy(update={"directions": turned(self.directions, Q)})
+
+    def equals(self, other: Material) -> bool:
+        """Return whether all but the signs of the directions is the same; a formula may tell one from another."""
+        if not isinstance(other, ExpressionMaterial):
+            return False
+        return self == other.model_copy(update={"directions": self.directions}) and same_in_order(
+            self.directions, other.directions
+        )
 
     @property
     def invariants(self) -> dict[str, Invariant]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import product
 from typing import Annotated
 
 import numpy as np
 from pydantic import AfterValidator
 
 from porocore.materials.invariants import Fibre, Invariant, SecondFibre
+from porocore.states import IntArray
 
 Vector = tuple[float, float, float]
 #: Unit vectors are the same, or opposite, if their product differs from ±1 by less.
@@ -37,19 +37,30 @@ def fibre_invariants(directions: tuple[Vector, ...]) -> dict[str, Invariant]:
     return found
 
 
-def alike(directions: tuple[Vector, ...]) -> bool:
-    """Whether mirrors of the three axes take every direction to itself or its opposite: it lies along an axis."""
-    return all(sum(abs(a) > SAME for a in direction) == 1 for direction in directions)
+def turned(directions: tuple[Vector, ...], Q: IntArray) -> tuple[Vector, ...]:
+    """Return Q a of each direction a, for a signed permutation Q (3, 3)."""
+    found: list[Vector] = []
+    for direction in directions:
+        a1, a2, a3 = (float(a) for a in Q @ np.array(direction))
+        found.append((a1, a2, a3))
+    return tuple(found)
 
 
-def closed(directions: tuple[Vector, ...]) -> bool:
-    """Whether mirrors of the three axes take the directions to one another, each as often as it occurs."""
-
-    def count(direction: tuple[float, ...]) -> int:
-        return sum(abs(abs(float(np.dot(direction, other))) - 1) < SAME for other in directions)
-
-    return all(
-        count(tuple(s * a for s, a in zip(signs, direction, strict=True))) == count(direction)
-        for direction in directions
-        for signs in product((1.0, -1.0), repeat=3)
+def same_in_order(directions: tuple[Vector, ...], others: tuple[Vector, ...]) -> bool:
+    """Return whether the k-th of each are the same or opposite, for all k."""
+    return len(directions) == len(others) and all(
+        _parallel(a, b) for a, b in zip(directions, others, strict=True)
     )
+
+
+def same_families(directions: tuple[Vector, ...], others: tuple[Vector, ...]) -> bool:
+    """Return whether both hold the same directions or their opposites, each as often, in whatever order."""
+
+    def counts(among: tuple[Vector, ...]) -> list[int]:
+        return [sum(_parallel(direction, other) for other in among) for direction in directions]
+
+    return len(directions) == len(others) and counts(directions) == counts(others)
+
+
+def _parallel(a: Vector, b: Vector) -> bool:
+    return abs(abs(float(np.dot(a, b))) - 1) < SAME

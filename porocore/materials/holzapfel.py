@@ -8,8 +8,10 @@ from pydantic import Field
 
 from porocore.dimensions import Dimension
 from porocore.materials.by_invariants import BASIC, VOLUMETRIC, InvariantMaterial
-from porocore.materials.fibres import Direction, closed, fibre_invariants
+from porocore.materials.fibres import Direction, fibre_invariants, same_families, turned
 from porocore.materials.invariants import Invariant
+from porocore.materials.material import Material
+from porocore.states import IntArray
 
 Modulus = Annotated[float, Field(gt=0), Dimension("stress")]
 
@@ -61,10 +63,17 @@ class HolzapfelGasserOgden(InvariantMaterial):
         """Only where the fibres have no preferred direction."""
         return self.dispersion == 1 / 3
 
-    @property
-    def mirrored(self) -> bool:
-        """Whether the mirrors of the axes take the families to one another."""
-        return self.isotropic or closed(self.directions)
+    def turned(self, Q: IntArray) -> HolzapfelGasserOgden:
+        """See :class:`~porocore.materials.material.Material`; the families turn."""
+        return self.model_copy(update={"directions": turned(self.directions, Q)})
+
+    def equals(self, other: Material) -> bool:
+        """Return whether all but the order and the signs of the directions is the same."""
+        if not isinstance(other, HolzapfelGasserOgden):
+            return False
+        return self == other.model_copy(update={"directions": self.directions}) and (
+            self.isotropic or same_families(self.directions, other.directions)
+        )
 
     @property
     def invariants(self) -> dict[str, Invariant]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -10,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, model_validator
 
 from porocore.materials.moduli import check_reference, voigt_moduli
 from porocore.states import Array, IntArray
+from porocore.tensors.point_group import CUBIC, MIRRORS, PointGroup
 
 if TYPE_CHECKING:
     from porocore.cell.mesh import CellMesh
@@ -59,10 +61,31 @@ class Material(BaseModel, StrainEnergy):
     def description(self) -> str:
         """A few words for a reader, such as ``neo-hookean solid with Poisson's ratio 0.35``."""
 
+    def turned(self, Q: IntArray) -> Material | None:
+        """Return the solid after a signed permutation Q (3, 3) of the axes, Ψ'(F) = Ψ(QᵀFQ); None if unknown.
+
+        A kind that is not isotropic, and whose symmetry shall be made use of, turns its directions here.
+        """
+        return self if self.isotropic else None
+
+    def equals(self, other: Material) -> bool:
+        """Return whether another solid has the same Ψ, as far as the parameters of both tell."""
+        return self == other
+
+    def allows(self, Q: IntArray, regions: Mapping[str, str] | None) -> bool:
+        """Return whether Q leaves the response alone; which ``regions`` of the cell change places does not matter."""
+        turned = self.turned(Q)
+        return turned is not None and turned.equals(self)
+
     @property
-    @abstractmethod
+    def point_group(self) -> PointGroup:
+        """The operations of the cube that leave the response alone."""
+        return CUBIC.kept(lambda Q: self.allows(Q, None))
+
+    @property
     def mirrored(self) -> bool:
         """Whether the mirrors of the three axes leave the response alone, as the eighth of a cell asks for."""
+        return all(self.allows(Q, None) for Q in MIRRORS.matrices)
 
     @property
     def identity(self) -> str:

@@ -40,11 +40,6 @@ class NeoHookean(Material):
         return True
 
     @property
-    def mirrored(self) -> bool:
-        """It is."""
-        return True
-
-    @property
     def description(self) -> str:
         """Kind and Poisson's ratio."""
         return f"{self.kind} solid with Poisson's ratio {self.poisson_ratio:g}"
