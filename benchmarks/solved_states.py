@@ -86,7 +86,9 @@ class Library:
 
     def training_set(self, states: MacroState, responses: CellResponse) -> TrainingSet:
         """What a surrogate learns from."""
-        return TrainingSet(states, responses, self.inputs, self.reference, self.cell.identity, {})
+        return TrainingSet(
+            states, responses, self.inputs, self.reference, self.cell.identity, {}, self.cell.point_group
+        )
 
 
 def farthest_points(inputs: InputSpace, count: int) -> Array:

@@ -12,6 +12,7 @@ from porocore.inputs import NAMES, InputSpace
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.registry import registry
 from porocore.states import MacroState
+from porocore.tensors.point_group import CUBIC
 from porocore.testing.potential_cell import respond
 
 N = 2250
@@ -32,7 +33,7 @@ SURROGATES = {
 def trained(backend: str, options: dict[str, object], inputs: InputSpace) -> Surrogate:
     """How well does not matter here."""
     states = states_in(inputs, 60, seed=1)
-    data = TrainingSet(states, respond(states), inputs, respond(MacroState.zeros(1)), "made-up", {})
+    data = TrainingSet(states, respond(states), inputs, respond(MacroState.zeros(1)), "made-up", {}, CUBIC)
     return registry().get("surrogate", backend)(**options).fit(data, seed=0)
 
 

@@ -24,9 +24,9 @@ def inform(sampler: Sampler, config: RunConfig, reference: CellReference) -> Non
     if isinstance(sampler, StudySampler):
         needed = CLOSURES[config.closure].responses
         explorer = MacroExplorer(config, reference)
-        isotropic = config.cell.solid.isotropic
+        symmetry = config.cell.point_group
         rest = reference.resting(config.conductivity)
-        sampler.inform(StudyFacts(rest, config.stages.cell, needed, explorer, isotropic))
+        sampler.inform(StudyFacts(rest, config.stages.cell, needed, explorer, symmetry))
 
 
 class MacroExplorer:

@@ -45,6 +45,7 @@ from porocore.stage_files import (
 )
 from porocore.stage_times import stage_times, timed
 from porocore.states import MacroState, Status
+from porocore.symmetry_notes import broken_by_the_mesh, uncovered
 from porocore.training_curve import TrainingCurveFile
 
 __all__ = ["prepare_cell", "report", "run", "sample", "solve", "solve_cell", "train", "training_set"]
@@ -80,6 +81,9 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console, retry_lost
     diagonal = ", ".join(f"{k:.4g}" for k in np.diag(reference.conductivity))
     console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
     for warning in undrained(config.macro, reference.conductivity):
+        console.warn(warning)
+    group = config.cell.point_group
+    for warning in (*uncovered(inputs, group), *broken_by_the_mesh(reference.response, group)):
         console.warn(warning)
     held_out = _held_out(config)
     provenance = {"config": config.resolved_yaml(), **versions(), **reference.mesh}

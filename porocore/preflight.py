@@ -21,6 +21,7 @@ from porocore.macro.probes import interpolation
 from porocore.plugin_kinds import HOOKS
 from porocore.problem import Boundary, MacroProblem
 from porocore.result_units import ResultUnits
+from porocore.symmetry_notes import uncovered
 
 #: Points of a table that are shown.
 MOST_POINTS = 4
@@ -106,6 +107,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     if config.cell.materials is not None:
         config.cell.solid.on(config.cell.make_mesh("solid", "whole"))
     yield f"  {config.cell.solid.description}, viscosity {config.cell.viscosity:g}"
+    yield f"  point group {config.cell.point_group.name} of pores and solid together"
     yield from _without_contact(config)
     sampling = config.sampling
     ranges = ", ".join(f"{name} in [{s.range[0]:g}, {s.range[1]:g}]" for name, s in sampling.inputs.items())
@@ -116,6 +118,7 @@ def outline(config: RunConfig) -> Iterator[str]:
         yield f"note: {given} states are too few to train on, at least {least} are needed: {MORE_STATES}"
     yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
     yield from _body(config)
+    yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))
     yield from (f"note: {warning}" for warning in _late(config))
     # What K is nobody knows yet, but along which axes there is any.
     percolates = np.diag([float(axis not in facts.blocked) for axis in "xyz"])

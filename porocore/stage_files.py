@@ -132,7 +132,7 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
         reference.resting(config.conductivity),
         config.stages.cell,
         versions(),
-        config.cell.solid.isotropic,
+        config.cell.point_group,
         config.surrogate.tolerance,
     )
 

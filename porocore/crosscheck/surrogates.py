@@ -150,7 +150,7 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> Samples:
         reference.resting(settings.conductivity),
         settings.stages.cell,
         versions(),
-        settings.cell.solid.isotropic,
+        settings.cell.point_group,
     )
     return Samples(backend, reference, training, unseen[valid], solved[valid], seconds)
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Protocol
 from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import CellResponse, MacroState
+from porocore.tensors.point_group import TRIVIAL, PointGroup
 
 
 @dataclass(frozen=True)
@@ -100,15 +101,15 @@ class StudyFacts:
         Fields of :class:`CellResponse` that the closure asks of a surrogate.
     explore
         Runs the study's macro problem.
-    isotropic
-        Whether the solid is the same along all directions.
+    symmetry
+        Point group of the cell, see :class:`~porocore.interfaces.surrogate.TrainingSet`.
     """
 
     reference: CellResponse
     identity: str
     responses: tuple[str, ...]
     explore: Explore
-    isotropic: bool = True
+    symmetry: PointGroup = TRIVIAL
 
 
 class StudySampler(Sampler):

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 
 from porocore.inputs import InputSpace
 from porocore.states import CellResponse, MacroState
+from porocore.tensors.point_group import TRIVIAL, PointGroup
 
 #: What to do about too few states to train on, whatever the sampler.
 MORE_STATES = (
@@ -39,9 +40,10 @@ class TrainingSet:
         Hash of the cell and of the law, stored with the surrogate and checked when it is used.
     provenance
         Text to keep with the surrogate (versions, configuration).
-    isotropic
-        Whether the solid is the same along all directions. If not, the cell may lack symmetries that its stiffness at
-        rest shows: fibres that bear tension only do nothing there.
+    symmetry
+        Point group of the cell (:attr:`porocore.cell.cell.Cell.point_group`): the operations Q with
+        W(Q F Qᵀ, p) = W(F, p). It is not to be seen from the response at rest: fibres that bear tension only do nothing
+        there, and a stiffness cannot tell all cubic groups apart. Trivial: nothing is known of it.
     tolerance
         States whose estimated error is larger, as a share of the range of what is learned, are to be flagged as
         outside; None: those beyond the hull of the training states are.
@@ -53,7 +55,7 @@ class TrainingSet:
     reference: CellResponse
     identity: str
     provenance: dict[str, str]
-    isotropic: bool = True
+    symmetry: PointGroup = TRIVIAL
     tolerance: float | None = None
 
 

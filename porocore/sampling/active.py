@@ -99,7 +99,7 @@ class Learning(RoundSampler, StudySampler):
             study.reference,
             study.identity,
             {},
-            study.isotropic,
+            study.symmetry,
         )
 
     def judge(self, unit: Array) -> Judgement | None:

@@ -49,10 +49,8 @@ def write_archive(
             file[name] = array
 
 
-def read_archive(
-    path: Path, form: str, version: int, advice: str, *, older: tuple[int, ...] = ()
-) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Read what :func:`write_archive` wrote: the header and the arrays; of the version, or of an ``older`` one.
+def read_archive(path: Path, form: str, version: int, advice: str) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Read what :func:`write_archive` wrote: the header and the arrays.
 
     Raises
     ------
@@ -69,7 +67,7 @@ def read_archive(
                 raise DataError(
                     f"{path}: expected a file of format {form}, got {found[0] or 'another'}; {advice}"
                 )
-            if found[1] not in (version, *older):
+            if found[1] != version:
                 raise DataError(
                     f"{path}: expected version {version} of {form}, got {found[1]}; use the porocore that wrote it,"
                     f" or {advice}"

@@ -35,7 +35,7 @@ class ConductivityModel:
     log_rest : (r, r)
         ln(Bᵀ K₀ B).
     polynomial
-        What is added to its upper triangle, row by row, in the variables ``active``.
+        What is added to it, as the upper triangle of a matrix in space (3, 3), row by row, in the variables ``active``.
     active
         The variables that were sampled.
     reach
@@ -87,12 +87,12 @@ class ConductivityModel:
         return K, by_H, by_p
 
     def _logarithm(self, components: Array) -> Array:
-        """Symmetric (n, r, r) of its upper triangle (r(r+1)/2, n)."""
-        r = len(self.log_rest)
-        S = np.empty((components.shape[1], r, r))
-        for row, (i, j) in zip(components, triangle(r), strict=True):
+        """Symmetric (n, r, r) on the directions of B, of the upper triangle (6, n) of a matrix in space."""
+        S = np.empty((components.shape[1], 3, 3))
+        for row, (i, j) in zip(components, triangle(3), strict=True):
             S[:, i, j] = S[:, j, i] = row
-        return S
+        found: Array = S if len(self.log_rest) == 3 else self.basis.T @ S @ self.basis
+        return found
 
     def _in_space(self, E: Array) -> Array:
         space: Array = self.basis @ E @ self.basis.T

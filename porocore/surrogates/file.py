@@ -27,11 +27,11 @@ from porocore.surrogates.polynomial_file import pack_polynomial, unpack_polynomi
 from porocore.surrogates.potential import NetworkPart, PotentialModel
 from porocore.surrogates.potential_data import Rest
 from porocore.surrogates.reach import Reach
-from porocore.surrogates.terms import VARIABLES, Terms, cubic, plain
+from porocore.surrogates.terms import VARIABLES, Terms, plain
+from porocore.tensors.point_group import PointGroup
 
-FORMAT, VERSION = "porocore-surrogate", 5
-#: They differ in nothing but that they hold no estimate of errors, and 3 no conductivity of the deformed pore.
-OLDER = (3, 4)
+#: Until version 5 the symmetry of the cell was guessed, and stresses across the sampled components were dropped.
+FORMAT, VERSION = "porocore-surrogate", 6
 ADVICE = "delete it and train the surrogate again"
 
 Model = AnchoredModel | PotentialModel
@@ -107,7 +107,7 @@ def read(path: Path) -> tuple[Model, Record]:
     DataError
         The file is truncated, edited, foreign or of another version.
     """
-    header, arrays = read_archive(path, FORMAT, VERSION, ADVICE, older=OLDER)
+    header, arrays = read_archive(path, FORMAT, VERSION, ADVICE)
     try:
         for name, array in arrays.items():
             if not np.isfinite(array).all():
@@ -194,11 +194,21 @@ def _unpack_anchored(
     )
 
 
-def _unpack_terms(name: str, arrays: dict[str, Array], weights: tuple[int, ...]) -> Terms:
-    polynomial = unpack_polynomial(arrays, "network/terms", VARIABLES, len(weights))
-    if name == "plain":
+def _pack_terms(terms: Terms, name: str, arrays: dict[str, Array]) -> None:
+    pack_polynomial(terms.polynomial, name, arrays)
+    arrays[f"{name}/weights"] = np.array(terms.weights, dtype=float)
+
+
+def _unpack_terms(kind: str, name: str, arrays: dict[str, Array]) -> Terms:
+    weights = tuple(int(w) for w in arrays[f"{name}/weights"].reshape(-1))
+    polynomial = unpack_polynomial(arrays, name, VARIABLES, len(weights))
+    if kind == "plain":
+        if not (polynomial.exponents.sum(axis=1) == 1).all():
+            raise ValueError(f"{name}: a term that is no variable")
         return plain(tuple(int(row.argmax()) for row in polynomial.exponents))
-    return Terms(name, polynomial, weights)
+    if kind != "invariant":
+        raise ValueError(f"terms of the kind {kind!r}")
+    return Terms(kind, polynomial, weights)
 
 
 def _pack_conductivity(model: ConductivityModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
@@ -230,7 +240,7 @@ def _unpack_conductivity(
     return ConductivityModel(
         basis,
         log_rest,
-        unpack_polynomial(arrays, "conductivity/polynomial", len(active), len(triangle(r))),
+        unpack_polynomial(arrays, "conductivity/polynomial", len(active), len(triangle(3))),
         active,
         Reach(active, *(arrays[f"conductivity/reach/{end}"].reshape(len(active)) for end in ("low", "high"))),
         sampled,
@@ -240,7 +250,7 @@ def _unpack_conductivity(
 def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
     header |= {
         "active": model.active,
-        "cubic": model.rest.cubic,
+        "symmetry": model.rest.symmetry.rotations,
         "porosity": model.rest.porosity,
         "terms": model.terms.name if model.terms else None,
         "network": model.network is not None,
@@ -248,7 +258,8 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
     arrays |= {"rest/matrix": model.rest.matrix, "rest/mean_grad": model.rest.mean_grad}
     pack_polynomial(model.mean_grad, "mean_grad", arrays)
     arrays |= {"reach/low": model.reach.low, "reach/high": model.reach.high}
-    header["variables"] = model.terms.variables if model.terms and model.terms.name == "plain" else ()
+    if model.terms is not None:
+        _pack_terms(model.terms, "terms", arrays)
     header["polynomials"] = []
     for name, polynomial in (("polynomial", model.polynomial), ("refinement", model.refinement)):
         if model.terms is not None and polynomial is not None:
@@ -257,8 +268,7 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
     if model.network is not None:
         part = model.network
         header["network_terms"] = part.terms.name
-        pack_polynomial(part.terms.polynomial, "network/terms", arrays)
-        arrays["network/term_weights"] = np.array(part.terms.weights, dtype=float)
+        _pack_terms(part.terms, "network/terms", arrays)
         _pack_network(part.network, header, arrays)
 
 
@@ -269,7 +279,7 @@ def _unpack_potential(
         float(header["porosity"]),
         arrays["rest/matrix"].reshape(7, 7),
         arrays["rest/mean_grad"].reshape(9, 7),
-        bool(header["cubic"]),
+        PointGroup.generated([np.reshape(Q, (3, 3)) for Q in header["symmetry"]]),
     )
     active = tuple(int(a) for a in header["active"])
     if any(a not in range(VARIABLES) for a in active):
@@ -277,19 +287,13 @@ def _unpack_potential(
     terms: Terms | None = None
     polynomials: dict[str, Polynomial] = {}
     if header["terms"] is not None:
-        known = tuple(int(a) for a in header["variables"])
-        if any(a not in range(VARIABLES) for a in known):
-            raise ValueError(f"variables {known}")
-        terms = {"plain": lambda: plain(known), "cubic": cubic}[header["terms"]]()
+        terms = _unpack_terms(header["terms"], "terms", arrays)
         for name in header["polynomials"]:
             polynomials[name] = unpack_polynomial(arrays, name, len(terms.weights), 1)
     part = None
     if header["network"]:
-        weights = tuple(int(w) for w in arrays["network/term_weights"])
-        part = NetworkPart(
-            _unpack_network(header, arrays, len(weights), 1),
-            _unpack_terms(header["network_terms"], arrays, weights),
-        )
+        own = _unpack_terms(header["network_terms"], "network/terms", arrays)
+        part = NetworkPart(_unpack_network(header, arrays, len(own.weights), 1), own)
     mean_grad = unpack_polynomial(arrays, "mean_grad", len(active), 9)
     reach = Reach(active, *(arrays[f"reach/{end}"].reshape(len(active)) for end in ("low", "high")))
     coarse, fine = polynomials.get("polynomial"), polynomials.get("refinement")

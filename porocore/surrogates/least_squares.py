@@ -8,6 +8,7 @@ import numpy as np
 
 from porocore.states import Array
 from porocore.surrogates.monomials import IntArray, Polynomial
+from porocore.surrogates.symmetry import Equivariance
 from porocore.surrogates.terms import Terms
 
 #: A fit with fewer equations for each coefficient than this can go astray without a sign in its residual.
@@ -70,9 +71,17 @@ class Fit:
 
 
 def fit(
-    samples: Samples, terms: Terms, lowest: int, *, degree: int | None = None, highest: int = LARGEST_DEGREE
+    samples: Samples,
+    terms: Terms,
+    lowest: int,
+    *,
+    degree: int | None = None,
+    highest: int = LARGEST_DEGREE,
+    tied: Equivariance | None = None,
 ) -> Fit:
     """Monomials of weight ``lowest`` … degree; without ``degree`` that of the smallest cross-validated error.
+
+    With ``tied`` the polynomials have that symmetry exactly.
 
     No more monomials are tried than leave two equations for each. With too few equations for any, the
     polynomial is zero (degree ``lowest`` − 1).
@@ -96,13 +105,13 @@ def fit(
             squares = 0.0
             for fold in range(int(folds.max()) + 1):
                 test = samples.subset(np.flatnonzero(folds == fold))
-                trained = _solve(samples.subset(np.flatnonzero(folds != fold)), terms, exponents)
+                trained = _solve(samples.subset(np.flatnonzero(folds != fold)), terms, exponents, tied)
                 squares += _error(test, terms, trained)
             errors[candidate] = float(np.sqrt(squares / n))
         best = min(errors, key=lambda d: errors[d])
     else:
         best = degrees[0]
-    return Fit(_solve(samples, terms, terms.monomials(lowest, best)), best, errors)
+    return Fit(_solve(samples, terms, terms.monomials(lowest, best), tied), best, errors)
 
 
 def _design(samples: Samples, terms: Terms, exponents: IntArray) -> tuple[Array, Array]:
@@ -112,12 +121,12 @@ def _design(samples: Samples, terms: Terms, exponents: IntArray) -> tuple[Array,
     return value, np.einsum("ktn,tan->kan", by_t, J)
 
 
-def _solve(samples: Samples, terms: Terms, exponents: IntArray) -> Polynomial:
+def _solve(samples: Samples, terms: Terms, exponents: IntArray, tied: Equivariance | None) -> Polynomial:
     outputs = len(samples.value)
     if not len(exponents):
         return Polynomial(exponents, np.zeros((outputs, 0)))
     value, slopes = _design(samples, terms, exponents)
-    coefficients = np.empty((outputs, len(exponents)))
+    equations = []
     for o in range(outputs):
         kept = np.isfinite(samples.slope_scale[o])
         scale = samples.slope_scale[o, kept][:, None]
@@ -127,15 +136,56 @@ def _solve(samples: Samples, terms: Terms, exponents: IntArray) -> Polynomial:
         right = np.concatenate(
             [samples.value[o] / samples.value_scale[o], (samples.slopes[o, kept] / scale).ravel()]
         )
-        size = np.sqrt((rows**2).sum(axis=0))
-        size[size == 0] = 1.0
-        # A ridge, as further equations: columns that the samples do not move stay small.
-        ridge = np.sqrt(RIDGE) * np.eye(len(size))
-        solution = np.linalg.lstsq(
-            np.concatenate([rows / size, ridge]), np.concatenate([right, np.zeros(len(size))]), rcond=None
-        )[0]
-        coefficients[o] = solution / size
-    return Polynomial(exponents, coefficients)
+        equations.append((rows, right))
+    return Polynomial(exponents, tied_least_squares(equations, exponents, tied))
+
+
+def tied_least_squares(
+    equations: list[tuple[Array, Array]], exponents: IntArray, tied: Equivariance | None
+) -> Array:
+    """Return coefficients (o, K) of the monomials (K, v) that come closest to equations, one list for each output.
+
+    Parameters
+    ----------
+    equations
+        Rows (m, K) and right-hand sides (m,).
+    tied
+        The symmetry that the polynomials have exactly; None: none.
+    """
+    if tied is None:
+        return np.stack([_least_squares(rows, right) for rows, right in equations])
+    ties = tied.ties(exponents)
+    coefficients = np.zeros((len(equations), len(exponents)))
+    for together in tied.outputs.orbits():
+        free = np.unique(ties.number[together])
+        free = free[free >= 0]
+        if not len(free):
+            continue
+        blocks = []
+        for o in together:
+            selection = np.zeros((len(exponents), len(free)))
+            used = np.flatnonzero(ties.number[o] >= 0)
+            selection[used, np.searchsorted(free, ties.number[o, used])] = ties.sign[o, used]
+            blocks.append((equations[o][0] @ selection, selection))
+        found = _least_squares(
+            np.concatenate([rows for rows, _ in blocks]),
+            np.concatenate([equations[o][1] for o in together]),
+        )
+        for o, (_, selection) in zip(together, blocks, strict=True):
+            coefficients[o] = selection @ found
+    return coefficients
+
+
+def _least_squares(rows: Array, right: Array) -> Array:
+    size = np.sqrt((rows**2).sum(axis=0))
+    size[size == 0] = 1.0
+    # A ridge, as further equations: columns that the samples do not move stay small.
+    ridge = np.sqrt(RIDGE) * np.eye(len(size))
+    solution = np.linalg.lstsq(
+        np.concatenate([rows / size, ridge]), np.concatenate([right, np.zeros(len(size))]), rcond=None
+    )[0]
+    found: Array = solution / size
+    return found
 
 
 def _error(samples: Samples, terms: Terms, polynomial: Polynomial) -> float:

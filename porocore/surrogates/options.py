@@ -86,10 +86,10 @@ class PotentialOptions(NetworkOptions):
     iterations: Count = Field(1500, description="a whole number ≥ 1")
     """Steps of L-BFGS at most."""
     symmetry: Literal["auto", "none", "cubic"] = Field(
-        "auto", description="'auto' (cubic where the cell is), 'none' or 'cubic'"
+        "auto", description="'auto' (that of the cell), 'none' or 'cubic'"
     )
-    """Terms that the network sees: ``auto`` takes those with the symmetry of the cube, if the cell has it and more than
-    three variables move."""
+    """Symmetry of the network: ``auto`` gives it that of the cell exactly, ``none`` lets it see the variables as they
+    are; ``cubic`` refuses cells that are not."""
     anchor: Literal["polynomial", "none"] = Field("polynomial", description="'polynomial' or 'none'")
     """``polynomial``: the network learns what a polynomial of degree 4 leaves over, which is also what is continued
     beyond the sampled states."""

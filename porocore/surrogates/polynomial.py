@@ -6,14 +6,23 @@ import numpy as np
 
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.sampled_range import SampledRange
-from porocore.states import Array
+from porocore.states import Array, IntArray
 from porocore.surrogates.composition import composed
 from porocore.surrogates.least_squares import LARGEST_DEGREE, Fit, Samples, fit
 from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.potential import PotentialModel, mean_grad_terms
 from porocore.surrogates.potential_data import PotentialData
 from porocore.surrogates.reach import Reach
-from porocore.surrogates.terms import Terms, cubic, plain
+from porocore.surrogates.symmetry import (
+    Equivariance,
+    acting_across,
+    on_one,
+    on_places,
+    on_variables,
+    stabiliser,
+)
+from porocore.surrogates.terms import Terms, invariant, plain
+from porocore.tensors.point_group import PointGroup
 
 #: More variables than this are combined by the cell's symmetry, where it has one.
 MOST_PLAIN = 3
@@ -26,12 +35,26 @@ SMALLEST_SHARE = 1e-6
 
 
 def terms_for(data: PotentialData) -> Terms:
-    """The variables of a problem with few, else combinations with the symmetry of the cube if the cell has it."""
-    if len(data.active) > MOST_PLAIN and data.rest.cubic:
-        return cubic()
+    """The variables of a problem with few, else combinations that the operations of the cell leave alone.
+
+    Variables that no state moves are there too, to first order, where something acts along them: a shear stress of a
+    cell without mirrors, say. Without them it would be lost.
+    """
+    group = data.rest.symmetry
+    if len(data.active) > MOST_PLAIN and len(group) > 1:
+        return invariant(group, data.active)
     _, slopes = data.remainder
-    lateral = [a for a in range(3) if a not in data.active and np.abs(slopes[a]).max() > SMALLEST_SLOPE]
-    return plain(data.active, tuple(lateral))
+    to = on_variables(stabiliser(group, data.active)).to
+    acting = [a for a in acting_across(group, data.active) if np.abs(slopes[a]).max() > SMALLEST_SLOPE]
+    return plain(data.active, tuple(sorted({int(b) for a in acting for b in to[:, a]})))
+
+
+def tied(terms: Terms, group: PointGroup) -> Equivariance | None:
+    """Return what a potential in plain terms has to obey; None of invariant ones, which obey by themselves."""
+    if terms.name != "plain":
+        return None
+    own = stabiliser(group, terms.active)
+    return Equivariance(on_variables(own).on(list(terms.variables)), on_one(own)) if len(own) > 1 else None
 
 
 def fit_potential(
@@ -45,10 +68,10 @@ def fit_potential(
     """What W₂, and a polynomial ``beyond`` it, leave over of W, from third order on."""
     value, gradient = remainder(data, terms, beyond)
     scale = data.scales[1:].copy()
-    if terms.name == "plain":
-        scale[[a for a in range(7) if a not in terms.variables]] = np.inf
+    _, slopes, _ = terms.polynomial.derivatives(data.y, second=False)
+    scale[~slopes.any(axis=(0, 2))] = np.inf
     samples = Samples(data.y, value[None], gradient[None], data.scales[:1], scale[None])
-    return fit(samples, terms, 3, degree=degree, highest=highest)
+    return fit(samples, terms, 3, degree=degree, highest=highest, tied=tied(terms, data.rest.symmetry))
 
 
 def remainder(data: PotentialData, terms: Terms, polynomial: Polynomial | None) -> tuple[Array, Array]:
@@ -65,20 +88,33 @@ def fit_mean_grad(data: PotentialData) -> Polynomial:
     value = data.mean_grad - data.rest.mean_grad @ data.y
     slopes = data.mean_grad_slopes - data.rest.mean_grad[:, :, None]
     largest = np.abs(value).max(axis=1)
-    learned = np.flatnonzero(largest > max(SMALLEST_SHARE * largest.max(), 1e-12))
+    images = on_places(stabiliser(data.rest.symmetry, data.active)).to
+    learned = np.unique(images[:, largest > max(SMALLEST_SHARE * largest.max(), 1e-12)])
     terms = mean_grad_terms(data.active)
     still = [a for a in range(7) if a not in data.active]
     scale = np.maximum(slopes.std(axis=2), 1e-3 * np.abs(slopes).max())
     scale[:, still] = np.inf
     if not len(learned):
         return Polynomial(np.zeros((0, len(data.active)), dtype=np.int64), np.zeros((9, 0)))
-    samples = Samples(
-        data.y, value[learned], slopes[learned], value[learned].std(axis=1) + 1e-300, scale[learned]
-    )
-    part = fit(samples, terms, 2).polynomial
+    size = value.std(axis=1) + 1e-300
+    for together in on_places(stabiliser(data.rest.symmetry, data.active)).orbits():
+        # What the cell does not tell apart weighs the same.
+        size[together], scale[together] = size[together].max(), scale[together].max(axis=0)
+    samples = Samples(data.y, value[learned], slopes[learned], size[learned], scale[learned])
+    part = fit(samples, terms, 2, tied=_turning(data, learned)).polynomial
     coefficients = np.zeros((9, len(part.exponents)))
     coefficients[learned] = part.coefficients
     return Polynomial(part.exponents, coefficients)
+
+
+def _turning(data: PotentialData, places: IntArray) -> Equivariance | None:
+    """What <∇u¹>_s has to obey: it turns with the cell."""
+    group = stabiliser(data.rest.symmetry, data.active)
+    if len(group) == 1:
+        return None
+    return Equivariance(
+        on_variables(group).on(list(data.active)), on_places(group).on([int(k) for k in places])
+    )
 
 
 def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[PotentialModel, Fit]:
@@ -107,7 +143,7 @@ def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[
         fit_mean_grad(data),
         data.active,
         sampled_range(training),
-        Reach.of(data.y, data.active, cubic=terms.name == "cubic"),
+        Reach.of(data.y, data.active, data.rest.symmetry),
         refinement,
     )
     return model, found

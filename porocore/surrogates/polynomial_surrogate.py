@@ -15,8 +15,8 @@ from porocore.surrogates.stored import ModelSurrogate
 class PolynomialSurrogate(ModelSurrogate):
     """W as a polynomial in (ln U, p), fitted to W and its first derivatives in milliseconds.
 
-    In a problem of up to three variables these are the polynomial's; in more, they are combined to terms with
-    the symmetry of the cube, if the cell has it.
+    It has the symmetry of the cell: in a problem of up to three variables by coefficients that are the same, in more
+    because the variables are combined to terms that the cell's operations leave alone.
 
     Parameters
     ----------

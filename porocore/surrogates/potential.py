@@ -31,7 +31,7 @@ from porocore.surrogates.terms import Terms, plain
 class NetworkPart:
     """N(t) − what N says up to second order in y, for some terms t(y).
 
-    With the terms of a cubic cell, N has the symmetry of the cube whatever its weights are.
+    With terms that the operations of a cell leave alone, N has its symmetry whatever the weights are.
 
     Attributes
     ----------

@@ -12,7 +12,8 @@ from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, CellResponse, MacroState
 from porocore.surrogates.components import PLACES
 from porocore.surrogates.stretch import LogStretch
-from porocore.surrogates.terms import is_cubic
+from porocore.surrogates.symmetry import on_places, on_variables
+from porocore.tensors.point_group import PointGroup
 
 #: A variable that stays within this of zero in all states has not been sampled.
 STILL = 1e-9
@@ -35,20 +36,20 @@ class Rest:
         A: the drained stiffness, minus Biot's coupling, minus the inverse of the Biot modulus.
     mean_grad : (9, 7)
         ∂<∇u¹>_s/∂y.
-    cubic
-        Whether the cell has the symmetry of the cube.
+    symmetry
+        The cell's point group, which both matrices have exactly.
     """
 
     porosity: float
     matrix: Array
     mean_grad: Array
-    cubic: bool
+    symmetry: PointGroup
 
     @classmethod
-    def of(cls, reference: CellResponse, isotropic: bool = True) -> Rest:
+    def of(cls, reference: CellResponse, symmetry: PointGroup) -> Rest:
         """From the response of the undeformed cell (one row) with its tangent.
 
-        Only with an isotropic solid has the cell the symmetry that its stiffness shows.
+        What breaks the cell's symmetry there is the error of a free mesh, and is averaged out.
 
         Raises
         ------
@@ -79,8 +80,8 @@ class Rest:
             m[:, a] = _symmetric(t.mean_grad_grad_u[0], i, j).ravel()
         A[6, 6] = -t.fluid_volume_p[0]
         m[:, 6] = t.mean_grad_p[0].ravel()
-        cubic = isotropic and is_cubic(np.array(t.stress_grad_u[0]))
-        return cls(float(reference.fluid_volume[0]), (A + A.T) / 2, m, cubic)
+        y, places = on_variables(symmetry), on_places(symmetry)
+        return cls(float(reference.fluid_volume[0]), y.mean(y, (A + A.T) / 2), places.mean(y, m), symmetry)
 
     def potential(self, y: Array) -> tuple[Array, Array]:
         """W₂ (n,) and ∂W₂/∂y (7, n); the Hessian is ``matrix``."""
@@ -144,7 +145,7 @@ class PotentialData:
             )
         if len(kept) < 2:
             raise DataError(f"expected at least two stable training states, got {len(kept)}; sample more")
-        return cls._of(Rest.of(data.reference, data.isotropic), states, responses)
+        return cls._of(Rest.of(data.reference, data.symmetry), states, responses)
 
     @classmethod
     def _of(cls, rest: Rest, states: MacroState, responses: CellResponse) -> PotentialData:

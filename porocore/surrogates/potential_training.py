@@ -22,7 +22,19 @@ from porocore.surrogates.potential import NetworkPart, PotentialModel
 from porocore.surrogates.potential_data import PotentialData
 from porocore.surrogates.reach import Reach
 from porocore.surrogates.sobolev import Autodiff, SobolevProblem, train
-from porocore.surrogates.terms import cubic, plain
+from porocore.surrogates.symmetry import stabiliser
+from porocore.surrogates.terms import Terms, invariant, plain
+from porocore.tensors.point_group import CUBIC
+
+
+def coordinates_for(data: PotentialData) -> Terms:
+    """Return what a network sees: combinations of the sampled variables that the cell's operations leave alone."""
+    terms = terms_for(data)
+    if terms.name == "plain":
+        terms = invariant(stabiliser(data.rest.symmetry, data.active), data.active)
+    found = terms.subset(tuple(k for k in range(len(terms.weights)) if k not in terms.once))
+    variables = plain(data.active)
+    return found if variables.rows_of(found) is None else variables
 
 
 def train_potential(
@@ -43,16 +55,17 @@ def train_potential(
         Cubic symmetry is asked for and the cell has none.
     """
     data = PotentialData.of(training)
-    if options.symmetry == "cubic" and not data.rest.cubic:
+    if options.symmetry == "cubic" and data.rest.symmetry != CUBIC:
         raise ConfigurationError(
-            "surrogate.options.symmetry: this cell is not cubic at rest; choose auto or none"
+            f"surrogate.options.symmetry: this cell is not cubic, its group is {data.rest.symmetry.name}; choose auto "
+            "or none"
         )
-    coordinates = {"auto": terms_for(data), "none": plain(data.active), "cubic": cubic()}[options.symmetry]
-    if coordinates.name == "plain":
-        coordinates = plain(data.active)
+    coordinates = plain(data.active) if options.symmetry == "none" else coordinates_for(data)
     terms, polynomial = terms_for(data), None
-    if options.anchor == "polynomial":
-        polynomial = fit_potential(data, terms, highest=ANCHOR_DEGREE).polynomial
+    # What acts across the sampled variables no network of these can say.
+    anchor = terms if options.anchor == "polynomial" else terms.across()
+    if options.anchor == "polynomial" or terms.once:
+        polynomial = fit_potential(data, anchor, highest=ANCHOR_DEGREE).polynomial
     value, gradient = remainder(data, terms, polynomial)
     problem = SobolevProblem.of(data, value, gradient, coordinates, slopes=options.derivatives)
     network = train(
@@ -65,7 +78,7 @@ def train_potential(
         on_progress=on_progress,
     )
     part = NetworkPart(make_evaluator(problem.unscaled(network)), problem.terms)
-    reach = Reach.of(data.y, data.active, cubic=coordinates.name == "cubic")
+    reach = Reach.of(data.y, data.active, data.rest.symmetry)
     model = PotentialModel(
         data.rest, terms, polynomial, part, fit_mean_grad(data), data.active, sampled_range(training), reach
     )

@@ -14,6 +14,8 @@ import numpy as np
 
 from porocore.states import Array
 from porocore.surrogates.monomials import IntArray
+from porocore.surrogates.symmetry import on_variables, stabiliser
+from porocore.tensors.point_group import PointGroup
 
 #: How far beyond the box the variables come to rest, as a share of its size.
 MARGIN = 0.1
@@ -38,13 +40,13 @@ class Reach:
     high: Array
 
     @classmethod
-    def of(cls, y: Array, active: tuple[int, ...], *, cubic: bool) -> Reach:
-        """Around the states y (7, n); the same for all axes if the symmetry of the cube is to be kept."""
+    def of(cls, y: Array, active: tuple[int, ...], group: PointGroup) -> Reach:
+        """Return the box around the states y (7, n), with the symmetry of a group as far as it leads to no other."""
         low, high = np.minimum(y.min(axis=1), 0.0), np.maximum(y.max(axis=1), 0.0)
-        if cubic:
-            low[:3], high[:3] = low[:3].min(), high[:3].max()
-            high[3:6] = max(float(high[3:6].max()), float(-low[3:6].min()))
-            low[3:6] = -high[3:6]
+        action, ends = on_variables(stabiliser(group, active)), np.stack([low, high])
+        for to, sign in zip(action.to, action.sign, strict=True):
+            image = np.sort(ends * sign, axis=0)
+            low[to], high[to] = np.minimum(low[to], image[0]), np.maximum(high[to], image[1])
         more = EXTENSION * (high - low) if len(active) >= MANY else 0.0 * low
         return cls(active, (low - more)[list(active)], (high + more)[list(active)])
 

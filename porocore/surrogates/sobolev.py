@@ -60,7 +60,7 @@ class SobolevProblem:
     rest : (1, k)
         Scaled terms at rest.
     jacobian : (k, d, n)
-        ∂x/∂y for the d active y.
+        ∂x/∂y for the d variables y by which some term has a slope.
     value : (n,), slopes : (d, n)
         Targets, divided by the scale.
     value_weight, slope_weight : float, (d,)
@@ -97,7 +97,9 @@ class SobolevProblem:
         middle, half = (low + high) / 2, (high - low) / 2
         reach = np.ptp(y[active], axis=1) / 2
         scale = float(np.sqrt((gradient[active] ** 2 * reach[:, None] ** 2).mean())) or 1.0
-        errors = data.scales[1:][active]
+        # Combinations of variables have slopes by those too that no state moves.
+        told = np.flatnonzero(jacobian.any(axis=(0, 2)))
+        errors = data.scales[1:][told]
         return cls(
             terms,
             middle,
@@ -105,11 +107,11 @@ class SobolevProblem:
             scale,
             ((t - middle[:, None]) / half[:, None]).T,
             -(middle / half)[None],
-            jacobian[:, active] / half[:, None, None],
+            jacobian[:, told] / half[:, None, None],
             value / scale,
-            gradient[active] / scale,
+            gradient[told] / scale,
             float((scale / data.scales[0]) ** 2),
-            (scale / errors) ** 2 if slopes else np.zeros(len(active)),
+            (scale / errors) ** 2 if slopes else np.zeros(len(told)),
         )
 
     def loss(self, xp: Any, shapes: list[tuple[int, int]], activation: str) -> Loss:

@@ -18,6 +18,7 @@ from porocore.interfaces.surrogate import TrainingSet
 from porocore.materials.neo_hookean import NeoHookean
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 from porocore.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.tensors.point_group import CUBIC
 
 #: All nine components of H and p.
 INPUTS = InputSpace.from_ranges(
@@ -68,7 +69,7 @@ def potential_training_set(n: int = 40, seed: int = 0, inputs: InputSpace = INPU
     """``n`` states, uniform at random in the box of ``inputs`` by ``seed``."""
     low, high = np.array(inputs.lower), np.array(inputs.upper)
     states = inputs.scatter(low + (high - low) * np.random.default_rng(seed).random((n, len(inputs))))
-    return TrainingSet(states, respond(states), inputs, respond(MacroState.zeros(1)), IDENTITY, {})
+    return TrainingSet(states, respond(states), inputs, respond(MacroState.zeros(1)), IDENTITY, {}, CUBIC)
 
 
 def _energy(E: Array, p: Array) -> tuple[Array, Array, Array, Array]:

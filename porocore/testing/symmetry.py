@@ -1,12 +1,14 @@
-"""The symmetries of the cube as matrices on the variables of a potential."""
+"""The symmetries of the cube as matrices on the variables of a potential, and how far a law is from having one."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import permutations, product
 
 import numpy as np
+import numpy.typing as npt
 
-from porocore.states import Array
+from porocore.states import Array, CellResponse, MacroState
 from porocore.surrogates.components import COMPONENT, PLACES
 
 
@@ -33,3 +35,32 @@ def cube_group(active: tuple[int, ...]) -> Array:
             small = full[np.ix_(list(active), list(active))]
             found.setdefault(small.tobytes(), small)
     return np.array(list(found.values()))
+
+
+def breaks(
+    respond: Callable[[MacroState], CellResponse], states: MacroState, Q: npt.ArrayLike
+) -> dict[str, float]:
+    """Return by how much each response fails to turn with Q, as a share of its largest entry; 0 for a symmetric law.
+
+    A law has the operation Q if W(Q F Qᵀ, p) = W(F, p), and the same of φ, and if stress, <∇u¹> and conductivity turn:
+    P_E(Q F Qᵀ, p) = Q P_E(F, p) Qᵀ.
+
+    Parameters
+    ----------
+    respond
+        The law.
+    states
+        States (n) of the cell.
+    Q : (3, 3)
+        Signed permutation of the axes.
+    """
+    turn = np.asarray(Q, dtype=float)
+    before = respond(states)
+    after = respond(MacroState(turn @ states.grad_u @ turn.T, states.p))
+    found = {}
+    for name in ("potential", "fluid_volume", "stress", "mean_grad", "conductivity"):
+        value, image = getattr(before, name), getattr(after, name)
+        if value is not None:
+            turned = turn @ value @ turn.T if value.ndim == 3 else value
+            found[name] = float(np.abs(image - turned).max() / max(float(np.abs(value).max()), 1e-300))
+    return found

@@ -7,13 +7,19 @@ from functools import cache
 import numpy as np
 import pytest
 
+from porocore.closures import CLOSURES, ClosedLaw
 from porocore.inputs import NAMES, InputSpace
 from porocore.interfaces.surrogate import TrainingSet
+from porocore.materials.neo_hookean import NeoHookean
+from porocore.problem import MacroProblem
 from porocore.states import MacroState
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.network import ACTIVATIONS, Network
 from porocore.surrogates.stored import NumpySurrogate
+from porocore.tensors.point_group import CUBIC, PointGroup
 from porocore.testing.compare import RESPONSES, provided
+from porocore.testing.grouped_cell import GroupedCell
+from porocore.testing.symmetry import breaks
 from porocore.testing.synthetic_cell import respond, synthetic_training_set
 
 LIBRARIES = ("torch", "jax")
@@ -54,7 +60,7 @@ def data(inputs):
     if inputs == "two":
         return synthetic_training_set(40, seed=1)
     states = general_states(40, seed=2)
-    return TrainingSet(states, respond(states), GENERAL, respond(MacroState.zeros(1)), "made-up", {})
+    return TrainingSet(states, respond(states), GENERAL, respond(MacroState.zeros(1)), "made-up", {}, CUBIC)
 
 
 @pytest.fixture(scope="session")
@@ -134,3 +140,51 @@ def test_the_same_training_of_a_potential(library, inputs):
         network = getattr(network_of(surrogate), "network", network_of(surrogate))
         weights.append(np.concatenate([W.ravel() for W in network.weights]))
     np.testing.assert_allclose(weights[0], weights[1], rtol=0, atol=1e-8)
+
+
+#: Mirrors of fibres along [1, 1, 0] in a cubic cell; crossing rectangular channels.
+GROUPS = {
+    "mirrors z and x-y": PointGroup.generated([[[0, 1, 0], [1, 0, 0], [0, 0, 1]], np.diag([1, 1, -1])]),
+    "pyritohedral": PointGroup.generated([[[0, 1, 0], [0, 0, 1], [1, 0, 0]], np.diag([1, 1, -1])]),
+}
+
+
+@pytest.mark.parametrize("anchor", ["polynomial", "none"])
+@pytest.mark.parametrize("group", GROUPS)
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_a_network_has_the_group_of_its_cell(library, name, group, anchor):
+    """Exactly, however short the training was, and no more: the cell is another after the other rotations."""
+    cell = GroupedCell.random(GROUPS[group])
+    options = {"iterations": 10, "anchor": anchor}
+    surrogate = library(name)(model="potential", **options).fit(cell.training_set(), seed=3)
+    states = general_states(6, seed=7)
+    for Q in CUBIC.matrices:
+        worst = breaks(lambda s: surrogate.predict(s, tangent=False), states, Q)
+        assert max(worst.values()) < 1e-11 if Q in GROUPS[group] else worst["potential"] > 1e-6
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_a_body_under_a_centred_load_does_not_drift_sideways(library, load, name):
+    """Body and cell have the mirror z; a network in plain variables breaks it, differently for each library."""
+    cell = GroupedCell.random(GROUPS["mirrors z and x-y"])
+    data = cell.training_set()
+    problem = MacroProblem.model_validate(
+        {
+            "body": {"kind": "box", "elements": (1, 2, 2), "size": (1.0, 1.0, 1.0)},
+            "boundary": {
+                "y-": {"displacement": (0, 0, 0)},
+                "y+": {"traction": (0, 1, 0), "pressure": 0},
+            },
+            "load": -0.02,
+            "time": {"ramp_increments": 1, "ramp_step": 0.5, "step": 1.0, "end": 1.5},
+        }
+    )
+    macro = load("macro solver", "skfem")
+    prepared = macro.prepare(problem)
+    drift = {}
+    for symmetry in ("auto", "none"):
+        surrogate = library(name)(model="potential", iterations=10, symmetry=symmetry).fit(data, seed=3)
+        law = ClosedLaw(surrogate, CLOSURES["potential"](0.6, NeoHookean(), np.eye(3)))
+        u = macro.solve(prepared, law).profiles[-1].u
+        drift[symmetry] = abs(u[:, 2].sum()) / np.abs(u[:, 1]).sum()
+    assert drift["auto"] < 1e-9 < 1e-6 < drift["none"]

@@ -13,6 +13,7 @@ from porocore.states import MacroState
 from porocore.surrogates.conductivity_fit import fit_conductivity
 from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
 from porocore.surrogates.stored import NumpySurrogate
+from porocore.tensors.point_group import TRIVIAL
 from porocore.tensors.symmetric_functions import exponential, logarithm, symmetric_exponential
 from porocore.testing.potential_cell import potential_training_set
 from porocore.testing.synthetic_cell import SOLID_FRACTION, synthetic_training_set
@@ -140,6 +141,7 @@ def test_a_pore_stays_closed_where_it_is(general):
         general,
         responses=replace(general.responses, conductivity=keep @ general.responses.conductivity @ keep),
         reference=replace(general.reference, conductivity=K0 * keep[None]),
+        symmetry=TRIVIAL,
     )
     model, _ = fit_conductivity(data)
     K = model.predict(states(20), tangent=False)[0]

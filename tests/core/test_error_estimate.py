@@ -18,6 +18,7 @@ from porocore.surrogates.model_errors import with_mean_gradient_error
 from porocore.surrogates.network import Network
 from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
 from porocore.surrogates.stored import NumpySurrogate
+from porocore.tensors.point_group import TRIVIAL
 from porocore.testing.potential_cell import potential_training_set, respond
 
 FOUR = InputSpace.from_ranges({name: (-0.15, 0.1) for name in ("H11", "H22", "H33")} | {"p": (0.0, 0.2)})
@@ -28,9 +29,9 @@ STUDIES = {"four": (FOUR, 16, 5e-3), "seven": (SEVEN, 24, 2e-2)}
 
 
 def training(study):
-    """Of a solid that is not isotropic, so that nothing is known of the cell's symmetry."""
+    """Of a cell of whose symmetry nothing is known."""
     inputs, n, tolerance = STUDIES[study]
-    return replace(potential_training_set(n, seed=1, inputs=inputs), isotropic=False, tolerance=tolerance)
+    return replace(potential_training_set(n, seed=1, inputs=inputs), symmetry=TRIVIAL, tolerance=tolerance)
 
 
 def held_out(inputs, n=400):

@@ -26,7 +26,8 @@ from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
 from porocore.surrogates.potential import NetworkPart, PotentialModel
 from porocore.surrogates.reach import Reach
 from porocore.surrogates.stored import NumpySurrogate
-from porocore.surrogates.terms import cubic, plain
+from porocore.surrogates.terms import invariant, plain
+from porocore.tensors.point_group import CUBIC
 from porocore.testing.compare import assert_identical
 from porocore.testing.potential_cell import potential_training_set
 from porocore.testing.synthetic_cell import synthetic_training_set
@@ -61,9 +62,9 @@ def models():
         "polynomial": seven,
         "polynomial of two": two,
         "network": replace(
-            seven, terms=None, polynomial=None, refinement=None, network=potential_part(cubic())
+            seven, terms=None, polynomial=None, refinement=None, network=potential_part(invariant(CUBIC))
         ),
-        "network of some terms": replace(seven, network=potential_part(cubic().subset((0, 3, 9)))),
+        "network of some terms": replace(seven, network=potential_part(invariant(CUBIC).subset((0, 3, 9)))),
         "network of two": replace(two, network=potential_part(plain((1, 6)))),
         "mlp": anchored,
         "mlp without network": replace(
@@ -175,7 +176,7 @@ def test_another_version_or_kind(path):
 
 @pytest.mark.parametrize(
     "name",
-    ["rest/matrix", "mean_grad/exponents", "network/1/biases", "range/normals", "network/term_weights"],
+    ["rest/matrix", "mean_grad/exponents", "network/1/biases", "range/normals", "network/terms/weights"],
 )
 def test_without_one_of_the_arrays(path, name):
     header, arrays = read_archive(path, FORMAT, VERSION, "")
@@ -189,7 +190,7 @@ WRONG = {
     "rest/mean_grad": np.zeros(5),
     "network/0/weights": np.zeros((6, 9)),
     "network/1/biases": np.zeros(2),
-    "network/term_weights": np.ones(2),
+    "network/terms/weights": np.ones(2),
     "network/terms/coefficients": np.ones((3, 2)),
     "polynomial/coefficients": np.ones((1, 3)),
     "mean_grad/exponents": np.full((2, 7), -1.0),
@@ -347,7 +348,10 @@ def test_a_conductivity_of_wrong_shapes_is_refused(tmp_path, entry):
         NumpySurrogate.load(path)
 
 
-def test_a_file_from_before_the_conductivity_is_read(path):
+def test_a_file_whose_symmetry_was_guessed_is_refused(path):
     header, arrays = read_archive(path, FORMAT, VERSION, "")
-    write_archive(path, FORMAT, 3, header, arrays)
-    assert NumpySurrogate.load(path).conductivity is None
+    write_archive(path, FORMAT, 5, header, arrays)
+    with pytest.raises(
+        DataError, match=r"expected version 6 of porocore-surrogate, got 5; .* train the surrogate again"
+    ):
+        NumpySurrogate.load(path)

@@ -13,7 +13,8 @@ from porocore.surrogates.potential import NetworkPart, PotentialModel
 from porocore.surrogates.potential_data import PotentialData, variables
 from porocore.surrogates.reach import Reach
 from porocore.surrogates.stretch import LogStretch
-from porocore.surrogates.terms import cubic, plain
+from porocore.surrogates.terms import invariant, plain
+from porocore.tensors.point_group import CUBIC, TRIVIAL
 from porocore.testing.potential_cell import IDENTITY, SOLID_FRACTION, potential_training_set, respond
 from porocore.testing.symmetry import cube_group
 from porocore.testing.synthetic_cell import synthetic_training_set
@@ -43,15 +44,15 @@ def models():
     # Wherever these tests go; what happens beyond the sampled states has tests of its own.
     with_polynomial = replace(with_polynomial, reach=Reach(SEVEN, np.full(7, -1.0), np.full(7, 1.0)))
     nothing = {"terms": None, "polynomial": None, "refinement": None}
-    alone = replace(with_polynomial, **nothing, network=part(cubic()))
+    alone = replace(with_polynomial, **nothing, network=part(invariant(CUBIC)))
     two = polynomial_model(synthetic_training_set(60, seed=1))[0]
     two = replace(two, reach=Reach((1, 6), np.full(2, -1.0), np.full(2, 1.0)))
     return {
         "polynomial": with_polynomial,
         "network": alone,
-        "network of tanh": replace(alone, network=part(cubic(), 3, "tanh")),
+        "network of tanh": replace(alone, network=part(invariant(CUBIC), 3, "tanh")),
         "network in plain variables": replace(alone, network=part(plain(SEVEN))),
-        "network on polynomial": replace(with_polynomial, network=part(cubic(), 7, "sigmoid")),
+        "network on polynomial": replace(with_polynomial, network=part(invariant(CUBIC), 7, "sigmoid")),
         "two inputs": two,
         "network of two inputs": replace(two, **nothing, network=part(plain((1, 6)))),
     }
@@ -199,7 +200,7 @@ def test_data_say_what_the_cell_says():
     training = potential_training_set(30, seed=4)
     data = PotentialData.of(training)
     assert data.active == SEVEN
-    assert data.rest.cubic
+    assert data.rest.symmetry == CUBIC
     assert data.rest.porosity == pytest.approx(1 - SOLID_FRACTION, abs=1e-15)
     np.testing.assert_array_equal(data.value, training.responses.potential)
     h = 1e-4
@@ -271,7 +272,7 @@ def test_words_for_a_reference_without_derivatives():
 def test_mean_grad_is_fitted_in_what_rotates_with_the_solid():
     training, unseen = potential_training_set(60, seed=4), potential_training_set(100, seed=5)
     data = PotentialData.of(training)
-    reach = Reach.of(data.y, data.active, cubic=False)
+    reach = Reach.of(data.y, data.active, TRIVIAL)
     model = PotentialModel(
         data.rest, None, None, None, fit_mean_grad(data), data.active, sampled_range(training), reach
     )

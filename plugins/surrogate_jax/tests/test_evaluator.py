@@ -14,7 +14,8 @@ from porocore.inputs import NAMES, InputSpace
 from porocore.surrogates.network import ACTIVATIONS, Network
 from porocore.surrogates.potential_data import PotentialData
 from porocore.surrogates.sobolev import SobolevProblem
-from porocore.surrogates.terms import cubic
+from porocore.surrogates.terms import invariant
+from porocore.tensors.point_group import CUBIC
 from porocore.testing.synthetic_cell import respond
 from porocore_surrogate_jax import evaluator, library
 from porocore_surrogate_jax.autodiff import JaxAutodiff
@@ -53,8 +54,8 @@ def test_the_loss_compiled_and_not():
     inputs = InputSpace(NAMES, (-0.1,) * 9 + (0.0,), (0.1,) * 10)
     states = inputs.scatter(np.random.default_rng(3).uniform(inputs.lower, inputs.upper, (9, 10)))
     rest = respond(MacroState.zeros(1))
-    data = PotentialData.of(TrainingSet(states, respond(states), inputs, rest, "made-up", {}))
-    problem = SobolevProblem.of(data, *data.remainder, cubic())
+    data = PotentialData.of(TrainingSet(states, respond(states), inputs, rest, "made-up", {}, CUBIC))
+    problem = SobolevProblem.of(data, *data.remainder, invariant(CUBIC))
     shapes = [(6, problem.x.shape[1]), (5, 6), (1, 5)]
     theta = np.random.default_rng(0).normal(size=sum(rows * (columns + 1) for rows, columns in shapes))
     autodiff = JaxAutodiff("cpu")

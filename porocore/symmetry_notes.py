@@ -1,0 +1,74 @@
+"""What a user ought to know of the symmetry of a cell: shears that are no inputs, a mesh that is too coarse for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.inputs import InputSpace
+from porocore.states import Array, CellResponse
+from porocore.surrogates.components import PLACES
+from porocore.surrogates.potential_data import STILL, variables
+from porocore.surrogates.stretch import LogStretch
+from porocore.surrogates.symmetry import acting_across, on_places
+from porocore.tensors.point_group import PointGroup
+
+#: Of the stiffness at rest: by more a mesh should not break the symmetry of its cell.
+LARGEST_DEFECT = 0.02
+#: States in the box of the inputs that show what they move.
+STATES = 16
+
+
+def uncovered_shears(inputs: InputSpace, group: PointGroup) -> list[str]:
+    """Return shears, such as ``H12``, that are no inputs but on which a cell with this group bears under the inputs.
+
+    Their stress is learned. A body that gives way to it leaves the sampled states.
+    """
+    low, high = np.array(inputs.lower), np.array(inputs.upper)
+    states = inputs.scatter(low + (high - low) * np.random.default_rng(0).random((STATES, len(inputs))))
+    y = variables(LogStretch.of(states.grad_u), states.p)
+    moved = np.abs(np.nan_to_num(y)).max(axis=1) > STILL
+    active = tuple(int(a) for a in np.flatnonzero(moved))
+    found = [PLACES[a] for a in acting_across(group, active) if 3 <= a < 6]
+    return sorted(f"H{i + 1}{j + 1}" for i, j in found)
+
+
+def uncovered(inputs: InputSpace, group: PointGroup) -> list[str]:
+    """Return what to say of :func:`uncovered_shears`; nothing where there are none."""
+    shears = uncovered_shears(inputs, group)
+    if not shears:
+        return []
+    names = " and ".join(shears)
+    them, are = ("it", "is no input") if len(shears) == 1 else ("them", "are no inputs")
+    return [
+        f"in a cell of the point group {group.name} {', '.join(inputs.names)} may cause stresses along {names}, which "
+        f"{are}; the stresses are learned, but where the body gives way to {them}, states lie outside the sampled "
+        f"range and are flagged: add {names} to sampling.inputs, unless the body is held against such shear"
+    ]
+
+
+def defect(stiffness: Array, group: PointGroup) -> float:
+    """Return by how much ∂P_E/∂H (3, 3, 3, 3) breaks the symmetry of a group, as a share of its largest entry."""
+    action, matrix = on_places(group), stiffness.reshape(9, 9)
+    return float(np.abs(matrix - action.mean(action, matrix)).max() / np.abs(matrix).max())
+
+
+def broken_by_the_mesh(reference: CellResponse, group: PointGroup) -> list[str]:
+    """Return what to say of a free mesh that breaks the symmetry of its cell at rest; nothing where it hardly does.
+
+    Parameters
+    ----------
+    reference
+        Response of the undeformed cell with its tangent, one row.
+    group
+        Point group of the cell.
+    """
+    tangent = reference.tangent
+    if tangent is None or tangent.stress_grad_u is None:
+        return []
+    share = defect(np.asarray(tangent.stress_grad_u[0]), group)
+    if not share > LARGEST_DEFECT:
+        return []
+    return [
+        f"the mesh of the cell breaks its symmetry, {group.name}: the stiffness at rest differs by {share:.1%} of its "
+        "largest entry where it should not; the error of the mesh is at least as large, see cell.mesh.size"
+    ]

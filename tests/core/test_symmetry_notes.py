@@ -1,0 +1,47 @@
+"""What is said of the symmetry of a cell before and after its undeformed state is solved."""
+
+import numpy as np
+import pytest
+
+from porocore.inputs import InputSpace
+from porocore.states import MacroState
+from porocore.symmetry_notes import broken_by_the_mesh, defect, uncovered, uncovered_shears
+from porocore.tensors.point_group import CUBIC, MIRRORS, TRIVIAL, PointGroup
+from porocore.testing.grouped_cell import GroupedCell
+
+OBLIQUE = PointGroup.generated([[[0, 1, 0], [1, 0, 0], [0, 0, 1]], np.diag([1, 1, -1])])
+
+
+def inputs(*names):
+    return InputSpace.from_ranges({name: (-0.1, 0.1) for name in names})
+
+
+@pytest.mark.parametrize(
+    ("names", "group", "shears"),
+    [
+        (("H22", "p"), CUBIC, []),
+        (("H22", "p"), MIRRORS, []),
+        (("H22", "p"), OBLIQUE, ["H12"]),
+        (("H22", "H12", "p"), OBLIQUE, []),
+        (("H22", "H21", "p"), OBLIQUE, []),
+        (("H22", "p"), TRIVIAL, ["H12", "H13", "H23"]),
+        (("H12", "H13"), MIRRORS, []),  # both together stretch along a shear of 2 and 3
+        (("p",), PointGroup.generated([[[0, 1, 0], [0, 0, 1], [1, 0, 0]]]), ["H12", "H13", "H23"]),
+    ],
+)
+def test_shears_that_are_no_inputs(names, group, shears):
+    assert uncovered_shears(inputs(*names), group) == shears
+    said = uncovered(inputs(*names), group)
+    assert len(said) == bool(shears)
+    if shears:
+        assert " and ".join(shears) in said[0]
+        assert group.name in said[0]
+
+
+def test_a_group_that_the_rest_state_does_not_have():
+    rest = GroupedCell.random(OBLIQUE).respond(MacroState.zeros(1))
+    C = rest.tangent.stress_grad_u[0]
+    assert defect(C, OBLIQUE) < 1e-14
+    assert broken_by_the_mesh(rest, OBLIQUE) == []
+    assert defect(C, CUBIC) > 0.05
+    assert "breaks its symmetry, m-3m" in broken_by_the_mesh(rest, CUBIC)[0]
