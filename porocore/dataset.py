@@ -76,8 +76,17 @@ class Dataset:
             return cls.open(path, inputs=inputs, identity=identity)
 
     @classmethod
-    def open(cls, path: Path, *, inputs: InputSpace | None = None, identity: str | None = None) -> Self:
-        """What is in the file and in the parts beside it, also while another process writes; nothing is written.
+    def open(
+        cls,
+        path: Path,
+        *,
+        inputs: InputSpace | None = None,
+        identity: str | None = None,
+        sound: bool = True,
+    ) -> Self:
+        """Read the file and the parts beside it, also while another process writes; nothing is written.
+
+        ``sound`` is that of :func:`porocore.dataset_file.read_block`.
 
         Raises
         ------
@@ -88,7 +97,7 @@ class Dataset:
         for _ in range(MOST_LOOKS):
             seen = _stamp(path)
             try:
-                dataset = cls._read(path, inputs, identity)
+                dataset = cls._read(path, inputs, identity, sound)
             except DataError:
                 if _stamp(path) == seen:
                     raise
@@ -99,9 +108,9 @@ class Dataset:
         raise DataError(f"{path}: is being written all the time; read it when its process is done")
 
     @classmethod
-    def _read(cls, path: Path, inputs: InputSpace | None, identity: str | None) -> Self:
+    def _read(cls, path: Path, inputs: InputSpace | None, identity: str | None, sound: bool) -> Self:
         advice = f"choose another --out, or delete it and {parts_folder(path).name} and sample again"
-        header, block = read_block(path, advice)
+        header, block = read_block(path, advice, sound=sound)
         if identity is not None and header.identity != identity:
             raise DataError(
                 f"{path}: holds solved states of another cell or other settings (identity "
@@ -114,7 +123,9 @@ class Dataset:
             )
         blocks, seen = [block], set(block.keys)
         for part in sorted(parts_folder(path).glob("*.h5")):
-            part_header, rows = read_block(part, "delete it and resume; its state is then solved again")
+            part_header, rows = read_block(
+                part, "delete it and resume; its state is then solved again", sound=sound
+            )
             if (part_header.identity, part_header.inputs) != (header.identity, header.inputs):
                 raise DataError(
                     f"{part}: belongs to another dataset than {path.name}; delete the folder "

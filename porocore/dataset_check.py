@@ -31,7 +31,7 @@ class Finding:
 def check_file(path: Path, tolerance: float = TOLERANCE) -> list[Finding]:
     """Read every array of the dataset at ``path`` and examine it; a file that cannot be read is one finding."""
     try:
-        dataset = Dataset.open(path)
+        dataset = Dataset.open(path, sound=False)
         fields = list(read_fields(dataset.rows()))
     except DataError as error:
         return [Finding("readable", False, str(error))]

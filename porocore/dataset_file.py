@@ -11,7 +11,7 @@ of ``field/u`` (all nodes, 3) end and those of the next row begin. Every array c
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,13 @@ from typing import Any
 import h5py
 import numpy as np
 
-from porocore.errors import ConfigurationError, DataError
-from porocore.hdf5 import atomic_hdf5
+from porocore.errors import DataError
+from porocore.hdf5 import Contents, atomic_hdf5, opened
 from porocore.inputs import InputSpace
 from porocore.interfaces.cell import CellField
 from porocore.records import Record, build_response, flatten_response
-from porocore.states import Array, CellResponse, MacroState
+from porocore.response_check import response_fault
+from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
 
 FORMAT, VERSION = "porocore-dataset", 1
 CHUNK_NODES = 1024
@@ -132,8 +133,18 @@ def _write(file: Any, header: Header, block: Block, fields: Iterable[CellField |
         file.create_dataset(name, data=array, fletcher32=array.size > 0)
 
 
-def read_block(path: Path, advice: str) -> tuple[Header, Block]:
-    """Header and rows of one file, without the fields.
+def read_block(path: Path, advice: str, *, sound: bool = True) -> tuple[Header, Block]:
+    """Return header and rows of one file, without the fields.
+
+    Parameters
+    ----------
+    path
+        Anything.
+    advice
+        What to do with a file that cannot be read.
+    sound
+        Refuse rows that hold NaN where numbers belong, or numbers where none do, and statuses that do not exist;
+        False: for whoever examines them.
 
     Raises
     ------
@@ -141,42 +152,55 @@ def read_block(path: Path, advice: str) -> tuple[Header, Block]:
         The file is missing, truncated, damaged, foreign or of another version; ``advice`` says what to do.
     """
     with _reading(path, advice) as file:
-        found = file.attrs.get("format"), file.attrs.get("version")
-        if found[0] != FORMAT:
+        if "format" not in file.attributes or file.attribute("format", str) != FORMAT:
             raise DataError(f"{path}: is an HDF5 file, but no dataset of porocore; {advice}")
-        if found[1] != VERSION:
-            raise DataError(f"{path}: is a dataset of version {found[1]}, expected {VERSION}; {advice}")
-        names = file["inputs/names"].asstr()[()]
-        inputs = InputSpace(
-            tuple(names),
-            tuple(map(float, file["inputs/lower"][()])),
-            tuple(map(float, file["inputs/upper"][()])),
-        )
-        provenance = {name: str(text.asstr()[()]) for name, text in file.get("provenance", {}).items()}
-        keys = [str(key) for key in file["key"].asstr()[()]]
-        arrays: dict[str, Array] = {}
-        if "response" in file:
-            file["response"].visititems(
-                lambda name, item: arrays.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None
-            )
+        if (version := file.attribute("version", int)) != VERSION:
+            raise DataError(f"{path}: is a dataset of version {version}, expected {VERSION}; {advice}")
+        names = tuple(file.texts("inputs/names", "d"))
+        bounds = (tuple(map(float, file.array(f"inputs/{end}", "d"))) for end in ("lower", "upper"))
+        inputs = InputSpace(names, *bounds)
+        provenance = {name: file.text(f"provenance/{name}") for name in file.members("provenance")}
+        keys = file.texts("key", "n")
+        if len(set(keys)) < len(keys):
+            raise ValueError("two of its states have the same key")
         block = Block(
             path,
             keys,
-            [str(start) for start in file["start"].asstr()[()]],
-            file["x"][()],
-            MacroState(file["grad_u"][()], file["p"][()]),
-            file["seconds"][()],
-            build_response(file["status"][()], arrays),
+            file.texts("start", "n"),
+            file.array("x", "n", "d"),
+            MacroState(file.array("grad_u", "n", 3, 3), file.array("p", "n")),
+            file.array("seconds", "n"),
+            read_response(file),
         )
-        columns = (block.starts, block.x, block.states, block.seconds, block.response)
-        lengths = {len(keys), *(len(column) for column in columns)}
-        if len(lengths) > 1 or len(set(keys)) < len(keys) or block.x.shape[1:] != (len(inputs),):
-            raise ValueError("its arrays do not belong together")
-        return Header(inputs, str(file.attrs["identity"]), provenance), block
+        if sound and (fault := response_fault(block.response, len(keys))):
+            raise ValueError(fault)
+        return Header(inputs, file.attribute("identity", str), provenance), block
+
+
+def read_response(file: Contents, group: str = "") -> CellResponse:
+    """Return the status and the responses of n states below a group, of the declared shapes.
+
+    Raises
+    ------
+    ValueError
+        Something is there that is no response, or of another shape.
+    """
+    head = f"{group}/" if group else ""
+    arrays = {}
+    for name in file.arrays_below(f"{head}response"):
+        if name not in CELL_FIELDS:
+            raise ValueError(f"'{head}response/{name}' is no response")
+        arrays[name] = file.array(
+            f"{head}response/{name}", f"{head}n", *CELL_FIELDS[name].shape, finite=False
+        )
+    status = file.array(f"{head}status", f"{head}n", kind="int")
+    if not arrays and not len(status):
+        return CellResponse(np.zeros((0, 3, 3)), status)
+    return build_response(status, arrays)
 
 
 def read_fields(rows: list[tuple[Block, int]]) -> Iterator[CellField | None]:
-    """The fields of the given rows of the given blocks, one after the other; None where none was kept.
+    """Yield the fields of the given rows of the given blocks; None where none was kept.
 
     Raises
     ------
@@ -189,45 +213,32 @@ def read_fields(rows: list[tuple[Block, int]]) -> Iterator[CellField | None]:
             advice = "delete it and sample again"
             if len(block.keys) == 1:
                 with _reading(block.path, advice) as file:
-                    yield _Fields(file["field"])[row]
+                    yield _Fields(file)[row]
                 continue
             if block.path not in large:
-                file = stack.enter_context(_reading(block.path, advice))
-                large[block.path] = _Fields(file["field"])
+                large[block.path] = _Fields(stack.enter_context(_reading(block.path, advice)))
             yield large[block.path][row]
 
 
 class _Fields:
     """The fields of an open file; all but u¹ itself is read at once."""
 
-    def __init__(self, group: Any) -> None:
-        self.domain = group["domain"].asstr()[()]
-        self.grad_u, self.p = group["grad_u"][()], group["p"][()]
-        self.end = np.concatenate([[0], group["end"][()]])
-        self.u = group["u"]
+    def __init__(self, file: Contents) -> None:
+        self.domain = file.texts("field/domain", "n")
+        self.grad_u, self.p = file.array("field/grad_u", "n", 3, 3), file.array("field/p", "n")
+        self.end = np.concatenate([[0], file.array("field/end", "n", kind="int")])
+        self.u = file.rows("field/u", "nodes", 3)
+        if (np.diff(self.end) < 0).any() or self.end[-1] != file.sizes["nodes"]:
+            raise ValueError("'field/end' does not divide 'field/u'")
 
     def __getitem__(self, row: int) -> CellField | None:
         if not self.domain[row]:
             return None
         u = self.u[int(self.end[row]) : int(self.end[row + 1])]
-        return CellField(self.grad_u[row], float(self.p[row]), str(self.domain[row]), u)
+        if not np.isfinite(u).all():
+            raise ValueError(f"'field/u' of row {row} holds numbers that are not finite")
+        return CellField(self.grad_u[row], float(self.p[row]), self.domain[row], u)
 
 
-@contextmanager
-def _reading(path: Path, advice: str) -> Iterator[Any]:
-    try:
-        with h5py.File(path, "r") as file:
-            yield file
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file; sample first") from error
-    except (
-        OSError,
-        KeyError,
-        ValueError,
-        TypeError,
-        RuntimeError,
-        AttributeError,
-        ConfigurationError,
-    ) as error:
-        reason = " ".join(str(error).split())  # HDF5 may speak in several lines
-        raise DataError(f"{path}: not a complete dataset of porocore ({reason}); {advice}") from error
+def _reading(path: Path, advice: str) -> AbstractContextManager[Contents]:
+    return opened(path, "dataset of porocore", advice, missing="sample first")

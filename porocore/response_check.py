@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -68,7 +69,7 @@ def rows_as_declared(
     """Return which rows of a field hold numbers where they should and NaN where none belong, (n,)."""
     if not np.issubdtype(array.dtype, np.floating):
         return np.ones(len(array), dtype=bool)
-    flat = array.reshape(len(array), -1)
+    flat = array.reshape(len(array), math.prod(array.shape[1:]))
     missing = np.isnan(flat).all(axis=1)
     numbers = np.isfinite(flat).all(axis=1)
     if declared.gaps:

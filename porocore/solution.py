@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 
 from porocore.errors import DataError
-from porocore.hdf5 import atomic_hdf5
+from porocore.hdf5 import Contents, atomic_hdf5, opened
 from porocore.states import Array
 
-#: Fields of a solution that map names to values against time.
-SERIES = ("probes", "reactions", "inflow")
+#: Fields of a solution that map names to values against time, with the shape of one value.
+SERIES: dict[str, tuple[int, ...]] = {"probes": (4,), "reactions": (3,), "inflow": ()}
 
 
 @dataclass(frozen=True)
@@ -82,6 +80,16 @@ class Profile:
         return k
 
 
+#: Shapes of the fields of a profile in a file; all but the time.
+PROFILE_SHAPES: dict[str, tuple[str | int, ...]] = {
+    "u": ("nodes", 3),
+    "p": ("nodes",),
+    **{name: ("elements", 3, 3) for name in ("grad_u", "mean_grad", "deformation", "conductivity", "stress")},
+    "flux": ("elements", 3),
+    **{name: ("elements",) for name in ("element_p", "outside")},
+}
+
+
 @dataclass(frozen=True, eq=False)
 class MacroSolution:
     """History, profiles at the chosen times and at the end, and the mesh.
@@ -142,33 +150,52 @@ class MacroSolution:
         DataError
             The file is truncated or foreign.
         """
-        try:
-            with h5py.File(path) as file:
-                if file.attrs.get("format") != "porocore-solution" or file.attrs.get("version") != 1:
-                    raise DataError(
-                        f"{path}: expected a porocore solution of version 1; delete it and solve again"
-                    )
-                groups = sorted(file.get("profiles", {}).items(), key=lambda item: int(item[0]))
-                profiles = [_read_profile(group) for _, group in groups]
-                return cls(
-                    str(file.attrs["law"]),
-                    float(file.attrs["load"]),
-                    np.asarray(file["points"]),
-                    np.asarray(file["cells"]),
-                    History(**{f.name: np.asarray(file[f"history/{f.name}"]) for f in fields(History)}),
-                    tuple(profiles),
-                    str(file.attrs.get("backend", "")),
-                    **{
-                        kind: {name: np.asarray(v) for name, v in file.get(kind, {}).items()}
-                        for kind in SERIES
-                    },
+        with opened(path, "porocore solution", "delete it and solve again") as file:
+            if not file.is_of("porocore-solution", 1):
+                raise DataError(
+                    f"{path}: expected a porocore solution of version 1; delete it and solve again"
                 )
-        except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
-            raise DataError(
-                f"{path}: not a complete porocore solution ({error}); delete it and solve again"
-            ) from error
+            history = {
+                f.name: file.array(f"history/{f.name}", "steps", kind="number") for f in fields(History)
+            }
+            points = file.array("points", "nodes", 3)
+            cells = file.array("cells", "elements", "nodes of an element", kind="int")
+            if file.sizes["nodes of an element"] not in (10, 27):
+                raise ValueError("'cells' are neither hexahedra nor tetrahedra")
+            if cells.size and (cells.min() < 0 or cells.max() >= len(points)):
+                raise ValueError("'cells' names nodes that are not there")
+            return cls(
+                file.attribute("law", str),
+                file.attribute("load", float),
+                points,
+                cells,
+                History(**history),
+                tuple(read_profile(file, name) for name in numbered(file, "profiles")),
+                file.attribute("backend", str) if "backend" in file.attributes else "",
+                **{
+                    kind: {name: file.array(f"{kind}/{name}", "steps", *width) for name in file.members(kind)}
+                    for kind, width in SERIES.items()
+                },
+            )
 
 
-def _read_profile(group: Any) -> Profile:
-    arrays = {f.name: np.asarray(group[f.name]) for f in fields(Profile) if f.name != "time"}
-    return Profile(time=float(group["time"][()]), **arrays)
+def numbered(file: Contents, group: str) -> list[str]:
+    """Return the paths of the members ``0``, ``1``, … of a group in this order.
+
+    Raises
+    ------
+    ValueError
+        They are named otherwise, or one is missing.
+    """
+    names = file.members(group)
+    if set(names) != {str(i) for i in range(len(names))}:
+        raise ValueError(f"'{group}' holds {', '.join(names)[:80]}, expected 0 … {len(names) - 1}")
+    return [f"{group}/{i}" for i in range(len(names))]
+
+
+def read_profile(file: Contents, group: str) -> Profile:
+    """Return the profile in a group of an open file."""
+    arrays = {
+        name: file.array(f"{group}/{name}", at, *shape) for name, (at, *shape) in PROFILE_SHAPES.items()
+    }
+    return Profile(time=float(file.array(f"{group}/time")), **arrays)

@@ -12,17 +12,16 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from porocore.errors import DataError
-from porocore.hdf5 import atomic_hdf5
+from porocore.hdf5 import atomic_hdf5, opened
 from porocore.laws import LawMemory, MacroLaw
 from porocore.macro.adaptive import ErrorControl
 from porocore.macro.discretisation import Discretisation
 from porocore.macro.record import PROFILE, Record
 from porocore.problem import MacroProblem
-from porocore.solution import Profile
+from porocore.solution import numbered, read_profile
 from porocore.states import Array
 from porocore.stepping import Stepper
 
@@ -86,27 +85,25 @@ def load(
     points, record = d.mesh.weights.size, Record(d)
 
     def read() -> tuple[Any, ...]:
-        try:
-            with h5py.File(path) as file:
-                if file.attrs.get("format") != FORMAT or file.attrs.get("version") != VERSION:
-                    raise DataError(f"{path}: expected a macro checkpoint of version {VERSION}; {again}")
-                if file.attrs["identity"] != owner:
-                    raise DataError(
-                        f"{path}: this checkpoint belongs to another macro problem or law; {again}"
-                    )
-                whole = _read(file, "x", (d.mesh.size,))
-                memories = {
-                    name: _read(file, name, (points, *value.shape[1:]))
-                    for name, value in _arrays(law.initial(1), "memory")
-                }
-                rows = _read(file, "history", (None, len(record.columns)))
-                groups = sorted(file.get("profiles", {}).items(), key=lambda item: int(item[0]))
-                rate = _read(file, "rate", (d.mesh.size,)) if "rate" in file else None
-                step = {name: kind(file.attrs[name]) for name, kind in STEPPER.items()}
-                before = (float(file.attrs["length"]), tuple(map(float, file.attrs["scales"])))
-                return whole, memories, rows, [_profile(group) for _, group in groups], step, rate, before
-        except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
-            raise DataError(f"{path}: not a complete macro checkpoint ({error}); {again}") from error
+        with opened(path, "macro checkpoint", again) as file:
+            if not file.is_of(FORMAT, VERSION):
+                raise DataError(f"{path}: expected a macro checkpoint of version {VERSION}; {again}")
+            if file.attribute("identity", str) != owner:
+                raise DataError(f"{path}: this checkpoint belongs to another macro problem or law; {again}")
+            size = d.mesh.size
+            whole = file.array("x", size)
+            memories = {
+                name: file.array(name, points, *value.shape[1:])
+                for name, value in _arrays(law.initial(1), "memory")
+            }
+            rows = file.array("history", "steps", len(record.columns))
+            if not len(rows):
+                raise ValueError("'history' is empty")
+            rate = file.array("rate", size) if "rate" in file else None
+            step = {name: file.attribute(name, kind) for name, kind in STEPPER.items()}
+            before = file.attribute("length", float), file.attribute("scales", float, len(control.scales))
+            profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
+            return whole, memories, rows, profiles, step, rate, before
 
     whole, memories, rows, profiles, step, rate, (control.length, control.scales) = d.world.first(read)
     control.rate = None if rate is None else rate[d.unknowns]
@@ -122,20 +119,6 @@ def load(
         )
     record.rows, record.profiles = [tuple(map(float, row)) for row in rows], profiles
     return whole[d.unknowns], memory, record
-
-
-def _profile(group: Any) -> Profile:
-    values: dict[str, Any] = {name: np.asarray(group[name]) for name in PROFILE}
-    return Profile(**(values | {"time": float(values["time"])}))
-
-
-def _read(file: Any, name: str, shape: tuple[int | None, ...]) -> Any:
-    value = np.asarray(file[name])
-    if value.ndim != len(shape) or any(
-        n is not None and n != m for n, m in zip(shape, value.shape, strict=True)
-    ):
-        raise ValueError(f"'{name}' has shape {value.shape}")
-    return value
 
 
 def _arrays(batch: Any, prefix: str) -> list[tuple[str, Any]]:

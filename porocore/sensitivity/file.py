@@ -12,14 +12,15 @@ from pathlib import Path
 from typing import Any, cast
 
 import h5py
-import numpy as np
 
 from porocore.closures.pull_back import CONDUCTIVITY_LAWS, ConductivityLaw
-from porocore.errors import ConfigurationError, DataError
-from porocore.hdf5 import atomic_hdf5
-from porocore.records import build_response, flatten_response
+from porocore.dataset_file import read_response
+from porocore.errors import DataError
+from porocore.hdf5 import Contents, atomic_hdf5, opened
+from porocore.records import flatten_response
+from porocore.response_check import response_fault
 from porocore.sensitivity.line import HalfLine
-from porocore.sensitivity.plan import StudyPlan
+from porocore.sensitivity.plan import LOADS, StudyPlan
 from porocore.sensitivity.results import Sensitivity
 from porocore.states import CellResponse
 
@@ -56,33 +57,27 @@ def load(path: Path) -> Sensitivity:
     DataError
         The file is missing, damaged or something else.
     """
-    try:
-        with h5py.File(path) as file:
-            if file.attrs.get("format") != FORMAT or file.attrs.get("version") != VERSION:
-                raise DataError(
-                    f"{path}: expected a sensitivity study of version {VERSION}; choose another --out"
-                )
-            plan = StudyPlan.of_description(json.loads(file.attrs["plan"]))
-            return Sensitivity(
-                plan=plan,
-                identity=str(file.attrs["identity"]),
-                rest=_read_response(file["rest"]),
-                conductivity=np.asarray(file["conductivity"]),
-                lines={name: _read_line(name, group) for name, group in file.get("lines", {}).items()},
-                law=_read_law(file),
-                provenance={name: text.asstr()[()] for name, text in file.get("provenance", {}).items()},
+    with opened(path, "sensitivity study", "delete it and study again") as file:
+        if not file.is_of(FORMAT, VERSION):
+            raise DataError(
+                f"{path}: expected a sensitivity study of version {VERSION}; choose another --out"
             )
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError, ConfigurationError) as error:
-        raise DataError(
-            f"{path}: not a complete sensitivity study ({error}); delete it and study again"
-        ) from error
+        return Sensitivity(
+            plan=StudyPlan.of_description(json.loads(file.attribute("plan", str))),
+            identity=file.attribute("identity", str),
+            rest=_sound_response(file, "rest"),
+            conductivity=file.array("conductivity", 3, 3),
+            lines={name: _read_line(file, name) for name in file.members("lines")},
+            law=_read_law(file),
+            provenance={name: file.text(f"provenance/{name}") for name in file.members("provenance")},
+        )
 
 
-def _read_law(file: Any) -> ConductivityLaw:
+def _read_law(file: Contents) -> ConductivityLaw:
     """Return the law of the flux; a file that names none was written when there was only the paper's."""
-    law = str(file.attrs.get("law", "piola-unrotated"))
+    law = file.attribute("law", str) if "law" in file.attributes else "piola-unrotated"
     if law not in CONDUCTIVITY_LAWS:
-        raise ValueError(f"law '{law}'")
+        raise ValueError(f"law '{law[:40]}'")
     return cast(ConductivityLaw, law)
 
 
@@ -93,18 +88,17 @@ def _write_response(group: Any, response: CellResponse) -> None:
         group.create_dataset(name, data=array, fletcher32=True)
 
 
-def _read_response(group: Any) -> CellResponse:
-    arrays: dict[str, Any] = {}
-    group["response"].visititems(
-        lambda name, node: arrays.update({name: node[()]}) if isinstance(node, h5py.Dataset) else None
-    )
-    return build_response(group["status"][()], arrays)
+def _sound_response(file: Contents, group: str) -> CellResponse:
+    response = read_response(file, group)
+    if fault := response_fault(response, len(response)):
+        raise ValueError(f"{group}: {fault}")
+    return response
 
 
-def _read_line(name: str, group: Any) -> HalfLine:
-    values, response = np.asarray(group["values"]), _read_response(group)
-    if len(values) != len(response):
-        raise ValueError(f"{name}: {len(values)} values but {len(response)} responses")
-    return HalfLine(
-        name[:-1], 1 if name.endswith("+") else -1, values, response, np.asarray(group["seconds"])
-    )
+def _read_line(file: Contents, name: str) -> HalfLine:
+    group, sign = f"lines/{name}", {"+": 1, "-": -1}.get(name[-1:])
+    if sign is None or name[:-1] not in LOADS:
+        raise ValueError(f"'{group}' is no line of a load")
+    response, count = _sound_response(file, group), f"{group}/n"
+    values, seconds = file.array(f"{group}/values", count), file.array(f"{group}/seconds", count)
+    return HalfLine(name[:-1], sign, values, response, seconds)

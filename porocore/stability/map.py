@@ -8,19 +8,35 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from porocore.csv_table import write_csv
 from porocore.equilibrium.solver import EquilibriumCellSolver, PreparedCell
 from porocore.errors import ConfigurationError, DataError
-from porocore.hdf5 import atomic_hdf5
+from porocore.hdf5 import Contents, Kind, atomic_hdf5, opened
 from porocore.inputs import NAMES
+from porocore.response_check import known_statuses
+from porocore.solution import numbered
 from porocore.stability.inertia import WAVES
 from porocore.stability.line import EVENTS, Line, LineSettings, follow_line
 from porocore.states import Array, Status
 
 FORMAT, VERSION = "porocore-stability", 1
+#: Shapes of the fields of a line in a file.
+LINE_SHAPES: dict[str, tuple[int | str, ...]] = {
+    "start": (10,),
+    "goal": (10,),
+    "share": ("n",),
+    "status": ("n",),
+    "contact_share": ("n",),
+    "min_gap": ("n",),
+    "stress": ("n", 3, 3),
+    "pivots": ("n", len(WAVES)),
+    "eigenvalues": ("n", len(WAVES)),
+    "acoustic": ("n",),
+    "direction": ("n", 3),
+    "onsets": (len(EVENTS), 2),
+}
 
 
 @dataclass(frozen=True)
@@ -133,22 +149,28 @@ def load(path: Path, identity: str | None = None) -> list[Line]:
     DataError
         The file is damaged, or belongs to another map.
     """
-    try:
-        with h5py.File(path) as file:
-            if file.attrs.get("format") != FORMAT or file.attrs.get("version") != VERSION:
-                raise DataError(
-                    f"{path}: expected a stability map of version {VERSION}; choose another --out"
-                )
-            found = str(file.attrs["identity"])
-            groups = sorted(file.get("lines", {}).items(), key=lambda item: int(item[0]))
-            lines = [Line(**{f.name: np.asarray(group[f.name]) for f in fields(Line)}) for _, group in groups]
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
-        raise DataError(f"{path}: not a complete stability map ({error}); delete it and map again") from error
+    with opened(path, "stability map", "delete it and map again") as file:
+        if not file.is_of(FORMAT, VERSION):
+            raise DataError(f"{path}: expected a stability map of version {VERSION}; choose another --out")
+        found = file.attribute("identity", str)
+        lines = [_read_line(file, group) for group in numbered(file, "lines")]
     if identity is not None and found != identity:
         raise DataError(
             f"{path}: holds the map of another cell, backend or plan; choose another --out or delete it"
         )
     return lines
+
+
+def _read_line(file: Contents, group: str) -> Line:
+    arrays = {}
+    for name, (length, *shape) in LINE_SHAPES.items():
+        symbol = f"{group} {length}" if isinstance(length, str) else length
+        kind: Kind = "int" if name in ("status", "pivots") else "float"
+        finite = name in ("start", "goal", "share")
+        arrays[name] = file.array(f"{group}/{name}", symbol, *shape, kind=kind, finite=finite)
+    if not known_statuses(arrays["status"]).all():
+        raise ValueError(f"'{group}/status' holds codes that are no status")
+    return Line(**arrays)
 
 
 def write_tables(folder: Path, plan: MapPlan, lines: Sequence[Line]) -> tuple[Path, Path]:

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 from porocore.errors import DataError
-from porocore.hdf5 import atomic_hdf5
+from porocore.hdf5 import atomic_hdf5, opened
 from porocore.states import Array
 
 
@@ -58,40 +58,25 @@ def read_archive(path: Path, form: str, version: int, advice: str) -> tuple[dict
         There is no such file, or it is of another kind or version, truncated or edited; the message ends with
         ``advice``.
     """
-    if not path.is_file():
-        raise DataError(f"{path}: no such file; {advice}")
-    try:
-        with h5py.File(path, "r") as file:
-            found = file.attrs.get("format"), file.attrs.get("version")
-            if found[0] != form:
-                raise DataError(
-                    f"{path}: expected a file of format {form}, got {found[0] or 'another'}; {advice}"
-                )
-            if found[1] != version:
-                raise DataError(
-                    f"{path}: expected version {version} of {form}, got {found[1]}; use the porocore that wrote it,"
-                    f" or {advice}"
-                )
-            checksum = file.attrs["checksum"]
-            text = file["header"].asstr()[()]
-            arrays: dict[str, Array] = {}
-            file.visititems(lambda name, item: _collect(arrays, name, item))
+    with opened(path, f"file of format {form}", advice) as file:
+        found = file.attribute("format", str) if "format" in file.attributes else "another"
+        if found != form:
+            raise DataError(f"{path}: expected a file of format {form}, got {found[:40]}; {advice}")
+        if (number := file.attribute("version", int)) != version:
+            raise DataError(
+                f"{path}: expected version {version} of {form}, got {number}; use the porocore that wrote it,"
+                f" or {advice}"
+            )
+        checksum, text = file.attribute("checksum", str), file.text("header")
+        arrays = {name: file.array_of_any_shape(name) for name in file.arrays_below("") if name != "header"}
         if checksum != _checksum(text, arrays):
             raise DataError(
                 f"{path}: its numbers do not match its checksum, so it was damaged or edited; {advice}"
             )
         header = json.loads(text)
-    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
-        # What h5py raises depends on where a file is cut.
-        raise DataError(f"{path}: not a complete file of format {form} ({error}); {advice}") from error
+        if not isinstance(header, dict):
+            raise ValueError(f"its header is a {type(header).__name__}")
     return header, arrays
-
-
-def _collect(arrays: dict[str, Array], name: str, item: Any) -> None:
-    if isinstance(item, h5py.Dataset) and name != "header":
-        if item.dtype != np.float64:
-            raise ValueError(f"{name} holds {item.dtype}")
-        arrays[name] = item[()]
 
 
 def _checksum(text: str, arrays: dict[str, Array]) -> str:

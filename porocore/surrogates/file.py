@@ -6,6 +6,7 @@ and how good it was; the arrays are weights, scalings, polynomials and the sampl
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from porocore.errors import DataError
+from porocore.hdf5 import UNREADABLE, damaged
 from porocore.inputs import InputSpace
 from porocore.sampled_range import SampledRange
 from porocore.states import Array
@@ -115,24 +116,37 @@ def read(path: Path) -> tuple[Model, Record]:
         inputs = InputSpace(
             tuple(header["inputs"]), *(tuple(arrays[f"inputs/{end}"].tolist()) for end in ("lower", "upper"))
         )
-        sampled = SampledRange(inputs, arrays["range/normals"], arrays["range/offsets"])
-        if sampled.normals.shape != (len(sampled.offsets), len(inputs)):
-            raise ValueError(f"range/normals has shape {sampled.normals.shape}")
+        sampled = _unpack_range(arrays, "range", inputs)
         unpack: dict[str, Callable[..., Model]] = {"mlp": _unpack_anchored, "potential": _unpack_potential}
         model = unpack[header["model"]](header, arrays, sampled)
         if "estimate" in header:
             model = replace(model, estimate=estimate_file.unpack(header, arrays, model))
-        record = Record(
-            header["backend"],
-            header["options"],
-            header["identity"],
-            header["provenance"],
-            header["accuracy"],
-            _unpack_conductivity(header, arrays, inputs) if "conductivity" in header else None,
-        )
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise DataError(f"{path}: not a complete surrogate ({error!r}); {ADVICE}") from error
+        record = _unpack_record(header, arrays, inputs)
+    except UNREADABLE as error:
+        raise damaged(path, "surrogate", error, ADVICE) from error
     return model, record
+
+
+def _unpack_range(arrays: dict[str, Array], name: str, inputs: InputSpace) -> SampledRange:
+    normals, offsets = arrays[f"{name}/normals"], arrays[f"{name}/offsets"]
+    if offsets.ndim != 1 or not len(offsets) or normals.shape != (len(offsets), len(inputs)):
+        raise ValueError(f"{name} has normals of shape {normals.shape} and offsets of shape {offsets.shape}")
+    if (np.abs(normals).max(axis=1) == 0).any():
+        raise ValueError(f"{name}/normals has one of length zero")
+    return SampledRange(inputs, normals, offsets)
+
+
+def _unpack_record(header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace) -> Record:
+    kinds = {"backend": str, "options": dict, "identity": str, "provenance": dict, "accuracy": dict}
+    for name, kind in kinds.items():
+        if not isinstance(header[name], kind):
+            raise ValueError(f"its header says '{name}': {str(header[name])[:40]}")
+    if not all(isinstance(text, str) for text in header["provenance"].values()):
+        raise ValueError("its header has a provenance that is no text")
+    if not all(isinstance(x, float | int) and math.isfinite(x) for x in header["accuracy"].values()):
+        raise ValueError("its header has an accuracy that is no number")
+    conductivity = _unpack_conductivity(header, arrays, inputs) if "conductivity" in header else None
+    return Record(*(header[name] for name in kinds), conductivity)
 
 
 def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:
@@ -234,9 +248,7 @@ def _unpack_conductivity(
     r = len(log_rest)
     if r not in (1, 2, 3) or log_rest.shape != (r, r) or basis.shape != (3, r):
         raise ValueError(f"a conductivity of the shapes {basis.shape} and {log_rest.shape}")
-    sampled = SampledRange(inputs, arrays["conductivity/range/normals"], arrays["conductivity/range/offsets"])
-    if sampled.normals.shape != (len(sampled.offsets), len(inputs)):
-        raise ValueError(f"conductivity/range/normals has shape {sampled.normals.shape}")
+    sampled = _unpack_range(arrays, "conductivity/range", inputs)
     return ConductivityModel(
         basis,
         log_rest,

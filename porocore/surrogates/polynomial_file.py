@@ -7,6 +7,9 @@ import numpy as np
 from porocore.states import Array
 from porocore.surrogates.monomials import Polynomial
 
+#: Largest exponent of a polynomial, and the number of its monomials' divisors: far beyond any that was fitted.
+MOST_EXPONENT, MOST_DIVISORS = 32, 1_000_000
+
 
 def pack_polynomial(polynomial: Polynomial, name: str, arrays: dict[str, Array]) -> None:
     """Add a polynomial to the arrays of a file, under a name."""
@@ -30,6 +33,9 @@ def unpack_polynomial(arrays: dict[str, Array], name: str, variables: int, outpu
         or coefficients.shape != (outputs, len(exponents))
     ):
         raise ValueError(f"{name} has shapes {exponents.shape} and {coefficients.shape}")
-    if (exponents < 0).any() or (exponents > 64).any() or (exponents % 1).any():
-        raise ValueError(f"{name} has exponents that are none")
+    if (exponents < 0).any() or (exponents > MOST_EXPONENT).any() or (exponents % 1).any():
+        raise ValueError(f"{name} has exponents that are none of 0 … {MOST_EXPONENT}")
+    # A monomial is evaluated with all its divisors.
+    if (exponents + 1).prod(axis=1).sum() > MOST_DIVISORS:
+        raise ValueError(f"{name} has more monomials than can be evaluated")
     return Polynomial(exponents.astype(np.int64), coefficients)

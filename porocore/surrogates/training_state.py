@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from porocore.errors import DataError
+from porocore.hdf5 import damaged
 from porocore.states import Array
 from porocore.surrogates.archive import read_archive, write_archive
 
@@ -87,8 +88,16 @@ class TrainingState:
             The file is damaged, foreign, or belongs to another training.
         """
         header, arrays = read_archive(path, FORMAT, VERSION, ADVICE)
-        if header.pop("belongs_to") != belongs_to:
+        if header.get("belongs_to") != belongs_to:
             raise DataError(
                 f"{path}: this checkpoint belongs to a training with other data, options or seed; {ADVICE}"
             )
-        return cls(arrays["theta"], arrays["moment"], arrays["square"], arrays["best_theta"], **header)
+        try:
+            weights = [arrays[name] for name in ("theta", "moment", "square", "best_theta")]
+            if any(w.ndim != 1 or w.shape != weights[0].shape for w in weights):
+                raise ValueError(f"arrays of shapes {[w.shape for w in weights]}")
+            epochs = [int(header[name]) for name in ("epoch", "best_epoch")]
+            losses = [float(header[name]) for name in ("best_loss", "validation_loss")]
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise damaged(path, f"file of format {FORMAT}", error, ADVICE) from error
+        return cls(*weights, *epochs, *losses)

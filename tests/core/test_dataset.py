@@ -231,6 +231,7 @@ def test_a_changed_byte_is_noticed(dataset: Dataset) -> None:
         dataset.path.write_bytes(content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :])
         with pytest.raises(DataError, match=r"data\.h5: not a complete dataset"):
             Dataset.open(dataset.path)
+    dataset.path.write_bytes(content)
     kept = dataset.field("state 4")
     assert kept is not None
     place = content.index(kept.u.tobytes()) + 12

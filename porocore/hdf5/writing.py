@@ -1,7 +1,8 @@
 """Writing HDF5 files on a disk that may be full.
 
 When the operating system refuses a write, HDF5 keeps the half-written file open, tries again at every later
-close, and may end in a segmentation fault. So a file is made in memory and reaches the disk as plain bytes.
+close, and may end in a segmentation fault. So a file is made in memory and reaches the disk as plain bytes, with a
+checksum behind them.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from uuid import uuid4
 import h5py
 
 from porocore.files import atomic_path
+from porocore.hdf5.seal import seal_of
 
 #: Files that any HDF5 since 1.10 reads; older layouts would double the size of small ones.
 LIBVER = ("v110", "v110")
@@ -34,5 +36,6 @@ def atomic_hdf5(path: Path) -> Iterator[Any]:
         yield file
         file.flush()
         image = file.id.get_file_image()
-    with atomic_path(path) as part:
-        part.write_bytes(image)
+    with atomic_path(path) as part, part.open("wb") as whole:
+        whole.write(image)
+        whole.write(seal_of(image))
