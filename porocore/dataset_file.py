@@ -174,6 +174,7 @@ def read_block(path: Path, advice: str, *, sound: bool = True) -> tuple[Header, 
         )
         if sound and (fault := response_fault(block.response, len(keys))):
             raise ValueError(fault)
+        _Fields(file)  # what it says of them belongs together
         return Header(inputs, file.attribute("identity", str), provenance), block
 
 

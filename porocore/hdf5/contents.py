@@ -81,7 +81,9 @@ class Contents:
         if kind is str:
             return _utf8(value, f"attribute '{name}'")
         numbers = np.asarray(value, dtype=float)
-        if not np.isfinite(numbers).all() or (kind is int and (numbers % 1).any()):
+        # A time that is not known yet may be infinite.
+        wrong = np.isnan(numbers) if kind is float else ~np.isfinite(numbers) | (numbers % 1 != 0)
+        if wrong.any():
             raise ValueError(f"attribute '{name}' is {str(value)[:40]}")
         return kind(value) if size is None else tuple(kind(x) for x in value)
 
