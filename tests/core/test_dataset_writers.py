@@ -93,8 +93,8 @@ def test_reading_while_parts_are_merged(tmp_path: Path, monkeypatch: pytest.Monk
         writer.append(record(f"{k}", p=0.01 * k))
     read, merged = dataset_module.read_block, []
 
-    def read_and_merge(path: Path, advice: str) -> object:
-        found = read(path, advice)
+    def read_and_merge(path: Path, advice: str, *, sound: bool) -> object:
+        found = read(path, advice, sound=sound)
         if not merged:
             merged.append(True)
             with monkeypatch.context() as undone:
