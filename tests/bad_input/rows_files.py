@@ -187,7 +187,7 @@ def rewritten(change: Callable[[Header, Arrays], object]) -> Content:
     def make(path: Path) -> None:
         from_run(SURROGATE)(path)
         form, version = surrogate_file.FORMAT, surrogate_file.VERSION
-        header, arrays = read_archive(path, form, version, "", older=surrogate_file.OLDER)
+        header, arrays = read_archive(path, form, version, "")
         change(header, arrays)
         write_archive(path, form, version, header, arrays)
 
