@@ -21,6 +21,9 @@ BATCH = 4
 #: How much farther out than they lie a second state is solved, by the distance to what is known; and the least of
 #: these distances, as a share of the inputs' ranges. So a path that leaves the range is not followed inch by inch.
 AHEAD, LEAST = 1.0, 0.04
+#: So close to a known cell, by the same measure and within the ranges, another would tell nothing new: what is flagged
+#: there is what the surrogate cannot follow.
+CLOSE = 0.02
 #: So close to a cell that was not stable, by the same measure, none is solved any more.
 HOPELESS = 0.15
 
@@ -146,14 +149,17 @@ class Fallback:
     def _chosen(self, x: Array) -> list[Array]:
         """Inputs (d,) of the cells to solve: :data:`BATCH` of ``x`` (n, d), and as many beyond them.
 
-        None close to one that was not stable: the next step would ask for it again, and so on.
+        None close to one that was not stable, nor within the ranges close to one that is known: the next step would ask
+        for it again, and so on.
         """
         inputs = self.base.inputs
         low, span = np.array(inputs.lower), np.array(inputs.upper) - np.array(inputs.lower)
         here, solved = inputs.to_unit(x), inputs.to_unit(self.dataset.x())
         known = np.concatenate([inputs.to_unit(inputs.gather(self.base.states)), solved])
+        within = ((here >= 0) & (here <= 1)).all(axis=1)
+        here = here[~within | (distances(here, known)[0] > CLOSE)]
         useless = solved[~self.dataset.responses().stable] if len(solved) else solved
-        if len(useless):
+        if len(useless) and len(here):
             here = here[distances(here, useless)[0] > HOPELESS]
         chosen: list[Array] = []
         for _ in range(min(BATCH, len(here))):

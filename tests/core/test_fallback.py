@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -105,6 +107,20 @@ def test_the_column_settles_as_with_the_cell_itself(fallback, dataset):
     assert work.numbers()["learned"] == work.solved
     # A cell for each quadrature point outside, in each iteration, would be thousands.
     assert work.solved < 40
+
+
+def test_cells_are_solved_until_the_estimated_errors_are_within_the_tolerance(dataset):
+    """With few cells, and none beside one that is known."""
+    data = replace(base(), tolerance=0.01)
+    with CellPool(make) as pool:
+        extend = Fallback(pool, dataset, data, fresh, 0)
+        law = LearningLaw(fresh().fit(data, seed=0), CLOSURE, extend, name="learning")
+        learned = solve(law)
+        assert law.extend(data.states[:3]) is None
+    exact = solve(ClosedLaw(Cell(), CLOSURE))
+    assert learned.outside.max() == 0
+    assert np.abs(learned.settlement[1:] / exact.settlement[1:] - 1).max() < 5e-3
+    assert 0 < extend.work.solved < 40
 
 
 @pytest.mark.slow
