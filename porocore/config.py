@@ -21,7 +21,8 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator
 from porocore.cell.cell import Cell
 from porocore.closures import CLOSURES, MeanGradientClosure
 from porocore.closures.pull_back import ConductivityLaw
-from porocore.config_errors import faults, show, unexpected
+from porocore.config_errors import faults, unexpected
+from porocore.echo import cut, echo
 from porocore.config_sections import FemSettings, MacroSettings, SamplingSettings, Section, SurrogateSettings
 from porocore.errors import ConfigurationError
 from porocore.execution.choice import contradiction
@@ -29,7 +30,7 @@ from porocore.problem import MacroSetup
 from porocore.result_units import OutputUnits, ResultUnits
 from porocore.scales import Scales
 from porocore.unit_texts import resolved
-from porocore.yaml_document import Location, YamlDocument
+from porocore.yaml_document import Location, YamlDocument, dotted
 
 
 class _OnlyScales(Section):
@@ -252,7 +253,7 @@ def validated(document: YamlDocument) -> RunConfig:
         found += _unknown_surfaces(config.macro)
     # No setting of porocore is true or false, but pydantic would take 'yes' for 1.
     found += [
-        (at, f"{'.'.join(at)}: expected a number or text, got {show(value)}; put text in quotes")
+        (at, f"{dotted(at)}: expected a number or text, got {echo(value)}; put text in quotes")
         for at, value in _leaves(document.data)
         if isinstance(value, bool) and "options" not in at and at not in dict(found)
     ]
@@ -287,7 +288,7 @@ def _unknown_surfaces(macro: MacroSetup) -> Iterator[tuple[Location, str]]:
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1)
             question = f"did you mean '{close[0]}'? " if close else ""
-            yield at, f"{'.'.join(at)}: no such surface; {question}the surfaces are {', '.join(known)}"
+            yield at, f"{dotted(at)}: no such surface; {question}the surfaces are {', '.join(known)}"
 
 
 def differences(one: RunConfig, other: RunConfig) -> list[str]:
@@ -300,12 +301,11 @@ def _differences(one: Any, other: Any, at: Location) -> Iterator[str]:
         for key in {**one, **other}:
             yield from _differences(one.get(key), other.get(key), (*at, str(key)))
     elif one != other:
-        yield f"{'.'.join(at)} ({_short(one)}, not {_short(other)})"
+        yield f"{dotted(at)} ({_short(one)}, not {_short(other)})"
 
 
 def _short(value: Any) -> str:
-    text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 40 else f"{text[:37]}..."
+    return cut(json.dumps(value, ensure_ascii=False), 40)
 
 
 def _leaves(data: Any, at: Location = ()) -> Iterator[tuple[Location, Any]]:
@@ -327,7 +327,7 @@ def _unfit_closure(closure: str, cell: Cell | None) -> str:
         return MeanGradientClosure.needs_one_energy if several and closure == MeanGradientClosure.name else ""
     close = difflib.get_close_matches(closure, CLOSURES, n=1)
     question = f"did you mean '{close[0]}'? " if close else ""
-    return f"unknown closure '{closure}'; {question}the closures are {', '.join(CLOSURES)}"
+    return f"unknown closure {echo(closure)}; {question}the closures are {', '.join(CLOSURES)}"
 
 
 def _hash(*parts: Any) -> str:

@@ -9,12 +9,12 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
+from porocore.echo import cut, echo
 from porocore.errors import ConfigurationError
-from porocore.yaml_document import Location, YamlDocument
+from porocore.yaml_document import Location, YamlDocument, dotted
 
 #: Why a bound is where it is, by dotted key.
 WHY = {
@@ -69,23 +69,9 @@ def located(document: YamlDocument) -> Iterator[None]:
 
 def unexpected(location: Location, expected: str, got: Any) -> str:
     """``dotted.key: expected ..., got ...`` with the reason for the bound where there is one."""
-    key = ".".join(location)
+    key = dotted(location)
     why = f"; {WHY[key]}" if key in WHY else ""
-    return f"{key}: expected {expected}, got {show(got)}{why}"
-
-
-def show(value: Any) -> str:
-    """A value as the user wrote it, shortened."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, str):
-        return f"'{value}'" if len(value) <= 60 else f"'{value[:57]}...'"
-    try:
-        text = yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False).strip()
-    except yaml.YAMLError:
-        text = repr(value)
-    text = text.removesuffix("...").strip()
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return f"{key}: expected {expected}, got {echo(got)}{why}"
 
 
 def _document_location(document: YamlDocument, error: ErrorDetails) -> Location:
@@ -102,7 +88,7 @@ def _document_location(document: YamlDocument, error: ErrorDetails) -> Location:
 
 def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root: type[BaseModel]) -> str:
     error = group[0]
-    key = ".".join(at) or "the configuration"
+    key = dotted(at) or "the configuration"
     kind = error["type"]
     place = _with_tags(at, error)
     if kind == "extra_forbidden":
@@ -115,7 +101,7 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
             branches = _branches(_hint(root, at[:-1])[0])
             length = next(len(get_args(branch)) for branch in branches if get_origin(branch) is tuple)
             return unexpected(at[:-1], f"a list of {length} entries", document.value(at[:-1]))
-        return f"{key}: missing; add '{at[-1]}:' {_under(at)}"
+        return f"{key}: missing; add '{cut(at[-1])}:' {_under(at)}"
     if kind == "value_error":
         return f"{key}: {error['ctx']['error']}"
     if kind == "union_tag_invalid":
@@ -289,4 +275,4 @@ def _nearest(name: str, names: list[str]) -> str:
 
 
 def _under(at: Location) -> str:
-    return f"under '{'.'.join(at[:-1])}:'" if len(at) > 1 else "at the top level"
+    return f"under '{dotted(at[:-1])}:'" if len(at) > 1 else "at the top level"

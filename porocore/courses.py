@@ -7,8 +7,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
+from porocore.bounds import MOST_TIMES
 from porocore.dimensions import Carried, Dimension
-from porocore.expressions import Expression
+from porocore.echo import echo
+from porocore.errors import ConfigurationError
+from porocore.expressions import LONGEST, Expression
 
 Positive = Annotated[float, Field(gt=0)]
 
@@ -18,15 +21,16 @@ class Course(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    table: tuple[
-        tuple[Annotated[float, Field(ge=0), Dimension("time")], Annotated[float, Carried()]], ...
+    table: Annotated[
+        tuple[tuple[Annotated[float, Field(ge=0), Dimension("time")], Annotated[float, Carried()]], ...],
+        Field(max_length=MOST_TIMES),
     ] = ()
     """[time, value] with ascending times, linear in between, constant before the first and after the last."""
     ramp: Annotated[float | None, Carried()] = None
     """From 0 at t = 0 linearly to this value at ``until``, and constant from then on."""
     until: Annotated[Positive | None, Dimension("time")] = None
     """End of the ramp."""
-    expression: str | None = None
+    expression: Annotated[str, Field(max_length=LONGEST)] | None = None
     """A formula of t such as ``0.1*sin(2*pi*t)``; t and the result are dimensionless, also where there are scales."""
 
     @model_validator(mode="after")
@@ -40,7 +44,7 @@ class Course(BaseModel):
         if sorted(set(times)) != times:
             raise ValueError("the times of the table do not ascend")
         if self.expression is not None:
-            Expression.parse(self.expression, ("t",))(t=0.0)
+            Expression.parse(self.expression, ("t",))
         return self
 
     @property
@@ -49,14 +53,23 @@ class Course(BaseModel):
         return (self.until,) if self.until is not None else tuple(time for time, _ in self.table)
 
     def at(self, time: float) -> float:
-        """Its value."""
+        """Return its value.
+
+        Raises
+        ------
+        ConfigurationError
+            The expression has none at this time; :mod:`porocore.time_functions` finds that before a run.
+        """
         if self.ramp is not None and self.until is not None:
             return self.ramp * min(1.0, time / self.until)
         if self.table:
             times, values = zip(*self.table, strict=True)
             return float(np.interp(time, times, values))
         assert self.expression is not None
-        return float(Expression.parse(self.expression, ("t",))(t=time))
+        value = float(Expression.parse(self.expression, ("t",))(t=time))
+        if not np.isfinite(value):
+            raise ConfigurationError(f"{echo(self.expression)} is no finite number at t = {time:g}")
+        return value
 
 
 def _form(value: Any) -> str:

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from porocore.echo import echo
+
 #: What may be called, all of one argument.
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     "sin": np.sin,
@@ -32,8 +34,8 @@ _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Div: lambda a, b: a / b,
     ast.Pow: lambda a, b: a**b,
 }
-#: Longer texts, deeper trees and larger powers are a mistake or an attack.
-LONGEST, LARGEST_POWER = 2000, 100
+#: Longer texts, deeper trees, larger powers and numbers are a mistake or an attack.
+LONGEST, DEEPEST, LARGEST_POWER, LARGEST_NUMBER = 2000, 400, 100, 1e100
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,10 @@ class Expression:
         return found - set(FUNCTIONS) - set(CONSTANTS)
 
     def __call__(self, **values: Any) -> Any:
-        """Its value."""
-        return self.convert(lambda name: CONSTANTS[name] if name in CONSTANTS else values[name], FUNCTIONS)
+        """Return its value; NaN or infinite where it has none."""
+        known = CONSTANTS | values
+        with np.errstate(all="ignore"):
+            return self.convert(lambda name: np.asarray(known[name], float)[()], FUNCTIONS, np.float64)
 
     def convert(
         self,
@@ -100,33 +104,39 @@ def _parse(text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> Exp
         _check(tree, text.strip(), names, functions)
     except SyntaxError as error:
         raise ValueError(
-            f"'{text}' is no formula: {error.msg} at character {error.offset or 1}; write for example 2*x**2 - exp(-x)"
+            f"{echo(text)} is no formula: {error.msg} at character {error.offset or 1}; write for example 2*x**2 - exp(-x)"
         ) from None
     except (RecursionError, MemoryError):
-        raise ValueError("the formula is nested too deeply") from None
+        raise ValueError(f"the formula {echo(text)} is nested too deeply") from None
     return Expression(text, tree)
 
 
-def _check(node: ast.AST, text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> None:
+def _check(
+    node: ast.AST, text: str, names: tuple[str, ...], functions: tuple[str, ...], depth: int = 1
+) -> None:
     def refuse(why: str) -> ValueError:
         piece = ast.get_source_segment(text, node) or text
         where = getattr(node, "col_offset", 0) + 1
-        return ValueError(f"'{piece}' at character {where} of '{text}': {why}")
+        return ValueError(f"{echo(piece)} at character {where} of {echo(text)}: {why}")
 
+    if depth > DEEPEST:
+        raise refuse(f"sums, products, powers and functions are nested more than {DEEPEST} levels deep")
     match node:
         case ast.Constant(value=value):
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise refuse("only numbers, names and formulas of them may stand here")
+            if not abs(value) <= LARGEST_NUMBER:
+                raise refuse(f"numbers beyond {LARGEST_NUMBER:g} are refused")
         case ast.Name(id=name):
             if name not in (*names, *CONSTANTS):
                 close = difflib.get_close_matches(name, [*names, *CONSTANTS, *functions], n=1)
                 hint = f"did you mean '{close[0]}'? " if close else ""
                 raise refuse(f"unknown name; {hint}there are {', '.join([*names, *CONSTANTS])}")
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
-            _check(operand, text, names, functions)
+            _check(operand, text, names, functions, depth + 1)
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-            _check(left, text, names, functions)
-            _check(right, text, names, functions)
+            _check(left, text, names, functions, depth + 1)
+            _check(right, text, names, functions, depth + 1)
             if isinstance(op, ast.Pow) and abs(_number(right) or 0.0) > LARGEST_POWER:
                 raise refuse(f"powers beyond {LARGEST_POWER} are refused")
         case ast.BinOp(op=ast.BitXor()):
@@ -134,7 +144,7 @@ def _check(node: ast.AST, text: str, names: tuple[str, ...], functions: tuple[st
         case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
             if name not in functions:
                 raise refuse(f"unknown function; there are {', '.join(functions)}, each of one argument")
-            _check(argument, text, names, functions)
+            _check(argument, text, names, functions, depth + 1)
         case ast.Call(func=ast.Name(id=name)) if name in functions:
             raise refuse(f"{name} takes one argument")
         case _:

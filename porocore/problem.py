@@ -10,11 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from porocore.body.kinds import AnyBody, Box
 from porocore.body.surfaces import Patch
+from porocore.bounds import MOST_STEPS, MOST_TIMES
 from porocore.courses import Course, Value
 from porocore.dimensions import Dimension
 
 Positive = Annotated[float, Field(gt=0)]
-Count = Annotated[int, Field(ge=1)]
 Time = Annotated[Positive, Dimension("time")]
 Row = tuple[float, float, float]
 #: What a problem may have beside displacements, tractions and pressures; not every macro solver offers all.
@@ -98,7 +98,7 @@ class TimePlan(_Strict):
     """End of the simulation."""
     step: Time = 0.5
     """Largest step after the ramp."""
-    ramp_increments: Count = 10
+    ramp_increments: Annotated[int, Field(ge=1, le=MOST_TIMES)] = 10
     """The load is brought up linearly in so many increments."""
     ramp_step: Time = 0.05
     """Length of each increment of the ramp."""
@@ -108,9 +108,9 @@ class TimePlan(_Strict):
     """Error of one step, as a share of the largest displacement and of the largest pressure so far, by which steps are
     chosen; ``step`` is then the largest; null: all are ``step`` long. Up to the first bend of the loads, the largest
     values are divided by the share that has acted of them."""
-    profiles: tuple[Time, ...] = (1.0, 10.0, 40.0)
+    profiles: Annotated[tuple[Time, ...], Field(max_length=MOST_TIMES)] = (1.0, 10.0, 40.0)
     """Times at which the fields are kept, beside the end; of the default those that lie before it."""
-    load_curve: tuple[tuple[Time, float], ...] = ()
+    load_curve: Annotated[tuple[tuple[Time, float], ...], Field(max_length=MOST_TIMES)] = ()
     """[time, share of the load] at times that are hit exactly, linear in between from 0 at t = 0 and constant after the
     last; empty: up the ramp."""
 
@@ -120,6 +120,11 @@ class TimePlan(_Strict):
             raise ValueError(
                 f"end = {self.end:g} does not lie behind the ramp, "
                 f"which takes {self.ramp_increments * self.ramp_step:g}"
+            )
+        if (steps := self.end / self.step) > MOST_STEPS:
+            raise ValueError(
+                f"step = {self.step:g} takes {steps:.3g} steps to end = {self.end:g}; at most {MOST_STEPS} are taken: "
+                "give a longer step, or an earlier end"
             )
         if "profiles" not in self.model_fields_set:
             # The model is frozen for its users.
@@ -147,7 +152,7 @@ class NewtonSettings(_Strict):
 
     tolerance: Positive = 1e-9
     """Residual, relative to the forces and volumes of the step, that ends the iteration."""
-    iterations: Count = 25
+    iterations: Annotated[int, Field(ge=1, le=1000)] = 25
     """Iterations at most, before a step is halved."""
 
 

@@ -6,6 +6,7 @@ Independent of the macro backend, and deterministic: the same successes and fail
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass, field
 
 from porocore.errors import SolveError
@@ -77,7 +78,7 @@ class Stepper:
 
     def next(self) -> float:
         """The time to solve for; the same until :meth:`accept` or :meth:`reject` is called."""
-        stop = next(t for t in self._stops if t > self.time)
+        stop = self._stops[bisect_right(self._stops, self.time)]
         planned = self.plan.ramp_step if stop <= self._ramp_end * (1 + SAME) else self.plan.step
         planned = min(planned, self.proposed)
         rest = stop - self.time

@@ -8,10 +8,11 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, Discriminator, Tag
 
+from porocore.echo import echo
 from porocore.dimensions import ByKey, Carried, Dimension
 from porocore.scales import QUANTITIES, Scales
 from porocore.units import UnitError, has_unit, in_si
-from porocore.yaml_document import Location
+from porocore.yaml_document import Location, dotted
 
 NO_SCALES = (
     "has a unit, but the configuration has no scales to make it dimensionless; add 'scales:' with length, pore and "
@@ -106,9 +107,9 @@ class _Reader:
     def _text(self, text: str, at: Location, dimension: Dimension | None) -> Any:
         if dimension is None or not has_unit(text):
             return text
-        key = ".".join(at)
+        key = dotted(at)
         if not dimension.si and self.scales is None:
-            self.faults.append((at, f"{key}: '{text}' {NO_SCALES}"))
+            self.faults.append((at, f"{key}: {echo(text)} {NO_SCALES}"))
             return text
         try:
             value = in_si(text, dimension.quantity)
@@ -121,7 +122,7 @@ class _Reader:
         try:
             return float(value)
         except OverflowError:
-            self.faults.append((at, f"{key}: '{text}' is too large a number"))
+            self.faults.append((at, f"{key}: {echo(text)} is too large a number"))
             return text
 
 

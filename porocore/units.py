@@ -7,6 +7,7 @@ from fractions import Fraction
 from functools import cache, lru_cache
 from typing import Any
 
+from porocore.echo import echo
 from porocore.dimensions import NUMBER
 from porocore.scales import QUANTITIES
 
@@ -53,7 +54,7 @@ def in_si(text: str, quantity: str) -> Fraction:
     """
     match = _NUMBER_AND_UNIT.fullmatch(text)
     if match is None:
-        raise UnitError(f"expected {EXAMPLES[quantity]}, got '{text}'")
+        raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}")
     return Fraction(match["number"]) * unit_in_si(match["unit"], quantity, text)
 
 
@@ -68,9 +69,9 @@ def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
     text = text or unit
     factor, dimensions = _measured(unit)
     if dimensions is None:
-        raise UnitError(f"expected {EXAMPLES[quantity]}, got '{text}'; the unit '{unit}' is not known")
+        raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}; the unit {echo(unit)} is not known")
     if dimensions != _measured(QUANTITIES[quantity].unit)[1]:
-        raise UnitError(f"expected {EXAMPLES[quantity]}, got '{text}'{_instead(dimensions)}")
+        raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}{_instead(dimensions)}")
     return factor
 
 

@@ -9,10 +9,17 @@ from typing import Any
 
 import yaml
 
+from porocore import yaml_loader
+from porocore.echo import MOST, cut
 from porocore.errors import ConfigurationError
 
 #: Where something stands in a document: keys and list positions, as text.
 Location = tuple[str, ...]
+
+
+def dotted(location: Location) -> str:
+    """Return a location as messages name it, ``cell.geometry.radius``; a long key is cut."""
+    return ".".join(cut(part) for part in location)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,28 +58,17 @@ class YamlDocument:
         ConfigurationError
             It cannot be read, is not YAML, does not hold a mapping, or gives a key twice.
         """
+        text = _text(path)
         try:
-            text = path.read_text(encoding="utf-8")
-        except FileNotFoundError as error:
-            raise ConfigurationError(
-                f"{path}: no such file; give the path of a configuration, such as one from examples/"
-            ) from error
-        except IsADirectoryError as error:
-            raise ConfigurationError(f"{path}: expected a configuration file, got a folder") from error
-        except UnicodeDecodeError as error:
-            raise ConfigurationError(f"{path}: expected YAML text in UTF-8, got other bytes") from error
-        except OSError as error:
-            raise ConfigurationError(f"{path}: cannot be read: {error.strerror or error}") from error
-        try:
-            loader = yaml.SafeLoader(text)
-            node = loader.get_single_node()
-            data = None if node is None else loader.construct_document(node)
+            node, data = yaml_loader.load(text)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             where = f"{path}:{mark.line + 1}" if mark else f"{path}"
+            if isinstance(error, yaml_loader.Refused):
+                raise ConfigurationError(f"{where}: {error.problem}") from error
             context = f"{error.context}, " if error.context else ""
             raise ConfigurationError(
-                f"{where}: not valid YAML: {context}{error.problem}; "
+                f"{where}: not valid YAML: {cut(context + (error.problem or ''), 2 * MOST)}; "
                 "check indentation, colons and quotes on this line and the one above"
             ) from error
         except (yaml.YAMLError, ValueError, RecursionError) as error:
@@ -81,7 +77,7 @@ class YamlDocument:
             found = "nothing" if data is None else f"a {type(data).__name__}"
             raise ConfigurationError(f"{path}: expected sections such as 'cell:' and 'macro:', got {found}")
         lines: dict[Location, int] = {}
-        _record(node, (), lines, path, set())
+        _record(node, (), lines, path)
         return cls(path, data, lines, path.parent)
 
     def __contains__(self, location: Location) -> bool:
@@ -119,12 +115,26 @@ def _locations(value: Any, at: Location) -> Iterator[Location]:
             yield from _locations(below, (*at, str(i)))
 
 
-def _record(node: Any, location: Location, lines: dict[Location, int], path: Path, above: set[int]) -> None:
-    """Note the line of every key below ``node``; ``above`` are the nodes around it: an alias may loop."""
-    if id(node) in above:
+def _text(path: Path) -> str:
+    """Return what a configuration file holds; what cannot be read is a :class:`ConfigurationError`."""
+    try:
+        return yaml_loader.read_text(path)
+    except FileNotFoundError as error:
         raise ConfigurationError(
-            f"{path}:{node.start_mark.line + 1}: an alias that contains itself; spell it out"
-        )
+            f"{path}: no such file; give the path of a configuration, such as one from examples/"
+        ) from error
+    except IsADirectoryError as error:
+        raise ConfigurationError(f"{path}: expected a configuration file, got a folder") from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path}: expected YAML text in UTF-8, got other bytes") from error
+    except OSError as error:
+        raise ConfigurationError(f"{cut(str(path))}: cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise ConfigurationError(f"{cut(str(path))}: {error}") from error
+
+
+def _record(node: Any, location: Location, lines: dict[Location, int], path: Path) -> None:
+    """Note the line of every key below ``node``, which contains no alias of itself."""
     lines.setdefault(location, node.start_mark.line + 1)
     if isinstance(node, yaml.MappingNode):
         own: dict[str, int] = {}
@@ -133,12 +143,12 @@ def _record(node: Any, location: Location, lines: dict[Location, int], path: Pat
             # Keys merged in by '<<' stand before the node's own and may be overridden.
             if name in own and own[name] >= node.start_mark.line + 1:
                 raise ConfigurationError(
-                    f"{path}:{line}: {'.'.join((*location, name))}: "
+                    f"{path}:{line}: {dotted((*location, name))}: "
                     f"given twice, first on line {own[name]}; keep one"
                 )
             own[name] = line
             lines[(*location, name)] = line
-            _record(value, (*location, name), lines, path, above | {id(node)})
+            _record(value, (*location, name), lines, path)
     elif isinstance(node, yaml.SequenceNode):
         for i, value in enumerate(node.value):
-            _record(value, (*location, str(i)), lines, path, above | {id(node)})
+            _record(value, (*location, str(i)), lines, path)

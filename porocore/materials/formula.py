@@ -7,12 +7,14 @@ of the user do not enter the tree.
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from porocore.echo import echo
 from porocore.expressions import Expression
 from porocore.materials.ramp import ramp, symbolic_ramp
 
@@ -64,7 +66,7 @@ def tree(formula: Formula) -> tuple[Any, list[Any], list[Any]]:
         energy = sympy.nan
     if energy.has(sympy.zoo, sympy.nan, sympy.oo, -sympy.oo, sympy.I):
         raise ValueError(
-            f"'{formula.text}' holds a number that is not real or too large, by a division by zero, a huge power, or a "
+            f"{echo(formula.text)} holds a number that is not real or too large, by a division by zero, a huge power, or a "
             "root or logarithm of a negative number"
         )
     return energy, symbols, constants
@@ -98,7 +100,7 @@ def _bound(parsed: Expression) -> None:
             power *= max(1.0, abs(_exponent(node.right)))
             if power > LARGEST_POWER:
                 raise ValueError(
-                    f"'{ast.unparse(node)}': powers whose exponents multiply to more than {LARGEST_POWER:g} are refused"
+                    f"{echo(ast.unparse(node))}: powers whose exponents multiply to more than {LARGEST_POWER:g} are refused"
                 )
             visit(node.left, depth, power)
             return
@@ -112,10 +114,10 @@ def _exponent(node: ast.expr) -> float:
     """Its value if it is made of numbers only, else 1: powers of symbols stay as they are written."""
     if any(isinstance(part, ast.Name | ast.Call) for part in ast.walk(node)):
         return 1.0
-    try:
-        return float(Expression(ast.unparse(node), node)())
-    except (ArithmeticError, TypeError):  # too large, or not real
-        raise ValueError(f"expected an exponent that is a real number, got '{ast.unparse(node)}'") from None
+    exponent = float(Expression(ast.unparse(node), node)())
+    if not math.isfinite(exponent):  # too large, or not real
+        raise ValueError(f"expected an exponent that is a real number, got {echo(ast.unparse(node))}")
+    return exponent
 
 
 def stress_at_rest(

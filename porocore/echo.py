@@ -1,0 +1,60 @@
+"""What came, quoted in a message: whole where it is short, its beginning where it is long."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Mapping
+from typing import Any
+
+#: Characters of what came that a message repeats.
+MOST = 80
+#: Entries of a list or mapping that are looked at, and levels of them.
+ENTRIES, LEVELS = 20, 5
+
+
+def cut(text: str, most: int = MOST) -> str:
+    """Return ``text`` on one line, without control characters, as at most ``most`` characters."""
+    begin = text[: most + 1]
+    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in begin)
+    return line if len(text) <= most and len(line) <= most else f"{line[: most - 1]}…"
+
+
+def echo(value: Any, most: int = MOST) -> str:
+    """Return ``value`` as a message repeats it: a text in quotes, anything else as YAML writes it, both cut.
+
+    Parameters
+    ----------
+    value
+        Anything that a user may have given, of any size and depth.
+    most
+        Characters of it that are repeated.
+    """
+    if value is None:
+        return "nothing"
+    if isinstance(value, str):
+        return f"'{cut(value, most)}'"
+    if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 4 * most:
+        return f"a whole number of some {round(value.bit_length() * 0.30103)} digits"
+    import yaml
+
+    try:
+        text = yaml.safe_dump(_pruned(value), default_flow_style=True, width=10**6, sort_keys=False).strip()
+    except (yaml.YAMLError, ValueError, RecursionError):
+        text = reprlib.repr(value)
+    return cut(text.removesuffix("...").strip(), most)
+
+
+def _pruned(value: Any, level: int = 0) -> Any:
+    """Return a copy with few entries and levels, so that it is written at once."""
+    if isinstance(value, str):
+        return value[: MOST + 1]
+    if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 4 * MOST:
+        return "…"
+    if isinstance(value, Mapping | list | tuple) and level == LEVELS:
+        return "…"
+    if isinstance(value, Mapping):
+        kept = list(value.items())[:ENTRIES]
+        return {_pruned(key, LEVELS): _pruned(below, level + 1) for key, below in kept}
+    if isinstance(value, list | tuple):
+        return [_pruned(below, level + 1) for below in value[:ENTRIES]]
+    return value
