@@ -7,9 +7,11 @@ from typing import Any
 from porocore.abilities import require_conductivity, require_parts
 from porocore.closures import CLOSURES
 from porocore.config import RunConfig
+from porocore.echo import cut, echo
 from porocore.errors import ConfigurationError, PluginError
 from porocore.hookspecs import Kind
 from porocore.registry import registry
+from porocore.workload import require_states
 
 
 def make_backend(kind: Kind, config: RunConfig) -> Any:
@@ -38,7 +40,9 @@ def make_backend(kind: Kind, config: RunConfig) -> Any:
     except TypeError as error:
         if not options:
             raise
-        raise ConfigurationError(f"{kind} '{name}' does not take its options {options}: {error}") from error
+        raise ConfigurationError(
+            f"{kind} '{name}' does not take its options {echo(options)}: {cut(str(error))}"
+        ) from error
 
 
 def surrogate_model(implementation: Any, config: RunConfig) -> str:
@@ -94,6 +98,8 @@ def check(kind: Kind, config: RunConfig) -> None:
     backend = make_backend(kind, config)
     if kind == "cell solver":
         require_conductivity(type(backend), config.fem.backend, config.conductivity)
+    if kind == "sampler":
+        require_states(config, backend.expected)
     if kind == "surrogate":
         _check_responses(backend, config)
     if kind == "macro solver":

@@ -22,8 +22,8 @@ from porocore.cell.cell import Cell
 from porocore.closures import CLOSURES, MeanGradientClosure
 from porocore.closures.pull_back import ConductivityLaw
 from porocore.config_errors import faults, unexpected
-from porocore.echo import cut, echo
 from porocore.config_sections import FemSettings, MacroSettings, SamplingSettings, Section, SurrogateSettings
+from porocore.echo import cut, echo
 from porocore.errors import ConfigurationError
 from porocore.execution.choice import contradiction
 from porocore.problem import MacroSetup

@@ -153,14 +153,19 @@ def _bounds(name: str, metadata: Iterable[Any], kind: str = "a number") -> str:
     lower = upper = ""
     for constraint in metadata:
         if (bound := getattr(constraint, "gt", None)) is not None:
-            lower = f"{bound:g} < "
+            lower = f"{_said(bound)} < "
         elif (bound := getattr(constraint, "ge", None)) is not None:
-            lower = f"{bound:g} <= "
+            lower = f"{_said(bound)} <= "
         elif (bound := getattr(constraint, "lt", None)) is not None:
-            upper = f" < {bound:g}"
+            upper = f" < {_said(bound)}"
         elif (bound := getattr(constraint, "le", None)) is not None:
-            upper = f" <= {bound:g}"
+            upper = f" <= {_said(bound)}"
     return f"{kind} with {lower}{name}{upper}" if lower or upper else ""
+
+
+def _said(bound: float) -> str:
+    """Return a bound as a message names it: all digits of a whole number."""
+    return str(bound) if isinstance(bound, int) else f"{bound:g}"
 
 
 def _without_tags(location: Location) -> Location:

@@ -7,12 +7,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from porocore.bounds import LARGEST_NUMBER, LARGEST_SEED, MOST_STATES, MOST_WORKERS
 from porocore.dimensions import ByKey, Carried, Dimension, Unit
 from porocore.execution.choice import ExecutorName, contradiction
 from porocore.inputs import InputSpace
 from porocore.problem import MacroProblem, MacroSetup
 
 InputName = Literal["H11", "H12", "H13", "H21", "H22", "H23", "H31", "H32", "H33", "p"]
+InRange = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 Positive = Annotated[float, Field(gt=0)]
 
 
@@ -35,7 +37,7 @@ class FemSettings(Section):
 class SweptInput(Section):
     """Closed range of one input and the sampler's default step in it."""
 
-    range: Annotated[tuple[float, float], Carried()]
+    range: Annotated[tuple[InRange, InRange], Carried()]
     """[lower, upper], closed; for ``density-sweep`` it includes 0."""
     step: Annotated[Positive | None, Carried()] = None
     """Default step; ``density-sweep`` needs it for every input, the other samplers take none."""
@@ -51,9 +53,9 @@ class SweptInput(Section):
 class HeldOutSettings(Section):
     """Random states that no surrogate is trained on; its error is measured there."""
 
-    count: Annotated[int, Field(ge=1)] = 100
+    count: Annotated[int, Field(ge=1, le=MOST_STATES)] = 100
     """Random states with values that no surrogate is trained on; the surrogate's error is measured there."""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
     """Seed of their draw."""
 
 
@@ -69,13 +71,13 @@ class SamplingSettings(Section):
     """Tolerance of the samplers that have one; null leaves it to the sampler."""
     options: dict[str, Any] = {}
     """Further options of the sampler."""
-    workers: Literal["auto"] | Annotated[int, Field(ge=1)] = "auto"
+    workers: Literal["auto"] | Annotated[int, Field(ge=1, le=MOST_WORKERS)] = "auto"
     """Processes; ``auto`` is one for each core; the result does not depend on it."""
     executor: ExecutorName = "auto"
     """Where the cells are solved: in this process, in processes of this machine, or by the workers of dask; ``auto`` is
     ``dask`` with a scheduler, ``serial`` for one worker without a time limit, else ``processes``; the result does not
     depend on it."""
-    scheduler: str | None = None
+    scheduler: Annotated[str, Field(min_length=1, max_length=300)] | None = None
     """Address of a dask scheduler, such as ``tcp://node:8786``; null: dask starts workers on this machine."""
     state_seconds: Annotated[Positive | None, Unit("s")] = None
     """Time limit for the solve of one state, after which its worker is ended; the state is tried once more, then
@@ -127,7 +129,7 @@ class SurrogateSettings(Section):
     model: Literal["auto", "mlp", "potential"] = "auto"
     """What is learned: ⟨∇u¹⟩ by the paper's network (``mlp``), or the potential W and all that follows from it
     (``potential``); ``auto`` is what the closure needs."""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
     """Seed of the first weights and of the split into training and validation states."""
     tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01
     """Share of the range of what is learned; a state is flagged whose error is estimated to be larger."""
@@ -138,7 +140,7 @@ class SurrogateSettings(Section):
 class MacroSettings(MacroSetup):
     """The macroscale set-up and the loads under which it is solved."""
 
-    loads: Annotated[tuple[float, ...], Field(min_length=1)]
+    loads: Annotated[tuple[float, ...], Field(min_length=1, max_length=1000)]
     """Each, none of them 0, is solved with the cell's law and with linear poroelasticity; it multiplies every
     prescribed value."""
     backend: str | None = None

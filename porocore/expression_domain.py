@@ -10,7 +10,10 @@ import numpy as np
 from porocore.expressions import CONSTANTS, FUNCTIONS, LARGEST_NUMBER, Expression
 from porocore.states import Array
 
-ROOT, LOGARITHM = "takes the root of a negative number", "takes the logarithm of a number that is not positive"
+ROOT, LOGARITHM = (
+    "takes the root of a negative number",
+    "takes the logarithm of a number that is not positive",
+)
 DIVISION, POLE, OVERFLOW = "divides by zero", "has a pole", "becomes too large a number"
 
 
@@ -35,7 +38,9 @@ def first_fault(expression: Expression, points: Array) -> tuple[int, str] | None
     functions = {name: _watched(name) for name in FUNCTIONS}
     with np.errstate(all="ignore"):
         value = expression.convert(
-            lambda name: _Samples(np.full(len(points), CONSTANTS[name]) if name in CONSTANTS else points, found),
+            lambda name: _Samples(
+                np.full(len(points), CONSTANTS[name]) if name in CONSTANTS else points, found
+            ),
             functions,
             lambda number: _Samples(np.full(len(points), float(number)), found),
         )

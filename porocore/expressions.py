@@ -104,7 +104,8 @@ def _parse(text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> Exp
         _check(tree, text.strip(), names, functions)
     except SyntaxError as error:
         raise ValueError(
-            f"{echo(text)} is no formula: {error.msg} at character {error.offset or 1}; write for example 2*x**2 - exp(-x)"
+            f"{echo(text)} is no formula: {error.msg} at character {error.offset or 1}; write for example "
+            "2*x**2 - exp(-x)"
         ) from None
     except (RecursionError, MemoryError):
         raise ValueError(f"the formula {echo(text)} is nested too deeply") from None

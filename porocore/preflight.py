@@ -8,27 +8,36 @@ import numpy as np
 
 from porocore import backends, registry
 from porocore.body.mesh import BodyMesh
+from porocore.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
 from porocore.cell.facts import as_lines, facts_of
 from porocore.config import RunConfig
 from porocore.courses import Course, Value
 from porocore.drainage import undrained
-from porocore.errors import PluginError
+from porocore.echo import echo
+from porocore.errors import ConfigurationError, PluginError
+from porocore.execution.address import reach
 from porocore.hookspecs import Kind
 from porocore.interfaces.surrogate import MORE_STATES, least_states
 from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
 from porocore.macro.probes import interpolation
 from porocore.plugin_kinds import HOOKS
+from porocore.possible_states import least_volume
 from porocore.problem import Boundary, MacroProblem
 from porocore.result_units import ResultUnits
 from porocore.symmetry_notes import uncovered
+from porocore.time_functions import check_time_functions
+from porocore.workload import Workload, require_memory
 
 #: Points of a table that are shown.
 MOST_POINTS = 4
 
 
 def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) -> None:
-    """Look for the backends and try their options; then mesh the body and place everything on it.
+    """Find everything that can be known to be wrong before the first solve; ``check`` and ``run`` both call this.
+
+    Looks for the backends and tries their options, looks at the sampled box, the scheduler and the workers, evaluates
+    functions of time, and meshes the body with everything on it.
 
     Parameters
     ----------
@@ -42,11 +51,14 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
     PluginError
         A needed backend is unknown, missing or broken.
     ConfigurationError
-        Options are unusable, there is no such surface, boundary conditions contradict each other or leave the body
-        loose, or a probe lies outside.
+        Options are unusable, the box reaches det F ≤ 0, states are too few or too many, nobody listens at the
+        scheduler's address, a function of time has no value somewhere, there is no such surface, boundary conditions
+        contradict each other or leave the body loose, or a probe lies outside.
     """
     needed = HOOKS if needed is None else needed
     find_backends(config, needed)
+    check_sampling(config, trained="surrogate" in needed)
+    check_time_functions(config.macro)
     place(config)
     for kind in HOOKS:
         try:
@@ -73,6 +85,41 @@ def find_backends(config: RunConfig, needed: Collection[Kind]) -> None:
             faults.setdefault(name, str(error))
     if faults:
         raise PluginError("\n".join(faults.values()))
+
+
+def check_sampling(config: RunConfig, *, trained: bool) -> None:
+    """Look at the sampled box, at who solves the states, and at whether they are enough where they are learned from.
+
+    Raises
+    ------
+    ConfigurationError
+        As :func:`check_backends`.
+    """
+    sampling = config.sampling
+    inputs = sampling.input_space()
+    for name, swept in sampling.inputs.items():
+        largest = LARGEST_PRESSURE * config.cell.modulus if name == "p" else LARGEST_GRADIENT
+        if max(map(abs, swept.range)) > largest:
+            raise ConfigurationError(
+                f"sampling.inputs.{name}.range: expected at most {largest:g}, got {echo(list(swept.range))}; no cell "
+                "bears more"
+            )
+    J, corner = least_volume(inputs)
+    if J <= 0:
+        at = ", ".join(f"{name} = {value:g}" for name, value in corner.items())
+        raise ConfigurationError(
+            f"sampling.inputs: the ranges reach det F = {J:.4g} at {at}, but a solid has det F > 0 with F = I + H; "
+            "narrow them"
+        )
+    given, least = sampling.options.get("count"), least_states(len(inputs))
+    if trained and type(given) is int and 0 < given < least:
+        raise ConfigurationError(
+            f"sampling.options.count: {given} states are too few to train on, at least {least} are needed: "
+            f"{MORE_STATES}"
+        )
+    require_memory(config)
+    if sampling.scheduler is not None:
+        reach(sampling.scheduler)
 
 
 def place(config: RunConfig) -> BodyMesh:
@@ -113,11 +160,11 @@ def outline(config: RunConfig) -> Iterator[str]:
     ranges = ", ".join(f"{name} in [{s.range[0]:g}, {s.range[1]:g}]" for name, s in sampling.inputs.items())
     count = f", {sampling.options['count']} states" if "count" in sampling.options else ""
     yield f"samples: {sampling.sampler}{count} over {ranges}; {sampling.test.count} held-out states"
-    given, least = sampling.options.get("count"), least_states(len(sampling.inputs))
-    if isinstance(given, int) and given < least:
-        yield f"note: {given} states are too few to train on, at least {least} are needed: {MORE_STATES}"
     yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
     yield from _body(config)
+    expected = backends.make_backend("sampler", config).expected
+    nodes = facts.solid.nodes if facts.solid else 0
+    yield f"work: {Workload.of(config, expected, len(place(config).cells), nodes).as_line()}"
     yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))
     yield from (f"note: {warning}" for warning in _late(config))
     # What K is nobody knows yet, but along which axes there is any.

@@ -11,9 +11,12 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from porocore.dimensions import Dimension
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+#: Products of their powers stay finite.
+SMALLEST, LARGEST = 1e-30, 1e30
+Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ def known_quantity(name: str) -> Quantity:
         It is unknown.
     """
     if name not in QUANTITIES:
-        raise ConfigurationError(f"unknown quantity '{name}'; expected one of {', '.join(QUANTITIES)}")
+        raise ConfigurationError(f"unknown quantity {echo(name)}; expected one of {', '.join(QUANTITIES)}")
     return QUANTITIES[name]
 
 
@@ -150,7 +153,7 @@ def known_scenario(name: str) -> Scales:
     """
     if name not in SCENARIOS:
         raise ConfigurationError(
-            f"unknown scenario '{name}'; expected one of {', '.join(SCENARIOS)}, or give the characteristic values "
+            f"unknown scenario {echo(name)}; expected one of {', '.join(SCENARIOS)}, or give the characteristic values "
             "with --force, --pore, --viscosity and --length"
         )
     return SCENARIOS[name]

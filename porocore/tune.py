@@ -22,6 +22,7 @@ import numpy as np
 from porocore.backends import make_backend
 from porocore.config import RunConfig
 from porocore.dataset import Dataset
+from porocore.echo import cut, echo
 from porocore.errors import ConfigurationError, DataError
 from porocore.files import atomic_path
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
@@ -29,9 +30,12 @@ from porocore.reading import read_json
 from porocore.runfolder import RunFolder
 from porocore.stage_files import training_set
 from porocore.states import Array, CellResponse, MacroState
+from porocore.surrogates.options import MOST_LAYERS, MOST_WIDTH
 from porocore.tune_workers import Task, run_tasks
 
 FORMAT, VERSION = "porocore-tune", 1
+#: More networks than this are not tried.
+MOST_CANDIDATES = 1000
 DEPTHS, WIDTHS = (1, 2, 3), (8, 16, 24, 40)
 #: Tried in this order; a backend takes those that its model knows.
 ACTIVATIONS = ("sigmoid", "tanh", "softplus", "relu", "gelu", "silu", "elu")
@@ -119,13 +123,18 @@ def candidates(
     for activation in chosen:
         if activation not in known:
             raise ConfigurationError(
-                f"--activations: expected some of {', '.join(known)}, got '{activation}'; leave it out to try all"
+                f"--activations: expected some of {', '.join(known)}, got {echo(activation)}; leave it out to try all"
             )
     for option, values in (("--depths", depths), ("--widths", widths)):
-        if not values or min(values) < 1:
+        most = MOST_LAYERS if option == "--depths" else MOST_WIDTH
+        if not values or min(values) < 1 or max(values) > most:
             raise ConfigurationError(
-                f"{option}: expected whole numbers ≥ 1, such as 1,2,3, got {_listed(values)}"
+                f"{option}: expected whole numbers from 1 to {most}, such as 1,2,3, got {cut(_listed(values))}"
             )
+    if (count := len(set(depths)) * len(set(widths)) * len(set(chosen))) > MOST_CANDIDATES:
+        raise ConfigurationError(
+            f"--depths, --widths and --activations make {count} candidates; at most {MOST_CANDIDATES} are trained"
+        )
     grid = itertools.product(dict.fromkeys(depths), dict.fromkeys(widths), dict.fromkeys(chosen))
     return [Candidate(depth, width, activation) for depth, width, activation in grid]
 

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, Discriminator, Tag
 
-from porocore.echo import echo
 from porocore.dimensions import ByKey, Carried, Dimension
+from porocore.echo import echo
 from porocore.scales import QUANTITIES, Scales
 from porocore.units import UnitError, has_unit, in_si
 from porocore.yaml_document import Location, dotted

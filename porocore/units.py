@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 from functools import cache, lru_cache
+from math import prod
 from typing import Any
 
-from porocore.echo import echo
 from porocore.dimensions import NUMBER
+from porocore.echo import echo
 from porocore.scales import QUANTITIES
 
 #: How a value of each quantity may be written, for messages.
@@ -28,8 +29,16 @@ EXAMPLES = {
     "conductivity": "a length squared by a pressure and a time, such as 1 mm**2/(kPa*s)",
 }
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-#: No power beyond two digits, which could take forever.
-_UNIT = re.compile(r"(?=.{1,60}$)(?!.*\d{3})[\w\s*/^.()·µ°%²³⁻¹-]+")
+#: Characters of a value with its unit.
+LONGEST = 120
+#: No number beyond two digits, which could take forever.
+_UNIT = re.compile(r"(?=.{1,60}$)(?!.*\d{3})[\w\s*/^.()·µ°%-]+")
+#: A power of a number, or an exponent that has to be worked out: towers of powers.
+_TOWER = re.compile(r"\d\s*(\*\*|\^)|(\*\*|\^)\s*\((?!\s*-?\d+(\s*/\s*\d+)?\s*\))")
+_EXPONENT = re.compile(r"(?:\*\*|\^)\s*\(?\s*-?\s*(\d+)")
+#: What all exponents of a unit multiply to, at most.
+LARGEST_POWER = 1000
+_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _PLAIN = re.compile(rf"\s*{NUMBER}\s*")
 _NUMBER_AND_UNIT = re.compile(rf"\s*(?P<number>{NUMBER})\s*(?P<unit>\S.*?)\s*")
 
@@ -40,7 +49,9 @@ class UnitError(ValueError):
 
 def has_unit(text: str) -> bool:
     """Whether a text is a number followed by what may be a unit."""
-    return _NUMBER_AND_UNIT.fullmatch(text) is not None and not _PLAIN.fullmatch(text)
+    return (
+        len(text) <= LONGEST and _NUMBER_AND_UNIT.fullmatch(text) is not None and not _PLAIN.fullmatch(text)
+    )
 
 
 def in_si(text: str, quantity: str) -> Fraction:
@@ -52,7 +63,7 @@ def in_si(text: str, quantity: str) -> Fraction:
         It is no number with a unit, the unit is unknown, or it is one of another quantity; the message says what was
         expected and what came.
     """
-    match = _NUMBER_AND_UNIT.fullmatch(text)
+    match = _NUMBER_AND_UNIT.fullmatch(text) if len(text) <= LONGEST else None
     if match is None:
         raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}")
     return Fraction(match["number"]) * unit_in_si(match["unit"], quantity, text)
@@ -69,7 +80,9 @@ def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
     text = text or unit
     factor, dimensions = _measured(unit)
     if dimensions is None:
-        raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}; the unit {echo(unit)} is not known")
+        raise UnitError(
+            f"expected {EXAMPLES[quantity]}, got {echo(text)}; the unit {echo(unit)} is not known"
+        )
     if dimensions != _measured(QUANTITIES[quantity].unit)[1]:
         raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}{_instead(dimensions)}")
     return factor
@@ -102,7 +115,12 @@ def _measured(unit: str) -> tuple[Fraction, frozenset[tuple[str, Any]] | None]:
     """Factor to base units and dimensions; None where there is no such unit."""
     import pint
 
-    if not _UNIT.fullmatch(unit):
+    written = re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda power: f"**{power[0].translate(_DIGITS)}", unit)
+    if (
+        not _UNIT.fullmatch(written)
+        or _TOWER.search(written)
+        or prod(map(int, _EXPONENT.findall(written))) > LARGEST_POWER
+    ):
         return Fraction(0), None
     registry = _registry()
     try:

@@ -78,9 +78,7 @@ class _BoundedLoader(yaml.SafeLoader):
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
-            raise _fault(
-                node, f"a number of {len(node.value)} characters; at most {LONGEST_NUMBER} are read"
-            )
+            raise _fault(node, f"a number of {len(node.value)} characters; at most {LONGEST_NUMBER} are read")
         try:
             return super().construct_object(node, deep)
         except (ValueError, OverflowError, TypeError) as error:

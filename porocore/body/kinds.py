@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from functools import lru_cache
 from typing import Annotated, ClassVar, Literal
@@ -12,17 +13,19 @@ from pydantic import (
     ConfigDict,
     Field,
     Tag,
+    field_validator,
 )
 
 from porocore.body.mesh import BodyMesh
 from porocore.body.structured import box, graded, sector
+from porocore.bounds import MOST_ELEMENTS
 from porocore.dimensions import Dimension, Unit
 from porocore.input_file import FromFile
 from porocore.kinds import by_kind
 
 Positive = Annotated[float, Field(gt=0)]
 Length = Annotated[Positive, Dimension("displacement")]
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=MOST_ELEMENTS)]
 Grading = Annotated[float, Field(ge=1e-3, le=1e3)]
 
 
@@ -36,6 +39,15 @@ class Body(BaseModel, ABC):
 
     #: Names of its surfaces, where the kind alone decides them.
     surfaces: ClassVar[tuple[str, ...]] = ()
+
+    @field_validator("elements", check_fields=False)
+    @classmethod
+    def _so_many(cls, elements: tuple[int, int, int]) -> tuple[int, int, int]:
+        if math.prod(elements) > MOST_ELEMENTS:
+            raise ValueError(
+                f"{' × '.join(map(str, elements))} are {math.prod(elements)} elements; at most {MOST_ELEMENTS} are made"
+            )
+        return elements
 
     @abstractmethod
     def make(self) -> BodyMesh:

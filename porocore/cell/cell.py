@@ -97,6 +97,12 @@ class Cell(BaseModel):
         return self.material
 
     @property
+    def modulus(self) -> float:
+        """Young's modulus of the stiffest solid in it, averaged over directions [E]."""
+        materials = [self.material] if self.materials is None else self.materials.values()
+        return max(material.mean_moduli()[0] for material in materials if material is not None)
+
+    @property
     def symmetric(self) -> bool:
         """Whether the pores have mirrors that may be made use of; the flow is then solved on the eighth."""
         return self.symmetry == "auto" and self.geometry.unfolding != "whole"

@@ -21,11 +21,14 @@ from porocore.cli.common import (
     parse_inputs,
     read_config,
 )
+from porocore.echo import cut, echo
 from porocore.errors import ConfigurationError
 from porocore.plain_data import json_ready
 
 #: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
 ZERO = 1e-12
+#: Characters of a state in the name of its files.
+LONGEST_NAME = 120
 
 
 class _StateByDefault(TyperGroup):
@@ -65,10 +68,13 @@ def state(
     with --json only. A state that has no solution is an answer too: its status tells why, and in the JSON object
     its responses are null.
     """
+    from porocore.possible_states import require_possible
+
     path, settings = read_config(config, fem)
     H = parse_grad_u(grad_u)
     if not math.isfinite(p):
         raise ConfigurationError(f"--p: expected a finite number, got {p}")
+    require_possible(H, p, settings.cell.modulus, "--grad-u and --p")
     with interruptible(), located(path):
         from porocore import pipeline
 
@@ -110,7 +116,7 @@ def fields(
             settings.fem,
             out,
             asked,
-            name=re.sub(r"[^A-Za-z0-9.+-]+", "_", at.strip()),
+            name=re.sub(r"[^A-Za-z0-9.+-]+", "_", at.strip())[:LONGEST_NAME],
             pictures=not no_pictures,
         )
     peaks = found.response.peaks
@@ -180,7 +186,7 @@ def parse_grad_u(text: str) -> list[list[float]]:
         reason = f"rows of {', '.join(str(len(row)) for row in rows)}"
     if [len(row) for row in rows] != [3, 3, 3] or not all(math.isfinite(x) for row in rows for x in row):
         raise ConfigurationError(
-            f"--grad-u: expected nine finite numbers as 'a b c; d e f; g h i', got '{text}' ({reason})"
+            f"--grad-u: expected nine finite numbers as 'a b c; d e f; g h i', got {echo(text)} ({cut(reason)})"
         )
     return rows
 

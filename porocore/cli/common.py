@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from porocore.echo import echo
 from porocore.errors import ConfigurationError, UnexpectedError
 
 if TYPE_CHECKING:
@@ -96,6 +97,20 @@ def read_config(
     return path, with_closure(load_config(path).with_backends(fem, surrogate, macro), closure)
 
 
+def check_workers(workers: int | None) -> None:
+    """Refuse a number of processes that cannot be.
+
+    Raises
+    ------
+    ConfigurationError
+        It is below 1, or larger than any machine has use for.
+    """
+    from porocore.bounds import MOST_WORKERS
+
+    if workers is not None and not 1 <= workers <= MOST_WORKERS:
+        raise ConfigurationError(f"--workers: expected 1 to {MOST_WORKERS}, got {echo(workers)}")
+
+
 def command(*words: object) -> str:
     """A command to copy into a shell; None is left out."""
     return shlex.join(["porocore", *(str(word) for word in words if word is not None)])
@@ -117,6 +132,6 @@ def parse_inputs(option: str, what: str, text: str) -> dict[str, float]:
         except ValueError:
             number = math.nan
         if not name or name in found or not math.isfinite(number):
-            raise ConfigurationError(f"{option}: expected {what}, got '{text}'")
+            raise ConfigurationError(f"{option}: expected {what}, got {echo(text)}")
         found[name] = number
     return found

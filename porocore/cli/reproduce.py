@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import FemOption, SurrogateOption, command, interruptible, read_config
+from porocore.cli.common import FemOption, SurrogateOption, check_workers, command, interruptible, read_config
 from porocore.console import Console
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -52,9 +53,8 @@ def reproduce(
     these figures need is computed, and their paths are printed.
     """
     if paper not in PAPERS:
-        raise ConfigurationError(f"unknown publication '{paper}'; expected {', '.join(PAPERS)}")
-    if workers is not None and workers < 1:
-        raise ConfigurationError(f"--workers: expected at least 1, got {workers}")
+        raise ConfigurationError(f"unknown publication {echo(paper)}; expected {', '.join(PAPERS)}")
+    check_workers(workers)
     again = command(
         "reproduce", paper, *(w for f in figure or () for w in ("--figure", f)), *(["--fem", fem] if fem else []),
         *(["--surrogate", surrogate] if surrogate else []), *([] if pictures else ["--no-pictures"]),

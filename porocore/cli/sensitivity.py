@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import ConfigArgument, FemOption, command, interruptible, read_config
+from porocore.cli.common import ConfigArgument, FemOption, check_workers, command, interruptible, read_config
 from porocore.console import Console
+from porocore.echo import echo
 from porocore.errors import ConfigurationError, RunFolderError
 
 if TYPE_CHECKING:
@@ -62,13 +63,19 @@ def sensitivity(
     )  # fmt: skip
     with interruptible(again):
         from porocore.files import new_folder
+        from porocore.possible_states import require_possible
         from porocore.sensitivity.figures import write_figures
+        from porocore.sensitivity.plan import states_of
         from porocore.sensitivity.study import FILE, run_study
         from porocore.sensitivity.tables import write_table
 
-        if workers is not None and workers < 1:
-            raise ConfigurationError(f"--workers: expected at least 1, got {workers}")
+        check_workers(workers)
         plan = parse_loads(loads, tolerance)
+        for name, _, goal in plan.half_lines():
+            state = states_of(name, goal)
+            require_possible(
+                state.grad_u[0], float(state.p[0]), settings.cell.modulus, f"--loads: {name} = {goal:g}"
+            )
         if (out / FILE).exists() and not resume:
             raise RunFolderError(
                 f"{out} already holds a study; add --resume to continue it, or choose another --out"
@@ -114,7 +121,7 @@ def parse_loads(text: str, tolerance: float) -> StudyPlan:
     for part in text.split(","):
         name, given, numbers = (word.strip() for word in part.partition("="))
         if name not in LOADS:
-            raise ConfigurationError(f"--loads: expected some of {', '.join(LOADS)}, got '{name}'")
+            raise ConfigurationError(f"--loads: expected some of {', '.join(LOADS)}, got {echo(name)}")
         if name in sweeps:
             raise ConfigurationError(f"--loads: '{name}' is there twice")
         sweep = SWEEPS[name]
@@ -124,7 +131,7 @@ def parse_loads(text: str, tolerance: float) -> StudyPlan:
                 lower, upper, step = (*values, sweep.step)[:3] if len(values) in (2, 3) else values
             except ValueError:
                 raise ConfigurationError(
-                    f"--loads: expected goals and a step such as {name}=-0.5:0.5:0.1, got '{part.strip()}'"
+                    f"--loads: expected goals and a step such as {name}=-0.5:0.5:0.1, got {echo(part.strip())}"
                 ) from None
             try:
                 sweep = Sweep(lower, upper, step)

@@ -20,6 +20,7 @@ from porocore.cli.common import (
     read_config,
 )
 from porocore.console import Console
+from porocore.echo import echo
 from porocore.errors import ConfigurationError, RunFolderError
 
 if TYPE_CHECKING:
@@ -68,21 +69,34 @@ def stability(
     """
     _, settings = read_config(config, fem)
     with interruptible(_again(config, fem, along, across, steps, tolerance, eigenvalues, out)):
+        from porocore.bounds import MOST_LINES, MOST_POINTS, SMALLEST_INTERVAL
         from porocore.equilibrium.solver import EquilibriumCellSolver
         from porocore.files import new_folder
+        from porocore.inputs import NAMES
+        from porocore.possible_states import require_possible
         from porocore.report.figures.style import png_bytes
         from porocore.stability.figure import stability_figure
         from porocore.stability.line import LineSettings
         from porocore.stability.map import MapPlan, map_stability, write_tables
         from porocore.stage_files import prepare_cell
 
-        if steps < 1:
-            raise ConfigurationError(f"--steps: expected at least 1, got {steps}")
-        if not (math.isfinite(tolerance) and tolerance > 0):
-            raise ConfigurationError(f"--tolerance: expected a positive number, got {tolerance:g}")
+        if not 1 <= steps <= MOST_POINTS:
+            raise ConfigurationError(f"--steps: expected 1 to {MOST_POINTS}, got {echo(steps)}")
+        if not SMALLEST_INTERVAL <= tolerance < math.inf:
+            raise ConfigurationError(
+                f"--tolerance: expected at least {SMALLEST_INTERVAL:g}, got {tolerance:g}"
+            )
         goal = parse_along(along)
         name, values = parse_across(across)
+        if len(values) > MOST_LINES:
+            raise ConfigurationError(f"--across: {len(values)} lines; at most {MOST_LINES} are followed")
         plan = MapPlan(goal, name, values, LineSettings(steps, tolerance, eigenvalues))
+        for value in values:
+            state = {**goal, name: value}
+            row = [state.get(each, 0.0) for each in NAMES]
+            require_possible(
+                row[:9], row[9], settings.cell.modulus, f"--along and --across: {name} = {value:g}"
+            )
         table = out / "stability.h5"
         if table.exists() and not resume:
             raise RunFolderError(
@@ -148,7 +162,7 @@ def parse_across(text: str) -> tuple[str, tuple[float, ...]]:
         return name.strip(), tuple(_finite(value) for value in values.split(","))
     except ValueError:
         raise ConfigurationError(
-            f"--across: expected an input and its values such as p=0,0.1, got '{text}'"
+            f"--across: expected an input and its values such as p=0,0.1, got {echo(text)}"
         ) from None
 
 

@@ -10,11 +10,13 @@ import typer
 from porocore.cli.common import (
     OutOption,
     SurrogateOption,
+    check_workers,
     command,
     interruptible,
     read_config,
 )
 from porocore.console import Console
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 
 
@@ -49,8 +51,7 @@ def tune(
 
     if not 0 <= margin < float("inf"):
         raise ConfigurationError(f"--margin: expected a percentage of at least 0, got {margin:g}")
-    if workers is not None and workers < 1:
-        raise ConfigurationError(f"--workers: expected at least 1, got {workers}")
+    check_workers(workers)
     grid_of = (_numbers("--depths", depths), _numbers("--widths", widths), _words(activations))
     console = Console()
     if target.is_dir():
@@ -103,7 +104,7 @@ def _numbers(option: str, text: str) -> list[int]:
         return [int(word) for word in text.split(",")]
     except ValueError:
         raise ConfigurationError(
-            f"{option}: expected whole numbers with commas between, such as 8,16, got '{text}'"
+            f"{option}: expected whole numbers with commas between, such as 8,16, got {echo(text)}"
         ) from None
 
 

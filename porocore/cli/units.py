@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from porocore.bounds import LARGEST_NUMBER
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def units(
 def _scenarios(
     names: list[str] | None, force: float | None, pore: float | None, length: float | None, viscosity: float
 ) -> dict[str, Scales]:
-    from porocore.scales import SCENARIOS, Scales, known_scenario
+    from porocore.scales import LARGEST, SCENARIOS, SMALLEST, Scales, known_scenario
 
     own = {"--force": force, "--pore": pore, "--length": length}
     given = [name for name, value in own.items() if value is not None]
@@ -79,8 +80,10 @@ def _scenarios(
                 f"{'is' if len(missing) == 1 else 'are'} missing"
             )
         for name, value in (*own.items(), ("--viscosity", viscosity)):
-            if value is None or not (math.isfinite(value) and value > 0):
-                raise ConfigurationError(f"{name}: expected a positive number, got {value:g}")
+            if value is None or not SMALLEST <= value <= LARGEST:
+                raise ConfigurationError(
+                    f"{name}: expected a number from {SMALLEST:g} to {LARGEST:g}, got {value:g}"
+                )
         found["yours"] = Scales(force=force or 0, pore=pore or 0, length=length or 0, viscosity=viscosity)
     return found or dict(SCENARIOS)
 
@@ -89,10 +92,10 @@ def _value(text: str) -> tuple[str, float]:
     name, _, number = text.partition("=")
     try:
         value = float(number)
-        if not math.isfinite(value):
+        if not abs(value) <= LARGEST_NUMBER:
             raise ValueError
     except ValueError:
         raise ConfigurationError(
-            f"expected a quantity and its dimensionless value, such as time=38, got '{text}'"
+            f"expected a quantity and its dimensionless value, such as time=38, got {echo(text)}"
         ) from None
     return name, value

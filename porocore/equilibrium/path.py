@@ -20,6 +20,8 @@ PAIRINGS = 12
 #: In any component of H, and in p over Young's modulus of the solid; a step beyond it seldom converges.
 LARGEST_STEP = 0.16
 SMALLEST_STEP = 1 / 300
+#: A load of more than a thousand of the largest steps is not followed.
+SHORTEST_SHARE = 1e-3
 #: Steps of one path that may fail; behind a bifurcation every further one would.
 FAILURES = 6
 ARMIJO = 1e-4
@@ -45,6 +47,8 @@ def follow(problem: DiscreteSolid, start: Iterate, H: Array, p: float, tolerance
     here, share = start, 0.0
     pressure = abs(p - start.p) / problem.material.mean_moduli()[0]
     largest = LARGEST_STEP / max(float(np.abs(H - start.H).max()), pressure, 1e-12)
+    if largest < SHORTEST_SHARE:
+        return Outcome(Status.not_converged, None, 0, 0)
     step = min(1.0, largest)
     steps = iterations = failures = 0
     while share < 1:

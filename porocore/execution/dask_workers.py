@@ -19,6 +19,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from porocore.errors import PluginError, PorocoreError
+from porocore.execution.address import reach
 from porocore.execution.crew import Crew, Worker
 from porocore.execution.tasks import Ready
 from porocore.execution.threads import THREAD_VARIABLES, interrupts_blocked, one_thread
@@ -45,8 +46,10 @@ class DaskCrew(Crew):
     ------
     PluginError
         dask.distributed is not installed.
+    ConfigurationError
+        That is no address, or nobody listens there.
     PorocoreError
-        Nobody answers at the address.
+        No scheduler answers at the address.
     """
 
     def __init__(self, scheduler: str | None, count: int) -> None:
@@ -81,12 +84,14 @@ class DaskCrew(Crew):
                     silence_logs=logging.CRITICAL,
                 )
             self._address = self._cluster.scheduler_address
+        else:
+            reach(scheduler)
         try:
             with interrupts_blocked():
                 self._client = distributed.Client(
                     self._address, timeout=REACH, set_as_default=False, name="porocore"
                 )
-        except (OSError, ValueError, TypeError, KeyError) as error:
+        except Exception as error:  # whatever another program's answer makes of dask
             raise PorocoreError(
                 f"no dask scheduler answers at {self._address} ({' '.join(str(error).split())}); start one with "
                 "'dask scheduler', or leave out --scheduler to have workers on this machine"

@@ -11,11 +11,13 @@ import numpy as np
 from porocore.border import solution_of
 from porocore.cell.cell import Cell
 from porocore.config_sections import FemSettings
+from porocore.echo import cut
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.inputs import NAMES
 from porocore.local_fields.nodal import NodalFields
 from porocore.local_fields.points import PointFields
 from porocore.local_fields.vtu import write_vtu
+from porocore.possible_states import require_possible
 from porocore.report.words import MEANINGS
 from porocore.stage_files import prepare_cell
 from porocore.states import CellResponse, MacroState, Status
@@ -104,9 +106,10 @@ def solve_fields(
     for name, value in state.items():
         if name not in NAMES or not np.isfinite(value):
             raise ConfigurationError(
-                f"expected finite values of some of {', '.join(NAMES)}, got {name} = {value:g}"
+                f"expected finite values of some of {', '.join(NAMES)}, got {cut(name)} = {value:g}"
             )
         row[NAMES.index(name)] = value
+    require_possible(row[:9], row[9], cell.modulus, in_words(state))
     solver, prepared = prepare_cell(fem.backend, fem.options, cell)
     asked = MacroState.single(row[:9], row[9])
     solution = solution_of(solver, prepared, asked, tangent=False, fields=True)

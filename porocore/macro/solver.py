@@ -6,6 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from porocore.bounds import LARGEST_NUMBER
+from porocore.echo import echo
+from porocore.errors import ConfigurationError
 from porocore.interfaces.macro import MacroSolver
 from porocore.laws import MacroLaw
 from porocore.macro.march import march
@@ -15,13 +18,27 @@ from porocore.solution import MacroSolution, StepReport
 class MarchingMacroSolver(MacroSolver):
     """What ``prepare`` returns is a :class:`~porocore.macro.discretisation.Discretisation`.
 
-    Attributes
+    Parameters
     ----------
     checkpoint_seconds
         Wall time between two checkpoints; 0 writes one after every step.
+
+    Raises
+    ------
+    ConfigurationError
+        That is no time.
     """
 
-    checkpoint_seconds: float
+    def __init__(self, *, checkpoint_seconds: float = 5.0) -> None:
+        if (
+            isinstance(checkpoint_seconds, bool)
+            or not isinstance(checkpoint_seconds, int | float)
+            or not 0 <= checkpoint_seconds <= LARGEST_NUMBER
+        ):
+            raise ConfigurationError(
+                f"macro.options.checkpoint_seconds: expected a number of at least 0, got {echo(checkpoint_seconds)}"
+            )
+        self.checkpoint_seconds = float(checkpoint_seconds)
 
     def solve(
         self,

@@ -66,8 +66,8 @@ def tree(formula: Formula) -> tuple[Any, list[Any], list[Any]]:
         energy = sympy.nan
     if energy.has(sympy.zoo, sympy.nan, sympy.oo, -sympy.oo, sympy.I):
         raise ValueError(
-            f"{echo(formula.text)} holds a number that is not real or too large, by a division by zero, a huge power, or a "
-            "root or logarithm of a negative number"
+            f"{echo(formula.text)} holds a number that is not real or too large, by a division by zero, a huge power, "
+            "or a root or logarithm of a negative number"
         )
     return energy, symbols, constants
 
@@ -100,7 +100,8 @@ def _bound(parsed: Expression) -> None:
             power *= max(1.0, abs(_exponent(node.right)))
             if power > LARGEST_POWER:
                 raise ValueError(
-                    f"{echo(ast.unparse(node))}: powers whose exponents multiply to more than {LARGEST_POWER:g} are refused"
+                    f"{echo(ast.unparse(node))}: powers whose exponents multiply to more than {LARGEST_POWER:g} are "
+                    "refused"
                 )
             visit(node.left, depth, power)
             return

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from porocore.bounds import LARGEST_SEED
 from porocore.inputs import InputSpace
 from porocore.interfaces.sampler import StudyFacts, StudySampler
-from porocore.interfaces.surrogate import TrainingSet
+from porocore.interfaces.surrogate import TrainingSet, least_states
 from porocore.sampling.candidates import (
     MOST_CORNER_INPUTS,
     BoolArray,
@@ -59,7 +60,7 @@ class Learning(RoundSampler, StudySampler):
         super().__init__(inputs, whole("sampling.options.count", count, 2))
         self.initial = usual if initial is None else whole("sampling.options.initial", initial, 2)
         self.batch = whole("sampling.options.batch", batch, 1)
-        self.seed = whole("sampling.options.seed", seed, 0)
+        self.seed = whole("sampling.options.seed", seed, 0, LARGEST_SEED)
 
     def round_size(self, room: int) -> int:
         """Of the next round."""
@@ -115,6 +116,11 @@ class Learning(RoundSampler, StudySampler):
         """Which of the states so far a surrogate may learn from, (n,) bool."""
         return np.array([Status(int(response.status[0])).stable for response in self.told], dtype=bool)
 
+    @property
+    def enough(self) -> bool:
+        """Whether a surrogate can learn from the stable states so far; before that no tolerance ends a sampling."""
+        return int(self.stable.sum()) >= least_states(len(self.inputs))
+
     def reachable(self, candidates: Array) -> BoolArray:
         """Candidates whose nearest known state is stable, (m,): what lies around failed states is left alone."""
         _, nearest = distances(candidates, self.points)
@@ -146,7 +152,8 @@ class Active(Learning):
         Candidates for each state of a round, of which there are at most 512. Few keep close to an even design, which
         serves the error on average; many go to the faces and corners of the box, which serves the largest error.
     tolerance
-        Sampling ends when the largest disagreement is below this share of the range; None: when the budget is used up.
+        Sampling ends when the largest disagreement is below this share of the range and the stable states are as many
+        as a surrogate needs; None: when the budget is used up.
     seed : int, at least 0
         Seed of the design and of the candidates.
 
@@ -187,7 +194,7 @@ class Active(Learning):
         if judgement is None or not judgement.disagreement.any():
             # Too little is known for anybody to disagree.
             return unit[spread_out(unit, reachable.astype(float), self.points, size)]
-        if self.tolerance is not None and judgement.disagreement.max() < self.tolerance:
+        if self.tolerance is not None and self.enough and judgement.disagreement.max() < self.tolerance:
             return unit[:0]
         apart = APART * spacing(len(self.points) + size, len(self.inputs))
         chosen = most_worth(unit, judgement, reachable, self.points, size, apart)

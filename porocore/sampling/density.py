@@ -6,10 +6,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from porocore.bounds import MOST_STATES
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 from porocore.inputs import InputSpace
 from porocore.interfaces.sampler import Request, Sampler
-from porocore.sampling.line import Line, LinePoint, grid_values
+from porocore.sampling.line import Line, LinePoint, grid_size
 from porocore.sampling.options import positive, refuse_unknown
 from porocore.sampling.waiting import check_waiting
 from porocore.states import CellResponse, Status
@@ -62,7 +64,7 @@ class DensitySweep(Sampler):
         self.smallest = positive("sampling.options.smallest", smallest)
         if self.smallest > 1:
             raise ConfigurationError(
-                f"sampling.options.smallest: must be a fraction of the step in (0, 1], got {smallest!r}"
+                f"sampling.options.smallest: must be a fraction of the step in (0, 1], got {echo(smallest)}"
             )
         self.steps = _checked_steps(inputs, step or {}, self.smallest)
         for name, low, high in zip(inputs.names, inputs.lower, inputs.upper, strict=True):
@@ -72,9 +74,15 @@ class DensitySweep(Sampler):
                     f"got [{low:g}, {high:g}]; widen it"
                 )
         sizes = [
-            1 + sum(len(grid_values(end, step)) for end in (low, high) if end != 0)
+            1 + sum(grid_size(end, step) for end in (low, high) if end != 0)
             for low, high, step in zip(inputs.lower, inputs.upper, self.steps, strict=True)
         ]
+        if (states := math.prod(sizes)) > MOST_STATES:
+            each = " × ".join(f"{size:.4g} of {name}" for name, size in zip(inputs.names, sizes, strict=True))
+            raise ConfigurationError(
+                f"sampling.inputs: the steps make a grid of {float(states):.3g} states ({each}); at most {MOST_STATES} "
+                "are solved: enlarge the steps, or take another sampler such as sobol"
+            )
         self._grid_sizes = sizes
         #: For each input, the number of grid states that one of its values begets, itself included.
         self._subtree = [math.prod(sizes[k + 1 :]) for k in range(len(inputs))]

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from porocore.bounds import LARGEST_SEED
 from porocore.errors import ConfigurationError
 from porocore.inputs import InputSpace
 from porocore.sampling.options import refuse_unknown, whole, yes_or_no
@@ -49,7 +50,7 @@ class Design(RoundSampler):
     ) -> None:
         refuse_unknown(self.name, ("count", "seed", "corners"), unknown)
         super().__init__(inputs, whole("sampling.options.count", count, 1))
-        self.seed = whole("sampling.options.seed", seed, 0)
+        self.seed = whole("sampling.options.seed", seed, 0, LARGEST_SEED)
         self.corners = yes_or_no("sampling.options.corners", corners)
         if corners:
             d = len(inputs)

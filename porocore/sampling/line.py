@@ -123,5 +123,9 @@ class Line:
 
 def grid_values(end: float, step: float) -> list[float]:
     """step, 2 step, … with the sign of ``end``, up to ``end`` itself, which is hit exactly."""
-    count = int(np.ceil(abs(end) / step - 1e-9))
-    return [float(np.copysign(i * step, end)) for i in range(1, count)] + [end]
+    return [float(np.copysign(i * step, end)) for i in range(1, grid_size(end, step))] + [end]
+
+
+def grid_size(end: float, step: float) -> int:
+    """Return how many values :func:`grid_values` has."""
+    return max(1, int(np.ceil(abs(end) / step - 1e-9)))

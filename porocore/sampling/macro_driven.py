@@ -25,9 +25,9 @@ class MacroDriven(Learning):
     """Solve a few states, fit a surrogate, run the macro problem with it, solve where it went, and so on.
 
     It ends when a round has changed no result of the macro runs (final settlement and largest pressure under each
-    load; largest and final force on a surface that is moved) by more than ``tolerance``, twice in a row, or with the
-    budget. One half of a round are the visited states that are farthest from all known ones; the other are those that
-    tell most about all visited states, weighted by how much a committee of polynomials disagrees there (as in
+    load; largest and final force on a surface that is moved) by more than ``tolerance``, twice in a row, and the stable
+    states are as many as a surrogate needs, or with the budget. One half of a round are the visited states that are
+    farthest from all known ones; the other are those that tell most about all visited states, weighted by how much a committee of polynomials disagrees there (as in
     :class:`~porocore.sampling.active.Active`). Visited states outside the box are moved to its faces. Of a macro run
     that does not reach its end, the states until there count; where nothing new was visited, the round fills the box.
 
@@ -90,7 +90,7 @@ class MacroDriven(Learning):
             return self._filling(size)
         found = self.study.explore(data, elements=self.elements, steps=self.steps)
         self.results.append(np.array(found.results))
-        if self.settled:
+        if self.settled and self.enough:
             return self.points[:0]
         visited = self._lattice(self.inputs.gather(self.inputs.without_rotation(found.states)))
         distance, _ = distances(visited, self.points)

@@ -6,27 +6,31 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from porocore.bounds import MOST_STATES
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 
 
 def positive(key: str, value: Any) -> float:
     """A finite number above zero."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-        raise ConfigurationError(f"{key}: must be a positive number, got {value!r}")
+        raise ConfigurationError(f"{key}: must be a positive number, got {echo(value)}")
     return float(value)
 
 
-def whole(key: str, value: Any, least: int) -> int:
-    """A whole number of at least ``least``."""
+def whole(key: str, value: Any, least: int, most: int = MOST_STATES) -> int:
+    """Return a whole number from ``least`` to ``most``."""
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise ConfigurationError(f"{key}: must be a whole number of at least {least}, got {value!r}")
+        raise ConfigurationError(f"{key}: must be a whole number of at least {least}, got {echo(value)}")
+    if value > most:
+        raise ConfigurationError(f"{key}: must be a whole number of at most {most}, got {echo(value)}")
     return value
 
 
 def yes_or_no(key: str, value: Any) -> bool:
     """True or false."""
     if not isinstance(value, bool):
-        raise ConfigurationError(f"{key}: must be true or false, got {value!r}")
+        raise ConfigurationError(f"{key}: must be true or false, got {echo(value)}")
     return value
 
 
@@ -47,6 +51,6 @@ def refuse_unknown(sampler: str, known: tuple[str, ...], unknown: Mapping[str, A
     if "tolerance" in unknown:
         raise ConfigurationError(f"sampling.tolerance: {sampler} takes no tolerance; remove it")
     raise ConfigurationError(
-        f"sampling.options: unknown option {', '.join(map(repr, sorted(unknown)))} of {sampler}; "
+        f"sampling.options: unknown option {', '.join(map(echo, sorted(unknown)[:5]))} of {sampler}; "
         f"the options are {', '.join(known)}"
     )

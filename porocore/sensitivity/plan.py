@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.bounds import MOST_POINTS, SMALLEST_INTERVAL
 from porocore.errors import ConfigurationError
 from porocore.inputs import NAMES
 from porocore.states import MacroState
@@ -47,6 +48,10 @@ class Sweep:
             )
         if self.step <= 0:
             raise ConfigurationError(f"expected a positive step, got {self.step:g}")
+        if (states := (self.upper - self.lower) / self.step) > MOST_POINTS:
+            raise ConfigurationError(
+                f"steps of {self.step:g} make {states:.3g} states; at most {MOST_POINTS} are solved: take larger ones"
+            )
 
 
 #: Beyond what the benchmark's cell can bear in compression, and far enough in the rest. Shear needs the whole cell.
@@ -79,8 +84,10 @@ class StudyPlan:
         for name in self.sweeps:
             if name not in LOADS:
                 raise ConfigurationError(f"unknown load '{name}'; expected some of {', '.join(LOADS)}")
-        if not (math.isfinite(self.tolerance) and self.tolerance > 0):
-            raise ConfigurationError(f"expected a positive tolerance, got {self.tolerance:g}")
+        if not SMALLEST_INTERVAL <= self.tolerance < math.inf:
+            raise ConfigurationError(
+                f"expected a tolerance of at least {SMALLEST_INTERVAL:g}, got {self.tolerance:g}"
+            )
 
     def half_lines(self) -> Iterator[tuple[str, int, float]]:
         """Load, sign and goal of every half line; those on the whole cell, which take longest, first."""

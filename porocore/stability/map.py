@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from porocore.csv_table import write_csv
+from porocore.echo import echo
 from porocore.equilibrium.solver import EquilibriumCellSolver, PreparedCell
 from porocore.errors import ConfigurationError, DataError
 from porocore.hdf5 import Contents, Kind, atomic_hdf5, opened
@@ -65,7 +66,7 @@ class MapPlan:
         for name in (*self.along, self.across):
             if name not in names:
                 raise ConfigurationError(
-                    f"unknown input '{name}' of a stability map; expected one of {', '.join(names)}: its states "
+                    f"unknown input {echo(name)} of a stability map; expected one of {', '.join(names)}: its states "
                     "keep the mirror planes of the cell"
                 )
         if self.across in self.along:

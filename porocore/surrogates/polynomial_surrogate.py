@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
+from porocore.echo import cut, echo
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
 from porocore.surrogates.polynomial import polynomial_model
@@ -34,13 +35,14 @@ class PolynomialSurrogate(ModelSurrogate):
     def __init__(self, *, model: str | None = None, degree: int | None = None, **unknown: Any) -> None:
         if unknown:
             raise ConfigurationError(
-                f"surrogate.options.{min(unknown)}: the polynomial surrogate has no such option; its option is degree"
+                f"surrogate.options.{cut(min(unknown))}: the polynomial surrogate has no such option; "
+                "its option is degree"
             )
         if degree is not None and (
             isinstance(degree, bool) or not isinstance(degree, int) or not 2 <= degree <= 12
         ):
             raise ConfigurationError(
-                f"surrogate.options.degree: expected a whole number from 2 to 12, got {degree!r}"
+                f"surrogate.options.degree: expected a whole number from 2 to 12, got {echo(degree)}"
             )
         super().__init__(model=model, degree=degree)
         self.degree = degree

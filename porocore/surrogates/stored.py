@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
@@ -54,7 +55,8 @@ class ModelSurrogate(Surrogate):
         model = self.models[0] if model is None else model
         if model not in self.models:
             raise ConfigurationError(
-                f"surrogate.model: expected {' or '.join(self.models)} of the {self.backend} surrogate, got {model!r}"
+                f"surrogate.model: expected {' or '.join(self.models)} of the {self.backend} surrogate, "
+                f"got {echo(model)}"
             )
         self.model, self.settings = model, options
         self.accuracy: dict[str, float] = {}

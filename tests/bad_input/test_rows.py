@@ -18,6 +18,8 @@ HERE = Path(__file__).parent
 ROWS: list[Row] = [
     row for path in sorted(HERE.glob("rows_*.py")) for row in importlib.import_module(path.stem).ROWS
 ]
+#: Characters of what came that an answer may repeat in one piece.
+ECHOED = 80
 #: Bounds on one answer: characters of standard error, seconds, bytes.
 LONGEST, LATEST, LARGEST = 2000, 10, 1 << 30
 
@@ -44,6 +46,7 @@ def test_bad_input_is_refused_in_one_message(row, tmp_path, monkeypatch, capfd):
         told = " ".join((done.out + done.err).split())
         assert "Traceback" not in told
     assert len(done.err) <= LONGEST, f"{len(done.err)} characters"
+    assert_echoes_little(told, row)
     assert row.prints or done.out == ""
     for words in row.expected:
         assert " ".join(words.split()) in told, told
@@ -66,11 +69,20 @@ def the_message(err: str) -> str:
     return told
 
 
+def assert_echoes_little(told, row):
+    """No more than 80 characters in one piece come from the words or from a text file of the row."""
+    given = [*row.words, *(content for content in row.files.values() if isinstance(content, str))]
+    given = [" ".join(text.split()) for text in given if len(text) > ECHOED]
+    for i in range(len(told) - ECHOED):
+        assert not any(told[i : i + ECHOED + 1] in text for text in given), told
+
+
 def assert_points_at_its_key(told, config):
     """Each line of the configuration that is named holds a part of the key that is named behind it."""
     for number, key in re.findall(rf"{CONFIG}:(\d+): ([\w.+-]+): ", told):
         source = config.read_text(encoding="utf-8").splitlines()[int(number) - 1]
-        assert any(f"{part}:" in source for part in key.split(".")), f"{key}: {number} is {source!r}"
+        entry = key.rpartition(".")[2].isdigit() and source.lstrip().startswith("- ")
+        assert entry or any(f"{part}:" in source for part in key.split(".")), f"{key}: {number} is {source!r}"
 
 
 def test_the_names_tell_the_rows_apart():

@@ -173,7 +173,7 @@ def test_wait_unless_gives_up_when_it_is_told(tmp_path: Path) -> None:
 def test_the_options_of_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from typer.testing import CliRunner
 
-    from porocore import pipeline
+    from porocore import pipeline, preflight
     from porocore.benchmark import benchmark_path
     from porocore.cli.common import Interrupted
     from porocore.cli.entry import app
@@ -183,16 +183,19 @@ def test_the_options_of_the_command_line(tmp_path: Path, monkeypatch: pytest.Mon
     with refused("'serial' has no scheduler"):
         raise CliRunner().invoke(app, [*words, "--executor", "serial", "--scheduler", "tcp://a:1"]).exception
     assert not out.exists()
-    asked = []
+    asked: list[Any] = []
+    reached: list[str] = []
 
     def interrupted(folder: Any, config: Any, **how: Any) -> None:
         asked.append((config.sampling.executor, config.sampling.scheduler, how["retry_lost"]))
         raise KeyboardInterrupt
 
     monkeypatch.setattr(pipeline, "sample", interrupted)
+    monkeypatch.setattr(preflight, "reach", reached.append)
     for more in ([*words], ["sample", str(out)]):
         more = [*more, "--scheduler", "tcp://a:1", "--retry-lost"]
         result = CliRunner().invoke(app, more)
         assert isinstance(result.exception, Interrupted)
         assert f"porocore sample {out} --scheduler tcp://a:1" in str(result.exception)
     assert asked == [("dask", "tcp://a:1", True)] * 2
+    assert reached == ["tcp://a:1"]  # a run folder that is there asks when it solves

@@ -1,8 +1,10 @@
 """What is found before anything is solved: ``porocore check``, and faults with file, line and key."""
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from pydantic import ValidationError
@@ -12,7 +14,9 @@ from porocore import backends, registry
 from porocore.cell.geometry import OrthogonalChannels
 from porocore.config import load_config
 from porocore.errors import ConfigurationError
-from porocore.preflight import check_backends, outline
+from porocore.inputs import NAMES, InputSpace
+from porocore.possible_states import least_volume
+from porocore.preflight import check_backends, check_sampling, outline
 from porocore.problem import TimePlan
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -83,14 +87,33 @@ def test_default_profile_times_beyond_the_end_are_left_out():
         TimePlan(end=5, profiles=(1.0, 10.0, 40.0))
 
 
-@pytest.mark.parametrize(("count", "noted"), [(4, True), (9, True), (10, False)])
-def test_check_notes_too_few_states_to_train_on(count, noted, tmp_path):
-    """Of four inputs."""
-    path = study_of(tmp_path, sampling__sampler="sobol", sampling__options={"count": count})
-    lines = list(outline(load_config(path)))
-    assert (
-        f"note: {count} states are too few to train on, at least 10 are needed" in "\n".join(lines)
-    ) == noted
+@pytest.mark.parametrize(("count", "refused"), [(4, True), (9, True), (10, False)])
+def test_check_refuses_too_few_states_to_train_on(count, refused, tmp_path):
+    """Of four inputs; training would refuse them with the same words, after they were solved."""
+    path = study_of(
+        tmp_path, sampling__sampler="sobol", sampling__options={"count": count}, sampling__tolerance=None
+    )
+    config = load_config(path)
+    words = f"{count} states are too few to train on, at least 10 are needed"
+    with pytest.raises(ConfigurationError, match=words) if refused else nullcontext():
+        check_sampling(config, trained=True)
+    check_sampling(config, trained=False)
+
+
+def test_the_least_volume_of_a_box_is_that_of_no_sampled_state():
+    """Random states of random boxes have at least it, and one corner has it."""
+    generator = np.random.default_rng(3)
+    for names in (("H11",), ("H22", "p", "H12"), NAMES[:9]):
+        low = generator.uniform(-0.6, -0.1, len(names))
+        inputs = InputSpace(names, tuple(low), tuple(low + generator.uniform(0.1, 0.9, len(names))))
+        J, corner = least_volume(inputs)
+        states = inputs.scatter(
+            np.array(inputs.lower)
+            + generator.random((4000, len(names))) * np.ptp([inputs.lower, inputs.upper], axis=0)
+        )
+        assert np.linalg.det(np.eye(3) + states.grad_u).min() >= J - 1e-12
+        there = inputs.scatter([[corner.get(name, 0.0) for name in names]])
+        assert np.linalg.det(np.eye(3) + there.grad_u[0]) == pytest.approx(J, abs=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import Any
 from porocore.cell.cell import Cell
 from porocore.cell.mesh import CellMesh
 from porocore.cell.quadrature import LARGEST_DEGREE
+from porocore.echo import echo
 from porocore.equilibrium.solver import EquilibriumCellSolver
 from porocore.errors import ConfigurationError
 from porocore_fem_dolfinx.linalg import choose
@@ -45,11 +46,11 @@ class DolfinxCellSolver(EquilibriumCellSolver):
         if quadrature_degree is not None and quadrature_degree not in range(1, LARGEST_DEGREE + 1):
             raise ConfigurationError(
                 f"fem.options.quadrature_degree: expected an integer from 1 to {LARGEST_DEGREE}, "
-                f"got {quadrature_degree!r}"
+                f"got {echo(quadrature_degree)}"
             )
         if petsc is not None and not isinstance(petsc, Mapping):
             raise ConfigurationError(
-                f"fem.options.petsc: expected PETSc options such as 'ksp_type: cg', got {petsc!r}"
+                f"fem.options.petsc: expected PETSc options such as 'ksp_type: cg', got {echo(petsc)}"
             )
         choose(solver, 0)
         self.quadrature_degree, self.solver, self.petsc = quadrature_degree, solver, dict(petsc or {})

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from porocore.echo import echo
 from porocore.equilibrium.discrete import FactorError
 from porocore.errors import ConfigurationError
 from porocore_fem_dolfinx import compat
@@ -55,7 +56,7 @@ def choose(solver: str, unknowns: int) -> str:
     """
     if solver not in CHOICES:
         raise ConfigurationError(
-            f"fem.options.solver: expected {', '.join(CHOICES[:-1])} or {CHOICES[-1]}, got {solver!r}"
+            f"fem.options.solver: expected {', '.join(CHOICES[:-1])} or {CHOICES[-1]}, got {echo(solver)}"
         )
     if solver == "auto":
         return "mumps" if unknowns <= MUMPS_LIMIT else "cholmod" if unknowns <= DIRECT_LIMIT else "gamg"

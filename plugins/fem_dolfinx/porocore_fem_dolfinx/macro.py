@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 from porocore.macro.body import body_mesh
 from porocore.macro.boundary import boundary_data
@@ -37,13 +38,14 @@ class DolfinxMacroSolver(MarchingMacroSolver):
     ) -> None:
         if unknown:
             raise ConfigurationError(
-                f"macro.options: unknown key '{min(unknown)}'; dolfinx takes petsc and checkpoint_seconds"
+                f"macro.options: unknown key {echo(min(unknown))}; dolfinx takes petsc and checkpoint_seconds"
             )
         if petsc is not None and not isinstance(petsc, Mapping):
             raise ConfigurationError(
-                f"macro.options.petsc: expected PETSc options such as 'ksp_type: fgmres', got {petsc!r}"
+                f"macro.options.petsc: expected PETSc options such as 'ksp_type: fgmres', got {echo(petsc)}"
             )
-        self.petsc, self.checkpoint_seconds = dict(petsc or {}), checkpoint_seconds
+        super().__init__(checkpoint_seconds=checkpoint_seconds)
+        self.petsc = dict(petsc or {})
         self._comm = MPI.COMM_WORLD
         self.world = MpiWorld(self._comm) if self._comm.size > 1 else World()
 

@@ -8,6 +8,7 @@ from porocore.cell.cell import Cell
 from porocore.cell.mesh import CellMesh
 from porocore.cell.quadrature import LARGEST_DEGREE
 from porocore.contact.model import contact_of
+from porocore.echo import echo
 from porocore.equilibrium.solver import EquilibriumCellSolver
 from porocore.errors import ConfigurationError
 from porocore_fem_skfem.solid import SolidProblem
@@ -34,7 +35,7 @@ class SkfemCellSolver(EquilibriumCellSolver):
         if quadrature_degree is not None and quadrature_degree not in range(1, LARGEST_DEGREE + 1):
             raise ConfigurationError(
                 f"fem.options.quadrature_degree: expected an integer from 1 to {LARGEST_DEGREE}, "
-                f"got {quadrature_degree!r}"
+                f"got {echo(quadrature_degree)}"
             )
         self.quadrature_degree, self.solver = quadrature_degree, solver
 

@@ -18,10 +18,6 @@ class SkfemMacroSolver(MarchingMacroSolver):
         Wall time between two checkpoints, in seconds; 0 writes one after every step.
     """
 
-    def __init__(self, *, checkpoint_seconds: float = 5.0) -> None:
-        super().__init__()
-        self.checkpoint_seconds = checkpoint_seconds
-
     def prepare(self, problem: MacroProblem) -> Assembler:
         """Mesh, boundary data, shape functions and sparsity.
 
