@@ -13,6 +13,7 @@ from functools import cache
 from typing import Any
 
 from porocore.discovery import Broken, Offered, discover, joined
+from porocore.echo import echo
 from porocore.errors import PluginError
 from porocore.foreign_code import attempt, place_of, reason_of
 from porocore.hookspecs import Kind, short_repr
@@ -128,7 +129,7 @@ class Registry:
         others = joined(o.kind for o in self.offers if o.offer.name == name)
         also = f", which is a {others}; choose another by {CHOICES[kind]}" if others else ""
         return (
-            f"unknown {kind} '{name}'{also}; {advice}installed: {installed or 'none'}; "
+            f"unknown {kind} {echo(name)}{also}; {advice}installed: {installed or 'none'}; "
             f"'porocore plugins' shows all{broken}"
         )
 

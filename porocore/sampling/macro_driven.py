@@ -26,10 +26,11 @@ class MacroDriven(Learning):
 
     It ends when a round has changed no result of the macro runs (final settlement and largest pressure under each
     load; largest and final force on a surface that is moved) by more than ``tolerance``, twice in a row, and the stable
-    states are as many as a surrogate needs, or with the budget. One half of a round are the visited states that are
-    farthest from all known ones; the other are those that tell most about all visited states, weighted by how much a committee of polynomials disagrees there (as in
-    :class:`~porocore.sampling.active.Active`). Visited states outside the box are moved to its faces. Of a macro run
-    that does not reach its end, the states until there count; where nothing new was visited, the round fills the box.
+    states are as many as a surrogate needs; or with the budget. One half of a round are the visited states that are
+    farthest from all known ones; the other are those that tell most about all visited states, weighted by how much a
+    committee of polynomials disagrees there (as in :class:`~porocore.sampling.active.Active`). Visited states outside
+    the box are moved to its faces. Of a macro run that does not reach its end, the states until there count; where
+    nothing new was visited, the round fills the box.
 
     Parameters
     ----------

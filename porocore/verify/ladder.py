@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from porocore.crosscheck.attempt import attempt
+from porocore.echo import echo
 from porocore.errors import ConfigurationError, PluginError
 from porocore.hookspecs import Kind
 from porocore.registry import registry
@@ -134,7 +135,7 @@ def find_cases(names: Sequence[str] = ()) -> list[Case]:
     """
     unknown = [name for name in names if name not in CASES]
     if unknown:
-        raise ConfigurationError(f"--case: unknown case '{unknown[0]}'; the cases are {', '.join(CASES)}")
+        raise ConfigurationError(f"--case: unknown case {echo(unknown[0])}; the cases are {', '.join(CASES)}")
     return [case for name, case in CASES.items() if not names or name in names]
 
 

@@ -125,7 +125,7 @@ def test_a_folder_with_something_else_is_refused(results):
     [
         (["dehghani2021"], "unknown publication 'dehghani2021'; expected dehghani2022"),
         (["dehghani2022", "--figure", "12"], "there is no figure '12'"),
-        (["dehghani2022", "--workers", "0"], "--workers: expected at least 1, got 0"),
+        (["dehghani2022", "--workers", "0"], "--workers: expected 1 to 512, got 0"),
     ],
 )
 def test_bad_use_is_refused(words, message, tmp_path):

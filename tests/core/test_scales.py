@@ -62,7 +62,10 @@ def test_a_scenario_of_ones_own():
         (["mass=1"], "unknown quantity 'mass'"),
         (["--scenario", "moon"], "unknown scenario 'moon'; expected one of brain-tissue, soil"),
         (["--force", "1"], "--pore and --length are missing"),
-        (["--force", "-1", "--pore", "1", "--length", "1"], "--force: expected a positive number, got -1"),
+        (
+            ["--force", "-1", "--pore", "1", "--length", "1"],
+            "--force: expected a number from 1e-30 to 1e+30, got -1",
+        ),
     ],
 )
 def test_bad_use_is_refused(words, message):

@@ -77,7 +77,7 @@ def test_a_load_moves_its_components_alike():
         (lambda: Sweep(-1.0, np.inf, 0.1), "finite"),
         (lambda: StudyPlan({}), "at least one load"),
         (lambda: StudyPlan({"torsion": Sweep(-1, 1, 0.1)}), "unknown load 'torsion'"),
-        (lambda: StudyPlan(tolerance=0.0), "positive tolerance"),
+        (lambda: StudyPlan(tolerance=0.0), "a tolerance of at least 1e-09"),
     ],
 )
 def test_what_a_plan_refuses(make, message):

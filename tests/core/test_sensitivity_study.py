@@ -147,7 +147,7 @@ def test_the_command_writes_data_table_and_figures(monkeypatch, capsys, config, 
         (("--loads", "shear=x:1"), "expected goals and a step"),
         (("--loads", "shear=0.1:1"), "shear: expected goals with lower ≤ 0 ≤ upper"),
         (("--tolerance", "0"), "--tolerance: expected a positive tolerance"),
-        (("--workers", "0"), "--workers: expected at least 1"),
+        (("--workers", "0"), "--workers: expected 1 to 512"),
     ],
     ids=str,
 )

@@ -257,10 +257,10 @@ def test_a_surrogate_without_architecture_is_refused(folder, command):
     ("words", "message"),
     [
         (("--widths", "8,x"), "--widths: expected whole numbers with commas between"),
-        (("--depths", "0"), "--depths: expected whole numbers ≥ 1"),
+        (("--depths", "0"), "--depths: expected whole numbers from 1 to 20"),
         (("--activations", "relu"), "--activations: expected some of sigmoid, tanh, got 'relu'"),
         (("--margin", "-1"), "--margin: expected a percentage of at least 0"),
-        (("--workers", "0"), "--workers: expected at least 1"),
+        (("--workers", "0"), "--workers: expected 1 to 512"),
         (("--surrogate", "torhc"), "torhc"),
     ],
 )

@@ -236,7 +236,10 @@ def test_plain_numbers_have_no_unit():
         ),
         ({"scales": {"modulus": "2 mm"}}, "scales.modulus: expected a stress, such as 2 kPa, got '2 mm'"),
         ({"scales": {"force": "1 N"}}, "scales: expected either modulus, which is E, or force"),
-        ({"scales": {"length": -1}}, "scales.length: expected a number with 0 < length, got -1"),
+        (
+            {"scales": {"length": -1}},
+            "scales.length: expected a number with 1e-30 <= length <= 1e+30, got -1",
+        ),
         ({"output_units": {"length": "kPa"}}, "output_units.length: expected a length"),
         ({"output_units": {"lenght": "mm"}}, "output_units.lenght: unknown key; did you mean 'length'?"),
     ],
