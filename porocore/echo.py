@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 #: Characters of what came that a message repeats.
@@ -42,6 +42,15 @@ def echo(value: Any, most: int = MOST) -> str:
     except (yaml.YAMLError, ValueError, RecursionError):
         text = reprlib.repr(value)
     return cut(text.removesuffix("...").strip(), most)
+
+
+def without_long_words(message: str, words: Iterable[str]) -> str:
+    """Return a message of other software with the long ones of ``words``, and their part behind ``=``, cut."""
+    for word in words:
+        for part in (word, word.partition("=")[2]):
+            if len(part) > MOST:
+                message = message.replace(part, cut(part))
+    return message
 
 
 def _pruned(value: Any, level: int = 0) -> Any:

@@ -9,6 +9,7 @@ from pathlib import Path
 import yaml
 
 from porocore.benchmark import benchmark_path
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 
 SCHEMA_FILE = "porocore.schema.json"
@@ -66,5 +67,5 @@ def example(name: str) -> Example:
     if name not in known:
         close = difflib.get_close_matches(name, known, n=1)
         question = f"did you mean '{close[0]}'? " if close else ""
-        raise ConfigurationError(f"no example '{name}'; {question}the examples are {', '.join(known)}")
+        raise ConfigurationError(f"no example {echo(name)}; {question}the examples are {', '.join(known)}")
     return known[name]

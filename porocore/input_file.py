@@ -14,6 +14,8 @@ from porocore.reading import require_ordinary
 
 #: Size of a mesh, geometry or image that is read [bytes].
 LARGEST = 2 << 30
+#: Characters of a path; no system opens longer ones.
+LONGEST_PATH = 4095
 
 
 class FromFile(BaseModel):
@@ -65,6 +67,8 @@ def absolute_path(given: str, info: ValidationInfo) -> str:
         There is no such file, or it has changed.
     """
     path = (Path((info.context or {}).get("folder", ".")) / given).absolute()
+    if len(str(path)) > LONGEST_PATH:
+        raise ValueError(f"a path of {len(str(path))} characters; at most {LONGEST_PATH} can be opened")
     expected = info.data.get("sha256")
     # Where the content is known, what was computed of it can be looked at without the file.
     fault = _fault(path)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import sys
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from porocore.cli import (
     cell,
@@ -22,6 +24,7 @@ from porocore.cli import (
     verify,
 )
 from porocore.cli.ending import ending
+from porocore.echo import without_long_words
 from porocore.errors import PorocoreError
 from porocore.parallel import launched
 
@@ -43,7 +46,22 @@ Examples:
 * `porocore cell my.yaml --grad-u "0 0 0; 0 -0.1 0; 0 0 0" --p 0.05` – one state of the cell
 """
 
+
+class _Commands(TyperGroup):
+    """The parser's own messages repeat long words; they are cut here as in all others."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except Exception as error:
+            message = getattr(error, "message", None)
+            if isinstance(message, str) and hasattr(error, "format_message"):
+                error.message = without_long_words(message, sys.argv[1:])  # type: ignore[attr-defined]
+            raise
+
+
 app = typer.Typer(
+    cls=_Commands,
     help=HELP,
     epilog=EPILOG,
     add_completion=False,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -162,7 +163,7 @@ def chosen(wanted: list[str] | None) -> tuple[PaperFigure, ...]:
         if not which:
             numbers = sorted({figure.number for figure in FIGURES})
             raise ConfigurationError(
-                f"--figure: there is no figure '{name}' to be computed; expected one of "
+                f"--figure: there is no figure {echo(name)} to be computed; expected one of "
                 f"{', '.join(map(str, numbers))}, with or without its panel, such as 13 or 13a "
                 f"(figures {', '.join(map(str, SKETCHES))} are sketches)"
             )

@@ -12,6 +12,7 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template as Text
 
+from porocore.echo import echo
 from porocore.errors import ConfigurationError
 from porocore.hookspecs import INTERFACES
 from porocore.plugin_kinds import FIRST_PARTY
@@ -118,7 +119,7 @@ def _check_name(name: str, template: Template) -> None:
     if not NAME.fullmatch(name) or len(name) > LONGEST:
         raise ConfigurationError(
             f"NAME: expected small letters, digits and single hyphens, beginning with a letter, at most {LONGEST}, "
-            f"such as my-{template.prefix}; got '{name}'"
+            f"such as my-{template.prefix}; got {echo(name)}"
         )
     owners = [
         str(offered.source)

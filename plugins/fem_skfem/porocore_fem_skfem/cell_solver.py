@@ -30,7 +30,7 @@ class SkfemCellSolver(EquilibriumCellSolver):
     def __init__(self, *, quadrature_degree: int | None = None, solver: str = "auto", **unknown: Any) -> None:
         if unknown:
             raise ConfigurationError(
-                f"fem.options: unknown key '{min(unknown)}'; scikit-fem takes quadrature_degree and solver"
+                f"fem.options: unknown key {echo(min(unknown))}; scikit-fem takes quadrature_degree and solver"
             )
         if quadrature_degree is not None and quadrature_degree not in range(1, LARGEST_DEGREE + 1):
             raise ConfigurationError(
