@@ -18,6 +18,7 @@ from typing import Annotated, Any
 import yaml
 from pydantic import Field, ValidationError, ValidationInfo, field_validator
 
+from porocore.bounds import LARGEST_NUMBER
 from porocore.cell.cell import Cell
 from porocore.closures import CLOSURES, MeanGradientClosure
 from porocore.closures.pull_back import ConductivityLaw
@@ -246,9 +247,16 @@ def validated(document: YamlDocument) -> RunConfig:
         found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
     else:
         found += [
-            (at, unexpected(at, "a finite number", value))
+            (
+                at,
+                unexpected(
+                    at,
+                    f"a number up to {LARGEST_NUMBER:g}" if math.isfinite(value) else "a finite number",
+                    value,
+                ),
+            )
             for at, value in _leaves(config.model_dump())
-            if isinstance(value, float) and not math.isfinite(value)
+            if isinstance(value, float) and not abs(value) <= LARGEST_NUMBER
         ]
         found += _unknown_surfaces(config.macro)
     # No setting of porocore is true or false, but pydantic would take 'yes' for 1.

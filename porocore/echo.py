@@ -8,6 +8,8 @@ from typing import Any
 
 #: Characters of what came that a message repeats.
 MOST = 80
+#: Characters of a path that is shown whole, since it is no use in pieces.
+LONGEST_PATH = 240
 #: Entries of a list or mapping that are looked at, and levels of them.
 ENTRIES, LEVELS = 20, 5
 
@@ -42,6 +44,12 @@ def echo(value: Any, most: int = MOST) -> str:
     except (yaml.YAMLError, ValueError, RecursionError):
         text = reprlib.repr(value)
     return cut(text.removesuffix("...").strip(), most)
+
+
+def echo_path(path: object) -> str:
+    """Return a path as a message shows it: whole, unless no file can have so long a name."""
+    text = str(path)
+    return cut(text, LONGEST_PATH if len(text) <= LONGEST_PATH else MOST)
 
 
 def without_long_words(message: str, words: Iterable[str]) -> str:

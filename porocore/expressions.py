@@ -99,6 +99,8 @@ class Expression:
 def _parse(text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> Expression:
     if len(text) > LONGEST:
         raise ValueError(f"the formula has {len(text)} characters; at most {LONGEST} are read")
+    if "\0" in text:
+        raise ValueError(f"{echo(text)} is no formula: it holds a null character")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
         _check(tree, text.strip(), names, functions)

@@ -9,13 +9,12 @@ from typing import Annotated, Self
 from pydantic import BaseModel, Field, field_validator, model_validator
 from pydantic_core.core_schema import ValidationInfo
 
+from porocore.echo import echo_path
 from porocore.errors import ConfigurationError
 from porocore.reading import require_ordinary
 
 #: Size of a mesh, geometry or image that is read [bytes].
 LARGEST = 2 << 30
-#: Characters of a path; no system opens longer ones.
-LONGEST_PATH = 4095
 
 
 class FromFile(BaseModel):
@@ -67,8 +66,6 @@ def absolute_path(given: str, info: ValidationInfo) -> str:
         There is no such file, or it has changed.
     """
     path = (Path((info.context or {}).get("folder", ".")) / given).absolute()
-    if len(str(path)) > LONGEST_PATH:
-        raise ValueError(f"a path of {len(str(path))} characters; at most {LONGEST_PATH} can be opened")
     expected = info.data.get("sha256")
     # Where the content is known, what was computed of it can be looked at without the file.
     fault = _fault(path)
@@ -84,9 +81,9 @@ def _fault(path: Path) -> str | None:
     try:
         require_ordinary(path, LARGEST)
     except FileNotFoundError:
-        return f"no such file: {path}"
+        return f"no such file: {echo_path(path)}"
     except OSError as error:
-        return f"{path}: {error.strerror or error}"
+        return f"{echo_path(path)}: {error.strerror or error}"
     return None
 
 
@@ -102,7 +99,7 @@ def content_hash(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise ValueError(f"{path} cannot be read: {error.strerror or error}") from error
+        raise ValueError(f"{echo_path(path)} cannot be read: {error.strerror or error}") from error
 
 
 def _changed(path: Path, expected: str | None, found: str) -> str:

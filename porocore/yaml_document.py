@@ -10,8 +10,9 @@ from typing import Any
 import yaml
 
 from porocore import yaml_loader
-from porocore.echo import MOST, cut
+from porocore.echo import MOST, cut, echo_path
 from porocore.errors import ConfigurationError
+from porocore.reading import read_text
 
 #: Where something stands in a document: keys and list positions, as text.
 Location = tuple[str, ...]
@@ -118,7 +119,7 @@ def _locations(value: Any, at: Location) -> Iterator[Location]:
 def _text(path: Path) -> str:
     """Return what a configuration file holds; what cannot be read is a :class:`ConfigurationError`."""
     try:
-        return yaml_loader.read_text(path)
+        return read_text(path, yaml_loader.MOST_BYTES)
     except FileNotFoundError as error:
         raise ConfigurationError(
             f"{path}: no such file; give the path of a configuration, such as one from examples/"
@@ -128,9 +129,7 @@ def _text(path: Path) -> str:
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: expected YAML text in UTF-8, got other bytes") from error
     except OSError as error:
-        raise ConfigurationError(f"{cut(str(path))}: cannot be read: {error.strerror or error}") from error
-    except ValueError as error:
-        raise ConfigurationError(f"{cut(str(path))}: {error}") from error
+        raise ConfigurationError(f"{echo_path(path)}: cannot be read: {error.strerror or error}") from error
 
 
 def _record(node: Any, location: Location, lines: dict[Location, int], path: Path) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import stat
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -14,24 +12,6 @@ from porocore.echo import cut
 MOST_BYTES, MOST_NODES, DEEPEST, LONGEST_NUMBER = 1_000_000, 50_000, 30, 60
 TOO_MANY = f"more than {MOST_NODES} keys and values, aliases spelt out"
 _NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
-
-
-def read_text(path: Path) -> str:
-    """Return the text of a file that is no larger than a configuration can be.
-
-    Raises
-    ------
-    OSError, UnicodeDecodeError
-        It cannot be read, or is not UTF-8.
-    ValueError
-        It is too large, or no file: a pipe or a device may never end.
-    """
-    status = path.stat()
-    if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(status.st_mode):
-        raise ValueError("expected a file, got a pipe or a device")
-    if status.st_size > MOST_BYTES:
-        raise ValueError(f"the file has {status.st_size} bytes; at most {MOST_BYTES} are read")
-    return path.read_bytes()[: MOST_BYTES + 1].decode("utf-8")
 
 
 def load(text: str) -> tuple[yaml.Node | None, Any]:

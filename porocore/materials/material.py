@@ -112,5 +112,10 @@ class Material(BaseModel, StrainEnergy):
     @model_validator(mode="after")
     def _sound(self) -> Self:
         rest = np.eye(3)
-        check_reference(self.energy_density(rest), self.stress(rest), self.elasticity, self.stress_hint)
+        try:
+            check_reference(self.energy_density(rest), self.stress(rest), self.elasticity, self.stress_hint)
+        except OverflowError:
+            raise ValueError(
+                "the energy or a derivative of it is too large a number at F = I; give smaller powers"
+            ) from None
         return self
