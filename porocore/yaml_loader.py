@@ -44,14 +44,17 @@ class _BoundedLoader(yaml.SafeLoader):
 
     _depth = _nodes = 0
 
+    def _here(self) -> Any:
+        return self.peek_event().start_mark  # type: ignore[no-untyped-call]
+
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         self._depth += 1
         self._nodes += 1
         if self._depth > DEEPEST:
             problem = f"sections are nested more than {DEEPEST} levels deep"
-            raise Refused(problem=problem, problem_mark=self.peek_event().start_mark)
+            raise Refused(problem=problem, problem_mark=self._here())
         if self._nodes > MOST_NODES:
-            raise Refused(problem=TOO_MANY, problem_mark=self.peek_event().start_mark)
+            raise Refused(problem=TOO_MANY, problem_mark=self._here())
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
