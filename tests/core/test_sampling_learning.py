@@ -11,7 +11,7 @@ import pytest
 
 from porocore.inputs import InputSpace
 from porocore.interfaces.sampler import Exploration, Sampler, StudyFacts
-from porocore.interfaces.surrogate import TrainingSet
+from porocore.interfaces.surrogate import TrainingSet, least_states
 from porocore.sampling.active import Active
 from porocore.sampling.candidates import most_worth, spread_out
 from porocore.sampling.committee import committee
@@ -188,6 +188,15 @@ def test_active_sampling_ends_when_the_committee_agrees() -> None:
     active.inform(column_study())
     assert len(solve_all(active, COLUMN, synthetic_cell)) < 60
     assert active.expected < 60
+
+
+def test_no_tolerance_ends_a_sampling_before_a_surrogate_can_be_trained() -> None:
+    """Of seven inputs the committee agrees after 11 states; training refuses fewer than 16."""
+    inputs = InputSpace(potential_cell.INPUTS.names[:7], (-0.01,) * 7, (0.01,) * 7)
+    active = Active(inputs, count=60, tolerance=10.0)
+    active.inform(StudyFacts(potential_cell.respond(MacroState.zeros(1)), "made up", POTENTIAL, None))  # type: ignore[arg-type]
+    asked = len(solve_all(active, inputs, potential_cell))
+    assert least_states(7) == 16 <= asked < 30
 
 
 def test_five_thousand_asks_in_ten_dimensions_cost_the_same_each() -> None:
