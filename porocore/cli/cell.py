@@ -108,8 +108,9 @@ def fields(
     asked = parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at)
     with interruptible(), located(path):
         from porocore.files import new_folder
-        from porocore.local_fields.solve import solve_and_write
+        from porocore.local_fields.solve import solve_and_write, state_row
 
+        state_row(settings.cell, asked)
         new_folder(out)
         found = solve_and_write(
             settings.cell,

@@ -20,7 +20,7 @@ from porocore.local_fields.vtu import write_vtu
 from porocore.possible_states import require_possible
 from porocore.report.words import MEANINGS
 from porocore.stage_files import prepare_cell
-from porocore.states import CellResponse, MacroState, Status
+from porocore.states import Array, CellResponse, MacroState, Status
 
 #: The loads of the paper's figures disp_pressure to energy_shear. It does not give their magnitudes; these lie within
 #: the ranges that it samples, in equilibrium without contact.
@@ -98,10 +98,14 @@ def solve_and_write(
     return LocalFields(response, points, nodal, vtu, drawn)
 
 
-def solve_fields(
-    cell: Cell, fem: FemSettings, state: Mapping[str, float]
-) -> tuple[CellResponse, PointFields]:
-    """Response and fields of one state; errors as of :func:`solve_and_write`."""
+def state_row(cell: Cell, state: Mapping[str, float]) -> Array:
+    """Return the ten components of a state of ``cell``.
+
+    Raises
+    ------
+    ConfigurationError
+        An input is unknown or not finite, or no cell can be in the state.
+    """
     row = np.zeros(10)
     for name, value in state.items():
         if name not in NAMES or not np.isfinite(value):
@@ -110,6 +114,14 @@ def solve_fields(
             )
         row[NAMES.index(name)] = value
     require_possible(row[:9], row[9], cell.modulus, in_words(state))
+    return row
+
+
+def solve_fields(
+    cell: Cell, fem: FemSettings, state: Mapping[str, float]
+) -> tuple[CellResponse, PointFields]:
+    """Response and fields of one state; errors as of :func:`solve_and_write`."""
+    row = state_row(cell, state)
     solver, prepared = prepare_cell(fem.backend, fem.options, cell)
     asked = MacroState.single(row[:9], row[9])
     solution = solution_of(solver, prepared, asked, tangent=False, fields=True)
