@@ -109,8 +109,10 @@ def fields(
     with interruptible(), located(path):
         from porocore.files import new_folder
         from porocore.local_fields.solve import solve_and_write, state_row
+        from porocore.preflight import find_backends
 
         state_row(settings.cell, asked)
+        find_backends(settings, ("cell solver",))
         new_folder(out)
         found = solve_and_write(
             settings.cell,

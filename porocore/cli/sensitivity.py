@@ -64,6 +64,7 @@ def sensitivity(
     with interruptible(again):
         from porocore.files import new_folder
         from porocore.possible_states import require_possible
+        from porocore.preflight import find_backends
         from porocore.sensitivity.figures import write_figures
         from porocore.sensitivity.plan import states_of
         from porocore.sensitivity.study import FILE, run_study
@@ -80,6 +81,7 @@ def sensitivity(
             raise RunFolderError(
                 f"{out} already holds a study; add --resume to continue it, or choose another --out"
             )
+        find_backends(settings, ("cell solver",))
         new_folder(out)
         console = Console()
         with console.task("sensitivity", "states") as task:

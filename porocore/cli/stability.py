@@ -74,6 +74,7 @@ def stability(
         from porocore.files import new_folder
         from porocore.inputs import NAMES
         from porocore.possible_states import require_possible
+        from porocore.preflight import find_backends
         from porocore.report.figures.style import png_bytes
         from porocore.stability.figure import stability_figure
         from porocore.stability.line import LineSettings
@@ -102,6 +103,7 @@ def stability(
             raise RunFolderError(
                 f"{out} already holds a map; add --resume to continue it, or choose another --out"
             )
+        find_backends(settings, ("cell solver",))
         new_folder(out)
         console = Console()
         solver, prepared = prepare_cell(settings.fem.backend, settings.fem.options, settings.cell)

@@ -261,8 +261,8 @@ ROWS = [
         "throats",
     ),
     faulty(
-        "10,000 throats",
-        {**throat(), "cell.geometry.throats": [{"join": [0, 1], "radius": 0.1}] * 10_000},
+        "3,000 throats",
+        {**throat(), "cell.geometry.throats": [{"join": [0, 1], "radius": 0.1}] * 3_000},
         "throats",
     ),
 ]
