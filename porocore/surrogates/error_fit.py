@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_solve, cholesky, solve_triangular
-from scipy.stats import qmc
 
 from porocore.states import Array
 from porocore.surrogates.error_estimate import ErrorEstimate
@@ -121,6 +120,8 @@ def monomials(equations: int, weights: tuple[int, ...], lowest: int, terms: Term
 
 def probes(low: Array, high: Array) -> tuple[Array, Array]:
     """Return points (v, n) of a box, from its middle to its corners, and how far out they are, 0 to 1 (n,)."""
+    from scipy.stats import qmc  # slow to import
+
     v = len(low)
     cloud = 2 * qmc.Sobol(v + 2, seed=0).random(PROBES).T - 1
     # In many variables a box is mostly its corners, but hardly a point of an even cloud lies there.

@@ -149,9 +149,16 @@ GROUPS = {
 }
 
 
-@pytest.mark.parametrize("anchor", ["polynomial", "none"])
+@pytest.mark.parametrize(
+    ("name", "anchor"),
+    [
+        ("torch", "none"),
+        pytest.param("torch", "polynomial", marks=pytest.mark.slow),
+        pytest.param("jax", "none", marks=pytest.mark.slow),
+        pytest.param("jax", "polynomial", marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("group", GROUPS)
-@pytest.mark.parametrize("name", LIBRARIES)
 def test_a_network_has_the_group_of_its_cell(library, name, group, anchor):
     """Exactly, however short the training was, and no more: the cell is another after the other rotations."""
     cell = GroupedCell.random(GROUPS[group])
@@ -163,9 +170,12 @@ def test_a_network_has_the_group_of_its_cell(library, name, group, anchor):
         assert max(worst.values()) < 1e-11 if Q in GROUPS[group] else worst["potential"] > 1e-6
 
 
-@pytest.mark.parametrize("name", LIBRARIES)
+@pytest.mark.parametrize("name", ["torch", pytest.param("jax", marks=pytest.mark.slow)])
 def test_a_body_under_a_centred_load_does_not_drift_sideways(library, load, name):
-    """Body and cell have the mirror z; a network in plain variables breaks it, differently for each library."""
+    """Body and cell have the mirror z; a network in plain variables breaks it, differently for each library.
+
+    Without the polynomial, which has the symmetry and follows this cell so closely that a network is left nothing.
+    """
     cell = GroupedCell.random(GROUPS["mirrors z and x-y"])
     data = cell.training_set()
     problem = MacroProblem.model_validate(
@@ -183,8 +193,10 @@ def test_a_body_under_a_centred_load_does_not_drift_sideways(library, load, name
     prepared = macro.prepare(problem)
     drift = {}
     for symmetry in ("auto", "none"):
-        surrogate = library(name)(model="potential", iterations=10, symmetry=symmetry).fit(data, seed=3)
+        surrogate = library(name)(model="potential", iterations=10, anchor="none", symmetry=symmetry).fit(
+            data, seed=3
+        )
         law = ClosedLaw(surrogate, CLOSURES["potential"](0.6, NeoHookean(), np.eye(3)))
         u = macro.solve(prepared, law).profiles[-1].u
         drift[symmetry] = abs(u[:, 2].sum()) / np.abs(u[:, 1]).sum()
-    assert drift["auto"] < 1e-9 < 1e-6 < drift["none"]
+    assert drift["auto"] < 1e-9 < 1e-4 < drift["none"]
