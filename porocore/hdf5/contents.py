@@ -16,6 +16,7 @@ import numpy.typing as npt
 from h5py import h5a, h5t
 
 from porocore.errors import ConfigurationError, DataError
+from porocore.hdf5.guard import require_harmless
 from porocore.hdf5.seal import check_ends
 from porocore.hdf5.structure import COMPRESSION, SPARE, Stored, Structure, examine
 from porocore.reading import require_ordinary
@@ -211,7 +212,8 @@ def opened(path: Path, what: str, advice: str, missing: str | None = None) -> It
     """
     try:
         require_ordinary(path)
-        check_ends(path)
+        if not check_ends(path):
+            require_harmless(path)
         with h5py.File(path, "r") as file:
             yield Contents(file, path)
     except FileNotFoundError as error:
