@@ -53,7 +53,8 @@ class _Trial:
 
     def ask(self, path: str) -> str:
         """Return what speaks against reading a file; empty if nothing does."""
-        assert self._process.stdin is not None and self._process.stdout is not None
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
         try:
             print(json.dumps(path), file=self._process.stdin, flush=True)
             return str(json.loads(self._process.stdout.readline()))

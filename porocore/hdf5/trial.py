@@ -7,14 +7,16 @@ import os
 import resource
 import signal
 import sys
+from contextlib import suppress
 from typing import Any
 
 import h5py
 
+from porocore.hdf5.contents import UNREADABLE
 from porocore.hdf5.structure import COMPRESSION, examine
 
 #: What reading a file may take beyond what its size explains: processor time [s], and memory [bytes].
-SECONDS, MEMORY = 3.0, 1 << 30
+SECONDS, MEMORY = 2.0, 1 << 30
 #: Bytes of a file that even a slow machine unpacks in a second.
 PER_SECOND = 10e6
 #: Elapsed time for one second of processor time, on a machine or a disk that others use too.
@@ -62,7 +64,7 @@ def _read(path: str) -> str:
         with h5py.File(path, "r") as file:
             names = examine(file.id, size).datasets
             _read_all(file, list(names))
-    except Exception as error:
+    except UNREADABLE as error:
         return str(error) or type(error).__name__
     return ""
 
@@ -70,20 +72,22 @@ def _read(path: str) -> str:
 def _read_all(file: Any, names: list[str]) -> None:
     """Read all arrays and attributes, piece by piece; what cannot be read is told by whoever wants it."""
     for name in file.attrs:
-        _let(lambda name=name: file.attrs[name])
+        with suppress(*UNREADABLE):
+            file.attrs[name]
     for name in names:
-        array = file[name]
-        rows = len(array) if array.shape else 0
-        step = max(1, PIECE * rows // max(1, array.size * array.dtype.itemsize)) if rows else 1
-        for begin in range(0, max(1, rows), step):
-            _let(lambda at=slice(begin, begin + step) if rows else (): array[at])
+        with suppress(*UNREADABLE):
+            _read_pieces(file[name])
 
 
-def _let(read: Any) -> None:
-    try:
-        read()
-    except Exception:
+def _read_pieces(array: Any) -> None:
+    if not array.shape:
+        array[()]
         return
+    row = max(1, array.nbytes // max(1, len(array)))
+    step = max(1, PIECE // row)
+    for begin in range(0, len(array), step):
+        with suppress(*UNREADABLE):
+            array[begin : begin + step]
 
 
 def _limit(size: int) -> None:
