@@ -56,7 +56,8 @@ class _Trial:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         try:
-            print(json.dumps(path), file=self._process.stdin, flush=True)
+            self._process.stdin.write(json.dumps(path) + "\n")
+            self._process.stdin.flush()
             return str(json.loads(self._process.stdout.readline()))
         except BaseException:
             # An answer that was not waited for would be taken for the next one.

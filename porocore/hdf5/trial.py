@@ -36,7 +36,8 @@ def serve() -> None:
     Each file is read in a process of its own, a copy of this one, which costs little.
     """
     for line in sys.stdin:
-        print(json.dumps(_tried(json.loads(line))), flush=True)
+        sys.stdout.write(json.dumps(_tried(json.loads(line))) + "\n")
+        sys.stdout.flush()
 
 
 def _tried(path: str) -> str:
