@@ -112,7 +112,7 @@ def fields(
         from porocore.preflight import find_backends
 
         state_row(settings.cell, asked)
-        find_backends(settings, ("cell solver",))
+        find_backends(settings, ["cell solver"])
         new_folder(out)
         found = solve_and_write(
             settings.cell,

@@ -81,7 +81,7 @@ def sensitivity(
             raise RunFolderError(
                 f"{out} already holds a study; add --resume to continue it, or choose another --out"
             )
-        find_backends(settings, ("cell solver",))
+        find_backends(settings, ["cell solver"])
         new_folder(out)
         console = Console()
         with console.task("sensitivity", "states") as task:

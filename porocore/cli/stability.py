@@ -103,7 +103,7 @@ def stability(
             raise RunFolderError(
                 f"{out} already holds a map; add --resume to continue it, or choose another --out"
             )
-        find_backends(settings, ("cell solver",))
+        find_backends(settings, ["cell solver"])
         new_folder(out)
         console = Console()
         solver, prepared = prepare_cell(settings.fem.backend, settings.fem.options, settings.cell)

@@ -145,7 +145,7 @@ def _unpack_record(header: dict[str, Any], arrays: dict[str, Array], inputs: Inp
     if not all(isinstance(x, float | int) for x in header["accuracy"].values()):
         raise ValueError("its header has an accuracy that is no number")
     conductivity = _unpack_conductivity(header, arrays, inputs) if "conductivity" in header else None
-    return Record(*(header[name] for name in kinds), conductivity)
+    return Record(conductivity=conductivity, **{name: header[name] for name in kinds})
 
 
 def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:

@@ -96,8 +96,9 @@ class TrainingState:
             weights = [arrays[name] for name in ("theta", "moment", "square", "best_theta")]
             if any(w.ndim != 1 or w.shape != weights[0].shape for w in weights):
                 raise ValueError(f"arrays of shapes {[w.shape for w in weights]}")
-            epochs = [int(header[name]) for name in ("epoch", "best_epoch")]
-            losses = [float(header[name]) for name in ("best_loss", "validation_loss")]
+            epoch, best_epoch = int(header["epoch"]), int(header["best_epoch"])
+            best_loss, validation_loss = float(header["best_loss"]), float(header["validation_loss"])
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise damaged(path, f"file of format {FORMAT}", error, ADVICE) from error
-        return cls(*weights, *epochs, *losses)
+        theta, moment, square, best_theta = weights
+        return cls(theta, moment, square, best_theta, epoch, best_epoch, best_loss, validation_loss)
