@@ -102,6 +102,10 @@ class MacroLaw(ABC):
         """
         return None
 
+    def reasons(self, states: MacroState) -> list[str]:
+        """Return for each of n flagged states which component drives it out, in words; empty where it is not known."""
+        return [""] * len(states)
+
 
 def fingerprint(*parts: str | float | Array) -> str:
     """Hash of texts, numbers and arrays, for :attr:`MacroLaw.identity`."""

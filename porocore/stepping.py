@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from porocore.errors import SolveError
@@ -127,8 +128,10 @@ class Stepper:
         if self.halvings and self.streak >= PATIENCE:
             self.halvings, self.streak = self.halvings - 1, 0
 
-    def reject(self, reason: str) -> None:
+    def reject(self, reason: str, more: Callable[[], str] = str) -> None:
         """The step to :meth:`next` failed, for ``reason``; the next one is at most half as long.
+
+        ``more`` is asked what else to say where there is no next one.
 
         Raises
         ------
@@ -139,7 +142,7 @@ class Stepper:
         if failed / 2 < self.plan.smallest_step:
             raise SolveError(
                 f"the macroscale step from t = {self.time:g} failed at its smallest length {failed:.3g} "
-                f"(smallest_step = {self.plan.smallest_step:g}): {reason}; "
+                f"(smallest_step = {self.plan.smallest_step:g}): {reason}{more()}; "
                 "lower the load, use more ramp_increments or a finer mesh"
             )
         self.streak = 0

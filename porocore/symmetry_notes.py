@@ -21,7 +21,7 @@ STATES = 16
 def uncovered_shears(inputs: InputSpace, group: PointGroup) -> list[str]:
     """Return shears, such as ``H12``, that are no inputs but on which a cell with this group bears under the inputs.
 
-    Their stress is learned. A body that gives way to it leaves the sampled states.
+    Their stress is learned; the stiffness against them is that at rest. A body that gives way leaves what was sampled.
     """
     low, high = np.array(inputs.lower), np.array(inputs.upper)
     states = inputs.scatter(low + (high - low) * np.random.default_rng(0).random((STATES, len(inputs))))
@@ -41,9 +41,15 @@ def uncovered(inputs: InputSpace, group: PointGroup) -> list[str]:
     them, are = ("it", "is no input") if len(shears) == 1 else ("them", "are no inputs")
     return [
         f"in a cell of the point group {group.name} {', '.join(inputs.names)} may cause stresses along {names}, which "
-        f"{are}; the stresses are learned, but where the body gives way to {them}, states lie outside the sampled "
-        f"range and are flagged: add {names} to sampling.inputs, unless the body is held against such shear"
+        f"{are}; the stresses are learned, but of the stiffness against {them} only that at rest: where the body gives "
+        f"way to {them}, states are flagged, and Newton's iteration may fail; add {names} (or {_transposed(shears)}, "
+        "where the body moves that) to sampling.inputs, unless the body is held against such shear"
     ]
+
+
+def _transposed(shears: list[str]) -> str:
+    """Return H21 of H12, and so on; the stretch of a cell knows no difference."""
+    return " and ".join(f"H{name[2]}{name[1]}" for name in shears)
 
 
 def defect(stiffness: Array, group: PointGroup) -> float:

@@ -69,3 +69,8 @@ class ClosedLaw(MacroLaw):
             else:
                 cell = prediction_of(self.cell_law, states, tangent=tangent)
             return self.closure.respond(states, cell, grad_p, memory, tangent=tangent)
+
+    def reasons(self, states: MacroState) -> list[str]:
+        """See :class:`MacroLaw`; known where the cell law is a surrogate that knows."""
+        known = getattr(self.cell_law, "reasons", super().reasons)
+        return list(known(states))

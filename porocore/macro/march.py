@@ -13,6 +13,7 @@ from porocore.laws import LawMemory, MacroLaw
 from porocore.macro import checkpoint as checkpoints
 from porocore.macro.adaptive import ErrorControl, Reached
 from porocore.macro.discretisation import Discretisation, StepFailed
+from porocore.macro.flagged import flagged
 from porocore.macro.newton import newton_step
 from porocore.macro.record import Record
 from porocore.solution import MacroSolution, StepReport
@@ -59,7 +60,7 @@ def march(
             if changed is None and reached is not None and control.rate is None:
                 finer = _halved(d, law, memory, x, stepper.time, time)
         except StepFailed as failure:
-            stepper.reject(str(failure))
+            stepper.reject(str(failure), partial(flagged, d, law, memory, x))
             continue
         if changed is not None:
             memory = changed

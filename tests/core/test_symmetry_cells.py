@@ -10,14 +10,21 @@ from porocore.cell.cell import Cell
 from porocore.cell.geometry import OrthogonalChannels, Voxels
 from porocore.cell.mesh import MeshSettings
 from porocore.cell_identities import cubic_symmetry
+from porocore.closures import ClosedLaw, PotentialClosure
+from porocore.direct import DirectCellLaw
+from porocore.errors import SolveError
+from porocore.execution import CellPool
 from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.materials.holzapfel import HolzapfelGasserOgden
+from porocore.problem import TimePlan
 from porocore.stage_files import prepare_cell
 from porocore.states import MacroState
 from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
 from porocore.tensors.point_group import CUBIC
 from porocore.testing.symmetry import breaks
+from porocore.testing.synthetic import confined_column
+from porocore_fem_skfem.macro import SkfemMacroSolver
 
 pytestmark = pytest.mark.slow
 
@@ -84,6 +91,17 @@ OBLIQUE = Cell(
     mesh=MeshSettings(size=0.3, fluid_size=0.3, element="linear"),
 )
 UNIAXIAL = {"H22": (-0.01, 0.12), "p": (-0.005, 0.005)}
+SHEARED = {"H11": (-0.005, 0.005), "H22": (-0.005, 0.045), "H12": (-0.025, 0.01), "p": (-0.005, 0.002)}
+COARSE = OBLIQUE.model_copy(update={"mesh": MeshSettings(size=0.35, fluid_size=0.35, element="linear")})
+SIDES = {"x-": {"normal": 0}, "x+": {"normal": 0}, "z-": {"normal": 0}, "z+": {"normal": 0}}
+PULLED = confined_column(
+    1,
+    load=0.004,
+    size=(1, 1, 1),
+    boundary=SIDES | {"y-": {"displacement": (0, 0, 0)}, "y+": {"traction": (0, 1, 0), "pressure": 0}},
+    time={"ramp_increments": 1, "ramp_step": 20.0, "step": 4.0, "end": 24.0, "profiles": (24.0,)},
+    newton={"tolerance": 1e-6},
+)
 
 
 @pytest.fixture(scope="module")
@@ -117,3 +135,38 @@ def test_a_solved_cell_turns_with_its_group_alone():
     for Q in CUBIC.matrices:
         worst = breaks(law, at, Q)["potential"]
         assert worst < 1e-8 if Q in OBLIQUE.point_group else worst > 1e-5, Q
+
+
+def test_a_column_of_a_cell_without_mirrors_settles_as_its_cells_do():
+    """Between smooth walls, pulled: the corners of its top part, as in direct FE², once what moves is sampled."""
+    data, K, _ = training_set(COARSE, InputSpace.from_ranges(SHEARED), 12)
+    solver, porosity = SkfemMacroSolver(), float(data.reference.fluid_volume[0])
+    closure = PotentialClosure(1 - porosity, COARSE.solid, K)
+    prepared = solver.prepare(PULLED)
+
+    def corners(cells):
+        solution = solver.solve(prepared, ClosedLaw(cells, closure))
+        rows = [np.flatnonzero((solution.points == (x, 1, 0)).all(axis=1))[0] for x in (0, 1)]
+        return solution.profiles[-1].u[rows, 1]
+
+    with CellPool(prepare_cell, ("skfem", {}, COARSE), workers=1) as pool:
+        true = corners(DirectCellLaw(pool, data.reference, "column"))
+    sampled = corners(PolynomialSurrogate().fit(data, seed=0))
+    straight = corners(PolynomialSurrogate().fit(replace(data, symmetry=CUBIC), seed=0))
+    assert true[0] > 1.1 * true[1]
+    assert np.abs(sampled / true - 1).max() < 0.01
+    # As if the cell had the mirrors of a cube.
+    assert np.abs(straight / true - 1).max() > 0.1
+
+
+def test_without_the_shear_among_the_inputs_the_failure_names_it(oblique):
+    """The shear stress is learned, but the stiffness against shear is that at rest, and the law becomes unstable."""
+    data, K, _ = oblique
+    closure = PotentialClosure(float(1 - data.reference.fluid_volume[0]), OBLIQUE.solid, K)
+    time = TimePlan(ramp_increments=8, ramp_step=1.0, smallest_step=0.5, step=1.0, end=9.0, profiles=())
+    solver = SkfemMacroSolver()
+    prepared = solver.prepare(PULLED.model_copy(update={"load": 0.008, "time": time}))
+    with pytest.raises(
+        SolveError, match=r"points are flagged, one of them for H12 = .*, which was not sampled"
+    ):
+        solver.solve(prepared, ClosedLaw(PolynomialSurrogate().fit(data, seed=0), closure))
