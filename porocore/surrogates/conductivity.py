@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
+import numpy.typing as npt
 
 from porocore.sampled_range import SampledRange
 from porocore.states import Array, MacroState
+from porocore.surrogates.error_estimate import ErrorEstimate
 from porocore.surrogates.monomials import Polynomial
 from porocore.surrogates.potential_data import variables
 from porocore.surrogates.reach import Reach
@@ -41,7 +43,9 @@ class ConductivityModel:
     reach
         Box of the training states; beyond it the polynomial comes to rest.
     sampled
-        Hull of the training states.
+        Hull of the training states that have a conductivity.
+    estimate
+        Of the errors of ln K_ref, by which states are flagged; None: those beyond the hull are.
     """
 
     basis: Array
@@ -50,6 +54,7 @@ class ConductivityModel:
     active: tuple[int, ...]
     reach: Reach
     sampled: SampledRange
+    estimate: ErrorEstimate | None = None
 
     def predict(self, states: MacroState, *, tangent: bool) -> tuple[Array, Array | None, Array | None]:
         """K_ref (n, 3, 3), NaN where det F ≤ 0, and if ``tangent`` its derivatives.
@@ -60,10 +65,7 @@ class ConductivityModel:
         t = variables(stretch, states.p)[list(self.active)]
         missing = ~np.isfinite(t).all(axis=0)
         t[:, missing] = 0.0
-        steepness = np.ones_like(t)
-        beyond = self.reach.beyond_active(t)
-        if len(beyond):
-            t[:, beyond], steepness[:, beyond], _ = self.reach.settled_active(t[:, beyond])
+        t, steepness = self._settled(t)
         if not tangent:
             K = self._in_space(exponential(self._logarithm(self.polynomial.evaluate(t)) + self.log_rest))
             K[missing] = np.nan
@@ -85,6 +87,38 @@ class ConductivityModel:
         for found in (K, by_H, by_p):
             found[missing] = np.nan
         return K, by_H, by_p
+
+    def error(self, states: MacroState) -> Array:
+        """Return the estimated error (n,) of ln K_ref, a share of its range; NaN without an estimate."""
+        if self.estimate is None:
+            return np.full(len(states), np.nan)
+        t = self._variables(states)
+        return self.estimate.error(t, self.beyond_rest(t))
+
+    def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
+        """Tell which of n states are flagged: far from all that have a conductivity, or by the estimated error."""
+        unrotated = self.sampled.inputs.without_rotation(states)
+        if self.estimate is None:
+            return self.sampled.outside(unrotated)
+        t = self._variables(states)
+        return self.sampled.far(unrotated) | self.estimate.flagged(t, self.beyond_rest(t))
+
+    def beyond_rest(self, t: Array) -> Array:
+        """Return the upper triangle (6, n) of ln K_ref less its value at rest, at t (d, n) of the active variables."""
+        return self.polynomial.evaluate(self._settled(t)[0])
+
+    def _variables(self, states: MacroState) -> Array:
+        """Return the active variables (d, n); NaN where det F ≤ 0."""
+        t: Array = variables(LogStretch.of(states.grad_u), states.p)[list(self.active)]
+        return t
+
+    def _settled(self, t: Array) -> tuple[Array, Array]:
+        """Return t (d, n) as it comes to rest beyond the sampled box, and its slopes by t (d, n)."""
+        settled, steepness = t.copy(), np.ones_like(t)
+        beyond = self.reach.beyond_active(t)
+        if len(beyond):
+            settled[:, beyond], steepness[:, beyond], _ = self.reach.settled_active(t[:, beyond])
+        return settled, steepness
 
     def _logarithm(self, components: Array) -> Array:
         """Symmetric (n, r, r) on the directions of B, of the upper triangle (6, n) of a matrix in space."""

@@ -9,6 +9,7 @@ from porocore.interfaces.surrogate import TrainingSet
 from porocore.sampled_range import SampledRange
 from porocore.states import Array
 from porocore.surrogates.conductivity import ConductivityModel, conducting_basis, triangle
+from porocore.surrogates.conductivity_error import with_conductivity_error
 from porocore.surrogates.least_squares import EQUATIONS_PER_TERM, FOLDS, tied_least_squares
 from porocore.surrogates.monomials import IntArray, Polynomial
 from porocore.surrogates.potential_data import STILL, variables
@@ -23,7 +24,6 @@ from porocore.surrogates.symmetry import (
     stabiliser,
 )
 from porocore.surrogates.terms import plain
-from porocore.tensors.point_group import PointGroup
 from porocore.tensors.symmetric_functions import logarithm
 
 LARGEST_DEGREE = 6
@@ -64,9 +64,10 @@ def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | Non
     y = variables(LogStretch.of(states.grad_u), states.p)
     active = tuple(int(a) for a in np.flatnonzero(np.abs(y).max(axis=1) > STILL))
     change = basis @ (S[kept] - log_rest) @ basis.T
-    polynomial, error = _fit(
-        y, np.stack([change[:, i, j] for i, j in triangle(3)]), active, stabiliser(data.symmetry, active)
-    )
+    change = np.stack([change[:, i, j] for i, j in triangle(3)])
+    group = stabiliser(data.symmetry, active)
+    tied = Equivariance(on_variables(group).on(list(active)), on_triangle(group))
+    polynomial, error = _fit(y[list(active)], change, active, tied)
     model = ConductivityModel(
         basis,
         log_rest,
@@ -75,14 +76,18 @@ def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | Non
         Reach.of(y, active, data.symmetry),
         SampledRange.around(data.inputs, data.inputs.gather(states)),
     )
+    if data.tolerance is not None:
+        model = with_conductivity_error(model, y[list(active)], change, tied, data.tolerance)
     return model, error
 
 
-def _fit(y: Array, S: Array, active: tuple[int, ...], group: PointGroup) -> tuple[Polynomial, float]:
-    """Of the upper triangle S (6, n) of ln K − what it is at rest, and the cross-validated root mean square error."""
+def _fit(t: Array, S: Array, active: tuple[int, ...], tied: Equivariance) -> tuple[Polynomial, float]:
+    """Return what is fitted to the upper triangle S (6, n) of ln K less its value at rest, and its error.
+
+    The error is the cross-validated root mean square.
+    """
     n = S.shape[1]
-    tied = Equivariance(on_variables(group).on(list(active)), on_triangle(group))
-    t, terms = y[list(active)], plain(active)
+    terms = plain(active)
     folds = np.arange(n) % min(FOLDS, n)
     errors: dict[int, float] = {}
     for degree in range(1, LARGEST_DEGREE + 1):

@@ -7,6 +7,7 @@ smooth function follows, and the common scale are those under which states that 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,16 +104,23 @@ def _left_out(
     return wrong**2, (half**2).sum(axis=0)
 
 
-def monomials(equations: int, weights: tuple[int, ...], lowest: int, terms: Terms | None = None) -> IntArray:
+def monomials(
+    equations: int,
+    weights: tuple[int, ...],
+    lowest: int,
+    terms: Terms | None = None,
+    count: Callable[[IntArray], int] = len,
+) -> IntArray:
     """Return exponents up to a weight that is at least one above the lowest.
 
-    It is as high as :data:`MOST_MONOMIALS` and two coefficients for each of the ``equations`` allow.
+    It is as high as :data:`MOST_MONOMIALS` and two coefficients for each of the ``equations`` allow; ``count`` says
+    how many coefficients monomials have.
     """
     find = terms.monomials if terms is not None else lambda low, high: exponents_up_to(weights, low, high)
     found = find(lowest, lowest + 1)
     for highest in range(lowest + 2, HIGHEST + 1):
         more = find(lowest, highest)
-        if len(more) > min(MOST_MONOMIALS, 2 * equations):
+        if count(more) > min(MOST_MONOMIALS, 2 * equations):
             break
         found = more
     return found

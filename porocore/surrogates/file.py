@@ -235,12 +235,15 @@ def _pack_conductivity(model: ConductivityModel, header: dict[str, Any], arrays:
         "conductivity/range/normals": model.sampled.normals,
         "conductivity/range/offsets": model.sampled.offsets,
     }
+    if model.estimate is not None:
+        estimate_file.pack(model.estimate, header["conductivity"], arrays, "conductivity/estimate")
 
 
 def _unpack_conductivity(
     header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace
 ) -> ConductivityModel:
-    active = tuple(int(a) for a in header["conductivity"]["active"])
+    said = header["conductivity"]
+    active = tuple(int(a) for a in said["active"])
     if any(a not in range(VARIABLES) for a in active):
         raise ValueError(f"active variables {active}")
     basis, log_rest = arrays["conductivity/basis"], arrays["conductivity/log_rest"]
@@ -248,13 +251,17 @@ def _unpack_conductivity(
     if r not in (1, 2, 3) or log_rest.shape != (r, r) or basis.shape != (3, r):
         raise ValueError(f"a conductivity of the shapes {basis.shape} and {log_rest.shape}")
     sampled = _unpack_range(arrays, "conductivity/range", inputs)
+    v, outputs, estimate = len(active), len(triangle(3)), None
+    if "estimate" in said:
+        estimate = estimate_file.unpack_values(said, arrays, "conductivity/estimate", v, outputs)
     return ConductivityModel(
         basis,
         log_rest,
-        unpack_polynomial(arrays, "conductivity/polynomial", len(active), len(triangle(3))),
+        unpack_polynomial(arrays, "conductivity/polynomial", v, outputs),
         active,
-        Reach(active, *(arrays[f"conductivity/reach/{end}"].reshape(len(active)) for end in ("low", "high"))),
+        Reach(active, *(arrays[f"conductivity/reach/{end}"].reshape(v) for end in ("low", "high"))),
         sampled,
+        estimate,
     )
 
 

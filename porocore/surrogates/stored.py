@@ -76,7 +76,7 @@ class ModelSurrogate(Surrogate):
 
         Every status is ``converged``; rows that are not to be trusted hold what the model says all the same, and are
         flagged: those whose error is estimated to exceed the tolerance, and those far from all training states. The
-        conductivity of the deformed pore is there if it was trained on, and the hull of its states counts too.
+        conductivity of the deformed pore is there if it was trained on, and its error counts too.
         """
         response = self._fitted().predict(states, tangent=tangent)
         if self.conductivity is None:
@@ -85,7 +85,7 @@ class ModelSurrogate(Surrogate):
         slopes = response.tangent
         if slopes is not None:
             slopes = replace(slopes, conductivity_grad_u=by_H, conductivity_p=by_p)
-        outside = self.conductivity.sampled.outside(states)
+        outside = self.conductivity.outside(states)
         if response.outside is not None:
             outside = outside | response.outside
         return replace(response, conductivity=K, tangent=slopes, outside=outside)
@@ -95,7 +95,12 @@ class ModelSurrogate(Surrogate):
         model = self._fitted()
         if isinstance(model, PotentialModel):
             states = self.inputs.without_rotation(states)
-        return reasons(self.inputs, states, None if model.estimate is None else model.error)
+        return reasons(self.inputs, states, None if model.estimate is None else self._error)
+
+    def _error(self, states: MacroState) -> Array:
+        """Return the estimated error (n,), a share of the range of whatever is worst."""
+        error = self._fitted().error(states)
+        return error if self.conductivity is None else np.fmax(error, self.conductivity.error(states))
 
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically.
