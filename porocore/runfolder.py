@@ -29,7 +29,9 @@ if sys.platform != "win32":
     import fcntl
 
 FORMAT = "porocore-run"
-VERSION = 1
+#: Raised where the identities of configurations change, so that runs of before are told for what they are.
+#: 1: without surrogate.tolerance, and with a conductivity piola that did not turn with the solid.
+VERSION = 2
 CONFIG, RECORD, LOCK = "config.yaml", RUN_RECORD, ".lock"
 #: The temporary names of :func:`porocore.files.atomic_path`.
 _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")

@@ -46,6 +46,9 @@ class ConductivityModel:
         Hull of the training states that have a conductivity.
     estimate
         Of the errors of ln K_ref, by which states are flagged; None: those beyond the hull are.
+    closing
+        Some training states have no conductivity, since pore walls touch. No smooth function goes on from the others to
+        these, so that states beyond the hull are flagged whatever is estimated.
     """
 
     basis: Array
@@ -55,6 +58,7 @@ class ConductivityModel:
     reach: Reach
     sampled: SampledRange
     estimate: ErrorEstimate | None = None
+    closing: bool = False
 
     def predict(self, states: MacroState, *, tangent: bool) -> tuple[Array, Array | None, Array | None]:
         """K_ref (n, 3, 3), NaN where det F ≤ 0, and if ``tangent`` its derivatives.
@@ -100,8 +104,9 @@ class ConductivityModel:
         unrotated = self.sampled.inputs.without_rotation(states)
         if self.estimate is None:
             return self.sampled.outside(unrotated)
+        strange = (self.sampled.outside if self.closing else self.sampled.far)(unrotated)
         t = self._variables(states)
-        return self.sampled.far(unrotated) | self.estimate.flagged(t, self.beyond_rest(t))
+        return strange | self.estimate.flagged(t, self.beyond_rest(t))
 
     def beyond_rest(self, t: Array) -> Array:
         """Return the upper triangle (6, n) of ln K_ref less its value at rest, at t (d, n) of the active variables."""

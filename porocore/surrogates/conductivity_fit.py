@@ -75,6 +75,7 @@ def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | Non
         active,
         Reach.of(y, active, data.symmetry),
         SampledRange.around(data.inputs, data.inputs.gather(states)),
+        closing=len(kept) < int(data.responses.stable.sum()),
     )
     if data.tolerance is not None:
         model = with_conductivity_error(model, y[list(active)], change, tied, data.tolerance)

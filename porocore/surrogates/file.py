@@ -225,7 +225,7 @@ def _unpack_terms(kind: str, name: str, arrays: dict[str, Array]) -> Terms:
 
 
 def _pack_conductivity(model: ConductivityModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
-    header["conductivity"] = {"active": model.active}
+    header["conductivity"] = {"active": model.active, "closing": model.closing}
     pack_polynomial(model.polynomial, "conductivity/polynomial", arrays)
     arrays |= {
         "conductivity/basis": model.basis,
@@ -262,6 +262,7 @@ def _unpack_conductivity(
         Reach(active, *(arrays[f"conductivity/reach/{end}"].reshape(v) for end in ("low", "high"))),
         sampled,
         estimate,
+        bool(said["closing"]),
     )
 
 

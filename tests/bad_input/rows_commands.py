@@ -47,7 +47,7 @@ RECORDS: dict[str, tuple[Content, str]] = {
     "record a loop": (link("run.json"), "run.json cannot be read"),
     "record of a later version": ('{"format": "porocore-run", "version": 99, "identity": ""}', "version 99"),
     "record of another identity": (
-        '{"format": "porocore-run", "version": 1, "identity": ""}',
+        '{"format": "porocore-run", "version": 2, "identity": ""}',
         "was changed after the run began",
     ),
 }

@@ -1,6 +1,8 @@
 """A learned conductivity: exact at rest, positive definite everywhere, objective; its derivatives are its slopes."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,27 +20,9 @@ from porocore.tensors.symmetric_functions import exponential, logarithm, symmetr
 from porocore.testing.potential_cell import potential_training_set
 from porocore.testing.synthetic_cell import SOLID_FRACTION, synthetic_training_set
 
-K0 = 2.0
-EYE = np.eye(3)
+sys.path.insert(0, str(Path(__file__).parent))
 
-
-def conductivity(states):
-    """Made up: objective, and with the symmetry of the cube and no other."""
-    F = EYE + states.grad_u
-    C = F.swapaxes(1, 2) @ F
-    E = (C - EYE) / 2
-    size = np.exp(4 * np.trace(E, axis1=1, axis2=2) + states.p)[:, None, None]
-    own = E * EYE  # the diagonal only, which no rotation but those of the cube leaves alone
-    return K0 * size * (np.linalg.inv(C) + 1.5 * own + 2 * own @ own + states.p[:, None, None] * E)
-
-
-def with_conductivity(data):
-    rest = conductivity(MacroState.zeros(1))
-    return replace(
-        data,
-        responses=replace(data.responses, conductivity=conductivity(data.states)),
-        reference=replace(data.reference, conductivity=rest),
-    )
+from made_up_conductivity import EYE, K0, conductivity, with_conductivity
 
 
 @pytest.fixture(scope="module")

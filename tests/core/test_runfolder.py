@@ -199,7 +199,7 @@ def test_opening_what_is_no_run_says_how_to_start_one(tmp_path):
         ('{"format": "porocore-run"}', "damaged"),
         (
             '{"format": "porocore-run", "version": 99, "identity": ""}',
-            "version 1, got porocore-run version 99",
+            "version 2, got porocore-run version 99",
         ),
     ],
 )
@@ -208,6 +208,31 @@ def test_a_damaged_or_newer_record_is_refused(tmp_path, config, record, reason):
     (tmp_path / "run.json").write_text(record)
     with pytest.raises(RunFolderError, match=reason):
         RunFolder.open(tmp_path)
+
+
+def test_a_run_of_before_is_told_for_what_it_is(tmp_path, config):
+    """Its identity is another one, but nobody edited its configuration."""
+    RunFolder.claim(tmp_path, config)
+    path = tmp_path / "run.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"version": 1, "identity": "of before"}))
+    before = contents(tmp_path)
+    for again in (lambda: RunFolder.open(tmp_path), lambda: RunFolder.claim(tmp_path, config, resume=True)):
+        with pytest.raises(
+            RunFolderError, match=r"expected porocore-run version 2, got porocore-run version 1; use"
+        ):
+            again()
+    assert contents(tmp_path) == before
+
+
+#: Identity of the benchmark's configuration in run folders of each version.
+IDENTITIES = {2: "e3dad5a3bc1bd9a8"}
+
+
+def test_the_version_is_raised_where_identities_change(config):
+    """Otherwise a newer porocore says of older runs that somebody edited their configuration."""
+    assert config.identity == IDENTITIES[runfolder.VERSION], (
+        "raise runfolder.VERSION, and note the identity here"
+    )
 
 
 def test_an_edited_configuration_is_noticed(tmp_path, config):

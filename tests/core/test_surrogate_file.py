@@ -305,6 +305,15 @@ def test_the_documentation_lists_the_file(tmp_path):
         (1, 6),
         Reach((1, 6), np.zeros(2), np.ones(2)),
         sampled,
+        ErrorEstimate(
+            0.01,
+            Polynomial(np.eye(2, dtype=np.int64), np.ones((42, 2))),
+            None,
+            (),
+            np.ones(6),
+            0.0,
+            np.zeros((2, 2)),
+        ),
     )
     page = Path(__file__).parents[2] / "docs" / "surrogates.md"
     found = set()
@@ -330,7 +339,18 @@ def test_the_documentation_lists_the_file(tmp_path):
     assert f"version {VERSION} of `{FORMAT}`" in listed
 
 
-@pytest.mark.parametrize("entry", ["basis", "log_rest", "polynomial/coefficients", "range/normals"])
+@pytest.mark.parametrize(
+    "entry",
+    [
+        "basis",
+        "log_rest",
+        "polynomial/coefficients",
+        "range/normals",
+        "estimate/spread",
+        "estimate/safe",
+        "estimate/polynomials/coefficients",
+    ],
+)
 def test_a_conductivity_of_wrong_shapes_is_refused(tmp_path, entry):
     path = tmp_path / "surrogate.h5"
     rest = potential_training_set(30, seed=1)
@@ -339,6 +359,7 @@ def test_a_conductivity_of_wrong_shapes_is_refused(tmp_path, entry):
         rest,
         responses=replace(rest.responses, conductivity=K[:30] * (1 + rest.states.p[:, None, None])),
         reference=replace(rest.reference, conductivity=K[30:]),
+        tolerance=0.01,
     )
     PolynomialSurrogate(degree=3).fit(data, seed=0).save(path)
     header, arrays = read_archive(path, FORMAT, VERSION, "")
