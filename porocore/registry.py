@@ -106,7 +106,10 @@ class Registry:
     def _not_found(self, kind: Kind, name: str) -> str:
         distribution, kinds = FIRST_PARTY.get(name, ("", ()))
         # Of another interface of another kind is none of this name.
-        broken = "".join(f"; {_fault(b)}" for b in self.broken if b.kind in ("", kind))
+        faulty = [b for b in self.broken if b.kind in ("", kind)]
+        # Where one of them bears the name, the others are none of the matter.
+        faulty = [b for b in faulty if name in str(b.source)] or faulty
+        broken = "".join(f"; {_fault(b)}" for b in faulty)
         if kind in kinds:
             for failed in self.broken:
                 if failed.source.distribution == distribution and failed.kind in ("", kind):

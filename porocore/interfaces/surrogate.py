@@ -41,7 +41,7 @@ class TrainingSet:
     provenance
         Text to keep with the surrogate (versions, configuration).
     symmetry
-        Point group of the cell (:attr:`porocore.cell.cell.Cell.point_group`): the operations Q with
+        Point group of the cell (``Cell.point_group``): the operations Q with
         W(Q F Qᵀ, p) = W(F, p). It is not to be seen from the response at rest: fibres that bear tension only do nothing
         there, and a stiffness cannot tell all cubic groups apart. Trivial: nothing is known of it.
     tolerance

@@ -172,8 +172,8 @@ def test_the_command_prints_a_table_and_the_status(fakes, porocore_command, tmp_
     [
         (("--case", "cylinder"), "unknown case 'cylinder'; the cases are"),
         (("--fem", "fenics"), "unknown cell solver 'fenics'"),
-        (("--out", "/dev/null/all.json"), "--out /dev/null/all.json: its folder cannot be made: "),
-        (("--out", "/dev"), "--out /dev: expected a file, got a folder"),
+        (("--out", "/dev/null/all.json"), "--out /dev/null/all.json: no file can be written there: "),
+        (("--out", "/dev"), "--out /dev: no file can be written there: expected a file, got a folder"),
     ],
 )
 def test_bad_use_is_a_message_and_status_2(porocore_command, words, message):

@@ -29,7 +29,7 @@ HOLDERS = (porocore.config, porocore.api.study)
 TRAINING = {MlpOptions: "epochs", PotentialOptions: "iterations"}
 SHORT, LONG = {"epochs": 60, "iterations": 15}, {"epochs": 2500, "iterations": 60}
 #: Options by which samplers are told how many states they may take, and a number that is enough to learn from.
-COUNTS, STATES = ("count", "budget"), 8
+COUNTS, STATES = ("count", "budget"), 16
 #: Of H and p: the pore wall is far from creasing there, and a state is solved in few iterations.
 LOWEST, HIGHEST = -0.1, 0.06
 #: Elements of a body along each axis.

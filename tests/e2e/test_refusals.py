@@ -130,8 +130,8 @@ def test_a_folder_that_belongs_to_something_else(study, finished, other_cell, tm
 )
 def test_a_backend_that_is_not_installed(study, tmp_path, missing, words, expected):
     hide = {
-        "the plugin": "import importlib.metadata as m; real = m.entry_points\n"
-        "m.entry_points = lambda **k: [e for e in real(**k) if e.dist.name != 'porocore-surrogate-torch']",
+        "the plugin": "import importlib.metadata as m; real = m.distributions\n"
+        "m.distributions = lambda **k: (d for d in real(**k) if d.name != 'porocore-surrogate-torch')",
         "torch": "import importlib.util as u; real = u.find_spec\n"
         "u.find_spec = lambda name, *a: None if name == 'torch' else real(name, *a)",
     }[missing]

@@ -105,8 +105,8 @@ def test_one_line_shows_its_states_and_eigenvalues(study, tmp_path):
         (("--across", "p=0,x"), "expected an input and its values such as p=0,0.1"),
         (("--across", "H22=0.1"), "runs both along the lines and across them"),
         (("--across", "p=0.1,0.1"), "expected different values of p"),
-        (("--steps", "0"), "--steps: expected at least 1"),
-        (("--tolerance", "-1"), "--tolerance: expected a positive number"),
+        (("--steps", "0"), "--steps: expected 1 to 10000"),
+        (("--tolerance", "-1"), "--tolerance: expected at least 1e-09"),
     ],
     ids=str,
 )

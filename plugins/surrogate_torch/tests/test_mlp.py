@@ -255,8 +255,8 @@ def test_options_are_refused_with_their_keys():
     with pytest.raises(ConfigurationError) as error:
         TorchSurrogate(epoch=10, activation="relu", hidden=[40, -1])
     assert str(error.value).splitlines() == [
-        "surrogate.options.hidden: expected a list of layer widths, whole numbers ≥ 1, such as [40, 40, 40],"
-        " got [40, -1]",
+        "surrogate.options.hidden: expected a list of at most 20 layer widths, whole numbers from 1 to 1024, such as "
+        "[40, 40, 40], got [40, -1]",
         "surrogate.options.activation: expected 'sigmoid' or 'tanh', got 'relu'",
         "surrogate.options.epoch: the torch surrogate has no such option for this model; did you mean 'epochs'?",
     ]
