@@ -45,6 +45,22 @@ GOOD_REASONS = (
 OFFERED_BY_SOME = ("porocore/testing/", "gives no access to its tangent")
 
 
+_CELL_LAWS = "plugins/fem_dolfinx/tests/test_conformance.py::TestDolfinxCellSolver::test_"
+#: What the slow suite keeps although it stands in a class or a table whose rest is fast: whole cells of the second backend,
+#: which tests/consistency holds to the first, variants of one model, and what a shorter test looks at, too.
+SLOW = (
+    f"{_CELL_LAWS}objectivity",
+    f"{_CELL_LAWS}derivatives_are_the_slopes[sheared]",
+    f"{_CELL_LAWS}a_rotation_of_the_body_rotates_the_flux",
+    f"{_CELL_LAWS}shear_derivatives_of_a_diagonal_state",
+    f"{_CELL_LAWS}rows_do_not_depend_on_the_batch_or_its_order",
+    "plugins/surrogate_jax/tests/test_conformance.py::TestMlpWithTanh::",
+    "plugins/surrogate_jax/tests/test_conformance.py::TestPotentialOnPolynomial::",
+    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/crosscheck.md]",
+    "tests/e2e/test_kills.py::test_a_run_killed_in_every_stage_ends_with_the_same_numbers",
+)
+
+
 def pytest_addoption(parser):
     parser.addoption("--run-slow", action="store_true", help="also run the tests marked slow")
 
@@ -54,7 +70,8 @@ def pytest_collection_modifyitems(config, items):
         return
     skip = pytest.mark.skip(reason="slow; run with --run-slow")
     for item in items:
-        if item.get_closest_marker("slow"):  # not among the keywords: names of parameters are there too
+        # Not among the keywords: names of parameters are there too.
+        if item.get_closest_marker("slow") or item.nodeid.startswith(SLOW):
             item.add_marker(skip)
 
 
