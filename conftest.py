@@ -46,7 +46,7 @@ OFFERED_BY_SOME = ("porocore/testing/", "gives no access to its tangent")
 
 
 _CELL_LAWS = "plugins/fem_dolfinx/tests/test_conformance.py::TestDolfinxCellSolver::test_"
-#: What the slow suite keeps although it stands in a class or a table whose rest is fast: whole cells of the second backend,
+#: What the slow suite keeps although the rest of its class or table is fast: whole cells of the second backend,
 #: which tests/consistency holds to the first, variants of one model, and what a shorter test looks at, too.
 SLOW = (
     f"{_CELL_LAWS}objectivity",
