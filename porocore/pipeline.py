@@ -43,7 +43,7 @@ from porocore.stage_files import (
     prepare_cell,
     training_set,
 )
-from porocore.stage_times import stage_times, timed
+from porocore.stage_times import stage_runs, stage_times, timed
 from porocore.states import MacroState, Status
 from porocore.symmetry_notes import broken_by_the_mesh, uncovered
 from porocore.training_curve import TrainingCurveFile
@@ -168,12 +168,19 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
             if closure in CLOSURES
         }
         context, metrics = gather(
-            folder, config, reference, coefficients, surrogates, stage_times(folder.timings)
+            folder,
+            config,
+            reference,
+            coefficients,
+            surrogates,
+            stage_times(folder.timings),
+            stage_runs(folder.timings),
         )
         write_report(folder.report, context)
     for warning in all_warnings(context):
         console.warn(warning)
     metrics["stages"] = stage_times(folder.timings)
+    metrics["stage_runs"] = stage_runs(folder.timings)
     with atomic_path(folder.metrics) as part:
         part.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return folder.report

@@ -1,4 +1,4 @@
-"""How long each stage of a run has taken, over all the processes that worked on it."""
+"""How long each stage of a run has taken, and over how many runs: one that is resumed adds to the time before."""
 
 from __future__ import annotations
 
@@ -24,32 +24,51 @@ def timed(path: Path, stage: str) -> Iterator[None]:
     RunFolderError
         The disk is full or read-only.
     """
-    times = stage_times(path)
+    record = _record(path)
     began = time.perf_counter()
 
     def note() -> None:
-        times[stage] = times.get(stage, 0.0) + time.perf_counter() - began
+        seconds, runs = record.get(stage, (0.0, 0))
+        record[stage] = seconds + time.perf_counter() - began, runs + 1
+        text = json.dumps({name: {"seconds": s, "runs": n} for name, (s, n) in record.items()}, indent=2)
         with atomic_path(path) as part:
-            part.write_text(json.dumps(times, indent=2) + "\n", encoding="utf-8")
+            part.write_text(text + "\n", encoding="utf-8")
 
     with noted_afterwards(note):
         yield
 
 
 def stage_times(path: Path) -> dict[str, float]:
-    """Seconds by stage; empty before the first.
+    """Return the seconds by stage, over all runs that worked on it; empty before the first.
 
     Raises
     ------
     DataError
         The record is damaged.
     """
+    return {stage: seconds for stage, (seconds, _) in _record(path).items()}
+
+
+def stage_runs(path: Path) -> dict[str, int]:
+    """Return by stage how many runs its time is of: one, and one more for each time that it was resumed.
+
+    Raises
+    ------
+    DataError
+        The record is damaged.
+    """
+    return {stage: runs for stage, (_, runs) in _record(path).items()}
+
+
+def _record(path: Path) -> dict[str, tuple[float, int]]:
     if not path.exists():
         return {}
     try:
-        times = read_json(path)
-        return {str(stage): float(seconds) for stage, seconds in times.items()}
-    except (OSError, ValueError, TypeError, AttributeError) as error:
+        record = read_json(path).items()
+        # Folders of porocore 0.1 have the seconds alone.
+        entries = {s: e if isinstance(e, dict) else {"seconds": e, "runs": 1} for s, e in record}
+        return {str(stage): (float(entry["seconds"]), int(entry["runs"])) for stage, entry in entries.items()}
+    except (OSError, ValueError, TypeError, AttributeError, KeyError, OverflowError) as error:
         raise DataError(
             f"{path}: not a record of the stages' times ({error}); delete it, it is not needed"
         ) from error

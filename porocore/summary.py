@@ -60,10 +60,12 @@ def gather(
     coefficients: LinearCoefficients,
     surrogates: dict[str, Surrogate],
     timings: dict[str, float],
+    runs: dict[str, int],
 ) -> tuple[ReportContext, dict[str, Any]]:
-    """The report's context, and the figures of merit ready for JSON.
+    """Return the report's context, and the figures of merit ready for JSON.
 
-    ``surrogates`` by closure: that of ``config``, and those of the other closures that were solved with.
+    ``surrogates`` by closure: that of ``config``, and those of the other closures that were solved with. ``runs`` says
+    by stage how many runs a time in ``timings`` is of.
     """
     dataset = Dataset.open(folder.dataset, identity=config.stages.sampling)
     held_out = Dataset.open(folder.test_dataset, identity=config.stages.test)
@@ -98,7 +100,10 @@ def gather(
         sampling=SamplingSummary(dataset.inputs, dataset.x(), responses.status, training),
         surrogate=main,
         cases=cases,
-        stages=tuple(Stage(name, seconds) for name, seconds in timings.items()),
+        stages=tuple(
+            Stage(name, seconds, f"in {runs[name]} runs" if runs.get(name, 1) > 1 else "")
+            for name, seconds in timings.items()
+        ),
         provenance={**versions(), **reference.mesh, "run identity": config.identity},
         config_text=config.resolved_yaml(),
         published=DEHGHANI_ZILIAN if _is_the_benchmark(config) else None,

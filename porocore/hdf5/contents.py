@@ -83,7 +83,7 @@ class Contents:
             return _utf8(value, f"attribute '{name}'")
         numbers = np.asarray(value, dtype=float)
         # A time that is not known yet may be infinite.
-        wrong = np.isnan(numbers) if kind is float else ~np.isfinite(numbers) | (numbers % 1 != 0)
+        wrong = np.isnan(numbers) if kind is float else ~(np.abs(numbers) < 2.0**63) | (numbers % 1 != 0)
         if wrong.any():
             raise ValueError(f"attribute '{name}' is {str(value)[:40]}")
         return kind(value) if size is None else tuple(kind(x) for x in value)

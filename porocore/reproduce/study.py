@@ -23,7 +23,7 @@ from porocore.sensitivity.results import Sensitivity
 from porocore.sensitivity.study import Progress, run_study
 from porocore.sensitivity.tables import write_table
 from porocore.stage_files import linear_coefficients, load_reference, load_surrogate, prepare_cell
-from porocore.stage_times import stage_times, timed
+from porocore.stage_times import stage_runs, stage_times, timed
 from porocore.summary import gather
 
 if TYPE_CHECKING:
@@ -76,7 +76,9 @@ class Results:
             reference, timings = load_reference(run, first), stage_times(run.timings)
             surrogates = {c.closure: load_surrogate(run, c) for c in (first, second)}
             coefficients = linear_coefficients(reference, first)
-            context, metrics = gather(run, first, reference, coefficients, surrogates, timings)
+            context, metrics = gather(
+                run, first, reference, coefficients, surrogates, timings, stage_runs(run.timings)
+            )
         return Column(
             config=first,
             context=context,

@@ -102,3 +102,13 @@ def test_an_interrupted_question_is_no_answer_to_the_next(
         with pytest.raises(KeyboardInterrupt):
             read(foreign(tmp_path / "first.h5"))
     assert read(foreign(tmp_path / "next.h5"))[1] == ["a", "∇"]
+
+
+def test_a_whole_number_without_bound_is_refused_in_a_short_message(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        file.attrs["version"] = 1e308
+    with (
+        pytest.raises(DataError, match=r"attribute 'version' is 1e\+308"),
+        opened(tmp_path / "data.h5", "file", "delete it") as file,
+    ):
+        file.attribute("version", int)

@@ -161,9 +161,9 @@ def contents(path: Path) -> dict[str, tuple[str, tuple[int, ...], bytes]]:
 
 
 def figures(folder: Path) -> dict[str, Any]:
-    """metrics.json without the wall times."""
+    """metrics.json without the wall times, and over how many runs they are."""
     metrics: dict[str, Any] = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
-    assert metrics.pop("stages")
+    assert metrics.pop("stages").keys() == metrics.pop("stage_runs").keys()
     assert metrics["sampling"].pop("solve_seconds_mean") > 0
     return metrics
 
