@@ -79,7 +79,8 @@ def test_the_solutions_can_be_looked_at(finished):
 
 def test_the_metrics_hold_figures_of_merit_and_times(finished):
     metrics = json.loads((finished / "metrics.json").read_text(encoding="utf-8"))
-    assert set(metrics) == {"cell", "sampling", "surrogate", "closure", "macro", "stages"}
+    assert set(metrics) == {"cell", "sampling", "surrogate", "closure", "macro", "stages", "stage_runs"}
+    assert metrics["stage_runs"] == dict.fromkeys(metrics["stages"], 1)
     stages = {"cell", "sampling", "held-out states", "training", "report"}
     stages |= {f"macro, {law}, load {load:g}" for law in ("mean-gradient", "linear") for load in LOADS}
     assert set(metrics["stages"]) == stages
