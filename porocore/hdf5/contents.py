@@ -69,8 +69,8 @@ class Contents:
         head = f"{group}/" if group else ""
         return sorted(name[len(head) :] for name in self._structure.datasets if name.startswith(head))
 
-    def attribute(self, name: str, kind: type, size: int | None = None) -> Any:
-        """Return an attribute of the file: a text, a number, or ``size`` numbers."""
+    def attribute(self, name: str, kind: type, size: int | None = None, *, finite: bool = True) -> Any:
+        """Return an attribute of the file: a text, a number, or ``size`` numbers; infinite ones where they may be."""
         raw = name.encode()
         if not h5a.exists(self._file.id, raw):
             raise KeyError(f"attribute '{name}' is missing")
@@ -82,8 +82,10 @@ class Contents:
         if kind is str:
             return _utf8(value, f"attribute '{name}'")
         numbers = np.asarray(value, dtype=float)
-        # A time that is not known yet may be infinite.
-        wrong = np.isnan(numbers) if kind is float else ~(np.abs(numbers) < 2.0**63) | (numbers % 1 != 0)
+        if kind is float:
+            wrong = ~np.isfinite(numbers) if finite else np.isnan(numbers)
+        else:
+            wrong = ~(np.abs(numbers) < 2.0**63) | (numbers % 1 != 0)
         if wrong.any():
             raise ValueError(f"attribute '{name}' is {str(value)[:40]}")
         return kind(value) if size is None else tuple(kind(x) for x in value)

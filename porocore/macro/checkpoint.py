@@ -100,8 +100,11 @@ def load(
             if not len(rows):
                 raise ValueError("'history' is empty")
             rate = file.array("rate", size) if "rate" in file else None
-            step = {name: file.attribute(name, kind) for name, kind in STEPPER.items()}
-            before = file.attribute("length", float), file.attribute("scales", float, len(control.scales))
+            step = {name: file.attribute(name, kind, finite=False) for name, kind in STEPPER.items()}
+            before = (
+                file.attribute("length", float, finite=False),
+                file.attribute("scales", float, len(control.scales)),
+            )
             profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
             return whole, memories, rows, profiles, step, rate, before
 

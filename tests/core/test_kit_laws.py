@@ -61,8 +61,9 @@ def assert_caught(case: Case, outcomes: Outcomes) -> None:
         said = TEXT.match(message)
         assert said, message
         assert said["law"].partition("[")[0] == case.caught_by.removeprefix("test_").replace("_", " ")
-        assert (said["expected"] == NOTHING_RAISED) == bool(case.raises), message
-        assert not case.raises or f"; got {case.raises}: " in message
+        # Of the cases of one law some may end by an error of the implementation's own, if that is the fault.
+        assert said["expected"] != NOTHING_RAISED or case.raises, message
+    assert not case.raises or any(f"; got {case.raises}: " in message for message in caught)
 
 
 @pytest.mark.parametrize("case", [case for case in WRONGS if not case.slow], ids=str)

@@ -151,6 +151,7 @@ class TestHoldsWhatSlides(Law):
 
 class TestForgetsTheMemoryOfTheLaw(Law):
     caught_by = "test_a_killed_run_continues_to_the_identical_solution"
+    raises = "SolveError"
     slow = True
 
     class solver(Checkpoints):
