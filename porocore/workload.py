@@ -9,7 +9,8 @@ from porocore.bounds import MOST_STATES
 from porocore.config import RunConfig
 from porocore.errors import ConfigurationError
 
-#: Memory of one process that solves cells: measured 0.21 GB for the benchmark's cell, of which 0.15 GB are libraries.
+#: Memory assumed for one process that solves cells, not measured for this purpose: one that had solved a cell of
+#: size 0.2 with scikit-fem held 0.32 GB.
 PROCESS = 2 * 10**8
 #: Bytes of a solved state with its derivatives, and of each node of its field.
 STATE, NODE = 4_000, 24

@@ -8,7 +8,7 @@ from porocore.errors import ConfigurationError
 PER_CUBE = 12.0
 #: Tetrahedra along the fillets of a cell of unit size, times their radius; measured at radii of 0.02.
 PER_FILLET = 1300.0
-#: Elements that are made; meshing and unfolding them takes some 5 GB.
+#: Elements that are made at most; the memory that meshing so many takes was not measured.
 MOST = 3_000_000
 
 
