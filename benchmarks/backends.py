@@ -8,11 +8,11 @@ import h5py  # noqa: F401 - before dolfinx, which brings an HDF5 library of its 
 import numpy as np
 from common import best, table
 
-from porocore.body.kinds import Box
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.closures import ClosedLaw, LinearCellLaw, MeanGradientClosure
-from porocore.problem import Boundary, MacroProblem, TimePlan
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.macro.body.kinds import Box
+from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure
+from porocore.macro.problem import Boundary, MacroProblem, TimePlan
 from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
 from porocore_fem_dolfinx.macro import DolfinxMacroSolver
 from porocore_fem_skfem.cell_solver import SkfemCellSolver

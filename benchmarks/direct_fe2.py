@@ -11,19 +11,19 @@ import numpy as np
 from common import table
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.closures import CellLaw, ClosedLaw, MeanGradientClosure, PotentialClosure
-from porocore.config_sections import SamplingSettings
-from porocore.direct import DirectCellLaw, DirectWork
-from porocore.execution import CellPool
-from porocore.inputs import InputSpace
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.core.inputs.input_space import InputSpace
+from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.problem import MacroProblem
-from porocore.solution import MacroSolution
-from porocore.stage_files import prepare_cell
+from porocore.macro.laws import CellLaw, ClosedLaw, MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.direct import DirectCellLaw, DirectWork
+from porocore.macro.problem import MacroProblem
+from porocore.sampling.execution import CellPool
 from porocore.states import Array, CellResponse, MacroState
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-from porocore.testing.synthetic import confined_column
+from porocore.study.config.sections import SamplingSettings
+from porocore.study.stages.stage_files import prepare_cell
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
 
 LOAD, ELEMENTS, STATES = -0.1, 10, 36

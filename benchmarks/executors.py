@@ -13,13 +13,13 @@ from tempfile import TemporaryDirectory
 from common import table
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.dataset import Dataset
-from porocore.execution import CellPool
-from porocore.inputs import InputSpace
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.core.inputs.input_space import InputSpace
 from porocore.sampling.campaign import Progress, run_campaign
-from porocore.sampling.random_states import RandomStates
-from porocore.stage_files import prepare_cell
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool
+from porocore.sampling.samplers.random_states import RandomStates
+from porocore.study.stages.stage_files import prepare_cell
 
 INPUTS = InputSpace(
     ("H11", "H22", "H33", "H12", "H13", "H23", "p"),

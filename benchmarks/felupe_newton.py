@@ -8,7 +8,7 @@ from common import best, table
 from pypardiso import spsolve
 
 from porocore.cell.cell import Cell
-from porocore.equilibrium.path import follow
+from porocore.cell.equilibrium.path import follow
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 H_22, TOLERANCE = -0.15, 1e-9

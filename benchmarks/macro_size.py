@@ -16,8 +16,8 @@ import h5py  # noqa: F401 - before dolfinx, which brings an HDF5 library of its 
 import numpy as np
 from common import table
 
-from porocore.problem import MacroProblem
-from porocore.testing.synthetic import mean_gradient_law
+from porocore.macro.problem import MacroProblem
+from porocore.testing.synthetic.response import mean_gradient_law
 
 #: Edge of an element of the unit cube.
 SIZES = (0.178, 0.128, 0.096, 0.0635)

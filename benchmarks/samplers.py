@@ -25,14 +25,15 @@ from common import table
 from solved_states import CELL, Given, Library, random_points
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.inputs import InputSpace
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.core.inputs.input_space import InputSpace
 from porocore.interfaces.sampler import Sampler, StudyFacts
-from porocore.sampling.active import Active
-from porocore.sampling.density import DensitySweep
-from porocore.sampling.designs import LatinHypercube, SobolDesign
+from porocore.sampling.samplers.active import Active
+from porocore.sampling.samplers.density import DensitySweep
+from porocore.sampling.samplers.designs import LatinHypercube, SobolDesign
 from porocore.states import Array, CellResponse, MacroState
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+from porocore.surrogates.polynomial.committee import judge
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "dehghani2022.yaml"
 TWO = InputSpace(("p", "H22"), (-0.02, -0.40), (0.24, 0.04))
@@ -134,7 +135,7 @@ def study(library: Library) -> StudyFacts:
         raise RuntimeError("the samplers of this benchmark do not explore")
 
     return StudyFacts(
-        library.reference, library.cell.identity, ("mean_grad", "stress", "fluid_volume"), explore
+        library.reference, library.cell.identity, ("mean_grad", "stress", "fluid_volume"), explore, judge
     )
 
 

@@ -10,14 +10,14 @@ import numpy as np
 from scipy.stats import qmc
 
 from porocore.cell.cell import Cell
-from porocore.dataset import Dataset
-from porocore.execution import CellPool
-from porocore.inputs import InputSpace
+from porocore.core.inputs.input_space import InputSpace
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.pipeline import prepare_cell
 from porocore.sampling.campaign import run_campaign
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool
 from porocore.states import Array, CellResponse, IntArray, MacroState
+from porocore.study.stages.pipeline import prepare_cell
 
 #: Second-order elements on an eighth of the cell for diagonal states, on the whole cell for others; r = 0.25, ν = 0.35.
 CELL = Cell()

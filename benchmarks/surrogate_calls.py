@@ -8,12 +8,12 @@ from __future__ import annotations
 import numpy as np
 from common import best, table
 
-from porocore.inputs import NAMES, InputSpace
+from porocore.core.inputs.input_space import NAMES, InputSpace
+from porocore.core.tensors.point_group import CUBIC
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
-from porocore.registry import registry
+from porocore.plugins.registry import registry
 from porocore.states import MacroState
-from porocore.tensors.point_group import CUBIC
-from porocore.testing.potential_cell import respond
+from porocore.testing.synthetic.potential_cell import respond
 
 N = 2250
 INPUTS = {

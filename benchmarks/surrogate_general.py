@@ -17,9 +17,9 @@ import numpy as np
 from common import table
 from solved_states import Given, Library, random_points, sobol_points, worst_share
 
-from porocore.inputs import NAMES, InputSpace
+from porocore.core.inputs.input_space import NAMES, InputSpace
 from porocore.interfaces.surrogate import Surrogate
-from porocore.registry import registry
+from porocore.plugins.registry import registry
 from porocore.states import CellResponse, MacroState
 
 INPUTS = InputSpace(NAMES, (-0.1,) * 9 + (0.0,), (0.1,) * 10)

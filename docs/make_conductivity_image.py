@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.closures.pull_back import PulledBack
 from porocore.errors import PorocoreError
+from porocore.interfaces.solution import History, MacroSolution
+from porocore.macro.laws.pull_back import PulledBack
 from porocore.report.figures import png_bytes
 from porocore.report.figures.style import BLACK, BLUE, DASHED, DOTTED, GREY, VERMILLION, new_figure, styled
-from porocore.runfolder import RunFolder
-from porocore.solution import History, MacroSolution
-from porocore.stage_files import load_reference, load_surrogate
 from porocore.states import MacroState
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.stages.stage_files import load_reference, load_surrogate
 
 IMAGE = Path(__file__).parent / "images" / "conductivity.png"
 COMPRESSION = np.linspace(-0.19, 0.02, 60)

@@ -7,7 +7,7 @@ A table stands between two HTML comments, and the first one says which table it 
     <!-- keys cell fem -->                     the keys of these sections, and of all below them
     <!-- kinds cell.geometry -->               the kinds of a section
     <!-- keys-by-kind cell.geometry -->        the keys of the kinds but the default one
-    <!-- fields porocore.courses.Course -->    the keys of one model
+    <!-- fields porocore.core.formulas.time_function.Course -->    the keys of one model
     <!-- parameters PATH CLASS -->             the options of a class, by its docstring
     <!-- end -->
 
@@ -27,8 +27,8 @@ from pathlib import Path
 from configuration_tables.models import Key, all_keys, keys_by_kind, keys_of, kinds_at
 from configuration_tables.parameters import options_of
 
-from porocore.files import atomic_path
-from porocore.schema import field_docstrings
+from porocore.core.files.atomic import atomic_path
+from porocore.study.config.schema import field_docstrings
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "configuration.md"

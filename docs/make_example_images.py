@@ -11,12 +11,12 @@ from pathlib import Path
 from make_images import IMAGES, _pixels
 from matplotlib.figure import Figure
 
+from porocore.interfaces.solution import MacroSolution
 from porocore.report.figures import QUANTITIES, body_figure, png_bytes, series_figure
 from porocore.report.figures.profiles import Line
 from porocore.report.figures.series import panels
 from porocore.report.figures.style import DASHED, TIME_COLOURS, new_figure, styled
-from porocore.runfolder import RunFolder
-from porocore.solution import MacroSolution
+from porocore.study.run_folder.folder import RunFolder
 
 #: Of each example: the number of the profile, and what is shown against time.
 SHOWN = {

@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from porocore.errors import PorocoreError
+from porocore.interfaces.solution import History, MacroSolution
 from porocore.report.figures import cell_picture, png_bytes
 from porocore.report.figures.style import DASHED, LINEAR, NONLINEAR, new_figure, styled
-from porocore.runfolder import RunFolder
-from porocore.solution import History, MacroSolution
+from porocore.study.run_folder.folder import RunFolder
 
 IMAGES = Path(__file__).parent / "images"
 

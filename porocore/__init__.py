@@ -10,15 +10,10 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from porocore.api.cells import CellProblem as CellProblem
-    from porocore.api.solved import LawsSolved as LawsSolved
-    from porocore.api.solved import Solutions as Solutions
-    from porocore.api.solved import Solved as Solved
-    from porocore.api.study import Samples as Samples
-    from porocore.api.study import Study as Study
     from porocore.cell.cell import Cell as Cell
-    from porocore.config import RunConfig as RunConfig
-    from porocore.config import load_config as load_config
+    from porocore.cell.materials.neo_hookean import NeoHookean as NeoHookean
+    from porocore.core.inputs.input_space import InputSpace as InputSpace
+    from porocore.core.inputs.sampled_range import SampledRange as SampledRange
     from porocore.errors import ConfigurationError as ConfigurationError
     from porocore.errors import DataError as DataError
     from porocore.errors import PluginError as PluginError
@@ -26,45 +21,50 @@ if TYPE_CHECKING:
     from porocore.errors import RunFolderError as RunFolderError
     from porocore.errors import SolveError as SolveError
     from porocore.errors import UnexpectedError as UnexpectedError
-    from porocore.hookspecs import Offer as Offer
-    from porocore.hookspecs import hookimpl as hookimpl
-    from porocore.inputs import InputSpace as InputSpace
     from porocore.interfaces.cell import CellField as CellField
     from porocore.interfaces.cell import CellSolution as CellSolution
     from porocore.interfaces.cell import CellSolver as CellSolver
+    from porocore.interfaces.law import LawMemory as LawMemory
+    from porocore.interfaces.law import MacroLaw as MacroLaw
+    from porocore.interfaces.law import MacroResponse as MacroResponse
+    from porocore.interfaces.law import MacroTangent as MacroTangent
     from porocore.interfaces.macro import MacroSolver as MacroSolver
+    from porocore.interfaces.records import failed_response as failed_response
     from porocore.interfaces.sampler import Exploration as Exploration
     from porocore.interfaces.sampler import Request as Request
     from porocore.interfaces.sampler import Sampler as Sampler
     from porocore.interfaces.sampler import StudyFacts as StudyFacts
     from porocore.interfaces.sampler import StudySampler as StudySampler
+    from porocore.interfaces.solution import History as History
+    from porocore.interfaces.solution import MacroSolution as MacroSolution
+    from porocore.interfaces.solution import Profile as Profile
+    from porocore.interfaces.solution import StepReport as StepReport
     from porocore.interfaces.surrogate import Surrogate as Surrogate
     from porocore.interfaces.surrogate import TrainingProgress as TrainingProgress
     from porocore.interfaces.surrogate import TrainingSet as TrainingSet
-    from porocore.laws import LawMemory as LawMemory
-    from porocore.laws import MacroLaw as MacroLaw
-    from porocore.laws import MacroResponse as MacroResponse
-    from porocore.laws import MacroTangent as MacroTangent
-    from porocore.materials.neo_hookean import NeoHookean as NeoHookean
-    from porocore.problem import MacroProblem as MacroProblem
-    from porocore.records import failed_response as failed_response
-    from porocore.sampled_range import SampledRange as SampledRange
-    from porocore.solution import History as History
-    from porocore.solution import MacroSolution as MacroSolution
-    from porocore.solution import Profile as Profile
-    from porocore.solution import StepReport as StepReport
+    from porocore.macro.problem import MacroProblem as MacroProblem
+    from porocore.plugins.hookspecs import Offer as Offer
+    from porocore.plugins.hookspecs import hookimpl as hookimpl
     from porocore.states import CellPeaks as CellPeaks
     from porocore.states import CellResponse as CellResponse
     from porocore.states import CellTangent as CellTangent
     from porocore.states import MacroState as MacroState
     from porocore.states import Status as Status
+    from porocore.study.api.cells import CellProblem as CellProblem
+    from porocore.study.api.solved import LawsSolved as LawsSolved
+    from porocore.study.api.solved import Solutions as Solutions
+    from porocore.study.api.solved import Solved as Solved
+    from porocore.study.api.study import Samples as Samples
+    from porocore.study.api.study import Study as Study
+    from porocore.study.config.config import RunConfig as RunConfig
+    from porocore.study.config.config import load_config as load_config
 
 _HOMES = {
-    "porocore.api.cells": ["CellProblem"],
-    "porocore.api.solved": ["LawsSolved", "Solutions", "Solved"],
-    "porocore.api.study": ["Samples", "Study"],
+    "porocore.study.api.cells": ["CellProblem"],
+    "porocore.study.api.solved": ["LawsSolved", "Solutions", "Solved"],
+    "porocore.study.api.study": ["Samples", "Study"],
     "porocore.cell.cell": ["Cell"],
-    "porocore.config": ["RunConfig", "load_config"],
+    "porocore.study.config.config": ["RunConfig", "load_config"],
     "porocore.errors": [
         "ConfigurationError",
         "DataError",
@@ -74,18 +74,18 @@ _HOMES = {
         "SolveError",
         "UnexpectedError",
     ],
-    "porocore.hookspecs": ["Offer", "hookimpl"],
-    "porocore.inputs": ["InputSpace"],
+    "porocore.plugins.hookspecs": ["Offer", "hookimpl"],
+    "porocore.core.inputs.input_space": ["InputSpace"],
     "porocore.interfaces.cell": ["CellField", "CellSolution", "CellSolver"],
     "porocore.interfaces.macro": ["MacroSolver"],
     "porocore.interfaces.sampler": ["Exploration", "Request", "Sampler", "StudyFacts", "StudySampler"],
     "porocore.interfaces.surrogate": ["Surrogate", "TrainingProgress", "TrainingSet"],
-    "porocore.laws": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
-    "porocore.materials.neo_hookean": ["NeoHookean"],
-    "porocore.problem": ["MacroProblem"],
-    "porocore.records": ["failed_response"],
-    "porocore.sampled_range": ["SampledRange"],
-    "porocore.solution": ["History", "MacroSolution", "Profile", "StepReport"],
+    "porocore.interfaces.law": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
+    "porocore.cell.materials.neo_hookean": ["NeoHookean"],
+    "porocore.macro.problem": ["MacroProblem"],
+    "porocore.interfaces.records": ["failed_response"],
+    "porocore.core.inputs.sampled_range": ["SampledRange"],
+    "porocore.interfaces.solution": ["History", "MacroSolution", "Profile", "StepReport"],
     "porocore.states": ["CellPeaks", "CellResponse", "CellTangent", "MacroState", "Status"],
 }
 _MODULE_OF = {name: module for module, names in _HOMES.items() for name in names}

@@ -14,7 +14,7 @@ from typing import Any, Self, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from porocore.declared_fields import declared_fields, documented, row, rows_of
+from porocore.core.fields.declaration import declared_fields, documented, row, rows_of
 
 Array: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]

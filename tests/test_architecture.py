@@ -19,96 +19,47 @@ ROOT = Path(__file__).parents[1]
 CORE = ROOT / "porocore"
 PLUGINS = sorted(path.parent for path in (ROOT / "plugins").glob("*/porocore_*/__init__.py"))
 
-#: From the ground up; a module imports from its own layer and those below. What is not named is in "work".
-LAYERS = (
-    (
-        "foundation",
-        (
-            "errors",
-            "files",
-            "reading",
-            "unexpected",
-            "states",
-            "declared_fields",
-            "response_check",
-            "inputs",
-            "possible_states",
-            "sampled_range",
-            "expressions",
-            "expression_domain",
-            "echo",
-            "bounds",
-            "tensors",
-            "materials",
-            "cell",
-            "body",
-            "courses",
-            "input_file",
-            "kinds",
-            "dimensions",
-            "foreign_mesh",
-            "laws",
-            "problem",
-            "solution",
-            "hdf5",
-            "parallel",
-        ),
+#: Modules of the root, which every room may import.
+ROOT_MODULES = ("errors", "states")
+#: Every room, from the ground up, with the rooms that it may import.
+ROOMS = {
+    "core": (),
+    "interfaces": ("core",),
+    "plugins": ("core", "interfaces"),
+    "cell": ("core", "interfaces", "plugins"),
+    "sampling": ("core", "interfaces", "plugins"),
+    "surrogates": ("core", "interfaces", "plugins"),
+    "macro": ("core", "interfaces", "plugins", "cell", "sampling"),
+    "report": ("core", "interfaces", "cell", "macro"),
+    "study": ("core", "interfaces", "plugins", "cell", "sampling", "surrogates", "macro", "report"),
+    "testing": ("core", "interfaces", "plugins", "cell", "surrogates", "macro", "study"),
+    "verification": (
+        "core",
+        "interfaces",
+        "plugins",
+        "cell",
+        "sampling",
+        "macro",
+        "report",
+        "study",
+        "testing",
     ),
-    ("interfaces", ("interfaces",)),
-    ("hooks", ("hookspecs",)),
-    ("work", ()),
-    (
-        "choice",
-        (
-            "plugin_kinds",
-            "foreign_code",
-            "entry_points",
-            "discovery",
-            "plugin_table",
-            "registry",
-            "config",
-            "config_sections",
-            "workload",
-            "backends",
-            "schema",
-        ),
+    "cli": (
+        "core",
+        "interfaces",
+        "plugins",
+        "cell",
+        "sampling",
+        "report",
+        "study",
+        "testing",
+        "verification",
     ),
-    ("run", ("provenance", "run_files", "runfolder")),
-    (
-        "pipeline",
-        (
-            "pipeline",
-            "solving",
-            "stage_files",
-            "exploration",
-            "preflight",
-            "summary",
-            "crosscheck",
-            "tune",
-            "sensitivity",
-            "local_fields",
-            "verify",
-            "reproduce",
-            "plugin_check",
-            "scaffold",
-        ),
-    ),
-    ("python", ("api",)),
-    ("command line", ("cli",)),
-)
-WORK = [name for name, _ in LAYERS].index("work")
-#: What a plugin may import besides ``porocore`` itself, ``porocore.testing`` and the layers below "work".
-FOR_PLUGINS = (
-    "closures",
-    "conductivity",
-    "contact",
-    "equilibrium",
-    "linear",
-    "macro",
-    "stepping",
-    "surrogates",
-    "testing",
-)
+}
+#: A room holds at most so many files and sub-rooms.
+MOST_ENTRIES = 12
+#: Rooms of which a plugin may import what is public, beside ``porocore`` itself and the modules of the root.
+FOR_PLUGINS = ("core", "interfaces", "plugins", "cell", "surrogates", "macro", "testing")
 #: Third-party packages that belong to plugins.
 OF_PLUGINS = {"skfem", "pyamg", "mkl", "dolfinx", "basix", "ufl", "torch", "jax", "flax"}
 
@@ -151,9 +102,29 @@ def core_imports(path):
             yield (whole if whole in CORE_MODULES else module), name, line
 
 
-def layer(module):
-    part = module.split(".")[1] if "." in module else ""
-    return next((i for i, (_, names) in enumerate(LAYERS) if part in names), WORK)
+def room(module):
+    """The room of a module, or the module of the root itself."""
+    return module.split(".")[1] if "." in module else ""
+
+
+def entries(folder):
+    """Files and sub-rooms of a room."""
+    found = {path.name for path in folder.glob("*.py")} | {
+        f"{path.parent.name}/" for path in folder.glob("*/__init__.py")
+    }
+    return found - {"__init__.py"}
+
+
+def test_the_root_holds_rooms_and_three_modules():
+    assert entries(CORE) == {f"{name}/" for name in ROOMS} | {f"{name}.py" for name in ROOT_MODULES}
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent for path in CORE_MODULES.values()} - {CORE}), ids=str)
+def test_a_room_is_no_store(folder):
+    where = folder.relative_to(ROOT)
+    assert (folder / "__init__.py").is_file(), f"{where} has no __init__.py"
+    assert len(entries(folder)) <= MOST_ENTRIES, f"{where} has {len(entries(folder))} entries"
+    assert len(folder.relative_to(CORE).parts) <= 2, f"{where} is a room in a room in a room"
 
 
 @pytest.mark.parametrize("module", CORE_MODULES)
@@ -165,15 +136,32 @@ def test_the_core_imports_no_plugin_nor_their_packages(module):
 
 
 @pytest.mark.parametrize("module", [name for name in CORE_MODULES if name != "porocore"])
-def test_imports_run_one_way(module):
+def test_a_room_imports_only_the_rooms_that_it_may(module):
+    own = room(module)
     for imported, name, line in core_imports(CORE_MODULES[module]):
         # The package itself reaches everywhere, lazily; only the command line asks it, for its version.
         if imported == "porocore":
-            assert layer(module) == len(LAYERS) - 1, f"{module}:{line} imports {name} from the package"
+            assert own == "cli", f"{module}:{line} imports {name} from the package"
             continue
-        assert layer(imported) <= layer(module), (
-            f"{module}:{line} ({LAYERS[layer(module)][0]}) imports {imported} ({LAYERS[layer(imported)][0]})"
-        )
+        if own in ROOT_MODULES:
+            assert imported.startswith("porocore.core.fields"), f"{module}:{line} imports {imported}"
+            continue
+        allowed = {own, *ROOT_MODULES, *ROOMS[own]}
+        assert room(imported) in allowed, f"{module}:{line} ({own}) imports {imported}"
+
+
+def test_rooms_are_listed_from_the_ground_up_and_with_what_they_import():
+    known: list[str] = []
+    for name, allowed in ROOMS.items():
+        assert set(allowed) <= set(known), f"{name} may import a room above it"
+        used = {
+            room(imported)
+            for module, path in CORE_MODULES.items()
+            if room(module) == name
+            for imported, _, _ in core_imports(path)
+        }
+        assert set(allowed) <= used, f"{name} imports none of {sorted(set(allowed) - used)}"
+        known.append(name)
 
 
 def test_no_module_of_the_core_imports_itself_in_a_circle():
@@ -198,11 +186,11 @@ def test_no_module_of_the_core_imports_itself_in_a_circle():
 #: Beside the border itself: suites and cases that judge what comes, a study that counts what is not finite, one that
 #: times it, and what a surrogate of the core calls of its own.
 BEFORE_THE_BORDER = (
-    "border",
+    "plugins.border",
     "testing",
-    "verify",
-    "tune",
-    "reproduce.calls",
+    "verification.ladder",
+    "verification.reproduce.calls",
+    "study.tuning",
     "surrogates",
     "interfaces",
 )
@@ -221,7 +209,7 @@ def test_what_comes_out_of_a_plugin_passes_the_border(module):
                 "conductivity": of.endswith("solver"),
             }
             assert not crosses.get(called, False), (
-                f"{module}:{node.lineno} calls {of}.{called}; see porocore.border"
+                f"{module}:{node.lineno} calls {of}.{called}; see porocore.plugins.border"
             )
 
 
@@ -239,8 +227,7 @@ def test_a_plugin_imports_only_what_is_public(plugin):
             if imported == "porocore":
                 assert name is None or name in porocore.__all__, f"{where}:{line}: porocore offers no {name}"
             else:
-                part = imported.split(".")[1]
-                assert layer(imported) < WORK or part in FOR_PLUGINS, f"{where}:{line} imports {imported}"
+                assert room(imported) in (*ROOT_MODULES, *FOR_PLUGINS), f"{where}:{line} imports {imported}"
 
 
 @pytest.mark.parametrize("plugin", PLUGINS, ids=lambda path: path.name)
@@ -253,27 +240,35 @@ def test_the_hooks_of_a_plugin_are_light(plugin):
     assert run_python(code) == "[]"
 
 
-def test_the_documents_have_these_layers():
-    """docs/architecture.md row by row, and both pages with what plugins may use of the layer work."""
+def test_the_page_of_the_architecture_is_the_tree():
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
-    for name, modules in LAYERS:
-        row = re.search(rf"^\| {name} \| (.*) \|$", page, re.MULTILINE)
-        assert row, f"docs/architecture.md has no row '{name}'"
-        if modules:
-            assert set(row[1].split(", ")) == set(modules), f"docs/architecture.md, row '{name}'"
-    for name in ("architecture", "plugins"):
-        page = (ROOT / f"docs/{name}.md").read_text(encoding="utf-8")
-        (told,) = re.findall(r"of the layer work, ([^;.]*)[;.]", page)
-        assert set(re.findall(r"[a-z]+", told)) - {"and"} >= set(FOR_PLUGINS) - {"testing"}, f"docs/{name}.md"
+    for name, allowed in ROOMS.items():
+        row = re.search(rf"^\| `{name}` \| (.*) \|$", page, re.MULTILINE)
+        assert row, f"docs/architecture.md has no row of the room {name}"
+        assert tuple(re.findall(r"[a-z]+", row[1])) == allowed, f"docs/architecture.md, room {name}"
+    tree = re.search(r"^```\nporocore/\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    assert tree, "docs/architecture.md has no tree that begins with porocore/"
+    told, above = set(), ""
+    for line in tree[1].splitlines():
+        indent, name = re.match(r"( *)(\S+)", line).groups()
+        if len(indent) == 2:
+            above = name
+            told.add(name)
+        elif len(indent) == 4:
+            told.add(above + name)
+    there = {f"{name}/" for name in ROOMS} | {f"{name}.py" for name in ("__init__", *ROOT_MODULES)}
+    there |= {f"{name}/{entry}" for name in ROOMS for entry in entries(CORE / name)}
+    assert told == there
 
 
 def test_there_are_plugins_and_modules_to_look_at():
     assert {path.name for path in PLUGINS} >= {"porocore_fem_skfem", "porocore_surrogate_torch"}
-    assert {"porocore.states", "porocore.interfaces.cell", "porocore.registry", "porocore.cli.entry"} <= set(
-        CORE_MODULES
-    )
-    named = {name for _, names in LAYERS for name in names} - {"pipeline"}
-    assert named <= {module.split(".")[1] for module in CORE_MODULES if "." in module}
+    assert {
+        "porocore.states",
+        "porocore.interfaces.cell",
+        "porocore.plugins.registry",
+        "porocore.cli.entry",
+    } <= set(CORE_MODULES)
 
 
 def run_python(code):
@@ -325,13 +320,13 @@ def test_what_is_typed_as_public_is_what_is_public():
 
 @pytest.mark.parametrize("module", CORE_MODULES)
 def test_only_the_command_line_prints_or_exits_and_nothing_is_unpickled(module):
-    speaks = module.startswith("porocore.cli") or module == "porocore.console"
+    speaks = module.startswith("porocore.cli") or module == "porocore.core.console"
     for node in ast.walk(ast.parse(CORE_MODULES[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Call) and not speaks:
             called = ast.unparse(node.func)
             assert called not in ("print", "exit", "quit", "sys.exit"), f"{module}:{node.lineno}"
             # A worker process that has lost its parent may end itself, and the copy of a process that tries a file.
-            ends = module in ("porocore.execution.processes", "porocore.hdf5.trial")
+            ends = module in ("porocore.sampling.execution.processes", "porocore.core.hdf5.trial")
             assert called != "os._exit" or ends, f"{module}:{node.lineno}"
         if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
             assert ast.unparse(node.value) == "False", f"{module}:{node.lineno}"

@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from porocore.plugin_kinds import FIRST_PARTY
-from porocore.registry import Registry
+from porocore.plugins.kinds import FIRST_PARTY
+from porocore.plugins.registry import Registry
 
 BACKENDS = [(kind, name) for name, (_, kinds) in FIRST_PARTY.items() for kind in kinds]
 

@@ -11,10 +11,10 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from configuration_tables.words import codes, default_words, type_words
-from porocore.config import RunConfig
-from porocore.courses import Course
-from porocore.dimensions import MULTIPLES, ByKey
-from porocore.schema import field_docstrings, unit_of
+from porocore.core.formulas.time_function import Course
+from porocore.core.units.dimensions import MULTIPLES, ByKey
+from porocore.study.config.config import RunConfig
+from porocore.study.config.schema import field_docstrings, unit_of
 
 #: What stands for the keys of a mapping in a dotted key.
 ANY_KEY = {

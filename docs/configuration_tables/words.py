@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from porocore.courses import Course
+from porocore.core.formulas.time_function import Course
 
 COUNTS, TOGETHER = {2: "two", 3: "three"}, {2: "pairs", 3: "triples"}
 NOUNS = {float: "number", int: "whole number", str: "text", Course: "value"}

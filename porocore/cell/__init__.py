@@ -1,0 +1,1 @@
+"""One periodic cell: geometry, mesh, material, equilibrium, self-contact, conductivity and stability."""

@@ -19,18 +19,18 @@ from pydantic import (
     model_validator,
 )
 
-from porocore.cell.connectivity import pieces, why_loose
-from porocore.cell.contact import ContactSettings
-from porocore.cell.estimate import require_few
-from porocore.cell.geometry import Geometry, OrthogonalChannels
-from porocore.cell.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
-from porocore.cell.supercell import block
-from porocore.dimensions import Dimension, Unit
+from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels
+from porocore.cell.materials.choice import AnyMaterial
+from porocore.cell.materials.composite import Composite, Solid
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.meshing.connectivity import pieces, why_loose
+from porocore.cell.meshing.estimate import require_few
+from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
+from porocore.cell.meshing.supercell import block
+from porocore.core.tensors.point_group import PointGroup
+from porocore.core.units.dimensions import Dimension, Unit
 from porocore.errors import ConfigurationError
-from porocore.materials.choice import AnyMaterial
-from porocore.materials.composite import Composite, Solid
-from porocore.materials.neo_hookean import NeoHookean
-from porocore.tensors.point_group import PointGroup
 
 Cells = Annotated[int, Field(ge=1, le=8)]
 #: A number is a name too: that of a tag.

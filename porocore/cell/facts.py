@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.connectivity import Piece, blocked, pieces, why_loose
-from porocore.cell.mesh import CellMesh, Phase
-from porocore.cell.tetrahedra import EDGES, least_stretch, volume
+from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_loose
+from porocore.cell.meshing.mesh import CellMesh, Phase
+from porocore.cell.meshing.tetrahedra import EDGES, least_stretch, volume
 from porocore.states import Array, IntArray
 
 #: Corners of the four facets of a tetrahedron, each opposite to the corner of its place; outward.

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.echo import echo
+from porocore.core.echo import echo
 from porocore.errors import ConfigurationError, UnexpectedError
 
 if TYPE_CHECKING:
-    from porocore.config import RunConfig
+    from porocore.study.config.config import RunConfig
 
 ConfigArgument = Annotated[
     Path | None,
@@ -68,8 +68,8 @@ def interruptible(advice: str = "") -> Iterator[None]:
 @contextmanager
 def located(path: Path) -> Iterator[None]:
     """Put file and line before every complaint about a key of the configuration at ``path``."""
-    from porocore import config_errors
-    from porocore.yaml_document import YamlDocument
+    from porocore.core.files.yaml_document import YamlDocument
+    from porocore.study.config import errors as config_errors
 
     with config_errors.located(YamlDocument.read(path)):
         yield
@@ -83,10 +83,10 @@ def read_config(
     macro: str | None = None,
 ) -> tuple[Path, RunConfig]:
     """The configuration, the packaged one for None, with the chosen backends and closure."""
-    from porocore.backends import with_closure
-    from porocore.benchmark import benchmark_path
-    from porocore.config import load_config
-    from porocore.runfolder import CONFIG, RECORD
+    from porocore.study.backends import with_closure
+    from porocore.study.benchmark import benchmark_path
+    from porocore.study.config.config import load_config
+    from porocore.study.run_folder.folder import CONFIG, RECORD
 
     path = benchmark_path() if path is None else path
     if (path / RECORD).is_file():
@@ -105,7 +105,7 @@ def check_workers(workers: int | None) -> None:
     ConfigurationError
         It is below 1, or larger than any machine has use for.
     """
-    from porocore.bounds import MOST_WORKERS
+    from porocore.core.models.bounds import MOST_WORKERS
 
     if workers is not None and not 1 <= workers <= MOST_WORKERS:
         raise ConfigurationError(f"--workers: expected 1 to {MOST_WORKERS}, got {echo(workers)}")

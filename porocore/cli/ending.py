@@ -15,10 +15,10 @@ from typing import NoReturn
 
 import typer
 
-from porocore import unexpected
 from porocore.cli.common import Interrupted
+from porocore.core import unexpected
+from porocore.core.parallel import launched, let_the_first_speak
 from porocore.errors import PorocoreError, UnexpectedError
-from porocore.parallel import launched, let_the_first_speak
 
 REFUSED, UNEXPECTED, INTERRUPTED = 2, 70, 130
 #: Lines of a message, and characters of a line, that are shown.

@@ -8,11 +8,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from porocore.cli import (
+from porocore.cli.commands import (
     cell,
     crosscheck,
     data,
-    plugin,
     plugins,
     reproduce,
     sensitivity,
@@ -24,9 +23,9 @@ from porocore.cli import (
     verify,
 )
 from porocore.cli.ending import ending
-from porocore.echo import without_long_words
+from porocore.core.echo import without_long_words
+from porocore.core.parallel import launched
 from porocore.errors import PorocoreError
-from porocore.parallel import launched
 
 HELP = """
 Two-scale finite-strain poroelasticity.
@@ -93,7 +92,7 @@ app.command(rich_help_panel=_LOOK)(sensitivity.sensitivity)
 app.command(rich_help_panel=_LOOK)(stability.stability)
 app.command(rich_help_panel=_LOOK)(units.units)
 app.command(rich_help_panel=_LOOK)(plugins.plugins)
-app.add_typer(plugin.plugin, name="plugin", rich_help_panel=_LOOK)
+app.add_typer(plugins.plugin, name="plugin", rich_help_panel=_LOOK)
 app.command(rich_help_panel=_LOOK)(crosscheck.crosscheck)
 app.command(rich_help_panel=_LOOK)(verify.verify)
 

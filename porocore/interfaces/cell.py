@@ -5,12 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from porocore.cell.cell import Cell
 from porocore.states import Array, CellResponse, MacroState
+
+if TYPE_CHECKING:
+    from porocore.cell.cell import Cell
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,12 +5,20 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
-from porocore.laws import MacroLaw
-from porocore.parallel import World
-from porocore.problem import PARTS, MacroProblem, Part
-from porocore.solution import MacroSolution, StepReport
+from porocore.core.parallel import World
+from porocore.interfaces.law import MacroLaw
+from porocore.interfaces.solution import MacroSolution, StepReport
+
+if TYPE_CHECKING:
+    from porocore.macro.problem import MacroProblem
+
+#: What a problem may have beside displacements, tractions and pressures; not every macro solver offers all.
+Part = Literal[
+    "follower", "plate", "flux", "body_force", "initial", "probes", "surfaces", "tolerance", "load_curve"
+]
+PARTS: frozenset[Part] = frozenset(get_args(Part))
 
 
 class MacroSolver(ABC):
@@ -18,7 +26,7 @@ class MacroSolver(ABC):
 
     The law is asked once an iteration for all quadrature points and returns the exact tangent; a step whose
     Newton iteration fails is halved. Inf–sup stable: quadratic u, linear p.
-    ``porocore.macro`` has what all implementations share, and ``porocore.testing.macro`` tests them.
+    ``porocore.macro`` has what all implementations share, and ``porocore.testing.macro_laws.base`` tests them.
 
     What a solver offers is declared by the attributes of its class; a study that needs more is refused before anything
     is solved, and the suite skips what is not offered.

@@ -6,10 +6,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
-from porocore.inputs import InputSpace
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.tensors.point_group import TRIVIAL, PointGroup
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.states import CellResponse, MacroState
-from porocore.tensors.point_group import TRIVIAL, PointGroup
+from porocore.states import Array, CellResponse, MacroState
 
 
 @dataclass(frozen=True)
@@ -87,6 +87,27 @@ class Explore(Protocol):
         """With at most ``elements`` along each axis of the body, and about ``steps`` time steps."""
 
 
+class Judgement(Protocol):
+    """How much the members of a committee disagree at m candidates, and what solving each of them is worth."""
+
+    @property
+    def disagreement(self) -> Array:
+        """The largest standard deviation among the members at each candidate, (m,), as a share of the range."""
+
+    def worth(self) -> Array:
+        """Return the variance that solving each candidate takes from the fit, (m,), after those that were taken."""
+
+    def take(self, candidate: int) -> None:
+        """Count with a solution at this candidate."""
+
+
+class Judge(Protocol):
+    """Fits a committee of surrogates to solved states, and asks it about candidates."""
+
+    def __call__(self, data: TrainingSet, responses: tuple[str, ...], candidates: MacroState) -> Judgement:
+        """Return the judgement of the ``candidates``, (m), by members that learned ``responses`` from ``data``."""
+
+
 @dataclass(frozen=True, eq=False)
 class StudyFacts:
     """What a sampler may know of the study that it samples for.
@@ -101,6 +122,8 @@ class StudyFacts:
         Fields of :class:`CellResponse` that the closure asks of a surrogate.
     explore
         Runs the study's macro problem.
+    judge
+        Asks a committee of surrogates about states that are not solved yet.
     symmetry
         Point group of the cell, see :class:`~porocore.interfaces.surrogate.TrainingSet`.
     """
@@ -109,6 +132,7 @@ class StudyFacts:
     identity: str
     responses: tuple[str, ...]
     explore: Explore
+    judge: Judge
     symmetry: PointGroup = TRIVIAL
 
 

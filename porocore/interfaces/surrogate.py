@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from porocore.inputs import InputSpace
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.tensors.point_group import TRIVIAL, PointGroup
 from porocore.states import CellResponse, MacroState
-from porocore.tensors.point_group import TRIVIAL, PointGroup
 
 #: What to do about too few states to train on, whatever the sampler.
 MORE_STATES = (

@@ -1,1 +1,1 @@
-"""What every macro backend shares: mesh, boundary data, time loop, Newton's iteration, record and checkpoints."""
+"""The body at the macroscale: problem, mesh, laws, boundary data and integration in time."""

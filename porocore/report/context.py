@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from porocore.closure_error import ClosureError
-from porocore.closures.pull_back import ConductivityLaw
-from porocore.inputs import InputSpace
-from porocore.linear import LinearCoefficients
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.units.results import ResultUnits
+from porocore.core.units.scales import Scales
+from porocore.interfaces.solution import MacroSolution
+from porocore.macro.closure_error import ClosureError
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.report.drive import Drive
-from porocore.result_units import ResultUnits
-from porocore.scales import Scales
-from porocore.solution import MacroSolution
 from porocore.states import Array, IntArray
 
 
@@ -93,7 +93,7 @@ class CellSummary:
         (a, b): squeezed beyond H_22 = a + b p the sharp ridges of the solid crease, on a very fine mesh;
         None: not known.
     law
-        Which conductivity the flux goes by, see :data:`~porocore.closures.pull_back.ConductivityLaw`.
+        Which conductivity the flux goes by, see :data:`~porocore.macro.laws.pull_back.ConductivityLaw`.
     """
 
     description: str

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from porocore.core.units.results import ResultUnits
+from porocore.interfaces.solution import MacroSolution, Profile
+from porocore.macro.series import all_series
 from porocore.report.drive import Drive, reactions
 from porocore.report.format import number, plain
-from porocore.result_units import ResultUnits
-from porocore.series import all_series
-from porocore.solution import MacroSolution, Profile
 from porocore.states import Array
 
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from porocore.courses import Course, Value
-from porocore.problem import Boundary, MacroSetup
-from porocore.solution import MacroSolution
+from porocore.core.formulas.time_function import Course, Value
+from porocore.interfaces.solution import MacroSolution
+from porocore.macro.problem import Boundary, MacroSetup
 
 #: A component of a force below this share of the largest of all surfaces is round-off.
 VISIBLE = 1e-6

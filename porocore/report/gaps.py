@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from porocore.interfaces.solution import History, MacroSolution
 from porocore.report.context import Case
-from porocore.solution import History, MacroSolution
 from porocore.states import Array
 
 #: Histories that are compared, with their names for a reader.

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from porocore.files import atomic_path
+from porocore.core.files.atomic import atomic_path
+from porocore.core.units.results import ResultUnits
 from porocore.report import figures
 from porocore.report.context import Case, ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.dimensional import dimensional_rows
@@ -30,7 +31,6 @@ from porocore.report.words import (
     conductivity_sentence,
     linear_rows,
 )
-from porocore.result_units import ResultUnits
 from porocore.states import Array, MacroState, Status
 
 #: Profiles shown for each load, in order.

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from porocore.interfaces.solution import History, MacroSolution
 from porocore.report.context import Case, OutputCheck
-from porocore.solution import History, MacroSolution
 from porocore.states import Array
 
 #: A run whose settlement still moves by more than this share of its final value in the last tenth of the time

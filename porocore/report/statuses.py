@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from porocore.body.mesh import BodyMesh
+from porocore.interfaces.solution import MacroSolution, Profile
+from porocore.macro.body.mesh import BodyMesh
 from porocore.report.context import SamplingSummary
 from porocore.report.format import percent
-from porocore.solution import MacroSolution, Profile
 from porocore.states import Array, MacroState, Status
 
 #: What a reader must know of a state that is not plainly converged.

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.closures.pull_back import is_isotropic
+from porocore.macro.laws.pull_back import is_isotropic
 from porocore.report.context import Case, CellSummary, Published, ReportContext, SurrogateSummary
 from porocore.report.format import NONE, difference, number, percent, plain
 from porocore.report.metrics import case_metrics, case_warnings, leaving

@@ -11,12 +11,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
-from porocore.border import CheckedSampler, origin_of
-from porocore.dataset import Dataset
 from porocore.errors import DataError, PluginError
-from porocore.execution import CellPool, Outcome
+from porocore.interfaces.records import Record
 from porocore.interfaces.sampler import Request, Sampler
-from porocore.records import Record
+from porocore.plugins.border import CheckedSampler, origin_of
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool, Outcome
 from porocore.states import CellResponse, Status
 
 

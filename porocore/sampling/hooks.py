@@ -4,35 +4,35 @@ from __future__ import annotations
 
 from typing import Any
 
-from porocore.hookspecs import Offer, hookimpl
+from porocore.plugins.hookspecs import Offer, hookimpl
 
 
 def _density_sweep() -> type[Any]:
-    from porocore.sampling.density import DensitySweep
+    from porocore.sampling.samplers.density import DensitySweep
 
     return DensitySweep
 
 
 def _sobol() -> type[Any]:
-    from porocore.sampling.designs import SobolDesign
+    from porocore.sampling.samplers.designs import SobolDesign
 
     return SobolDesign
 
 
 def _latin_hypercube() -> type[Any]:
-    from porocore.sampling.designs import LatinHypercube
+    from porocore.sampling.samplers.designs import LatinHypercube
 
     return LatinHypercube
 
 
 def _active() -> type[Any]:
-    from porocore.sampling.active import Active
+    from porocore.sampling.samplers.active import Active
 
     return Active
 
 
 def _macro_driven() -> type[Any]:
-    from porocore.sampling.macro_driven import MacroDriven
+    from porocore.sampling.samplers.macro_driven import MacroDriven
 
     return MacroDriven
 

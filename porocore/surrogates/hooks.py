@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from porocore.hookspecs import Offer, hookimpl
+from porocore.plugins.hookspecs import Offer, hookimpl
 
 
 def _polynomial() -> type[Any]:
-    from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+    from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 
     return PolynomialSurrogate
 

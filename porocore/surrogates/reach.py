@@ -12,10 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
+from porocore.core.tensors.point_group import PointGroup
 from porocore.states import Array
-from porocore.surrogates.monomials import IntArray
+from porocore.surrogates.polynomial.monomials import IntArray
 from porocore.surrogates.symmetry import on_variables, stabiliser
-from porocore.tensors.point_group import PointGroup
 
 #: How far beyond the box the variables come to rest, as a share of its size.
 MARGIN = 0.1

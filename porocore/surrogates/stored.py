@@ -8,21 +8,22 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from porocore.echo import echo
+from porocore.core.echo import echo
+from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError
-from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
-from porocore.surrogates import file
-from porocore.surrogates.conductivity import ConductivityModel
-from porocore.surrogates.conductivity_fit import fit_conductivity
-from porocore.surrogates.drivers import reasons
-from porocore.surrogates.mean_gradient import AnchoredModel
-from porocore.surrogates.memory import keep_freed_memory
-from porocore.surrogates.model_errors import with_potential_error
-from porocore.surrogates.network import Evaluator, Network
-from porocore.surrogates.potential import PotentialModel
+from porocore.surrogates.conductivity.fit import fit_conductivity
+from porocore.surrogates.conductivity.model import ConductivityModel
+from porocore.surrogates.error_estimate.drivers import reasons
+from porocore.surrogates.error_estimate.models import with_potential_error
+from porocore.surrogates.file import file
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.network import Evaluator, Network
+from porocore.surrogates.potential.model import PotentialModel
 
+#: Bytes; glibc adapts up to 32 MiB.
+_KEPT_MEMORY = 24 << 20
 #: Responses that each model predicts.
 PROVIDES = {
     model: tuple(name for name, f in CELL_FIELDS.items() if model in f.models)
@@ -186,3 +187,13 @@ def share_of_range(error: Array, truth: Array) -> float:
     """Root mean square of errors (n, ...) over the largest range that a component of ``truth`` has."""
     spread = np.ptp(truth.reshape(len(truth), -1), axis=0).max() if len(truth) else 0.0
     return float(np.sqrt((error**2).mean()) / spread) if spread > 0 else 0.0
+
+
+def keep_freed_memory() -> None:
+    """Let glibc keep what predictions free, instead of giving it back to the system and asking anew each time.
+
+    It raises its thresholds to the largest block that was ever freed, so freeing one that was never touched is
+    enough. The page faults that this saves can cost more than a prediction of thousands of states.
+    """
+    block = np.empty(_KEPT_MEMORY, dtype=np.uint8)
+    del block

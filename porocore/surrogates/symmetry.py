@@ -11,9 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from porocore.core.tensors.point_group import PointGroup
 from porocore.states import Array, IntArray
-from porocore.surrogates.components import COMPONENT, PLACES
-from porocore.tensors.point_group import PointGroup
+from porocore.surrogates.stretch.components import COMPONENT, PLACES
 
 
 @dataclass(frozen=True, eq=False)

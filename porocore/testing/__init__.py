@@ -22,26 +22,26 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from porocore.testing.cell import CellSolverSuite as CellSolverSuite
-    from porocore.testing.cell_contact import CellContactSuite as CellContactSuite
-    from porocore.testing.cell_meshed import MeshedCellSuite as MeshedCellSuite
-    from porocore.testing.macro import MacroSolverSuite as MacroSolverSuite
-    from porocore.testing.potential import PotentialSuite as PotentialSuite
-    from porocore.testing.sampler import SamplerSuite as SamplerSuite
+    from porocore.plugins.kit_version import KIT_VERSION as KIT_VERSION
+    from porocore.testing.cell_laws.base import CellSolverSuite as CellSolverSuite
+    from porocore.testing.cell_laws.contact import CellContactSuite as CellContactSuite
+    from porocore.testing.cell_laws.meshed import MeshedCellSuite as MeshedCellSuite
+    from porocore.testing.macro_laws.base import MacroSolverSuite as MacroSolverSuite
+    from porocore.testing.sampler_laws.base import SamplerSuite as SamplerSuite
     from porocore.testing.suite import Suite as Suite
-    from porocore.testing.surrogate import SurrogateSuite as SurrogateSuite
-    from porocore.testing.version import KIT_VERSION as KIT_VERSION
+    from porocore.testing.surrogate_laws.base import SurrogateSuite as SurrogateSuite
+    from porocore.testing.surrogate_laws.potential import PotentialSuite as PotentialSuite
 
 _HOMES = {
-    "CellSolverSuite": "cell",
-    "CellContactSuite": "cell_contact",
-    "MeshedCellSuite": "cell_meshed",
-    "MacroSolverSuite": "macro",
-    "PotentialSuite": "potential",
-    "SamplerSuite": "sampler",
-    "Suite": "suite",
-    "SurrogateSuite": "surrogate",
-    "KIT_VERSION": "version",
+    "CellSolverSuite": "porocore.testing.cell_laws.base",
+    "CellContactSuite": "porocore.testing.cell_laws.contact",
+    "MeshedCellSuite": "porocore.testing.cell_laws.meshed",
+    "MacroSolverSuite": "porocore.testing.macro_laws.base",
+    "PotentialSuite": "porocore.testing.surrogate_laws.potential",
+    "SamplerSuite": "porocore.testing.sampler_laws.base",
+    "Suite": "porocore.testing.suite",
+    "SurrogateSuite": "porocore.testing.surrogate_laws.base",
+    "KIT_VERSION": "porocore.plugins.kit_version",
 }
 __all__ = sorted(_HOMES)
 
@@ -54,7 +54,7 @@ def __getattr__(name: str) -> Any:
             f"porocore.testing.{name} needs pytest, which is not installed here; install it: pip install pytest",
             name="pytest",
         )
-    value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    value = getattr(importlib.import_module(_HOMES[name]), name)
     globals()[name] = value
     return value
 

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import pytest
 
+from porocore.plugins.kit_version import KIT_VERSION, complaint
 from porocore.testing.expect import Undefined, holds, told
-from porocore.testing.version import KIT_VERSION, complaint
 
 
 class Suite:

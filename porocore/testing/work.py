@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from porocore.closures import ClosedLaw
-from porocore.laws import LawMemory
+from porocore.interfaces.law import LawMemory
+from porocore.macro.laws import ClosedLaw
 from porocore.states import Array, MacroState
 
 #: H (3, 3) and p at an angle between 0 and 2π, and their derivatives with respect to it.

@@ -12,8 +12,8 @@ import numpy as np
 from bad_files import SAMPLES, SOLUTION, SURROGATE, Edit, fifo, from_run, holes, link
 from bad_row import Content, Row
 
-from porocore.surrogates import file as surrogate_file
-from porocore.surrogates.archive import read_archive, write_archive
+from porocore.surrogates.file import file as surrogate_file
+from porocore.surrogates.file.archive import read_archive, write_archive
 
 
 def replaced(name: str, value: object, **how: object) -> Edit:

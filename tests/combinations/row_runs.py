@@ -15,12 +15,12 @@ import numpy as np
 import yaml
 from levels import study
 
-from porocore.api.study import Study
-from porocore.dataset import Dataset
 from porocore.errors import ConfigurationError
-from porocore.solution import History, MacroSolution, Profile
-from porocore.stage_files import prepare_cell
+from porocore.interfaces.solution import History, MacroSolution, Profile
+from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import CellResponse
+from porocore.study.api.study import Study
+from porocore.study.stages.stage_files import prepare_cell
 
 #: Of the largest value of each field.
 SAME = 1e-7

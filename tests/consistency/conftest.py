@@ -13,8 +13,8 @@ from itertools import combinations
 import pytest
 
 from porocore.errors import PluginError
-from porocore.plugin_kinds import FIRST_PARTY
-from porocore.registry import registry
+from porocore.plugins.kinds import FIRST_PARTY
+from porocore.plugins.registry import registry
 
 #: Fixture of a test → the kind of backend that it is repeated for.
 KINDS = {"cell_solver": "cell solver", "macro_solver": "macro solver", "surrogate": "surrogate"}

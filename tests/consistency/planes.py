@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from porocore.body.kinds import Box
-from porocore.closures import ClosedLaw
-from porocore.problem import MacroProblem
+from porocore.macro.body.kinds import Box
+from porocore.macro.laws import ClosedLaw
+from porocore.macro.problem import MacroProblem
 from porocore.states import Array
-from porocore.testing.macro_bodies import write_tetrahedra
-from porocore.testing.synthetic import cubic_reference, mean_gradient_law
+from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.synthetic.response import cubic_reference, mean_gradient_law
 
 TIME = {"end": 0.15, "step": 0.05, "ramp_increments": 2, "ramp_step": 0.05, "profiles": ()}
 EXACT: dict[str, Any] = {"time": TIME, "newton": {"tolerance": 1e-11}}

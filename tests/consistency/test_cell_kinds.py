@@ -8,18 +8,18 @@ import meshio
 import numpy as np
 import pytest
 
-from porocore import cell_identities as identities
 from porocore.cell.cell import Cell
-from porocore.cell.geometry import MeshFile, OrthogonalChannels, SpherePores, TriplyPeriodic, Voxels
-from porocore.cell.level_set import LevelSetGeometry
-from porocore.cell.mesh import CellMesh, MeshSettings
-from porocore.cell.spheres import Throat
-from porocore.cell.tpms import Nodal
-from porocore.crosscheck.cells import relative
-from porocore.crosscheck.comparison import CELL
-from porocore.equilibrium.path import follow
-from porocore.equilibrium.responses import respond
+from porocore.cell.equilibrium.path import follow
+from porocore.cell.equilibrium.responses import respond
+from porocore.cell.geometry.kinds import MeshFile, OrthogonalChannels, SpherePores, TriplyPeriodic, Voxels
+from porocore.cell.geometry.spheres import Throat
+from porocore.cell.level_sets.level_set import LevelSetGeometry
+from porocore.cell.level_sets.tpms import Nodal
+from porocore.cell.meshing.mesh import CellMesh, MeshSettings
 from porocore.states import MacroState, Status
+from porocore.testing.cell_laws import identities
+from porocore.verification.crosscheck.cells import relative
+from porocore.verification.crosscheck.comparison import CELL
 
 LINEAR = MeshSettings(size=0.2, fluid_size=0.25, element="linear")
 CURVED = MeshSettings(size=0.2, fluid_size=0.2)

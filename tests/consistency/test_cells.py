@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact import ContactSettings
-from porocore.cell.mesh import MeshSettings
-from porocore.crosscheck.cells import AVERAGES, DERIVATIVES, STATES, compare_responses, relative
-from porocore.crosscheck.comparison import CELL
+from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.states import MacroState, Status
+from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES, STATES, compare_responses, relative
+from porocore.verification.crosscheck.comparison import CELL
 
 ELEMENTS = ("linear", "quadratic-straight", "quadratic-curved")
 #: Diagonal and sheared; what is sheared is solved on the whole cell in any case.

@@ -12,18 +12,18 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact import ContactSettings
-from porocore.cell.geometry import OrthogonalChannels
-from porocore.cell.mesh import MeshSettings
-from porocore.closures import CLOSURES, ClosedLaw
+from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
-from porocore.macro.newton import newton_step
-from porocore.materials.neo_hookean import NeoHookean
-from porocore.problem import NewtonSettings
+from porocore.macro.integration.newton import newton_step
+from porocore.macro.laws import CLOSURES, ClosedLaw
+from porocore.macro.problem import NewtonSettings
 from porocore.states import MacroState, Status
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-from porocore.testing.synthetic import confined_column
-from porocore.testing.synthetic_cell import SOLID_FRACTION, synthetic_training_set
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.testing.synthetic.cell import SOLID_FRACTION, synthetic_training_set
+from porocore.testing.synthetic.response import confined_column
 
 COARSE = MeshSettings(size=0.35, fluid_size=0.3)
 NU = 0.35

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.crosscheck.cells import AVERAGES, DERIVATIVES, compare_responses
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.states import MacroState, Status
+from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES, compare_responses
 
 #: In contact on the coarse mesh.
 STATES = {

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from porocore.plugin_kinds import FIRST_PARTY
+from porocore.plugins.kinds import FIRST_PARTY
 
 HERE = Path(__file__).parent
 

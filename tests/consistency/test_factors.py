@@ -5,8 +5,8 @@ import pytest
 from scipy.sparse.linalg import splu
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.equilibrium.solver import EquilibriumCellSolver
+from porocore.cell.equilibrium.solver import EquilibriumCellSolver
+from porocore.cell.meshing.mesh import MeshSettings
 
 CELL = Cell(mesh=MeshSettings(size=0.25, fluid_size=0.25, element="linear"))
 

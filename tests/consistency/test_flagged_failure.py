@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from porocore.errors import SolveError
-from porocore.laws import MacroLaw
-from porocore.testing.macro_solving import NONLINEAR
-from porocore.testing.synthetic import confined_column
+from porocore.interfaces.law import MacroLaw
+from porocore.testing.macro_laws.solving import NONLINEAR
+from porocore.testing.synthetic.response import confined_column
 
 TIME = {"ramp_increments": 4, "ramp_step": 1.0, "smallest_step": 0.5, "step": 1.0, "end": 5.0, "profiles": ()}
 

@@ -9,15 +9,15 @@ import pytest
 from scipy.stats import qmc
 
 from porocore.cell.cell import Cell
-from porocore.cell.channels import OrthogonalChannels
-from porocore.cell.mesh import MeshSettings
-from porocore.inputs import InputSpace
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.tensors.point_group import TRIVIAL
+from porocore.core.tensors.symmetric_functions import logarithm
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import MacroState
-from porocore.surrogates.conductivity_fit import fit_conductivity
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-from porocore.tensors.point_group import TRIVIAL
-from porocore.tensors.symmetric_functions import logarithm
+from porocore.surrogates.conductivity.fit import fit_conductivity
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 
 pytest.importorskip("porocore_fem_skfem")
 CELL = Cell(

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.connectivity import pieces
-from porocore.cell.mesh import CellMesh
+from porocore.cell.meshing.connectivity import pieces
+from porocore.cell.meshing.mesh import CellMesh
 from porocore.errors import ConfigurationError
-from porocore.registry import registry
+from porocore.plugins.registry import registry
 from porocore.states import MacroState, Status
 
 PLUGIN = Path(__file__).parents[2] / "examples/plugins/porocore-cell-layered"

@@ -8,12 +8,12 @@ import pytest
 from pydantic import TypeAdapter
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry import OrthogonalChannels
-from porocore.cell.mesh import MeshSettings
-from porocore.crosscheck.cells import compare_responses
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.materials.choice import AnyMaterial
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
-from porocore.materials.choice import AnyMaterial
 from porocore.states import MacroState, Status
+from porocore.verification.crosscheck.cells import compare_responses
 
 make = TypeAdapter(AnyMaterial).validate_python
 #: Wide channels, so that elements may be large.

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porocore.testing.macro_solving import NONLINEAR
+from porocore.testing.macro_laws.solving import NONLINEAR
 
 sys.path.insert(0, str(Path(__file__).parent))
 from planes import NAMES, isotropic_law, problem, turned_box
@@ -83,7 +83,7 @@ def test_a_turned_box_has_turned_reactions(macro_solver, load, tmp_path, held):
 def test_the_reported_fluid_velocity_is_the_prescribed_flux_at_a_drained_end(macro_solver, load):
     """Steady flow through a compressed confined column: area and normal of the end do not change, so w is q̄."""
     from porocore.report.dimensional import fluid_velocity
-    from porocore.testing.synthetic import confined_column
+    from porocore.testing.synthetic.response import confined_column
 
     sides = {face: {"displacement": (0, None, 0)} for face in ("x-", "x+", "z-", "z+")}
     faces = {

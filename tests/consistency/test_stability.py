@@ -5,10 +5,10 @@ import pytest
 
 from porocore import MacroState
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.equilibrium.solver import EquilibriumCellSolver
-from porocore.stability.inertia import negative_pivots
-from porocore.stability.modes import lowest_of_class
+from porocore.cell.equilibrium.solver import EquilibriumCellSolver
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.cell.stability.inertia import negative_pivots
+from porocore.cell.stability.modes import lowest_of_class
 from porocore.states import Status
 
 CELL = Cell(mesh=MeshSettings(size=0.25, fluid_size=0.25, element="quadratic-curved"))

@@ -7,20 +7,20 @@ from functools import cache
 import numpy as np
 import pytest
 
-from porocore.closures import CLOSURES, ClosedLaw
-from porocore.inputs import NAMES, InputSpace
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.core.inputs.input_space import NAMES, InputSpace
+from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.materials.neo_hookean import NeoHookean
-from porocore.problem import MacroProblem
+from porocore.macro.laws import CLOSURES, ClosedLaw
+from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
-from porocore.surrogates.mean_gradient import AnchoredModel
-from porocore.surrogates.network import ACTIVATIONS, Network
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.network import ACTIVATIONS, Network
 from porocore.surrogates.stored import NumpySurrogate
-from porocore.tensors.point_group import CUBIC, PointGroup
 from porocore.testing.compare import RESPONSES, provided
-from porocore.testing.grouped_cell import GroupedCell
 from porocore.testing.symmetry import breaks
-from porocore.testing.synthetic_cell import respond, synthetic_training_set
+from porocore.testing.synthetic.cell import respond, synthetic_training_set
+from porocore.testing.synthetic.grouped_cell import GroupedCell
 
 LIBRARIES = ("torch", "jax")
 TOLERANCE = 1e-10

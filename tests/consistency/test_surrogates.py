@@ -7,15 +7,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from porocore.closures import CLOSURES, ClosedLaw
-from porocore.crosscheck.comparison import SPREAD
+from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.macro.laws import CLOSURES, ClosedLaw
 from porocore.states import MacroState
 from porocore.testing.compare import RESPONSES, provided
-from porocore.testing.synthetic import CONDUCTIVITY, SOLID_FRACTION
-from porocore.testing.synthetic_cell import INPUTS, synthetic_training_set
+from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
+from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION
+from porocore.verification.crosscheck.comparison import SPREAD
 
 DATA, UNSEEN, BETWEEN = (synthetic_training_set(n, seed) for n, seed in ((150, 1), (40, 2), (400, 3)))
 

@@ -68,7 +68,7 @@ SOURCES = {
         "expected a list of porocore.Offer, got Offer(name='fine'",
     ),
     "returns-text": (_hook("return ['grid']"), "got 'grid' in it"),
-    "returns-class": (_hook("return [Offer]"), "got <class 'porocore.hookspecs.Offer'> in it"),
+    "returns-class": (_hook("return [Offer]"), "got <class 'porocore.plugins.hookspecs.Offer'> in it"),
     "returns-generator": (_hook("yield Offer('fine', dict, '')"), "got <generator object"),
     "returns-foreign": (
         _hook(

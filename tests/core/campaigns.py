@@ -9,11 +9,11 @@ from typing import Any
 
 from fake_cell import IDENTITY, INPUTS, OPTIONS, Fake, make
 
-from porocore.dataset import Dataset
-from porocore.execution import CellPool
 from porocore.interfaces.sampler import Sampler
 from porocore.sampling.campaign import CampaignSummary, Progress, run_campaign
-from porocore.sampling.density import DensitySweep
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool
+from porocore.sampling.samplers.density import DensitySweep
 
 SCRIPT = str(Path(__file__).with_name("fake_cell.py"))
 

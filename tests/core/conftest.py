@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from porocore.solution import History, MacroSolution, Profile
+from porocore.interfaces.solution import History, MacroSolution, Profile
 
 HEIGHT, WIDTH = 7.5, 0.1
 

@@ -43,7 +43,7 @@ SOURCES = {
         def _load():
             import numpy as np
             from porocore import CellSolution, CellSolver
-            from porocore.testing.synthetic_cell import respond
+            from porocore.testing.synthetic.cell import respond
 
             class AcmeCellSolver(CellSolver):
                 def prepare(self, cell):

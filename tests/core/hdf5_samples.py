@@ -11,22 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from porocore.dataset_file import Block, Header, read_block, read_fields, write_block
-from porocore.hdf5.seal import seal_of
-from porocore.inputs import InputSpace
+from porocore.core.hdf5.seal import seal_of
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.parallel import World
 from porocore.interfaces.cell import CellField
-from porocore.laws import LawMemory
-from porocore.macro import checkpoint
-from porocore.macro.adaptive import ErrorControl
-from porocore.macro.record import Record as Steps
-from porocore.parallel import World
-from porocore.records import Record
-from porocore.sampled_range import SampledRange
-from porocore.solution import MacroSolution
+from porocore.interfaces.law import LawMemory
+from porocore.interfaces.records import Record
+from porocore.interfaces.solution import MacroSolution
+from porocore.macro.integration import checkpoint
+from porocore.macro.integration.adaptive import ErrorControl
+from porocore.macro.integration.record import Record as Steps
+from porocore.sampling.datasets.layout import Block, Header, read_block, read_fields, write_block
 from porocore.states import MacroState, Status
-from porocore.surrogates import file as surrogate_file
-from porocore.surrogates.mean_gradient import AnchoredModel
-from porocore.surrogates.network import Network
+from porocore.surrogates.file import file as surrogate_file
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.network import Network
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_cell import response

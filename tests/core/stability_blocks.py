@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from porocore.cell.mesh import CellMesh
+from porocore.cell.meshing.mesh import CellMesh
 
 
 class Block(CellMesh):

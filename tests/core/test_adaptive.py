@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porocore.macro.adaptive import ErrorControl, Reached
-from porocore.macro.newton import newton_step
-from porocore.testing.synthetic import confined_column, linear_law
+from porocore.macro.integration.adaptive import ErrorControl, Reached
+from porocore.macro.integration.newton import newton_step
+from porocore.testing.synthetic.response import confined_column, linear_law
 
 Solver = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver
 SIDES = {face: {"displacement": (0, None, 0)} for face in ("x-", "x+", "z-", "z+")}

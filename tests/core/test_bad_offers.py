@@ -13,9 +13,10 @@ from bad_offers import LAZY, NOTED, SOURCES, good
 from invoked import invoke
 
 import porocore
-from porocore import plugin_table, registry
 from porocore.errors import PluginError
-from porocore.hookspecs import Offer
+from porocore.plugins import registry
+from porocore.plugins import table as plugin_table
+from porocore.plugins.hookspecs import Offer
 
 #: Rows that there are for a plugin; all else is one.
 ROWS = {"twice": 2}
@@ -62,7 +63,7 @@ def shop(tmp_path_factory):
     def here():
         return [*real(path=[p for p in sys.path if p.startswith(base)]), metadata.distribution("porocore")]
 
-    patch.setattr("porocore.entry_points.metadata.distributions", here)
+    patch.setattr("porocore.plugins.entry_points.metadata.distributions", here)
     registry.registry.cache_clear()
     yield shop
     patch.undo()

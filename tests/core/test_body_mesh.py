@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from porocore.body.element import HEXAHEDRON, TETRAHEDRON
-from porocore.body.kinds import Box, make_body
-from porocore.body.mesh import BodyMesh, boundary_facets
-from porocore.body.mesh_file import read_body
-from porocore.body.structured import sector
-from porocore.body.surfaces import Facets
-from porocore.courses import Course
+from porocore.core.formulas.time_function import Course
 from porocore.errors import ConfigurationError
-from porocore.macro.body import body_mesh
-from porocore.macro.boundary import boundary_data
-from porocore.macro.followers import forces, tangent
-from porocore.macro.frames import Constraint, in_frames
-from porocore.macro.probes import interpolation
-from porocore.problem import MacroProblem
-from porocore.testing.macro_bodies import write_tetrahedra
-from porocore.testing.synthetic import confined_column
+from porocore.macro.body.element import HEXAHEDRON, TETRAHEDRON
+from porocore.macro.body.kinds import Box, make_body
+from porocore.macro.body.mesh import BodyMesh, boundary_facets
+from porocore.macro.body.mesh_file import read_body
+from porocore.macro.body.meshed import body_mesh
+from porocore.macro.body.structured import sector
+from porocore.macro.body.surfaces import Facets
+from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.boundary.followers import forces, tangent
+from porocore.macro.boundary.frames import Constraint, in_frames
+from porocore.macro.boundary.probes import interpolation
+from porocore.macro.problem import MacroProblem
+from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.synthetic.response import confined_column
 
 SIZE, ELEMENTS = (1.0, 2.0, 1.5), (2, 3, 4)
 PATCH = {"body": {"size": SIZE, "elements": ELEMENTS}}

@@ -12,7 +12,11 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 from conftest import make_column
-from porocore.border import (
+from porocore.core.inputs.input_space import InputSpace
+from porocore.errors import PluginError
+from porocore.interfaces.cell import CellField, CellSolution
+from porocore.interfaces.sampler import Request
+from porocore.plugins.border import (
     CheckedSampler,
     body_solution_of,
     conductivity_of,
@@ -21,15 +25,11 @@ from porocore.border import (
     prediction_of,
     solution_of,
 )
-from porocore.dataset import Dataset
-from porocore.errors import PluginError
-from porocore.inputs import InputSpace
-from porocore.interfaces.cell import CellField, CellSolution
-from porocore.interfaces.sampler import Request
 from porocore.sampling.campaign import is_complete
+from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import MacroState, Status
-from porocore.testing.synthetic import confined_column
-from porocore.testing.synthetic_cell import respond
+from porocore.testing.synthetic.cell import respond
+from porocore.testing.synthetic.response import confined_column
 
 STATES = MacroState(
     np.array([np.zeros((3, 3)), np.diag([0, -0.1, 0]), np.diag([0.01, 0, 0])]), np.array([0, 0.02, 0.01])
@@ -356,8 +356,8 @@ def test_a_class_that_nobody_installed_is_named_with_its_file():
 
 
 def test_the_class_of_a_plugin_is_named_as_it_was_asked_for():
-    from porocore.registry import get
+    from porocore.plugins.registry import get
 
     words = origin_of(get("sampler", "sobol")(INPUTS, count=8))
     assert words.startswith("sampler 'sobol' of porocore ")
-    assert words.endswith("porocore/sampling/designs.py)")
+    assert words.endswith("porocore/sampling/samplers/designs.py)")

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porocore.dataset import Dataset
 from porocore.errors import ConfigurationError, PluginError, PorocoreError
-from porocore.execution import CellPool
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.sampling.campaign import Progress, run_campaign
-from porocore.sampling.density import DensitySweep
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool
+from porocore.sampling.samplers.density import DensitySweep
 from porocore.states import CellResponse, Status
 
 sys.path.insert(0, str(Path(__file__).parent))

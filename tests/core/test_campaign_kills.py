@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porocore.dataset import Dataset
 from porocore.errors import PorocoreError
 from porocore.sampling.campaign import Progress
+from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -7,11 +7,11 @@ import pytest
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
-from porocore.closures import CLOSURES
-from porocore.closures.pull_back import PulledBack, is_isotropic
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.core.tensors.polar import polar_rotation, spin
+from porocore.macro.laws import CLOSURES
+from porocore.macro.laws.pull_back import PulledBack, is_isotropic
 from porocore.states import CellResponse, CellTangent, MacroState
-from porocore.tensors.polar import polar_rotation, spin
 
 EYE = np.eye(3)
 #: K of the cells with one channel along the first axis, and with three of radii 0.2, 0.25 and 0.3, up to a factor.

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.connectivity import blocked, joined_by_nodes, pieces, why_loose
-from porocore.cell.geometry import OrthogonalChannels, SpherePores, TriplyPeriodic
-from porocore.cell.mesh import MeshSettings, make_mesh
-from porocore.cell.spheres import Throat
-from porocore.cell.supercell import block
-from porocore.cell.tetrahedra import volume
-from porocore.equilibrium.solver import PreparedCell
+from porocore.cell.equilibrium.solver import PreparedCell
+from porocore.cell.geometry.kinds import OrthogonalChannels, SpherePores, TriplyPeriodic
+from porocore.cell.geometry.spheres import Throat
+from porocore.cell.meshing.connectivity import blocked, joined_by_nodes, pieces, why_loose
+from porocore.cell.meshing.mesh import MeshSettings, make_mesh
+from porocore.cell.meshing.supercell import block
+from porocore.cell.meshing.tetrahedra import volume
 from porocore.errors import ConfigurationError
 
 MESH = MeshSettings(size=0.25, fluid_size=0.25, element="linear")

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry import MeshFile, OrthogonalChannels, TriplyPeriodic, Voxels
-from porocore.cell.image import read_image
-from porocore.cell.mesh import MeshSettings, make_mesh
-from porocore.cell.tetrahedra import volume
+from porocore.cell.geometry.kinds import MeshFile, OrthogonalChannels, TriplyPeriodic, Voxels
+from porocore.cell.level_sets.image import read_image
+from porocore.cell.meshing.mesh import MeshSettings, make_mesh
+from porocore.cell.meshing.tetrahedra import volume
 from porocore.errors import ConfigurationError
 
 SETTINGS = MeshSettings(size=0.25, fluid_size=0.25)

@@ -9,8 +9,8 @@ from pydantic import ValidationError
 from scipy.integrate import quad
 from scipy.spatial import cKDTree
 
-from porocore.cell.geometry import OrthogonalChannels
-from porocore.cell.mesh import MeshSettings, make_mesh
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 
 COARSE = MeshSettings(size=0.25, fluid_size=0.25)
 LINEAR = MeshSettings(size=0.25, fluid_size=0.25, element="linear")

@@ -8,12 +8,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from porocore.cell.cell import Cell
 from porocore.cell.facts import dihedral_angles, unmatched
-from porocore.cell.geometry import Geometry, SpherePores, TriplyPeriodic
-from porocore.cell.lattice import body_centred
-from porocore.cell.mesh import MeshSettings, make_mesh
-from porocore.cell.spheres import Throat
-from porocore.cell.tetrahedra import least_stretch, volume, volumes
-from porocore.cell.tpms import below
+from porocore.cell.geometry.kinds import Geometry, SpherePores, TriplyPeriodic
+from porocore.cell.geometry.spheres import Throat
+from porocore.cell.level_sets.lattice import body_centred
+from porocore.cell.level_sets.tpms import below
+from porocore.cell.meshing.mesh import MeshSettings, make_mesh
+from porocore.cell.meshing.tetrahedra import least_stretch, volume, volumes
 
 
 def tpms(surface, **keys):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.exchange import exchanged_axes
-from porocore.cell.mesh import CellMesh, MeshSettings
-from porocore.cell.supercell import block
+from porocore.cell.meshing.mesh import CellMesh, MeshSettings
+from porocore.cell.meshing.supercell import block
+from porocore.cell.symmetry.exchange import exchanged_axes
 
 LINEAR = Cell(mesh=MeshSettings(size=0.3, fluid_size=0.3, element="linear"))
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
-from porocore.benchmark import benchmark_path
 from porocore.cell.cell import Cell
 from porocore.cell.facts import as_lines, facts_of
-from porocore.cell.mesh import MeshSettings
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cli import main
+from porocore.study.benchmark import benchmark_path
 
 COARSE = MeshSettings(size=0.25, fluid_size=0.25, element="linear")
 
@@ -111,7 +111,7 @@ def test_a_picture_is_drawn(show, tmp_path):
 def test_without_pyvista_the_files_are_written_and_the_message_tells_what_to_install(
     show, tmp_path, monkeypatch
 ):
-    from porocore.local_fields import pictures
+    from porocore.verification.local_fields import pictures
 
     monkeypatch.setattr(pictures, "find_spec", lambda name: None)
     code, _, err = show({"kind": "no-pores"})

@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 
 import porocore
-from porocore import backends, registry
-from porocore.benchmark import benchmark_path
 from porocore.cli import main
-from porocore.cli.cell import as_text, parse_grad_u
-from porocore.config import load_config
-from porocore.discovery import Offered, Source
+from porocore.cli.commands.cell import as_text, parse_grad_u
 from porocore.errors import ConfigurationError, SolveError
-from porocore.hookspecs import Offer
-from porocore.plugin_table import PluginRow
-from porocore.runfolder import RunFolder
+from porocore.plugins import registry
+from porocore.plugins.discovery import Offered, Source
+from porocore.plugins.hookspecs import Offer
+from porocore.plugins.table import PluginRow
+from porocore.study import backends
+from porocore.study.benchmark import benchmark_path
+from porocore.study.config.config import load_config
+from porocore.study.run_folder.folder import RunFolder
 
 
 @pytest.fixture
@@ -41,7 +42,7 @@ def porocore_command(monkeypatch, capsys):
 @pytest.fixture
 def pipeline(monkeypatch):
     """Stages that write empty files and note that they were called."""
-    fake = types.ModuleType("porocore.pipeline")
+    fake = types.ModuleType("porocore.study.stages.pipeline")
     fake.calls = []
 
     def stage(name, files):
@@ -60,7 +61,7 @@ def pipeline(monkeypatch):
     stage("solve", lambda folder: folder.solutions())
     stage("report", lambda folder: [folder.report])
     stage("run", lambda folder: [folder.report])
-    monkeypatch.setitem(sys.modules, "porocore.pipeline", fake)
+    monkeypatch.setitem(sys.modules, "porocore.study.stages.pipeline", fake)
     monkeypatch.setattr(porocore, "pipeline", fake, raising=False)
     monkeypatch.setattr(backends, "check", lambda kind, config: None)
     return fake
@@ -181,7 +182,7 @@ def test_what_only_a_backend_can_tell_has_its_line_too(porocore_command, tmp_pat
         if kind == "sampler":
             raise ConfigurationError("sampling.inputs.H22.range: must include 0\nelsewhere: a fault\nno key")
 
-    monkeypatch.setattr("porocore.backends.check", refuse)
+    monkeypatch.setattr("porocore.study.backends.check", refuse)
     path = tmp_path / "study.yaml"
     path.write_text(benchmark_path().read_text(encoding="utf-8"), encoding="utf-8")
     (line,) = [

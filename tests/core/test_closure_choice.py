@@ -7,20 +7,20 @@ import sys
 
 import pytest
 
-from porocore import registry
-from porocore.backends import with_closure
-from porocore.benchmark import benchmark_path
 from porocore.cli.entry import main
-from porocore.config import RunConfig, load_config
-from porocore.direct import DirectWork
-from porocore.direct_record import direct_records, noted
-from porocore.discovery import Offered, Source
 from porocore.errors import ConfigurationError, DataError, RunFolderError
-from porocore.hookspecs import Offer
 from porocore.interfaces.macro import MacroSolver
-from porocore.run_files import direct_law
-from porocore.runfolder import RunFolder
+from porocore.macro.laws.direct import DirectWork
+from porocore.macro.laws.direct_record import direct_records, noted
+from porocore.plugins import registry
+from porocore.plugins.discovery import Offered, Source
+from porocore.plugins.hookspecs import Offer
 from porocore.states import Status
+from porocore.study.backends import with_closure
+from porocore.study.benchmark import benchmark_path
+from porocore.study.config.config import RunConfig, load_config
+from porocore.study.run_folder.files import direct_law
+from porocore.study.run_folder.folder import RunFolder
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.closure_error import closure_error
-from porocore.closures import MeanGradientClosure
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.macro.closure_error import closure_error
+from porocore.macro.laws import MeanGradientClosure
 from porocore.states import CellResponse, MacroState, Status
 
 PHI_S, C = 0.6, -0.2

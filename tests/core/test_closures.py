@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.closures import CLOSURES, ClosedLaw, LinearCellLaw, MeanGradientClosure
+from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
-from porocore.laws import LawMemory
-from porocore.linear import LinearCoefficients
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.interfaces.law import LawMemory
+from porocore.macro.laws import CLOSURES, ClosedLaw, LinearCellLaw, MeanGradientClosure
+from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import CellResponse, CellTangent, MacroState
-from porocore.testing.synthetic import cubic_reference
+from porocore.testing.synthetic.response import cubic_reference
 
 PHI_S, NU = 0.5877, 0.35
 MATERIAL = NeoHookean(poisson_ratio=NU)

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from porocore.inputs import InputSpace
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.tensors.point_group import CUBIC, TRIVIAL
+from porocore.core.tensors.symmetric_functions import logarithm
 from porocore.states import MacroState
-from porocore.surrogates.conductivity_fit import fit_conductivity
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+from porocore.surrogates.conductivity.fit import fit_conductivity
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.stored import NumpySurrogate
-from porocore.tensors.point_group import CUBIC, TRIVIAL
-from porocore.tensors.symmetric_functions import logarithm
-from porocore.testing.potential_cell import potential_training_set
+from porocore.testing.synthetic.potential_cell import potential_training_set
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry import OrthogonalChannels
-from porocore.cell.mesh import MeshSettings
-from porocore.cell.spheres import SpherePores
-from porocore.cell.tetrahedra import volumes
-from porocore.cell.tpms import TriplyPeriodic
-from porocore.conductivity.extension import Extension
-from porocore.conductivity.wall import wall_interpolation
+from porocore.cell.conductivity.extension import Extension
+from porocore.cell.conductivity.wall import wall_interpolation
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.geometry.spheres import SpherePores
+from porocore.cell.level_sets.tpms import TriplyPeriodic
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.cell.meshing.tetrahedra import volumes
 from porocore.errors import PorocoreError
 
 A = np.array([[0.3, 0.1, -0.2], [0.0, -0.1, 0.4], [0.2, 0.5, 0.1]])

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from porocore.closures import CLOSURES, ClosedLaw
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.core.tensors.point_group import TRIVIAL
+from porocore.core.tensors.symmetric_functions import exponential, logarithm, symmetric_exponential
 from porocore.errors import ConfigurationError, DataError
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.macro.laws import CLOSURES, ClosedLaw
 from porocore.states import MacroState
-from porocore.surrogates.conductivity_fit import fit_conductivity
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+from porocore.surrogates.conductivity.fit import fit_conductivity
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.stored import NumpySurrogate
-from porocore.tensors.point_group import TRIVIAL
-from porocore.tensors.symmetric_functions import exponential, logarithm, symmetric_exponential
-from porocore.testing.potential_cell import potential_training_set
-from porocore.testing.synthetic_cell import SOLID_FRACTION, synthetic_training_set
+from porocore.testing.synthetic.cell import SOLID_FRACTION, synthetic_training_set
+from porocore.testing.synthetic.potential_cell import potential_training_set
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 import yaml
 
-from porocore import benchmark
-from porocore.benchmark import NAME, as_stated_path, benchmark_path, crosscheck_path
-from porocore.config import RunConfig, differences, load_config
-from porocore.config_sections import InputName
+from porocore.core.files.yaml_document import YamlDocument
+from porocore.core.inputs.input_space import NAMES
 from porocore.errors import ConfigurationError
-from porocore.inputs import NAMES
-from porocore.yaml_document import YamlDocument
+from porocore.study import benchmark
+from porocore.study.benchmark import NAME, as_stated_path, benchmark_path, crosscheck_path
+from porocore.study.config.config import RunConfig, differences, load_config
+from porocore.study.config.sections import InputName
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BENCHMARK = EXAMPLES / "dehghani2022.yaml"
@@ -83,7 +83,7 @@ def test_the_packaged_benchmark_is_the_example():
 
 
 def test_an_installed_package_uses_its_own_copy(tmp_path, monkeypatch):
-    monkeypatch.setattr(benchmark, "__file__", str(tmp_path / "porocore" / "benchmark.py"))
+    monkeypatch.setattr(benchmark, "__file__", str(tmp_path / "porocore" / "study" / "benchmark.py"))
     copy = tmp_path / "porocore" / "data" / NAME
     copy.parent.mkdir(parents=True)
     copy.write_bytes(BENCHMARK.read_bytes())

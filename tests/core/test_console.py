@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from porocore.console import INTERVAL, Console, duration
+from porocore.core.console import INTERVAL, Console, duration
 
 
 class Clock:

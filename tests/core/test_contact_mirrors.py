@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact import ContactSettings
-from porocore.cell.mesh import CellMesh, MeshSettings
-from porocore.contact.mirrors import MirrorContact
-from porocore.contact.model import DEEPEST, contact_of, facet_edge
-from porocore.contact.wall import wall_of
+from porocore.cell.contact.mirrors import MirrorContact
+from porocore.cell.contact.model import DEEPEST, contact_of, facet_edge
+from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.contact.wall import wall_of
+from porocore.cell.meshing.mesh import CellMesh, MeshSettings
 
 H = np.diag([0.02, -0.25, 0.01])
 ELEMENTS = ("linear", "quadratic-curved")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry import OrthogonalChannels
-from porocore.cell.mesh import MeshSettings
-from porocore.cell.quadrature import LARGEST_DEGREE, triangle_rule
-from porocore.contact.model import facet_edge
-from porocore.contact.wall import shape_functions, wall_of
+from porocore.cell.contact.model import facet_edge
+from porocore.cell.contact.wall import shape_functions, wall_of
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.cell.meshing.quadrature import LARGEST_DEGREE, triangle_rule
 
 RADIUS = 0.25
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

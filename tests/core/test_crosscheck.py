@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 import yaml
 
-from porocore import registry
-from porocore.benchmark import crosscheck_path
 from porocore.cli import main
-from porocore.config import load_config
-from porocore.crosscheck import find_contestants
-from porocore.crosscheck.cells import AVERAGES, DERIVATIVES, STATES
-from porocore.discovery import Offered, Source
-from porocore.hookspecs import Offer
+from porocore.plugins import registry
+from porocore.plugins.discovery import Offered, Source
+from porocore.plugins.hookspecs import Offer
+from porocore.study.benchmark import crosscheck_path
+from porocore.study.config.config import load_config
+from porocore.verification.crosscheck import find_contestants
+from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES, STATES
 
 pytest.importorskip("skfem")
 
@@ -294,7 +294,7 @@ def test_when_the_first_backend_cannot_sample_the_next_one_does(crosscheck, case
 def test_a_broken_plugin_is_a_failure(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(distribution(tmp_path, "bad", "no_such_module_at_all"))
     fresh = registry.Registry.discover()
-    monkeypatch.setattr("porocore.crosscheck.contestants.registry", lambda: fresh)
+    monkeypatch.setattr("porocore.verification.crosscheck.contestants.registry", lambda: fresh)
     (line,) = find_contestants(fem=["skfem", "twin"]).broken
     assert (line.passed, line.quantity) == (False, "bad")
     assert "porocore-bad 1.0 is broken: ModuleNotFoundError" in line.reason
@@ -329,7 +329,9 @@ def test_what_to_install_when_there_is_nothing_to_compare(crosscheck, monkeypatc
             ("cell solver", "other", ("no_such_module",)),
         )
     ]
-    monkeypatch.setattr("porocore.crosscheck.contestants.registry", lambda: registry.Registry(offers, []))
+    monkeypatch.setattr(
+        "porocore.verification.crosscheck.contestants.registry", lambda: registry.Registry(offers, [])
+    )
     message = refused(crosscheck())
     assert "only skfem and torch" in message
     assert "other (missing dependency): apt-get install it" in message
@@ -353,7 +355,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(crosscheck, tmp
 
 
 def test_the_packaged_case_is_the_benchmarks_cell():
-    from porocore.benchmark import benchmark_path
+    from porocore.study.benchmark import benchmark_path
 
     small, benchmark = load_config(crosscheck_path()), load_config(benchmark_path())
     assert small.cell.geometry == benchmark.cell.geometry

@@ -8,11 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.crosscheck.bodies import HISTORIES, BodyRun, compare_bodies, history_difference, node_orders
-from porocore.crosscheck.cells import CellRun, compare_cells, compare_responses, relative, scales
-from porocore.crosscheck.comparison import BODY, CELL, Comparison
 from porocore.states import MacroState, Status
-from porocore.testing.synthetic_cell import respond
+from porocore.testing.synthetic.cell import respond
+from porocore.verification.crosscheck.bodies import (
+    HISTORIES,
+    BodyRun,
+    compare_bodies,
+    history_difference,
+    node_orders,
+)
+from porocore.verification.crosscheck.cells import CellRun, compare_cells, compare_responses, relative, scales
+from porocore.verification.crosscheck.comparison import BODY, CELL, Comparison
 
 STATE = MacroState.single(np.diag([0.0, -0.1, 0.0]), 0.05)
 

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from porocore.cli.data import data
-from porocore.dataset import Dataset, parts_folder
-from porocore.dataset_check import check_file
-from porocore.dataset_export import table
-from porocore.dataset_file import Block, Header, write_block
+from porocore.cli.commands.data import data
 from porocore.errors import ConfigurationError, DataError, PluginError, RunFolderError
 from porocore.interfaces.cell import CellField
-from porocore.records import Record, flatten_response
+from porocore.interfaces.records import Record, flatten_response
+from porocore.sampling.datasets.check import check_file
+from porocore.sampling.datasets.dataset import Dataset, parts_folder
+from porocore.sampling.datasets.export import table
+from porocore.sampling.datasets.layout import Block, Header, write_block
 from porocore.states import CellTangent, Status
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -17,13 +17,13 @@ import h5py
 import numpy as np
 import pytest
 
-from porocore import dataset as dataset_module
-from porocore.dataset import Dataset, parts_folder
-from porocore.dataset_file import Block, Header, write_block
+from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import DataError, PluginError, RunFolderError
-from porocore.inputs import InputSpace
 from porocore.interfaces.cell import CellField
-from porocore.records import Record, build_response, flatten_response
+from porocore.interfaces.records import Record, build_response, flatten_response
+from porocore.sampling.datasets import dataset as dataset_module
+from porocore.sampling.datasets.dataset import Dataset, parts_folder
+from porocore.sampling.datasets.layout import Block, Header, write_block
 from porocore.states import CellResponse, MacroState, Status
 
 sys.path.insert(0, str(Path(__file__).parent))

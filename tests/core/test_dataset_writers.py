@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import porocore.dataset as dataset_module
-from porocore.dataset import Dataset, parts_folder
+import porocore.sampling.datasets.dataset as dataset_module
 from porocore.errors import DataError, RunFolderError
-from porocore.records import Record
+from porocore.interfaces.records import Record
+from porocore.sampling.datasets.dataset import Dataset, parts_folder
 from porocore.states import Status
 
 sys.path.insert(0, str(Path(__file__).parent))

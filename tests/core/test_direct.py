@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from porocore.closures import ClosedLaw, MeanGradientClosure, PathCellLaw, PotentialClosure
-from porocore.direct import GRID, DirectCellLaw
+from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import PorocoreError
-from porocore.execution import CellPool
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.macro.laws import ClosedLaw, MeanGradientClosure, PathCellLaw, PotentialClosure
+from porocore.macro.laws.direct import GRID, DirectCellLaw
+from porocore.sampling.execution import CellPool
 from porocore.states import CellResponse, MacroState, Status
-from porocore.testing.synthetic import CONDUCTIVITY
-from porocore.testing.synthetic_cell import SOLID_FRACTION, respond
+from porocore.testing.synthetic.cell import SOLID_FRACTION, respond
+from porocore.testing.synthetic.response import CONDUCTIVITY
 
 REST = respond(MacroState.zeros(1))
 CLOSURE = PotentialClosure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY)

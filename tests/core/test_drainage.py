@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.body.surfaces import Patch
-from porocore.drainage import undrained
-from porocore.problem import Boundary
-from porocore.testing.synthetic import confined_column
+from porocore.macro.body.surfaces import Patch
+from porocore.macro.drainage import undrained
+from porocore.macro.problem import Boundary
+from porocore.testing.synthetic.response import confined_column
 
 
 @pytest.fixture

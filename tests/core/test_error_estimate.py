@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porocore.sampled_range import SampledRange
+from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.tensors.point_group import TRIVIAL
 from porocore.states import MacroState
-from porocore.summary import flagged_place
-from porocore.surrogates.mean_gradient import AnchoredModel
-from porocore.surrogates.mean_gradient_data import ScaledData
-from porocore.surrogates.model_errors import with_mean_gradient_error
-from porocore.surrogates.network import Network
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+from porocore.study.stages.summary import flagged_place
+from porocore.surrogates.error_estimate.models import with_mean_gradient_error
+from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.network import Network
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.stored import NumpySurrogate
-from porocore.tensors.point_group import TRIVIAL
-from porocore.testing.potential_cell import potential_training_set, respond
+from porocore.testing.synthetic.potential_cell import potential_training_set, respond
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import porocore.execution.dask_workers as dask_workers
-from porocore.config_sections import SamplingSettings
-from porocore.dataset import Dataset
+import porocore.sampling.execution.dask_workers as dask_workers
+from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError, PluginError, PorocoreError
-from porocore.execution import CellPool
-from porocore.inputs import InputSpace
 from porocore.sampling.campaign import run_campaign
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool
 from porocore.states import MacroState, Status
+from porocore.study.config.sections import SamplingSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 from campaigns import gone, sample, solves, state_text
@@ -145,8 +145,8 @@ def test_one_worker_with_a_time_limit_is_a_process(tmp_path: Path) -> None:
 
 
 def test_who_solves_belongs_to_no_identity() -> None:
-    from porocore.benchmark import benchmark_path
-    from porocore.config import load_config
+    from porocore.study.benchmark import benchmark_path
+    from porocore.study.config.config import load_config
 
     config = load_config(benchmark_path())
     for change in (("processes", None), ("dask", None), (None, "tcp://a:1")):
@@ -173,10 +173,11 @@ def test_wait_unless_gives_up_when_it_is_told(tmp_path: Path) -> None:
 def test_the_options_of_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from typer.testing import CliRunner
 
-    from porocore import pipeline, preflight
-    from porocore.benchmark import benchmark_path
     from porocore.cli.common import Interrupted
     from porocore.cli.entry import app
+    from porocore.study.benchmark import benchmark_path
+    from porocore.study.preflight import checks as preflight
+    from porocore.study.stages import pipeline
 
     out = tmp_path / "run"
     words = ["sample", str(benchmark_path()), "--out", str(out)]

@@ -17,12 +17,12 @@ from pathlib import Path
 
 import pytest
 
-from porocore.dataset import Dataset
 from porocore.errors import PluginError, PorocoreError
-from porocore.execution import CellPool
-from porocore.execution.dask_workers import DaskCrew
-from porocore.execution.tasks import Ready
 from porocore.sampling.campaign import Progress, run_campaign
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool
+from porocore.sampling.execution.dask_workers import DaskCrew
+from porocore.sampling.execution.tasks import Ready
 
 sys.path.insert(0, str(Path(__file__).parent))
 from campaigns import SCRIPT, gone, sample, session_gone, solves, state_text

@@ -11,19 +11,19 @@ from pathlib import Path
 
 import pytest
 
-from porocore.execution import THREAD_VARIABLES
+from porocore.sampling.execution import THREAD_VARIABLES
 
 SCRIPT = """
 import json, sys
 from pathlib import Path
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.dataset import Dataset
-from porocore.dataset_check import check_file
-from porocore.execution import CellPool
-from porocore.inputs import InputSpace
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.datasets.check import check_file
+from porocore.sampling.execution import CellPool
+from porocore.core.inputs.input_space import InputSpace
 from porocore.sampling.campaign import run_campaign
-from porocore.stage_files import prepare_cell
+from porocore.study.stages.stage_files import prepare_cell
 from fake_cell import Tree
 
 if __name__ == "__main__":

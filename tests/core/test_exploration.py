@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.benchmark import benchmark_path
-from porocore.config import RunConfig, load_config
-from porocore.config_sections import MacroSettings
 from porocore.errors import SolveError
-from porocore.exploration import MacroExplorer, coarse_problem, inform
+from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
-from porocore.laws import MacroLaw
-from porocore.reference import CellReference
-from porocore.sampling.designs import SobolDesign
-from porocore.sampling.macro_driven import MacroDriven
+from porocore.macro.reference import CellReference
+from porocore.sampling.samplers.designs import SobolDesign
+from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.states import MacroState
-from porocore.testing import synthetic_cell
-from porocore.testing.synthetic_cell import INPUTS, synthetic_training_set
+from porocore.study.benchmark import benchmark_path
+from porocore.study.config.config import RunConfig, load_config
+from porocore.study.config.sections import MacroSettings
+from porocore.study.stages.exploration import MacroExplorer, coarse_problem, inform
+from porocore.testing.synthetic import cell as synthetic_cell
+from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
 
 pytest.importorskip("porocore_fem_skfem")
 

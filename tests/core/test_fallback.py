@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.closures import ClosedLaw, LearningLaw, MeanGradientClosure, PotentialClosure
-from porocore.dataset import Dataset
-from porocore.execution import CellPool
-from porocore.fallback import Fallback
-from porocore.inputs import InputSpace
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.core.inputs.input_space import InputSpace
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.materials.neo_hookean import NeoHookean
-from porocore.problem import TimePlan
+from porocore.macro.laws import ClosedLaw, LearningLaw, MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.fallback import Fallback
+from porocore.macro.problem import TimePlan
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool
 from porocore.states import MacroState, Status
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-from porocore.testing.synthetic import CONDUCTIVITY, confined_column
-from porocore.testing.synthetic_cell import IDENTITY, SOLID_FRACTION, respond
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.testing.synthetic.cell import IDENTITY, SOLID_FRACTION, respond
+from porocore.testing.synthetic.response import CONDUCTIVITY, confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
 
 #: Far less than the column below needs.

@@ -12,9 +12,9 @@ import h5py
 import numpy as np
 import pytest
 
+from porocore.core.hdf5 import atomic_hdf5, guard, opened
+from porocore.core.hdf5.trial import SECONDS
 from porocore.errors import DataError
-from porocore.hdf5 import atomic_hdf5, guard, opened
-from porocore.hdf5.trial import SECONDS
 
 sys.path.insert(0, str(Path(__file__).parent))
 from invoked import invoke

@@ -19,8 +19,8 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from porocore.core.hdf5.seal import seal_of
 from porocore.errors import PorocoreError
-from porocore.hdf5.seal import seal_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from hdf5_samples import KINDS, flat, same, unsealed

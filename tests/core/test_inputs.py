@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from porocore.inputs import InputSpace
+from porocore.core.inputs.input_space import InputSpace
 from porocore.states import MacroState
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from porocore.dataset import Dataset
+from porocore.sampling.datasets.dataset import Dataset
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "e2e"))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from porocore.plugins.kit_version import complaint
 from porocore.testing import (
     KIT_VERSION,
     CellContactSuite,
@@ -20,7 +21,6 @@ from porocore.testing import (
     Suite,
     SurrogateSuite,
 )
-from porocore.testing.version import complaint
 
 sys.path.insert(0, str(Path(__file__).parent))
 from kit_runs import run_pytest

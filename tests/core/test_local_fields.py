@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.cell.mirror import unfold_displacement
-from porocore.cell.quadrature import tetrahedron_rule
-from porocore.cell.shape_functions import shape_functions
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.cell.meshing.mirror import unfold_displacement
+from porocore.cell.meshing.quadrature import tetrahedron_rule
+from porocore.cell.meshing.shape_functions import shape_functions
 from porocore.cli.entry import main
-from porocore.config_sections import FemSettings
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.interfaces.cell import CellField, CellSolution
-from porocore.local_fields import pictures
-from porocore.local_fields.nodal import NodalFields, recovered
-from porocore.local_fields.points import PointFields
-from porocore.local_fields.solve import PAPER_STATES, in_words, solve_and_write, solve_fields
-from porocore.local_fields.vtu import write_vtu
-from porocore.records import failed_response
+from porocore.interfaces.records import failed_response
 from porocore.states import Status
+from porocore.study.config.sections import FemSettings
+from porocore.verification.local_fields import pictures
+from porocore.verification.local_fields.nodal import NodalFields, recovered
+from porocore.verification.local_fields.points import PointFields
+from porocore.verification.local_fields.solve import PAPER_STATES, in_words, solve_and_write, solve_fields
+from porocore.verification.local_fields.vtu import write_vtu
 
 pytest.importorskip("porocore_fem_skfem")
 
@@ -267,7 +267,7 @@ def test_the_command_refuses_what_is_no_state(monkeypatch, capsys, tmp_path, at)
 
 def test_a_backend_without_fields_is_refused(monkeypatch):
     solver = SimpleNamespace(solve=lambda *_, **__: CellSolution(failed_response(Status.lost)))
-    monkeypatch.setattr("porocore.local_fields.solve.prepare_cell", lambda *_: (solver, None))
+    monkeypatch.setattr("porocore.verification.local_fields.solve.prepare_cell", lambda *_: (solver, None))
     with pytest.raises(
         ConfigurationError, match="backend 'mine' gives no fields of its cell; choose one that does"
     ):

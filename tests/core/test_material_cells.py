@@ -7,23 +7,23 @@ import pytest
 from pydantic import TypeAdapter
 
 from porocore import MacroState, Status
-from porocore import cell_identities as identities
 from porocore.cell.cell import Cell
-from porocore.cell.geometry import NoPores, OrthogonalChannels
-from porocore.cell.mesh import MeshSettings
-from porocore.closures import ClosedLaw, LinearCellLaw, MeanGradientClosure, PotentialClosure
-from porocore.equilibrium.responses import respond
+from porocore.cell.equilibrium.responses import respond
+from porocore.cell.geometry.kinds import NoPores, OrthogonalChannels
+from porocore.cell.materials.choice import AnyMaterial
+from porocore.cell.materials.composite import Composite
+from porocore.cell.materials.mooney_rivlin import MooneyRivlin
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.cell.stability.line import _check_symmetric
+from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError
-from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.linear import LinearCoefficients
-from porocore.local_fields.points import PointFields
-from porocore.materials.choice import AnyMaterial
-from porocore.materials.composite import Composite
-from porocore.materials.mooney_rivlin import MooneyRivlin
-from porocore.materials.neo_hookean import NeoHookean
-from porocore.stability.line import _check_symmetric
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.testing.cell_laws import identities
+from porocore.verification.local_fields.points import PointFields
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.solid import SolidProblem
 

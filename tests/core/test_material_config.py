@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 import yaml
 
-from porocore.benchmark import benchmark_path
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.closures import MeanGradientClosure, PotentialClosure
-from porocore.config import load_config
+from porocore.cell.invariants.formula import Formula
+from porocore.cell.invariants.generated import derivatives
+from porocore.cell.materials.composite import Composite
+from porocore.cell.materials.holzapfel import HolzapfelGasserOgden
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
-from porocore.materials.composite import Composite
-from porocore.materials.formula import Formula
-from porocore.materials.generated import derivatives
-from porocore.materials.holzapfel import HolzapfelGasserOgden
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.macro.laws import MeanGradientClosure, PotentialClosure
+from porocore.study.benchmark import benchmark_path
+from porocore.study.config.config import load_config
 
 OTHER = "{kind: mooney-rivlin, c10: 0.1, c01: 0.05, bulk_modulus: 1}"
 SOFT = "c*(I1*J**(-2/3) - 3) + k*(J - 1)**2/2"

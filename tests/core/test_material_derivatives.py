@@ -5,13 +5,13 @@ import pytest
 from pydantic import TypeAdapter
 from scipy.spatial.transform import Rotation
 
-from porocore.materials.choice import AnyMaterial
-from porocore.materials.invariants import PowerSum
-from porocore.materials.kinematics import Kinematics
-from porocore.materials.moduli import voigt_moduli
-from porocore.materials.neo_hookean import NeoHookean
-from porocore.materials.ramp import ramp, ramp_bend, ramp_slope
-from porocore.materials.stretch_powers import power_difference
+from porocore.cell.invariants.invariants import PowerSum
+from porocore.cell.materials.choice import AnyMaterial
+from porocore.cell.materials.kinematics import Kinematics
+from porocore.cell.materials.moduli import voigt_moduli
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.ramp import ramp, ramp_bend, ramp_slope
+from porocore.cell.materials.stretch_powers import power_difference
 
 make = TypeAdapter(AnyMaterial).validate_python
 NU = 0.35

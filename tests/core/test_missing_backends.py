@@ -2,14 +2,15 @@
 
 import pytest
 
-from porocore import plugin_check, preflight
-from porocore.benchmark import benchmark_path
-from porocore.config import load_config
-from porocore.crosscheck import contestants
 from porocore.errors import PluginError
-from porocore.plugin_kinds import HOOKS
-from porocore.registry import Registry
-from porocore.verify import ladder
+from porocore.plugins.kinds import HOOKS
+from porocore.plugins.registry import Registry
+from porocore.study.benchmark import benchmark_path
+from porocore.study.config.config import load_config
+from porocore.study.preflight import checks as preflight
+from porocore.testing.installed import check as plugin_check
+from porocore.verification.crosscheck import contestants
+from porocore.verification.ladder import cases as ladder
 
 SKFEM = "'skfem' is not installed; install it: pip install porocore-fem-skfem"
 FEM = "skfem (not installed): pip install porocore-fem-skfem; dolfinx (not installed): pip install porocore-fem-dolfinx"

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from porocore.body.kinds import Box
-from porocore.oscillation import diffusion_time, unresolved
-from porocore.problem import MacroProblem
-from porocore.testing.macro_bodies import write_tetrahedra
-from porocore.testing.synthetic import confined_column, linear_law
+from porocore.macro.body.kinds import Box
+from porocore.macro.oscillation import diffusion_time, unresolved
+from porocore.macro.problem import MacroProblem
+from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.synthetic.response import confined_column, linear_law
 
 Solver = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver
 LAW = linear_law()

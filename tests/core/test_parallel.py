@@ -2,7 +2,7 @@
 
 import pytest
 
-from porocore.parallel import World, launched
+from porocore.core.parallel import World, launched
 
 NAMES = (
     "OMPI_COMM_WORLD_RANK",

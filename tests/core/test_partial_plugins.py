@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from porocore.abilities import lacking, require_conductivity, require_parts
 from porocore.errors import ConfigurationError
-from porocore.problem import MacroProblem
+from porocore.macro.problem import MacroProblem
+from porocore.study.preflight.abilities import lacking, require_conductivity, require_parts
 from porocore.testing.suite import laws_of
-from porocore.testing.synthetic import confined_column
+from porocore.testing.synthetic.response import confined_column
 
 sys.path.insert(0, str(Path(__file__).parent))
 from kit_runs import Outcomes, run_pytest

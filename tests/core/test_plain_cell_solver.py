@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porocore import pipeline
-from porocore.benchmark import benchmark_path
-from porocore.cli.cell import as_text
-from porocore.config import load_config
+from porocore.cli.commands.cell import as_text
 from porocore.interfaces.cell import CellSolution
+from porocore.study.benchmark import benchmark_path
+from porocore.study.config.config import load_config
+from porocore.study.stages import pipeline
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_cell import Fake, FakeCellSolver

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from porocore.errors import ConfigurationError
-from porocore.scaffold.kinds import TEMPLATES
-from porocore.scaffold.project import write_project
+from porocore.plugins.scaffold.kinds import TEMPLATES
+from porocore.plugins.scaffold.project import write_project
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples/plugins").glob("porocore-*"))

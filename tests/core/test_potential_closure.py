@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.closure_error import closure_error
-from porocore.closures import CLOSURES, ClosedLaw, MeanGradientClosure, PotentialClosure
+from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
-from porocore.laws import LawMemory
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.interfaces.law import LawMemory
+from porocore.macro.closure_error import closure_error
+from porocore.macro.laws import CLOSURES, ClosedLaw, MeanGradientClosure, PotentialClosure
 from porocore.states import MacroState
-from porocore.surrogates.polynomial import polynomial_model
-from porocore.testing.synthetic import mean_gradient_law
-from porocore.testing.synthetic_cell import SOLID_FRACTION, STORAGE, respond, synthetic_training_set
+from porocore.surrogates.polynomial.fit import polynomial_model
+from porocore.testing.synthetic.cell import SOLID_FRACTION, STORAGE, respond, synthetic_training_set
+from porocore.testing.synthetic.response import mean_gradient_law
 from porocore.testing.work import elliptic_cycle, work_over_cycle
 
 MATERIAL = NeoHookean()

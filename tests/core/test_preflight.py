@@ -10,14 +10,15 @@ import yaml
 from pydantic import ValidationError
 
 import porocore
-from porocore import backends, registry
-from porocore.cell.geometry import OrthogonalChannels
-from porocore.config import load_config
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.core.inputs.input_space import NAMES, InputSpace
+from porocore.core.inputs.possible_states import least_volume
 from porocore.errors import ConfigurationError
-from porocore.inputs import NAMES, InputSpace
-from porocore.possible_states import least_volume
-from porocore.preflight import check_backends, check_sampling, outline
-from porocore.problem import TimePlan
+from porocore.macro.problem import TimePlan
+from porocore.plugins import registry
+from porocore.study import backends
+from porocore.study.config.config import load_config
+from porocore.study.preflight.checks import check_backends, check_sampling, outline
 
 sys.path.insert(0, str(Path(__file__).parent))
 from invoked import BENCHMARK, invoke
@@ -149,7 +150,7 @@ def test_check_notes_a_course_that_goes_on_beyond_the_end(tmp_path):
 
 def test_the_checks_mesh_the_body_once(monkeypatch):
     """A large body is not meshed for each of them."""
-    from porocore.body import kinds
+    from porocore.macro.body import kinds
 
     made = []
     original = kinds.Box.make

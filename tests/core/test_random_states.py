@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError, DataError
-from porocore.inputs import InputSpace
-from porocore.sampling.random_states import RandomStates, random_requests
+from porocore.sampling.samplers.random_states import RandomStates, random_requests
 from porocore.states import CellResponse, Status
 
 sys.path.insert(0, str(Path(__file__).parent))

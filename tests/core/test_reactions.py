@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from porocore.body.kinds import Box, make_body
-from porocore.body.mesh import BodyMesh
-from porocore.body.mesh_file import read_body
-from porocore.body.surfaces import Facets
-from porocore.macro.reactions import Support, shares
-from porocore.testing.macro_bodies import write_tetrahedra
+from porocore.macro.body.kinds import Box, make_body
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.mesh_file import read_body
+from porocore.macro.body.surfaces import Facets
+from porocore.macro.boundary.reactions import Support, shares
+from porocore.testing.macro_laws.bodies import write_tetrahedra
 
 SIZE = (1.0, 2.0, 1.5)
 #: A rotation about no axis in particular.

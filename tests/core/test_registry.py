@@ -8,11 +8,11 @@ from importlib import metadata
 
 import pytest
 
-from porocore.discovery import Offered, Source
 from porocore.errors import PluginError
-from porocore.hookspecs import INTERFACES, Offer, Versions
-from porocore.plugin_kinds import FIRST_PARTY, HOOKS
-from porocore.registry import Registry
+from porocore.plugins.discovery import Offered, Source
+from porocore.plugins.hookspecs import INTERFACES, Offer, Versions
+from porocore.plugins.kinds import FIRST_PARTY, HOOKS
+from porocore.plugins.registry import Registry
 
 GOOD = """
     from porocore import Offer, hookimpl
@@ -240,7 +240,7 @@ def test_first_party_names_are_those_that_the_installed_plugins_use():
 def test_listing_plugins_imports_nothing_heavy():
     code = """
         import sys
-        from porocore.registry import plugins_table
+        from porocore.plugins.registry import plugins_table
         assert {row.name for row in plugins_table()} >= {"density-sweep", "skfem", "torch"}
         print([name for name in ("torch", "skfem", "gmsh", "matplotlib", "h5py") if name in sys.modules])
     """

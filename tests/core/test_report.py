@@ -15,11 +15,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from porocore.closure_error import ClosureError
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import RunFolderError
-from porocore.inputs import InputSpace
-from porocore.linear import LinearCoefficients
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.macro.closure_error import ClosureError
+from porocore.macro.laws.linear import LinearCoefficients
 from porocore.report.context import (
     DEHGHANI_ZILIAN,
     Case,
@@ -320,7 +320,7 @@ def test_written_whole_or_not_at_all(context, html, tmp_path, monkeypatch):
     path.write_text("the old one")
     monkeypatch.setattr("porocore.report.html.render", lambda context: html)
     with monkeypatch.context() as patch:
-        patch.setattr("porocore.files.os.replace", disk_full)
+        patch.setattr("porocore.core.files.atomic.os.replace", disk_full)
         with pytest.raises(RunFolderError, match=r"cannot write .*report\.html"):
             write_report(path, context)
     assert path.read_text() == "the old one"

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.courses import Course
-from porocore.problem import Boundary, MacroSetup
+from porocore.core.formulas.time_function import Course
+from porocore.core.units.results import OutputUnits, ResultUnits
+from porocore.core.units.scales import Scales
+from porocore.macro.problem import Boundary, MacroSetup
 from porocore.report.context import Case
 from porocore.report.dimensional import dimensional_rows
 from porocore.report.drive import Drive, reactions
 from porocore.report.metrics import case_metrics
-from porocore.result_units import OutputUnits, ResultUnits
-from porocore.scales import Scales
 
 UNITS = ResultUnits(
     Scales(modulus=2e3, length=0.01, pore=1e-6, viscosity=1e-3), OutputUnits(length="mm", force="mN")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from porocore.inputs import InputSpace
+from porocore.core.inputs.input_space import InputSpace
 from porocore.report.context import OutputCheck, TrainingCurve
 from porocore.report.figures import (
     QUANTITIES,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.inputs import InputSpace
+from porocore.core.inputs.input_space import InputSpace
 from porocore.report.context import SamplingSummary
 from porocore.report.statuses import (
     SHARES,

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from porocore.benchmark import as_stated_path, benchmark_path
 from porocore.cli.entry import app
-from porocore.config import load_config
-from porocore.console import Console
+from porocore.core.console import Console
 from porocore.errors import ConfigurationError, DataError, RunFolderError
-from porocore.reproduce.catalogue import FIGURES, SKETCHES, chosen
-from porocore.reproduce.claims import Finding, Row, compared, judged
-from porocore.reproduce.make import CLAIMS, RECORD, claim_folder, draw, write_pages
-from porocore.reproduce.page import html, markdown
-from porocore.reproduce.study import Results
+from porocore.study.benchmark import as_stated_path, benchmark_path
+from porocore.study.config.config import load_config
+from porocore.verification.reproduce.catalogue import FIGURES, SKETCHES, chosen
+from porocore.verification.reproduce.claims import Finding, Row, compared, judged
+from porocore.verification.reproduce.make import CLAIMS, RECORD, claim_folder, draw, write_pages
+from porocore.verification.reproduce.page import html, markdown
+from porocore.verification.reproduce.study import Results
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reproduction.md"
 

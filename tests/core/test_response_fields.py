@@ -7,10 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porocore.declared_fields import declared_fields, documented, row, rows_of
+from porocore.core.fields.check import response_fault
+from porocore.core.fields.declaration import declared_fields, documented, row, rows_of
 from porocore.errors import PluginError
-from porocore.records import Record, build_response, check_record, failed_response, flatten_response
-from porocore.response_check import response_fault
+from porocore.interfaces.records import (
+    Record,
+    build_response,
+    check_record,
+    failed_response,
+    flatten_response,
+)
 from porocore.states import (
     CELL_FIELDS,
     RESPONSE_FIELDS,

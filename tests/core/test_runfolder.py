@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from porocore import runfolder
-from porocore.benchmark import benchmark_path
-from porocore.config import load_config
 from porocore.errors import ConfigurationError, RunFolderError
-from porocore.runfolder import RunFolder
+from porocore.study.benchmark import benchmark_path
+from porocore.study.config.config import load_config
+from porocore.study.run_folder import folder as runfolder
+from porocore.study.run_folder.folder import RunFolder
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError
-from porocore.inputs import InputSpace
-from porocore.sampling.designs import Design, LatinHypercube, SobolDesign
+from porocore.sampling.samplers.designs import Design, LatinHypercube, SobolDesign
 
 INPUTS = InputSpace(("H11", "H22", "p"), (-0.1, -0.4, 0.0), (0.1, 0.0, 0.2))
 

@@ -9,25 +9,26 @@ from itertools import product
 import numpy as np
 import pytest
 
-from porocore.inputs import InputSpace
+from porocore.core.inputs.input_space import InputSpace
 from porocore.interfaces.sampler import Exploration, Sampler, StudyFacts
 from porocore.interfaces.surrogate import TrainingSet, least_states
-from porocore.sampling.active import Active
-from porocore.sampling.candidates import most_worth, spread_out
-from porocore.sampling.committee import committee
-from porocore.sampling.designs import LatinHypercube, SobolDesign, sobol_points
-from porocore.sampling.macro_driven import MacroDriven
-from porocore.sampling.rounds import from_unit
+from porocore.sampling.samplers.active import Active
+from porocore.sampling.samplers.candidates import most_worth, spread_out
+from porocore.sampling.samplers.designs import LatinHypercube, SobolDesign, sobol_points
+from porocore.sampling.samplers.macro_driven import MacroDriven
+from porocore.sampling.samplers.rounds import from_unit
 from porocore.states import MacroState, Status
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-from porocore.testing import potential_cell, synthetic_cell
+from porocore.surrogates.polynomial.committee import committee, judge
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.testing.synthetic import cell as synthetic_cell
+from porocore.testing.synthetic import potential_cell
 
 COLUMN = synthetic_cell.INPUTS
 POTENTIAL, MEAN = ("mean_grad", "stress", "fluid_volume"), ("mean_grad",)
 
 
 def column_study(responses: tuple[str, ...] = POTENTIAL, explore: object = None) -> StudyFacts:
-    return StudyFacts(synthetic_cell.respond(MacroState.zeros(1)), "made up", responses, explore)  # type: ignore[arg-type]
+    return StudyFacts(synthetic_cell.respond(MacroState.zeros(1)), "made up", responses, explore, judge)  # type: ignore[arg-type]
 
 
 def column_data(x: np.ndarray) -> TrainingSet:
@@ -194,7 +195,7 @@ def test_no_tolerance_ends_a_sampling_before_a_surrogate_can_be_trained() -> Non
     """Of seven inputs the committee agrees after 11 states; training refuses fewer than 16."""
     inputs = InputSpace(potential_cell.INPUTS.names[:7], (-0.01,) * 7, (0.01,) * 7)
     active = Active(inputs, count=60, tolerance=10.0)
-    active.inform(StudyFacts(potential_cell.respond(MacroState.zeros(1)), "made up", POTENTIAL, None))  # type: ignore[arg-type]
+    active.inform(StudyFacts(potential_cell.respond(MacroState.zeros(1)), "made up", POTENTIAL, None, judge))  # type: ignore[arg-type]
     asked = len(solve_all(active, inputs, potential_cell))
     assert least_states(7) == 16 <= asked < 30
 
@@ -208,7 +209,7 @@ def test_five_thousand_asks_in_ten_dimensions_cost_the_same_each() -> None:
         assert len(design(inputs, count=5000).ask()) == 5000
         assert time.process_time() - began < 5000 * 1e-3
     active = Active(inputs, count=5000, batch=1000)
-    active.inform(StudyFacts(potential_cell.respond(MacroState.zeros(1)), "made up", POTENTIAL, None))  # type: ignore[arg-type]
+    active.inform(StudyFacts(potential_cell.respond(MacroState.zeros(1)), "made up", POTENTIAL, None, judge))  # type: ignore[arg-type]
     costs: list[tuple[int, float]] = []
     while True:
         began = time.process_time()

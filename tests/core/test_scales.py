@@ -4,8 +4,8 @@ import pytest
 from typer.testing import CliRunner
 
 from porocore.cli.entry import app
+from porocore.core.units.scales import QUANTITIES, SCENARIOS, Scales
 from porocore.errors import ConfigurationError
-from porocore.scales import QUANTITIES, SCENARIOS, Scales
 
 #: Dehghani & Zilian (2022), end of the numerical example.
 PUBLISHED = [

@@ -6,18 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.closures.pull_back import PulledBack
 from porocore.errors import ConfigurationError, DataError
-from porocore.execution import Outcome
+from porocore.macro.laws.pull_back import PulledBack
 from porocore.report.figures.style import BLUE
-from porocore.sensitivity.figures import MAKERS, figures, write_figures
-from porocore.sensitivity.file import load, save
-from porocore.sensitivity.line import HalfLine, Walk, targets
-from porocore.sensitivity.plan import LOADS, StudyPlan, Sweep, states_of
-from porocore.sensitivity.quantities import quantities
-from porocore.sensitivity.results import Sensitivity, line_name
-from porocore.sensitivity.tables import write_table
+from porocore.sampling.execution import Outcome
 from porocore.states import CellPeaks, CellResponse, CellTangent, MacroState, Status
+from porocore.verification.sensitivity.figures import MAKERS, figures, write_figures
+from porocore.verification.sensitivity.file import load, save
+from porocore.verification.sensitivity.line import HalfLine, Walk, targets
+from porocore.verification.sensitivity.plan import LOADS, StudyPlan, Sweep, states_of
+from porocore.verification.sensitivity.quantities import quantities
+from porocore.verification.sensitivity.results import Sensitivity, line_name
+from porocore.verification.sensitivity.tables import write_table
 
 PLAN = StudyPlan(
     {

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cli.entry import main
-from porocore.config_sections import FemSettings
 from porocore.errors import DataError
-from porocore.sensitivity import figures
-from porocore.sensitivity import study as module
-from porocore.sensitivity.plan import StudyPlan, Sweep
-from porocore.sensitivity.study import run_study
 from porocore.states import Status
+from porocore.study.config.sections import FemSettings
+from porocore.verification.sensitivity import figures
+from porocore.verification.sensitivity import study as module
+from porocore.verification.sensitivity.plan import StudyPlan, Sweep
+from porocore.verification.sensitivity.study import run_study
 
 pytest.importorskip("porocore_fem_skfem")
 
@@ -112,7 +112,7 @@ def command(monkeypatch, capsys, *words):
 @pytest.fixture
 def config(tmp_path):
     path = tmp_path / "my.yaml"
-    from porocore.benchmark import benchmark_path
+    from porocore.study.benchmark import benchmark_path
 
     text = benchmark_path().read_text(encoding="utf-8")
     text = text.replace("    size: 0.2 ", "    size: 0.25 ").replace("quadratic-curved", "linear")

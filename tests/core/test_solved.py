@@ -5,16 +5,16 @@ import sys
 import numpy as np
 import pytest
 
-from porocore.api.solved import LawsSolved, Solutions, Solved
-from porocore.api.study import Study
+from porocore.core.files.plain_data import merged
+from porocore.core.units.results import OutputUnits, ResultUnits
+from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError, PluginError
-from porocore.plain_data import merged
 from porocore.report.dimensional import dimensional_metrics, dimensional_rows
 from porocore.report.drive import Drive
 from porocore.report.figures import body_figure, history_figure, series_figure
 from porocore.report.metrics import case_metrics
-from porocore.result_units import OutputUnits, ResultUnits
-from porocore.scales import Scales
+from porocore.study.api.solved import LawsSolved, Solutions, Solved
+from porocore.study.api.study import Study
 
 UNITS = ResultUnits(
     Scales(modulus=2000, length=0.01, pore=5e-6), OutputUnits(length="mm", stress="kPa", time="h", force="mN")

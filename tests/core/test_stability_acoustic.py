@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from porocore.stability.acoustic import acoustic_minima, acoustic_minimum, acoustic_tensor, half_sphere
+from porocore.cell.stability.acoustic import acoustic_minima, acoustic_minimum, acoustic_tensor, half_sphere
 from porocore.states import CellResponse, CellTangent
 
 I = np.eye(3)

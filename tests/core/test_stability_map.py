@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from porocore.cell.stability.inertia import WAVES
+from porocore.cell.stability.line import EVENTS, Line, LineSettings
+from porocore.cell.stability.map import MapPlan, load, save, write_tables
 from porocore.errors import ConfigurationError, DataError
-from porocore.stability.figure import stability_figure
-from porocore.stability.inertia import WAVES
-from porocore.stability.line import EVENTS, Line, LineSettings
-from porocore.stability.map import MapPlan, load, save, write_tables
+from porocore.report.figures.stability import stability_figure
 from porocore.states import Status
 
 PLAN = MapPlan({"H22": -0.4}, "p", (0.0, 0.1), LineSettings(steps=4))

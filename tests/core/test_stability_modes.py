@@ -8,17 +8,17 @@ import pytest
 from scipy.spatial import cKDTree
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact import ContactSettings
-from porocore.cell.exchange import exchanged_axes, images
-from porocore.cell.geometry import OrthogonalChannels
-from porocore.cell.mass import lumped_mass
-from porocore.cell.mesh import MeshSettings
-from porocore.cell.parity import CLASSES, bloch_classes, held_displacements, odd_axes
-from porocore.equilibrium.path import follow
-from porocore.equilibrium.responses import respond
-from porocore.materials.neo_hookean import NeoHookean
-from porocore.stability.inertia import FAMILIES, WAVES, negative_pivots
-from porocore.stability.modes import folded, lowest_eigenvalues, lowest_mode, lowest_of_class
+from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.equilibrium.path import follow
+from porocore.cell.equilibrium.responses import respond
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.meshing.mass import lumped_mass
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.cell.stability.inertia import FAMILIES, WAVES, negative_pivots
+from porocore.cell.stability.modes import folded, lowest_eigenvalues, lowest_mode, lowest_of_class
+from porocore.cell.symmetry.exchange import exchanged_axes, images
+from porocore.cell.symmetry.parity import CLASSES, bloch_classes, held_displacements, odd_axes
 from porocore.states import Status
 
 sys.path.insert(0, str(Path(__file__).parent))

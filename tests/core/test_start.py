@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from porocore.config import RunConfig, load_config
-from porocore.examples import MODELINE, examples
-from porocore.preflight import place
-from porocore.schema import configuration_schema, field_docstrings
+from porocore.study.config.config import RunConfig, load_config
+from porocore.study.config.schema import configuration_schema, field_docstrings
+from porocore.study.examples import MODELINE, examples
+from porocore.study.preflight.checks import place
 
 sys.path.insert(0, str(Path(__file__).parent))
 from invoked import BENCHMARK, EXAMPLES, invoke, refusal

@@ -8,8 +8,8 @@ import pytest
 from pydantic import ValidationError
 
 from porocore.errors import SolveError
-from porocore.problem import TimePlan
-from porocore.stepping import Stepper
+from porocore.macro.integration.stepping import Stepper
+from porocore.macro.problem import TimePlan
 
 
 def run(stepper, fails=lambda time, dt: False):

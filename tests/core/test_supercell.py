@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact import ContactSettings
-from porocore.cell.geometry import OrthogonalChannels
-from porocore.cell.mesh import MeshSettings
-from porocore.cell.supercell import block, tiled
-from porocore.contact.model import contact_of
+from porocore.cell.contact.model import contact_of
+from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.cell.meshing.supercell import block, tiled
+from porocore.cell.stability.modes import lowest_mode
 from porocore.interfaces.cell import CellField
-from porocore.stability.modes import lowest_mode
 from porocore.states import MacroState, Status
 
 LINEAR = MeshSettings(size=0.2, fluid_size=0.2, element="linear")

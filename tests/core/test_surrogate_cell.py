@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from porocore.cell_identities import cubic_symmetry
 from porocore.states import MacroState
+from porocore.testing.cell_laws.identities import cubic_symmetry
 from porocore.testing.compare import moved, provided
-from porocore.testing.potential_cell import respond
+from porocore.testing.synthetic.potential_cell import respond
 
 
 def states(n=6):

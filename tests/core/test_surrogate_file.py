@@ -10,27 +10,27 @@ import h5py
 import numpy as np
 import pytest
 
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.tensors.point_group import CUBIC
 from porocore.errors import DataError
-from porocore.inputs import InputSpace
-from porocore.sampled_range import SampledRange
 from porocore.states import MacroState
-from porocore.surrogates.archive import read_archive, write_archive
-from porocore.surrogates.conductivity import ConductivityModel
-from porocore.surrogates.error_estimate import ErrorEstimate
-from porocore.surrogates.file import FORMAT, VERSION, Record, read, write
-from porocore.surrogates.mean_gradient import AnchoredModel
-from porocore.surrogates.monomials import Polynomial
-from porocore.surrogates.network import Network
-from porocore.surrogates.polynomial import polynomial_model
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-from porocore.surrogates.potential import NetworkPart, PotentialModel
+from porocore.surrogates.conductivity.model import ConductivityModel
+from porocore.surrogates.error_estimate.estimate import ErrorEstimate
+from porocore.surrogates.file.archive import read_archive, write_archive
+from porocore.surrogates.file.file import FORMAT, VERSION, Record, read, write
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.network import Network
+from porocore.surrogates.polynomial.fit import polynomial_model
+from porocore.surrogates.polynomial.monomials import Polynomial
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.surrogates.polynomial.terms import invariant, plain
+from porocore.surrogates.potential.model import NetworkPart, PotentialModel
 from porocore.surrogates.reach import Reach
 from porocore.surrogates.stored import NumpySurrogate
-from porocore.surrogates.terms import invariant, plain
-from porocore.tensors.point_group import CUBIC
 from porocore.testing.compare import assert_identical
-from porocore.testing.potential_cell import potential_training_set
-from porocore.testing.synthetic_cell import synthetic_training_set
+from porocore.testing.synthetic.cell import synthetic_training_set
+from porocore.testing.synthetic.potential_cell import potential_training_set
 
 RECORD = Record("torch", {"hidden": [6]}, "cell-7", {"porocore": "0.1"}, {"stress": 0.1 + 0.2})
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from porocore.surrogates.network import ACTIVATIONS, Network
+from porocore.surrogates.network.network import ACTIVATIONS, Network
 
 SCALAR = {
     "sigmoid": lambda z: 1 / (1 + math.exp(-z)),

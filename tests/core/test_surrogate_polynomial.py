@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from porocore.errors import ConfigurationError, DataError
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing import PotentialSuite
-from porocore.testing.potential_cell import potential_training_set
+from porocore.testing.synthetic.potential_cell import potential_training_set
 
 
 class TestPolynomial(PotentialSuite):

@@ -5,19 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from porocore.core.tensors.point_group import CUBIC, TRIVIAL
 from porocore.errors import DataError
 from porocore.states import CellTangent, MacroState, Status
-from porocore.surrogates.network import Network
-from porocore.surrogates.polynomial import fit_mean_grad, polynomial_model, sampled_range
-from porocore.surrogates.potential import NetworkPart, PotentialModel
-from porocore.surrogates.potential_data import PotentialData, variables
+from porocore.surrogates.network.network import Network
+from porocore.surrogates.polynomial.fit import fit_mean_grad, polynomial_model, sampled_range
+from porocore.surrogates.polynomial.terms import invariant, plain
+from porocore.surrogates.potential.data import PotentialData, variables
+from porocore.surrogates.potential.model import NetworkPart, PotentialModel
 from porocore.surrogates.reach import Reach
-from porocore.surrogates.stretch import LogStretch
-from porocore.surrogates.terms import invariant, plain
-from porocore.tensors.point_group import CUBIC, TRIVIAL
-from porocore.testing.potential_cell import IDENTITY, SOLID_FRACTION, potential_training_set, respond
+from porocore.surrogates.stretch.log_stretch import LogStretch
 from porocore.testing.symmetry import cube_group
-from porocore.testing.synthetic_cell import synthetic_training_set
+from porocore.testing.synthetic.cell import synthetic_training_set
+from porocore.testing.synthetic.potential_cell import (
+    IDENTITY,
+    SOLID_FRACTION,
+    potential_training_set,
+    respond,
+)
 
 SEVEN = (0, 1, 2, 3, 4, 5, 6)
 

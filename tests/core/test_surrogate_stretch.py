@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import logm, polar
 
-from porocore.surrogates.components import PLACES
-from porocore.surrogates.divided_differences import of_three, of_two
-from porocore.surrogates.stretch import LogStretch
-from porocore.tensors.symmetric_eigen import symmetric_eigen
+from porocore.core.tensors.symmetric_eigen import symmetric_eigen
+from porocore.surrogates.stretch.components import PLACES
+from porocore.surrogates.stretch.divided_differences import of_three, of_two
+from porocore.surrogates.stretch.log_stretch import LogStretch
 
 N = 24
 

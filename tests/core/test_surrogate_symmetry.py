@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.inputs import InputSpace
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.tensors.point_group import CUBIC, TRIVIAL, PointGroup
 from porocore.states import MacroState
-from porocore.surrogates.invariants import integrity_basis
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-from porocore.surrogates.terms import invariant
-from porocore.tensors.point_group import CUBIC, TRIVIAL, PointGroup
-from porocore.testing.grouped_cell import GroupedCell
+from porocore.surrogates.polynomial.invariants import integrity_basis
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.surrogates.polynomial.terms import invariant
 from porocore.testing.symmetry import breaks
+from porocore.testing.synthetic.grouped_cell import GroupedCell
 
 CYCLE = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
 SWAP = [[0, 1, 0], [1, 0, 0], [0, 0, 1]]

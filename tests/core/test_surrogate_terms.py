@@ -5,11 +5,11 @@ from math import comb
 import numpy as np
 import pytest
 
-from porocore.surrogates.composition import Motion, Sum, composed
-from porocore.surrogates.least_squares import Samples, fit
-from porocore.surrogates.monomials import Polynomial, exponents_up_to
-from porocore.surrogates.terms import invariant, plain
-from porocore.tensors.point_group import CUBIC
+from porocore.core.tensors.point_group import CUBIC
+from porocore.surrogates.polynomial.composition import Motion, Sum, composed
+from porocore.surrogates.polynomial.least_squares import Samples, fit
+from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
+from porocore.surrogates.polynomial.terms import invariant, plain
 from porocore.testing.symmetry import cube_group
 
 RANDOM = np.random.default_rng(0)

@@ -7,23 +7,23 @@ import pytest
 from scipy.stats import qmc
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry import OrthogonalChannels, Voxels
-from porocore.cell.mesh import MeshSettings
-from porocore.cell_identities import cubic_symmetry
-from porocore.closures import ClosedLaw, PotentialClosure
-from porocore.direct import DirectCellLaw
+from porocore.cell.geometry.kinds import OrthogonalChannels, Voxels
+from porocore.cell.materials.holzapfel import HolzapfelGasserOgden
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.tensors.point_group import CUBIC
 from porocore.errors import SolveError
-from porocore.execution import CellPool
-from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.materials.holzapfel import HolzapfelGasserOgden
-from porocore.problem import TimePlan
-from porocore.stage_files import prepare_cell
+from porocore.macro.laws import ClosedLaw, PotentialClosure
+from porocore.macro.laws.direct import DirectCellLaw
+from porocore.macro.problem import TimePlan
+from porocore.sampling.execution import CellPool
 from porocore.states import MacroState
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-from porocore.tensors.point_group import CUBIC
+from porocore.study.stages.stage_files import prepare_cell
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.testing.cell_laws.identities import cubic_symmetry
 from porocore.testing.symmetry import breaks
-from porocore.testing.synthetic import confined_column
+from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
 
 pytestmark = pytest.mark.slow

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from porocore.states import MacroState
-from porocore.testing.synthetic import cubic_reference
-from porocore.testing.synthetic_cell import INPUTS, respond, synthetic_training_set
+from porocore.testing.synthetic.cell import INPUTS, respond, synthetic_training_set
+from porocore.testing.synthetic.response import cubic_reference
 
 SLOPES = {
     "mean_grad": ("mean_grad_grad_u", "mean_grad_p"),

@@ -17,21 +17,22 @@ import numpy as np
 import pytest
 import yaml
 
-from porocore import registry, tune
-from porocore.benchmark import crosscheck_path
 from porocore.cli import main
-from porocore.config import load_config
-from porocore.dataset import Dataset
+from porocore.core.inputs.input_space import NAMES
 from porocore.errors import ConfigurationError, DataError
-from porocore.inputs import NAMES
+from porocore.interfaces.records import Record
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.records import Record
-from porocore.reference import CellReference
-from porocore.runfolder import RunFolder
-from porocore.sampling.density import DensitySweep
-from porocore.sampling.random_states import RandomStates
+from porocore.macro.reference import CellReference
+from porocore.plugins import registry
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.samplers.density import DensitySweep
+from porocore.sampling.samplers.random_states import RandomStates
 from porocore.states import MacroState
-from porocore.testing.synthetic_cell import INPUTS, respond, synthetic_training_set
+from porocore.study.benchmark import crosscheck_path
+from porocore.study.config.config import load_config
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.tuning import tune
+from porocore.testing.synthetic.cell import INPUTS, respond, synthetic_training_set
 
 #: Read by the plugin of tune_fakes.
 LOG, SLEEP = "POROCORE_TUNE_LOG", "POROCORE_TUNE_SLEEP"

@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porocore import pipeline, unexpected
-from porocore.benchmark import benchmark_path
 from porocore.cli import main
+from porocore.core import unexpected
 from porocore.errors import DataError, PorocoreError, UnexpectedError
-from porocore.execution.pool import CellPool
+from porocore.sampling.execution.pool import CellPool
 from porocore.states import MacroState
+from porocore.study.benchmark import benchmark_path
+from porocore.study.stages import pipeline
 
 
 @pytest.fixture

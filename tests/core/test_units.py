@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import yaml
 
-from porocore.config import config_from, differences, load_config
+from porocore.core.units.quantities import UnitError, has_unit, in_si, pretty
+from porocore.core.units.results import OutputUnits, ResultUnits
+from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
-from porocore.result_units import OutputUnits, ResultUnits
-from porocore.scales import Scales
-from porocore.series import all_series, write_series
-from porocore.units import UnitError, has_unit, in_si, pretty
+from porocore.macro.series import all_series, write_series
+from porocore.study.config.config import config_from, differences, load_config
 
 SCALES = {"modulus": "2.5 kPa", "length": "12.5 mm", "pore": "5 um", "viscosity": "1.6 Pa*s"}
 #: With which most values in SI units are no decimal numbers.

@@ -6,13 +6,14 @@ import sys
 import numpy as np
 import pytest
 
-from porocore import registry
 from porocore.cli import main
 from porocore.errors import ConfigurationError, PluginError
-from porocore.plugin_table import PluginRow
-from porocore.verify import document, ladder
-from porocore.verify.case import Case, Check, number, observed_order
-from porocore.verify.ladder import Backends, Row, climb, find_backends, find_cases
+from porocore.plugins import registry
+from porocore.plugins.table import PluginRow
+from porocore.verification.ladder import cases as ladder
+from porocore.verification.ladder import document
+from porocore.verification.ladder.case import Case, Check, number, observed_order
+from porocore.verification.ladder.cases import Backends, Row, climb, find_backends, find_cases
 
 
 @pytest.fixture
@@ -185,7 +186,7 @@ def test_bad_use_is_a_message_and_status_2(porocore_command, words, message):
 
 def test_numbers_of_the_papers_are_in_the_order_that_they_must_have():
     """More solid, less flow: a mistyped entry would stand out against its neighbours."""
-    from porocore.verify.permeability import CYLINDERS, SPHERES
+    from porocore.verification.ladder.permeability import CYLINDERS, SPHERES
 
     for table in (SPHERES, CYLINDERS):
         c, drag = np.array(list(table)), np.array(list(table.values()))

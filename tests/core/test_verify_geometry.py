@@ -10,15 +10,15 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry import CylinderArray, Geometry, NoPores, OrthogonalChannels, SphereArray
-from porocore.cell.mesh import MeshSettings, make_mesh
-from porocore.cell.quadrature import tetrahedron_rule
-from porocore.config import load_config
-from porocore.equilibrium.solver import PreparedCell
+from porocore.cell.equilibrium.solver import PreparedCell
+from porocore.cell.geometry.kinds import CylinderArray, Geometry, NoPores, OrthogonalChannels, SphereArray
+from porocore.cell.meshing.mesh import MeshSettings, make_mesh
+from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.errors import ConfigurationError
-from porocore.pipeline import solve_cell
-from porocore.reference import CellReference
-from porocore.summary import _is_the_benchmark
+from porocore.macro.reference import CellReference
+from porocore.study.config.config import load_config
+from porocore.study.stages.pipeline import solve_cell
+from porocore.study.stages.summary import _is_the_benchmark
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dehghani2022.yaml"
 COARSE = MeshSettings(size=0.25, fluid_size=0.25)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from porocore.errors import RunFolderError
-from porocore.vtk import write_vtu_series
+from porocore.report.vtk import write_vtu_series
 
 
 @pytest.fixture

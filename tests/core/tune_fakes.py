@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from porocore import ConfigurationError, Offer, Surrogate, hookimpl
-from porocore.testing.synthetic_cell import respond
+from porocore.testing.synthetic.cell import respond
 
 ACTIVATIONS = {"tanh": 1.0, "sigmoid": 3.0}
 #: Environment variables: where trainings are logged, and how long they take.

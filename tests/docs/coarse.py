@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 from matplotlib.image import imsave
 
-import porocore.api.study
-import porocore.config
-import porocore.crosscheck
-from porocore.local_fields import geometry, pictures
-from porocore.sensitivity.plan import StudyPlan, Sweep
-from porocore.stability.line import LineSettings
-from porocore.stability.map import MapPlan
-from porocore.surrogates.options import MlpOptions, PotentialOptions
-from porocore.verify import ladder
-from porocore.yaml_document import YamlDocument
+import porocore.study.api.study
+import porocore.study.config.config
+import porocore.verification.crosscheck
+from porocore.cell.stability.line import LineSettings
+from porocore.cell.stability.map import MapPlan
+from porocore.core.files.yaml_document import YamlDocument
+from porocore.surrogates.network.options import MlpOptions, PotentialOptions
+from porocore.verification.ladder import cases as ladder
+from porocore.verification.local_fields import geometry, pictures
+from porocore.verification.sensitivity.plan import StudyPlan, Sweep
 
 #: Modules that hold the function by which every configuration is made.
-HOLDERS = (porocore.config, porocore.api.study)
+HOLDERS = (porocore.study.config.config, porocore.study.api.study)
 #: Iterations of a training.
 TRAINING = {MlpOptions: "epochs", PotentialOptions: "iterations"}
 SHORT, LONG = {"epochs": 60, "iterations": 15}, {"epochs": 2500, "iterations": 60}
@@ -113,9 +113,9 @@ def _sampled(sampling: dict[str, Any]) -> dict[str, Any]:
 
 def make_coarse(patch: pytest.MonkeyPatch) -> None:
     """From now on all studies of this process are coarse, and pictures are written without being drawn."""
-    validated = porocore.config.validated
+    validated = porocore.study.config.config.validated
 
-    def coarse(document: YamlDocument) -> porocore.config.RunConfig:
+    def coarse(document: YamlDocument) -> porocore.study.config.config.RunConfig:
         return validated(dataclasses.replace(document, data=coarsened(document.data)))
 
     for module in HOLDERS:
@@ -132,8 +132,12 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
         values=lambda plan: plan.values[:1],
         line=lambda plan: LineSettings(1, 0.1, plan.line.eigenvalues),
     )
-    find = porocore.crosscheck.find_contestants
-    patch.setattr(porocore.crosscheck, "find_contestants", lambda fem, names: find(fem, names or SURROGATES))
+    find = porocore.verification.crosscheck.find_contestants
+    patch.setattr(
+        porocore.verification.crosscheck,
+        "find_contestants",
+        lambda fem, names: find(fem, names or SURROGATES),
+    )
     climb, find_cases = ladder.climb, ladder.find_cases
     patch.setattr(ladder, "find_cases", lambda names: find_cases(names or CASES))
     patch.setattr(ladder, "climb", lambda *words, long, **named: climb(*words, long=False, **named))

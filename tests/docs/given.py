@@ -11,8 +11,8 @@ import meshio
 import numpy as np
 from clone import Clone
 
-from porocore.cell.channels import OrthogonalChannels
-from porocore.cell.mesh import MeshSettings, make_mesh
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 
 #: Words after which a name is one of something to be made.
 _MADE = r"(?:--out|--to|-o|>|out=)\s*[\"']?"
@@ -58,7 +58,7 @@ def _mesh(*names: str) -> Callable[[Clone, Path, Callable[[], Path]], None]:
 
 def _surrogate(clone: Clone, to: Path, finished: Callable[[], Path]) -> None:
     to.write_text(
-        "from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate\n\n\n"
+        "from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate\n\n\n"
         "class MySurrogate(PolynomialSurrogate):\n"
         "    def __init__(self, epochs):\n        super().__init__()\n",
         encoding="utf-8",

@@ -23,7 +23,7 @@ from commands import Command
 from services import Service
 
 from porocore.cli import main
-from porocore.registry import registry
+from porocore.plugins.registry import registry
 
 PIP = (sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
 #: Seconds that a command of the shell may take.

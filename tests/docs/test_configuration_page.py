@@ -15,11 +15,11 @@ from pages import page, rows
 from pydantic import BaseModel, Field
 from pydantic.fields import FieldInfo
 
-from porocore.config import config_from
-from porocore.dimensions import Dimension, Unit
-from porocore.registry import registry
-from porocore.schema import configuration_schema
-from porocore.surrogates.options import MlpOptions, PotentialOptions
+from porocore.core.units.dimensions import Dimension, Unit
+from porocore.plugins.registry import registry
+from porocore.study.config.config import config_from
+from porocore.study.config.schema import configuration_schema
+from porocore.surrogates.network.options import MlpOptions, PotentialOptions
 
 PAGE = "docs/configuration.md"
 
@@ -211,23 +211,28 @@ def test_the_options_of_the_solvers_of_dolfinx():
 @pytest.mark.parametrize("options", [MlpOptions, PotentialOptions])
 def test_the_options_of_the_networks(options):
     expected = {name: default_words(field.default) for name, field in options.model_fields.items()}
-    assert options_in(f"fields porocore.surrogates.options.{options.__name__}") == expected
+    assert options_in(f"fields porocore.surrogates.network.options.{options.__name__}") == expected
 
 
 @pytest.mark.parametrize(
     ("table", "kind", "name", "elsewhere"),
     [
         (
-            "porocore/surrogates/polynomial_surrogate.py PolynomialSurrogate",
+            "porocore/surrogates/polynomial/surrogate.py PolynomialSurrogate",
             "surrogate",
             "polynomial",
             {"model"},
         ),
-        ("porocore/sampling/density.py DensitySweep", "sampler", "density-sweep", {"step", "tolerance"}),
-        ("porocore/sampling/designs.py Design", "sampler", "sobol", set()),
-        ("porocore/sampling/designs.py Design", "sampler", "latin-hypercube", set()),
-        ("porocore/sampling/active.py Active", "sampler", "active", {"tolerance"}),
-        ("porocore/sampling/macro_driven.py MacroDriven", "sampler", "macro-driven", {"tolerance"}),
+        (
+            "porocore/sampling/samplers/density.py DensitySweep",
+            "sampler",
+            "density-sweep",
+            {"step", "tolerance"},
+        ),
+        ("porocore/sampling/samplers/designs.py Design", "sampler", "sobol", set()),
+        ("porocore/sampling/samplers/designs.py Design", "sampler", "latin-hypercube", set()),
+        ("porocore/sampling/samplers/active.py Active", "sampler", "active", {"tolerance"}),
+        ("porocore/sampling/samplers/macro_driven.py MacroDriven", "sampler", "macro-driven", {"tolerance"}),
     ],
 )
 def test_the_options_of_what_is_built_in(table, kind, name, elsewhere):

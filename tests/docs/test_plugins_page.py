@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from porocore.closures import CLOSURES
-from porocore.execution import CellPool
+from porocore.macro.laws import CLOSURES
+from porocore.sampling.execution import CellPool
 
 PAGE = (Path(__file__).parents[2] / "docs/plugins.md").read_text(encoding="utf-8")
 
@@ -24,13 +24,13 @@ def test_what_a_closure_needs_is_told(name):
 @pytest.mark.parametrize(
     ("home", "members"),
     [
-        ("porocore.cell.mesh.CellMesh", ("wall", "periodic_class", "quadrature_degree")),
+        ("porocore.cell.meshing.mesh.CellMesh", ("wall", "periodic_class", "quadrature_degree")),
         ("porocore.cell.cell.Cell", ("make_mesh", "solid")),
-        ("porocore.materials.material.StrainEnergy", ("energy_density", "stress", "tangent")),
-        ("porocore.materials.material.Material", ("on",)),
-        ("porocore.materials.composite.Composite", ("on",)),
-        ("porocore.stepping.Stepper", ("next", "accept", "reject")),
-        ("porocore.problem.MacroProblem", ("corners",)),
+        ("porocore.cell.materials.material.StrainEnergy", ("energy_density", "stress", "tangent")),
+        ("porocore.cell.materials.material.Material", ("on",)),
+        ("porocore.cell.materials.composite.Composite", ("on",)),
+        ("porocore.macro.integration.stepping.Stepper", ("next", "accept", "reject")),
+        ("porocore.macro.problem.MacroProblem", ("corners",)),
     ],
 )
 def test_what_a_plugin_is_handed_is_there(home, members):

@@ -14,12 +14,12 @@ from fragments import example, role, with_fragment
 from given import provide
 from pages import ROOT, all_blocks
 
-from porocore.backends import surrogate_model
-from porocore.config import RunConfig, config_from, load_config
-from porocore.examples import MODELINE
-from porocore.preflight import outline
-from porocore.preflight import place as place_body
-from porocore.registry import registry
+from porocore.plugins.registry import registry
+from porocore.study.backends import surrogate_model
+from porocore.study.config.config import RunConfig, config_from, load_config
+from porocore.study.examples import MODELINE
+from porocore.study.preflight.checks import outline
+from porocore.study.preflight.checks import place as place_body
 
 BLOCKS = list(all_blocks("yaml", "yml"))
 

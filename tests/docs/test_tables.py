@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pages import page, rows
 
-from porocore.plugin_kinds import HOOKS
+from porocore.plugins.kinds import HOOKS
 from porocore.report.words import MEANINGS
 from porocore.states import Status
 

@@ -16,20 +16,20 @@ from unittest import mock
 import pytest
 from pages import ROOT, page
 
-from porocore.cell.cad import import_gmsh
+from porocore.cell.geometry.cad import import_gmsh
 from porocore.cli import main
-from porocore.config import load_config
-from porocore.dataset import Dataset
-from porocore.discovery import Broken, Offered, Source
+from porocore.core.files.atomic import atomic_path
 from porocore.errors import PorocoreError
-from porocore.files import atomic_path
-from porocore.hookspecs import INTERFACES, Offer
-from porocore.registry import Registry
+from porocore.macro.integration.stepping import Stepper
+from porocore.plugins.discovery import Broken, Offered, Source
+from porocore.plugins.hookspecs import INTERFACES, Offer
+from porocore.plugins.registry import Registry
 from porocore.report.metrics import case_warnings
 from porocore.report.words import MEANINGS
-from porocore.runfolder import RunFolder
+from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
-from porocore.stepping import Stepper
+from porocore.study.config.config import load_config
+from porocore.study.run_folder.folder import RunFolder
 
 #: Stands for what differs from case to case.
 GAP = "…"
@@ -139,7 +139,7 @@ def missing_module(reader):
         requires=("torch",),
         install="pip install porocore-surrogate-torch",
     )
-    with mock.patch("porocore.discovery._importable", return_value=False):
+    with mock.patch("porocore.plugins.discovery._importable", return_value=False):
         return told(lambda: Registry([torch], []).find("surrogate", "torch"))
 
 
@@ -212,7 +212,7 @@ def interrupted(reader):
     def stop(*words, **named):
         raise KeyboardInterrupt
 
-    reader.patch.setattr("porocore.pipeline.run", stop)
+    reader.patch.setattr("porocore.study.stages.pipeline.run", stop)
     return reader.type("run", "my.yaml", "--out", "runs/mine")
 
 

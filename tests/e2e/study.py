@@ -24,8 +24,8 @@ import pytest
 import yaml
 from warm import WarmCommand
 
-from porocore.dataset import Dataset, parts_folder
 from porocore.errors import DataError
+from porocore.sampling.datasets.dataset import Dataset, parts_folder
 
 POROCORE = Path(sys.executable).with_name("porocore")
 #: The same number of threads everywhere, so that results can be compared bit by bit.

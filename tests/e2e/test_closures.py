@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from study import ONE_LOAD, Running, contents, fingerprint, message, porocore, seconds, succeeded, write_study
 
-from porocore.solution import MacroSolution
+from porocore.interfaces.solution import MacroSolution
 
 #: Two elements and five steps, so that direct FE² takes seconds.
 SHORT = ONE_LOAD | {

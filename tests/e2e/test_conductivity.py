@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from study import message, porocore, succeeded, write_study
 
-from porocore.dataset import Dataset
-from porocore.solution import MacroSolution
+from porocore.interfaces.solution import MacroSolution
+from porocore.sampling.datasets.dataset import Dataset
 
 pytestmark = pytest.mark.slow
 DEFORMED = {

@@ -9,8 +9,8 @@ import h5py
 import pytest
 from study import LOADS, contents, fingerprint, message, porocore, succeeded
 
-from porocore.config import load_config
-from porocore.dataset import Dataset
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.study.config.config import load_config
 
 SOLUTION = "solutions/linear_load-0.04.h5"
 #: Each file with the step that reads it first.

@@ -10,7 +10,7 @@ import subprocess
 import pytest
 from study import ENVIRONMENT, POROCORE, contents, fingerprint, message, seconds, write_study
 
-from porocore.dataset import Dataset
+from porocore.sampling.datasets.dataset import Dataset
 
 
 def namespace(script, *words):

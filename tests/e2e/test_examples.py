@@ -9,7 +9,7 @@ import pytest
 import yaml
 from study import porocore, succeeded, write_study
 
-from porocore.solution import MacroSolution
+from porocore.interfaces.solution import MacroSolution
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 #: Few states of a coarse cell, and a polynomial, which is the same on every machine.

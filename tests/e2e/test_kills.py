@@ -26,7 +26,7 @@ from study import (
     write_study,
 )
 
-from porocore.dataset import Dataset
+from porocore.sampling.datasets.dataset import Dataset
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ import pytest
 from study import ONE_LOAD, message, porocore, succeeded, write_study
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.solution import MacroSolution
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.interfaces.solution import MacroSolution
 
 #: Linear elements, few states, a polynomial, two elements and a few steps.
 SHORT = ONE_LOAD | {

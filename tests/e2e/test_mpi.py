@@ -24,9 +24,9 @@ from study import (
     write_study,
 )
 
-from porocore.config import load_config
-from porocore.runfolder import RunFolder
-from porocore.solution import History, MacroSolution, Profile
+from porocore.interfaces.solution import History, MacroSolution, Profile
+from porocore.study.config.config import load_config
+from porocore.study.run_folder.folder import RunFolder
 
 MPIRUN = shutil.which("mpirun")
 if not os.environ.get("CI"):

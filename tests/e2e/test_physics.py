@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from study import HEIGHT, LOADS, porocore, succeeded
 
-from porocore.solution import MacroSolution
+from porocore.interfaces.solution import MacroSolution
 
 AREA = 0.1 * 0.1
 LARGE, SMALL = LOADS

@@ -20,9 +20,9 @@ from study import (
     write_study,
 )
 
-from porocore.dataset import Dataset
-from porocore.reference import CellReference
-from porocore.solution import MacroSolution
+from porocore.interfaces.solution import MacroSolution
+from porocore.macro.reference import CellReference
+from porocore.sampling.datasets.dataset import Dataset
 
 NAMES = {f"{law}_load{load!r}" for law in ("mean-gradient", "linear") for load in LOADS}
 

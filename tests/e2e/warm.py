@@ -21,7 +21,7 @@ from typing import IO
 
 #: torch and scikit-fem, if they are there. Not jax and dolfinx, whose threads and MPI do not outlive a fork.
 IMPORTED = (
-    "porocore.pipeline",
+    "porocore.study.stages.pipeline",
     "porocore.report.page",
     "porocore.cli.entry",
     "porocore_fem_skfem.cell_solver",

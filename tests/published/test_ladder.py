@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from porocore.verify.ladder import CASES, climb, find_backends, find_cases, solve_item
+from porocore.verification.ladder.cases import CASES, climb, find_backends, find_cases, solve_item
 
 #: Items that cost a second or so; the others are for the slow tests.
 QUICK = {

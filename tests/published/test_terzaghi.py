@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.linear import LinearCoefficients, LinearPoroelasticity
-from porocore.materials.neo_hookean import NeoHookean
-from porocore.terzaghi import Terzaghi
-from porocore.testing.synthetic import confined_column, cubic_reference
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.macro.analytic.terzaghi import Terzaghi
+from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.testing.synthetic.response import confined_column, cubic_reference
 from porocore_fem_skfem.macro import SkfemMacroSolver
 
 LAYER = Terzaghi(height=7.5, load=0.01, stiffness=0.444, biot=0.79, storage=0.34, conductivity=1.94)

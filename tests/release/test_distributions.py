@@ -14,7 +14,7 @@ import pytest
 import yaml
 from environments import Environment, link_libraries
 
-from porocore.plugin_kinds import FIRST_PARTY
+from porocore.plugins.kinds import FIRST_PARTY
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = {
@@ -98,7 +98,7 @@ def test_the_core_is_typed_and_brings_what_it_reads(dist):
     assert "porocore/py.typed" in names
     assert {
         "porocore/report/template.html.j2",
-        "porocore/scaffold/templates/common/pyproject.toml.txt",
+        "porocore/plugins/scaffold/templates/common/pyproject.toml.txt",
     } <= names
 
 

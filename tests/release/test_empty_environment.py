@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from porocore.scaffold.kinds import TEMPLATES
+from porocore.plugins.scaffold.kinds import TEMPLATES
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = {"cell": "layered", "sampler": "halton", "surrogate": "gaussian-process"}

@@ -5,7 +5,7 @@ import json
 import pytest
 from environments import CONSTRAINTS, Environment, copy_libraries
 
-from porocore.plugin_kinds import FIRST_PARTY
+from porocore.plugins.kinds import FIRST_PARTY
 
 pytestmark = pytest.mark.slow
 

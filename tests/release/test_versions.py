@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import porocore
-from porocore.plugin_kinds import FIRST_PARTY
+from porocore.plugins.kinds import FIRST_PARTY
 
 ROOT = Path(__file__).parents[2]
 FILES = [ROOT / "pyproject.toml", *sorted((ROOT / "plugins").glob("*/pyproject.toml"))]

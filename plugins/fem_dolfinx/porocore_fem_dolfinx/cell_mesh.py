@@ -9,8 +9,8 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from porocore.cell.mesh import CellMesh
-from porocore.cell.quadrature import tetrahedron_rule
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore_fem_dolfinx import compat
 
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import CellMesh
-from porocore.cell.quadrature import LARGEST_DEGREE
-from porocore.echo import echo
-from porocore.equilibrium.solver import EquilibriumCellSolver
+from porocore.cell.equilibrium.solver import EquilibriumCellSolver
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.quadrature import LARGEST_DEGREE
+from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore_fem_dolfinx.linalg import choose
 from porocore_fem_dolfinx.solid import SolidProblem

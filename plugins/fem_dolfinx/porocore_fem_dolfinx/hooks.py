@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from porocore.hookspecs import Offer, hookimpl
+from porocore.plugins.hookspecs import Offer, hookimpl
 
 
 def _cell_solver() -> type[Any]:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from porocore.echo import echo
-from porocore.equilibrium.discrete import FactorError
+from porocore.cell.equilibrium.discrete import FactorError
+from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.petsc_options import OF_OPTIONS, SolverOptions, explanation

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from porocore.echo import echo
+from porocore.core.echo import echo
+from porocore.core.parallel import World
 from porocore.errors import ConfigurationError
-from porocore.macro.body import body_mesh
-from porocore.macro.boundary import boundary_data
-from porocore.macro.solver import MarchingMacroSolver
-from porocore.parallel import World
-from porocore.problem import MacroProblem
+from porocore.macro.body.meshed import body_mesh
+from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.integration.solver import MarchingMacroSolver
+from porocore.macro.problem import MacroProblem
 from porocore_fem_dolfinx import compat  # noqa: F401 - h5py before everything that brings MPI and PETSc
 from porocore_fem_dolfinx.macro_assembly import Assembler
 from porocore_fem_dolfinx.macro_world import MPI, MpiWorld

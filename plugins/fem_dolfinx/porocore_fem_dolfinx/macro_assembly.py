@@ -10,12 +10,12 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from porocore.body.mesh import BodyMesh
-from porocore.laws import MacroResponse, MacroTangent
-from porocore.macro.boundary import BoundaryData
-from porocore.macro.discretisation import Discretisation
-from porocore.parallel import World
-from porocore.problem import MacroProblem
+from porocore.core.parallel import World
+from porocore.interfaces.law import MacroResponse, MacroTangent
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.boundary.conditions import BoundaryData
+from porocore.macro.integration.discretisation import Discretisation
+from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.macro_forms import Forms
@@ -105,11 +105,11 @@ class Assembler(Discretisation):
         return matrix
 
     def states_of(self, x: Any) -> tuple[MacroState, Any]:
-        """See :class:`~porocore.macro.discretisation.Discretisation`."""
+        """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
         return self._forms.states(x)
 
     def contributions(self, response: MacroResponse) -> tuple[Any, Any, Any]:
-        """See :class:`~porocore.macro.discretisation.Discretisation`."""
+        """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
         return self._forms.contributions(response)
 
     def add_copies(self, values: Any) -> Any:

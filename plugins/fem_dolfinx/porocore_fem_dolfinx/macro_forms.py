@@ -9,7 +9,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from porocore.laws import MacroResponse, MacroTangent
+from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.states import MacroState
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.macro_space import Space

@@ -10,7 +10,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from porocore.errors import ConfigurationError
-from porocore.macro.discretisation import StepFailed
+from porocore.macro.integration.discretisation import StepFailed
 from porocore_fem_dolfinx.petsc_options import SolverOptions, explanation
 
 KEY = "macro.options.petsc"

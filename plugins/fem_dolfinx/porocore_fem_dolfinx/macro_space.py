@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from porocore.body.element import ReferenceElement
-from porocore.body.mesh import BodyMesh
 from porocore.errors import ConfigurationError
+from porocore.macro.body.element import ReferenceElement
+from porocore.macro.body.mesh import BodyMesh
 from porocore_fem_dolfinx import compat
 
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from porocore.core.parallel import T, World
+from porocore.core.unexpected import describe
 from porocore.errors import PorocoreError, SolveError
-from porocore.parallel import T, World
-from porocore.unexpected import describe
 
 #: Seconds that a process which has failed waits for the others to fail alike.
 PATIENCE = 10.0

@@ -6,7 +6,7 @@ from typing import Any
 
 import ufl
 
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore_fem_dolfinx import compat
 
 

@@ -11,10 +11,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import CellMesh
-from porocore.cell.parity import UNIT_LOADS, held_displacements
-from porocore.contact.model import contact_of
-from porocore.equilibrium.discrete import (
+from porocore.cell.contact.model import contact_of
+from porocore.cell.equilibrium.discrete import (
     DiscreteSolid,
     Factor,
     FactorError,
@@ -23,7 +21,9 @@ from porocore.equilibrium.discrete import (
     StepFailed,
     Sums,
 )
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.symmetry.parity import UNIT_LOADS, held_displacements
 from porocore.states import Status
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain

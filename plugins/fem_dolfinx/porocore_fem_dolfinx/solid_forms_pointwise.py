@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import ufl
 
-from porocore.materials.material import StrainEnergy
-from porocore.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.cell.materials.material import StrainEnergy
+from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
 from porocore_fem_dolfinx.solid_forms import SolidForms, flat

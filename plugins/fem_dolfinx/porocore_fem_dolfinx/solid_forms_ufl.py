@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import ufl
 
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
 from porocore_fem_dolfinx.material import energy_density

@@ -8,11 +8,11 @@ import numpy as np
 import ufl
 from scipy import sparse
 
-from porocore.cell.connectivity import joined_by_nodes
-from porocore.cell.mesh import CellMesh
-from porocore.cell.parity import held_pressures, held_velocities
-from porocore.conductivity.fluid import DiscreteFluid
-from porocore.equilibrium.discrete import FactorError
+from porocore.cell.conductivity.fluid import DiscreteFluid
+from porocore.cell.equilibrium.discrete import FactorError
+from porocore.cell.meshing.connectivity import joined_by_nodes
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.symmetry.parity import held_pressures, held_velocities
 from porocore.errors import PorocoreError
 from porocore.states import Array
 from porocore_fem_dolfinx import compat
@@ -57,7 +57,7 @@ class StokesProblem(DiscreteFluid):
             self._classes.append((members, free, Condensation(images, held)))
 
     def flow(self, points: Array | None = None) -> Array:
-        """See :class:`~porocore.conductivity.fluid.DiscreteFluid`.
+        """See :class:`~porocore.cell.conductivity.fluid.DiscreteFluid`.
 
         Raises
         ------

@@ -9,10 +9,10 @@ import pytest
 from scipy import sparse
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry import OrthogonalChannels
-from porocore.cell.mesh import MeshSettings
-from porocore.equilibrium.discrete import FactorError
-from porocore.equilibrium.responses import respond
+from porocore.cell.equilibrium.discrete import FactorError
+from porocore.cell.equilibrium.responses import respond
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.states import MacroState, Status
 from porocore_fem_dolfinx import compat, condensation, linalg, solid
@@ -166,10 +166,10 @@ def test_nothing_is_compiled_after_the_first_state(monkeypatch):
 @pytest.mark.parametrize(
     "code",
     [
-        "import porocore, porocore.registry; porocore.registry.plugins_table(); import h5py",
+        "import porocore, porocore.plugins.registry; porocore.plugins.registry.plugins_table(); import h5py",
         "import porocore_fem_dolfinx.cell_solver; import h5py",
         "import h5py; import porocore_fem_dolfinx.cell_solver",
-        "from porocore.registry import registry; registry().get('macro solver', 'dolfinx'); import h5py",
+        "from porocore.plugins.registry import registry; registry().get('macro solver', 'dolfinx'); import h5py",
     ],
 )
 def test_h5py_works_in_any_order(tmp_path, code):

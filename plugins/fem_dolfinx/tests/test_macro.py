@@ -11,10 +11,10 @@ import pytest
 if not find_spec("dolfinx"):
     pytest.skip("dolfinx is not installed", allow_module_level=True)
 
-from porocore import registry
 from porocore.errors import ConfigurationError, SolveError
-from porocore.solution import History, Profile
-from porocore.testing.synthetic import confined_column, linear_law, mean_gradient_law
+from porocore.interfaces.solution import History, Profile
+from porocore.plugins import registry
+from porocore.testing.synthetic.response import confined_column, linear_law, mean_gradient_law
 from porocore_fem_dolfinx.conformance import TestDolfinxMacroSolver
 from porocore_fem_dolfinx.macro import DolfinxMacroSolver
 

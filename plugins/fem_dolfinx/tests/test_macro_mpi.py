@@ -19,18 +19,18 @@ if not find_spec("dolfinx"):
 if shutil.which("mpirun") is None and not os.environ.get("CI"):
     pytest.skip("mpirun is missing", allow_module_level=True)
 
-from porocore.problem import MacroProblem
-from porocore.registry import registry
-from porocore.solution import History, MacroSolution, Profile
-from porocore.testing.macro_plates import squeezed
-from porocore.testing.macro_runs import STORM, TIMID
-from porocore.testing.macro_solving import NONLINEAR
+from porocore.interfaces.solution import History, MacroSolution, Profile
+from porocore.macro.problem import MacroProblem
+from porocore.plugins.registry import registry
+from porocore.testing.macro_laws.plates import squeezed
+from porocore.testing.macro_laws.runs import STORM, TIMID
+from porocore.testing.macro_laws.solving import NONLINEAR
 
 BEGIN = """
     import sys
     from pathlib import Path
-    from porocore.registry import registry
-    from porocore.testing.macro_runs import STORM, TIMID
+    from porocore.plugins.registry import registry
+    from porocore.testing.macro_laws.runs import STORM, TIMID
 
     folder, backend = Path(sys.argv[1]), sys.argv[2]
     solver = registry().get("macro solver", backend)(checkpoint_seconds=0)
@@ -138,7 +138,7 @@ def test_a_process_that_fails_alone_ends_all_and_says_why(tmp_path):
 def test_more_processes_than_elements_can_be_shared_among_are_refused(tmp_path):
     part = """
         from porocore.errors import ConfigurationError
-        from porocore.testing.synthetic import confined_column
+        from porocore.testing.synthetic.response import confined_column
         try:
             solver.prepare(confined_column(1))
         except ConfigurationError as error:
@@ -156,8 +156,8 @@ def test_more_processes_than_elements_can_be_shared_among_are_refused(tmp_path):
 def test_two_processes_share_a_plate(tmp_path):
     """Its unknowns lie on both, and its equation is the sum over both."""
     part = """
-        from porocore.testing.macro_plates import squeezed
-        from porocore.testing.macro_solving import NONLINEAR
+        from porocore.testing.macro_laws.plates import squeezed
+        from porocore.testing.macro_laws.solving import NONLINEAR
         prepared = solver.prepare(squeezed({"plate": 1}))
         assert len(prepared.plates[0])
         solution = solver.solve(prepared, NONLINEAR)
@@ -178,8 +178,8 @@ def test_two_processes_share_a_plate(tmp_path):
 def test_two_processes_share_an_oblique_plane_and_a_pressure_that_follows(tmp_path):
     """Frames of nodes, reactions and entries of the follower lie on both; curved elements."""
     make = """
-        from porocore.problem import MacroProblem
-        from porocore.testing.macro_solving import SHORT
+        from porocore.macro.problem import MacroProblem
+        from porocore.testing.macro_laws.solving import SHORT
         problem = MacroProblem.model_validate({
             "body": {"kind": "wedge", "radius": 1, "height": 0.7, "elements": (2, 2, 1), "angle": 60},
             "boundary": {
@@ -192,7 +192,7 @@ def test_two_processes_share_an_oblique_plane_and_a_pressure_that_follows(tmp_pa
     part = (
         textwrap.dedent(make)
         + """
-from porocore.testing.macro_solving import NONLINEAR
+from porocore.testing.macro_laws.solving import NONLINEAR
 solution = solver.solve(solver.prepare(problem), NONLINEAR)
 if solver.world.rank == 0:
     solution.save(folder / "solution.h5")
@@ -235,8 +235,8 @@ def test_two_processes_share_a_plate_beside_an_oblique_plane(tmp_path, elements)
         "newton": {"tolerance": 1e-11},
     }
     part = f"""
-        from porocore.problem import MacroProblem
-        from porocore.testing.macro_solving import NONLINEAR
+        from porocore.macro.problem import MacroProblem
+        from porocore.testing.macro_laws.solving import NONLINEAR
         solution = solver.solve(solver.prepare(MacroProblem.model_validate({problem!r})), NONLINEAR)
         if solver.world.rank == 0:
             solution.save(folder / "solution.h5")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import MeshSettings
-from porocore.materials.mooney_rivlin import MooneyRivlin
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.mooney_rivlin import MooneyRivlin
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.states import MacroState
 from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
 

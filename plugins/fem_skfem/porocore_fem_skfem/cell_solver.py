@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh import CellMesh
-from porocore.cell.quadrature import LARGEST_DEGREE
-from porocore.contact.model import contact_of
-from porocore.echo import echo
-from porocore.equilibrium.solver import EquilibriumCellSolver
+from porocore.cell.contact.model import contact_of
+from porocore.cell.equilibrium.solver import EquilibriumCellSolver
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.quadrature import LARGEST_DEGREE
+from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore_fem_skfem.solid import SolidProblem
 from porocore_fem_skfem.stokes import StokesProblem

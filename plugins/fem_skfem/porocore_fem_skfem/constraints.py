@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.equilibrium.discrete import Factor, Iterate
+from porocore.cell.equilibrium.discrete import Factor, Iterate
 from porocore_fem_skfem.factor import SymmetricFactor
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor
 from porocore_fem_skfem.operators import Pattern

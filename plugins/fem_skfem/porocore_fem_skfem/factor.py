@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from porocore.equilibrium.discrete import FactorError
+from porocore.cell.equilibrium.discrete import FactorError
 from porocore_fem_skfem.checks import check_upper
 
 

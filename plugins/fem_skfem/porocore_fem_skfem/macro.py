@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from porocore.macro.body import body_mesh
-from porocore.macro.boundary import boundary_data
-from porocore.macro.solver import MarchingMacroSolver
-from porocore.problem import MacroProblem
+from porocore.macro.body.meshed import body_mesh
+from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.integration.solver import MarchingMacroSolver
+from porocore.macro.problem import MacroProblem
 from porocore_fem_skfem.macro_assembly import Assembler
 
 

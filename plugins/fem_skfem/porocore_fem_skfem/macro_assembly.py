@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from porocore.body.mesh import BodyMesh
-from porocore.laws import MacroResponse, MacroTangent
-from porocore.macro.boundary import BoundaryData
-from porocore.macro.discretisation import Discretisation, StepFailed
-from porocore.problem import MacroProblem
+from porocore.interfaces.law import MacroResponse, MacroTangent
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.boundary.conditions import BoundaryData
+from porocore.macro.integration.discretisation import Discretisation, StepFailed
+from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
 from porocore_fem_skfem.macro_frames import Frames
 from porocore_fem_skfem.macro_linear import LinearSolver
@@ -91,7 +91,7 @@ class Assembler(Discretisation):
         self._coupling = _Pattern(equation[row], fixed[column], (n, len(self.prescribed)))
 
     def states_of(self, x: Any) -> tuple[MacroState, Any]:
-        """See :class:`~porocore.macro.discretisation.Discretisation`."""
+        """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
         s, local = self.shapes, x[self.dofs]
         e = len(local)
         u, p = local[:, : self.n_u].reshape(e, 1, 3, -1), local[:, self.n_u :]
@@ -100,7 +100,7 @@ class Assembler(Discretisation):
         return MacroState(grad_u, (p @ s.p.T).ravel()), grad_p
 
     def contributions(self, response: MacroResponse) -> tuple[Any, Any, Any]:
-        """See :class:`~porocore.macro.discretisation.Discretisation`."""
+        """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
         w = self.shapes.weights
         e, q = w.shape
         stress = (

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres, splu
 
-from porocore.equilibrium.discrete import FactorError
-from porocore.macro.discretisation import StepFailed
+from porocore.cell.equilibrium.discrete import FactorError
+from porocore.macro.integration.discretisation import StepFailed
 from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from skfem import ElementHex1, ElementHex2, ElementTetP1, ElementTetP2
 
-from porocore.body.mesh import BodyMesh
+from porocore.macro.body.mesh import BodyMesh
 
 #: Of the displacement and of the pressure.
 PAIRS = {"hexahedron": (ElementHex2(), ElementHex1()), "tetrahedron": (ElementTetP2(), ElementTetP1())}

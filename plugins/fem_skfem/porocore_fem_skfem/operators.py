@@ -13,8 +13,8 @@ import numpy as np
 from scipy import sparse
 from skfem import ElementTetP1, ElementTetP2
 
-from porocore.cell.mesh import CellMesh
-from porocore.cell.quadrature import tetrahedron_rule
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.quadrature import tetrahedron_rule
 
 ELEMENTS = {4: ElementTetP1(), 10: ElementTetP2()}
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.equilibrium.discrete import FactorError
+from porocore.cell.equilibrium.discrete import FactorError
 from porocore_fem_skfem.checks import check_symmetric
 from porocore_fem_skfem.factor import Factor, OutOfMemoryError, SingularError, SymmetricFactor
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, Protocol
 
-from porocore.materials.material import StrainEnergy
+from porocore.cell.materials.material import StrainEnergy
 from porocore_fem_skfem.operators import Operators, Scatter
 
 #: Numbers in a batch of element blocks that stays in the processor's cache.

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.tensors.cofactors import add_cofactor_tangent
+from porocore.core.tensors.cofactors import add_cofactor_tangent
 from porocore_fem_skfem.response import CACHED, At, Response
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore_fem_skfem.operators import Operators, Scatter
 from porocore_fem_skfem.response import CACHED, At, Response
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.mesh import CellMesh
-from porocore.cell.parity import UNIT_LOADS, held_displacements
-from porocore.contact.model import ContactModel
-from porocore.equilibrium.discrete import DiscreteSolid, Iterate, Sensitivities, Sums
-from porocore.materials.material import StrainEnergy
-from porocore.materials.neo_hookean import NeoHookean
-from porocore.tensors.cofactors import cofactor, determinant
+from porocore.cell.contact.model import ContactModel
+from porocore.cell.equilibrium.discrete import DiscreteSolid, Iterate, Sensitivities, Sums
+from porocore.cell.materials.material import StrainEnergy
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.symmetry.parity import UNIT_LOADS, held_displacements
+from porocore.core.tensors.cofactors import cofactor, determinant
 from porocore_fem_skfem import solves
 from porocore_fem_skfem.constraints import Constraints, TangentFactor
 from porocore_fem_skfem.operators import Operators, Scatter

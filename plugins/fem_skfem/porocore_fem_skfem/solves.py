@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.equilibrium.discrete import FactorError, StepFailed
+from porocore.cell.equilibrium.discrete import FactorError, StepFailed
 from porocore.states import Status
 from porocore_fem_skfem.constraints import Constraints, TangentFactor
 from porocore_fem_skfem.linalg import conjugate_gradients, refine

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from porocore.cell.mesh import CellMesh
-from porocore.cell.parity import held_pressures, held_velocities
-from porocore.cell.quadrature import tetrahedron_rule
-from porocore.conductivity.fluid import DiscreteFluid
-from porocore.equilibrium.discrete import FactorError
+from porocore.cell.conductivity.fluid import DiscreteFluid
+from porocore.cell.equilibrium.discrete import FactorError
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.quadrature import tetrahedron_rule
+from porocore.cell.symmetry.parity import held_pressures, held_velocities
 from porocore.errors import PorocoreError
 from porocore.states import Array
 from porocore_fem_skfem.factor import SymmetricFactor
@@ -131,7 +131,7 @@ class StokesProblem(DiscreteFluid):
         return apply
 
     def flow(self, points: Array | None = None) -> Array:
-        """See :class:`~porocore.conductivity.fluid.DiscreteFluid`.
+        """See :class:`~porocore.cell.conductivity.fluid.DiscreteFluid`.
 
         Raises
         ------

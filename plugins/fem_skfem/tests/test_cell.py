@@ -5,12 +5,12 @@ import pytest
 
 from porocore import MacroState, Status
 from porocore.cell.cell import Cell
-from porocore.cell.contact import ContactSettings
-from porocore.cell.geometry import OrthogonalChannels
-from porocore.cell.mesh import MeshSettings
-from porocore.equilibrium.responses import respond
+from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.equilibrium.responses import respond
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
-from porocore.materials.neo_hookean import NeoHookean
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.linalg import SuperLUFactor, SymmetricPattern, conjugate_gradients
 from porocore_fem_skfem.pardiso import PardisoFactor, library

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from porocore.equilibrium.discrete import FactorError
-from porocore.macro.discretisation import StepFailed
-from porocore.problem import MacroProblem
-from porocore.testing.macro_solving import NONLINEAR
+from porocore.cell.equilibrium.discrete import FactorError
+from porocore.macro.integration.discretisation import StepFailed
+from porocore.macro.problem import MacroProblem
+from porocore.testing.macro_laws.solving import NONLINEAR
 from porocore_fem_skfem import macro_linear, pardiso
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
 from porocore_fem_skfem.linalg import MultigridFactor, SuperLUFactor

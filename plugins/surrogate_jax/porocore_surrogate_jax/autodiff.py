@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from porocore.states import Array
-from porocore.surrogates.sobolev import Loss
+from porocore.surrogates.network.sobolev import Loss
 from porocore_surrogate_jax.library import choose_device, compiled
 
 
 class JaxAutodiff:
-    """Compiled reverse mode in double precision; see :class:`porocore.surrogates.sobolev.Autodiff`."""
+    """Compiled reverse mode in double precision; see :class:`porocore.surrogates.network.sobolev.Autodiff`."""
 
     xp = jnp
 
@@ -22,7 +22,7 @@ class JaxAutodiff:
         self.device = choose_device(device)
 
     def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
-        """See :class:`porocore.surrogates.sobolev.Autodiff`."""
+        """See :class:`porocore.surrogates.network.sobolev.Autodiff`."""
         known = {name: jax.device_put(array, self.device) for name, array in constants.items()}
         both = compiled(jax.value_and_grad(loss), self.device)
 

@@ -1,6 +1,6 @@
 """The laws that the surrogate of this plugin is held to, by its tests and by ``porocore plugin check``."""
 
-from porocore.surrogates import adam
+from porocore.surrogates.network import adam
 from porocore.testing import PotentialSuite, SurrogateSuite
 from porocore_surrogate_jax.surrogate import JaxSurrogate
 

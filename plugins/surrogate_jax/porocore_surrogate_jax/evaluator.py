@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from porocore.states import Array
-from porocore.surrogates.network import Network
-from porocore.surrogates.sobolev import activate
+from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.sobolev import activate
 from porocore_surrogate_jax.library import choose_device, compiled
 
 #: Rows of one call. What is compiled for one size serves all batches, cut into pieces of this many rows, the rest
@@ -23,7 +23,7 @@ Layers = list[tuple[Any, Any]]
 
 
 class JaxNetwork:
-    """An :class:`~porocore.surrogates.network.Evaluator` of the numbers in ``network``.
+    """An :class:`~porocore.surrogates.network.network.Evaluator` of the numbers in ``network``.
 
     Parameters
     ----------
@@ -51,21 +51,21 @@ class JaxNetwork:
         ]
 
     def evaluate(self, x: Array) -> Array:
-        """See :class:`~porocore.surrogates.network.Evaluator`."""
+        """See :class:`~porocore.surrogates.network.network.Evaluator`."""
         (values,) = self._call("values", x)
         return values
 
     def slopes(self, x: Array) -> tuple[Array, Array]:
-        """See :class:`~porocore.surrogates.network.Evaluator`."""
+        """See :class:`~porocore.surrogates.network.network.Evaluator`."""
         values, slopes = self._call("slopes", x)
         return values, slopes
 
     def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
-        """See :class:`~porocore.surrogates.network.Evaluator`."""
+        """See :class:`~porocore.surrogates.network.network.Evaluator`."""
         return self.begin(x)()
 
     def begin(self, x: Array) -> Callable[[], tuple[Array, Array, Array]]:
-        """See :func:`porocore.surrogates.network.begun`."""
+        """See :func:`porocore.surrogates.network.network.begun`."""
         finish = self._start("curvatures", x)
 
         def curvatures() -> tuple[Array, Array, Array]:

@@ -7,18 +7,18 @@ from pathlib import Path
 from typing import Any, Self
 
 from porocore import TrainingProgress
-from porocore.surrogates.adam import train_mlp
-from porocore.surrogates.mean_gradient import AnchoredModel
-from porocore.surrogates.mean_gradient_data import ScaledData
-from porocore.surrogates.network import Evaluator, Network
-from porocore.surrogates.network_surrogate import NetworkSurrogate
-from porocore.surrogates.sobolev import Autodiff
+from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.adam import train_mlp
+from porocore.surrogates.network.network import Evaluator, Network
+from porocore.surrogates.network.sobolev import Autodiff
+from porocore.surrogates.network.surrogate import NetworkSurrogate
 from porocore_surrogate_jax.autodiff import JaxAutodiff
 from porocore_surrogate_jax.evaluator import JaxNetwork
 
 
 class JaxSurrogate(NetworkSurrogate):
-    """The models of :class:`~porocore.surrogates.network_surrogate.NetworkSurrogate`, trained by JAX."""
+    """The models of :class:`~porocore.surrogates.network.surrogate.NetworkSurrogate`, trained by JAX."""
 
     backend = "jax"
     #: Where networks are evaluated.
@@ -55,7 +55,7 @@ class JaxSurrogate(NetworkSurrogate):
         return surrogate
 
     def autodiff(self) -> Autodiff:
-        """See :class:`~porocore.surrogates.network_surrogate.NetworkSurrogate`; compiled."""
+        """See :class:`~porocore.surrogates.network.surrogate.NetworkSurrogate`; compiled."""
         return JaxAutodiff(self.options.device)
 
     def train_mlp(

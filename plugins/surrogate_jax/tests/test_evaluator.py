@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from porocore import ConfigurationError, MacroState, TrainingSet
-from porocore.inputs import NAMES, InputSpace
-from porocore.surrogates.network import ACTIVATIONS, Network
-from porocore.surrogates.potential_data import PotentialData
-from porocore.surrogates.sobolev import SobolevProblem
-from porocore.surrogates.terms import invariant
-from porocore.tensors.point_group import CUBIC
-from porocore.testing.synthetic_cell import respond
+from porocore.core.inputs.input_space import NAMES, InputSpace
+from porocore.core.tensors.point_group import CUBIC
+from porocore.surrogates.network.network import ACTIVATIONS, Network
+from porocore.surrogates.network.sobolev import SobolevProblem
+from porocore.surrogates.polynomial.terms import invariant
+from porocore.surrogates.potential.data import PotentialData
+from porocore.testing.synthetic.cell import respond
 from porocore_surrogate_jax import evaluator, library
 from porocore_surrogate_jax.autodiff import JaxAutodiff
 from porocore_surrogate_jax.evaluator import LARGEST, JaxNetwork

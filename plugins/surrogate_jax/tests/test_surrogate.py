@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from porocore import DataError
-from porocore.surrogates import adam
-from porocore.surrogates.archive import read_archive
-from porocore.surrogates.mean_gradient import AnchoredModel
-from porocore.surrogates.mean_gradient_data import ScaledData
-from porocore.surrogates.network import Network
-from porocore.surrogates.options import MlpOptions
-from porocore.surrogates.sobolev import unpack_layers
+from porocore.surrogates.file.archive import read_archive
+from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network import adam
+from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.options import MlpOptions
+from porocore.surrogates.network.sobolev import unpack_layers
+from porocore.surrogates.network.training_state import FORMAT as TRAINING_FORMAT
 from porocore.surrogates.stored import NumpySurrogate
-from porocore.surrogates.training_state import FORMAT as TRAINING_FORMAT
-from porocore.testing.surrogate import synthetic_training_set
+from porocore.testing.surrogate_laws.base import synthetic_training_set
 from porocore_surrogate_jax import hooks
 from porocore_surrogate_jax.autodiff import JaxAutodiff
 from porocore_surrogate_jax.evaluator import JaxNetwork
@@ -128,7 +128,7 @@ def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     checkpoint = tmp_path / "training.h5"
     code = f"""
         from pathlib import Path
-        from porocore.testing.surrogate import synthetic_training_set
+        from porocore.testing.surrogate_laws.base import synthetic_training_set
         from porocore.surrogates import adam
         from porocore_surrogate_jax.surrogate import JaxSurrogate
         adam.CHECKPOINT_INTERVAL = 0.0

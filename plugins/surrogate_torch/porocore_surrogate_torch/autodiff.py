@@ -10,12 +10,12 @@ import torch
 
 from porocore.errors import ConfigurationError
 from porocore.states import Array
-from porocore.surrogates.sobolev import Loss
+from porocore.surrogates.network.sobolev import Loss
 from porocore_surrogate_torch.evaluator import available_device, one_thread
 
 
 class TorchAutodiff:
-    """Reverse mode in double precision, on one thread or a GPU; see :class:`porocore.surrogates.sobolev.Autodiff`."""
+    """Reverse mode in double precision, on one thread or a GPU; see :mod:`porocore.surrogates.network.sobolev`."""
 
     xp: Any = torch
 
@@ -23,7 +23,7 @@ class TorchAutodiff:
         self.device = choose_device(device)
 
     def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
-        """See :class:`porocore.surrogates.sobolev.Autodiff`."""
+        """See :class:`porocore.surrogates.network.sobolev.Autodiff`."""
         tensors = {
             name: torch.tensor(array, dtype=torch.float64, device=self.device)
             for name, array in constants.items()

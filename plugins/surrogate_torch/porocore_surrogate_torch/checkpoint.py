@@ -12,7 +12,7 @@ from pathlib import Path
 import torch
 
 from porocore import DataError
-from porocore.surrogates.archive import read_archive, write_archive
+from porocore.surrogates.file.archive import read_archive, write_archive
 
 FORMAT, VERSION = "porocore-surrogate-training", 1
 ADVICE = "remove it to train from the beginning"

@@ -9,11 +9,11 @@ import numpy as np
 import torch
 
 from porocore.states import Array
-from porocore.surrogates.network import Network
+from porocore.surrogates.network.network import Network
 
 
 class TorchNetwork:
-    """An :class:`~porocore.surrogates.network.Evaluator` on a processor or a GPU, in double precision.
+    """An :class:`~porocore.surrogates.network.network.Evaluator` on a processor or a GPU, in double precision.
 
     No graph is recorded. With J_l = ∂z_l/∂x and δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″(z_l)) J_l.
 

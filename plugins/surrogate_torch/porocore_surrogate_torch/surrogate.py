@@ -6,14 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from porocore import TrainingProgress
-from porocore.surrogates.mean_gradient_data import ScaledData
-from porocore.surrogates.network import Evaluator, Network
-from porocore.surrogates.network_surrogate import NetworkSurrogate
-from porocore.surrogates.sobolev import Autodiff
+from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.surrogates.network.network import Evaluator, Network
+from porocore.surrogates.network.sobolev import Autodiff
+from porocore.surrogates.network.surrogate import NetworkSurrogate
 
 
 class TorchSurrogate(NetworkSurrogate):
-    """The models of :class:`~porocore.surrogates.network_surrogate.NetworkSurrogate`, trained by torch.
+    """The models of :class:`~porocore.surrogates.network.surrogate.NetworkSurrogate`, trained by torch.
 
     Only training needs torch for ``mlp``; a saved one is used without waiting for its import.
     """
@@ -37,7 +37,7 @@ class TorchSurrogate(NetworkSurrogate):
         import torch  # noqa: F401
 
     def autodiff(self) -> Autodiff:
-        """See :class:`~porocore.surrogates.network_surrogate.NetworkSurrogate`; on one thread."""
+        """See :class:`~porocore.surrogates.network.surrogate.NetworkSurrogate`; on one thread."""
         from porocore_surrogate_torch.autodiff import TorchAutodiff
 
         return TorchAutodiff(self.options.device)

@@ -16,9 +16,9 @@ from typing import TypeAlias
 import torch
 
 from porocore import TrainingProgress
-from porocore.surrogates.mean_gradient_data import ScaledData
-from porocore.surrogates.network import Network
-from porocore.surrogates.options import MlpOptions
+from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.options import MlpOptions
 from porocore_surrogate_torch.autodiff import choose_device
 from porocore_surrogate_torch.checkpoint import TrainingState
 from porocore_surrogate_torch.evaluator import one_thread

@@ -10,10 +10,10 @@ import pytest
 import torch
 
 from porocore.errors import ConfigurationError
-from porocore.surrogates.network import ACTIVATIONS, Network
+from porocore.surrogates.network.network import ACTIVATIONS, Network
 from porocore.surrogates.stored import NumpySurrogate
 from porocore.testing.compare import provided
-from porocore.testing.potential_cell import potential_training_set
+from porocore.testing.synthetic.potential_cell import potential_training_set
 from porocore_surrogate_torch.autodiff import TorchAutodiff, choose_device
 from porocore_surrogate_torch.evaluator import TorchNetwork, available_device
 from porocore_surrogate_torch.surrogate import TorchSurrogate
@@ -167,8 +167,8 @@ def test_reading_a_polynomial_needs_no_torch(tmp_path):
         import sys
         sys.modules["torch"] = None
         from pathlib import Path
-        from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
-        from porocore.testing.potential_cell import potential_training_set
+        from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+        from porocore.testing.synthetic.potential_cell import potential_training_set
         from porocore_surrogate_torch.surrogate import TorchSurrogate
         path = Path({str(tmp_path / "surrogate.h5")!r})
         data = potential_training_set(20, seed=1)

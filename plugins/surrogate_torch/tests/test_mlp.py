@@ -13,12 +13,12 @@ import pytest
 import torch
 
 from porocore import ConfigurationError, DataError, MacroState, RunFolderError
-from porocore.surrogates.archive import read_archive
-from porocore.surrogates.mean_gradient import AnchoredModel
-from porocore.surrogates.mean_gradient_data import ScaledData
-from porocore.surrogates.options import MlpOptions
-from porocore.testing.surrogate import synthetic_training_set
-from porocore.testing.synthetic_cell import INPUTS
+from porocore.surrogates.file.archive import read_archive
+from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.options import MlpOptions
+from porocore.testing.surrogate_laws.base import synthetic_training_set
+from porocore.testing.synthetic.cell import INPUTS
 from porocore_surrogate_torch import hooks, training
 from porocore_surrogate_torch.checkpoint import FORMAT as TRAINING_FORMAT
 from porocore_surrogate_torch.surrogate import TorchSurrogate
@@ -162,7 +162,7 @@ def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     checkpoint, resumed, whole = (tmp_path / f"{name}.h5" for name in ("training", "resumed", "whole"))
     code = f"""
         from pathlib import Path
-        from porocore.testing.surrogate import synthetic_training_set
+        from porocore.testing.surrogate_laws.base import synthetic_training_set
         from porocore_surrogate_torch import training
         from porocore_surrogate_torch.surrogate import TorchSurrogate
         training.CHECKPOINT_INTERVAL = 0.0

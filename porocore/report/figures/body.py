@@ -8,10 +8,10 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from porocore.body.mesh import boundary_facets
+from porocore.core.units.results import ResultUnits
+from porocore.interfaces.solution import MacroSolution, Profile
+from porocore.macro.body.mesh import boundary_facets
 from porocore.report.figures.style import axis_label, new_figure, styled
-from porocore.result_units import ResultUnits
-from porocore.solution import MacroSolution, Profile
 from porocore.states import Array, IntArray
 
 COLOURS = "viridis"

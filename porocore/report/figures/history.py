@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from porocore.core.units.results import ResultUnits
+from porocore.interfaces.solution import MacroSolution
 from porocore.report.figures.style import (
     DASHED,
     DOTTED,
@@ -22,8 +24,6 @@ from porocore.report.figures.style import (
     styled,
 )
 from porocore.report.metrics import time_to_fraction
-from porocore.result_units import ResultUnits
-from porocore.solution import MacroSolution
 from porocore.states import Array
 
 MARKS = ((0.95, "o"), (0.99, "D"))

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
+from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.report.figures.style import (
     DASHED,
     DOTTED,
@@ -19,13 +20,12 @@ from porocore.report.figures.style import (
     new_figure,
     styled,
 )
-from porocore.solution import MacroSolution, Profile
 from porocore.states import Array
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A field of a :class:`~porocore.solution.Profile`: its label, where it lives and how to take it."""
+    """A field of a :class:`~porocore.interfaces.solution.Profile`: its label, where it lives and how to take it."""
 
     label: str
     plain: str

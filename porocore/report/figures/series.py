@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from porocore.core.units.results import ResultUnits
+from porocore.interfaces.solution import MacroSolution
 from porocore.report.figures.style import (
     DASHED,
     TIME_COLOURS,
@@ -16,8 +18,6 @@ from porocore.report.figures.style import (
     new_figure,
     styled,
 )
-from porocore.result_units import ResultUnits
-from porocore.solution import MacroSolution
 from porocore.states import Array
 
 #: A component below this share of the largest of its kind is round-off, or of no interest, and not drawn.
@@ -33,7 +33,7 @@ class Panel:
     label
         Of the axis, without its unit.
     quantity
-        Of :data:`porocore.scales.QUANTITIES`.
+        Of :data:`porocore.core.units.scales.QUANTITIES`.
     plain
         In words.
     curves

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from porocore.result_units import ResultUnits
+from porocore.core.units.results import ResultUnits
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.courses import Course
+from porocore.core.formulas.time_function import Course
 from porocore.interfaces.macro import MacroSolver
-from porocore.macro.body import body_mesh
-from porocore.problem import Boundary
-from porocore.solution import History, MacroSolution, Profile, StepReport
+from porocore.interfaces.solution import History, MacroSolution, Profile, StepReport
+from porocore.macro.body.meshed import body_mesh
+from porocore.macro.integration.stepping import Stepper
+from porocore.macro.problem import Boundary
 from porocore.states import MacroState
-from porocore.stepping import Stepper
 from porocore.testing import MacroSolverSuite
 
 

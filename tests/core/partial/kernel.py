@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.sampled_range import SampledRange
 from porocore.errors import ConfigurationError
-from porocore.inputs import InputSpace
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress
-from porocore.sampled_range import SampledRange
 from porocore.states import CellResponse, CellTangent
-from porocore.surrogates.archive import read_archive, write_archive
+from porocore.surrogates.file.archive import read_archive, write_archive
 from porocore.testing import SurrogateSuite
 
 FORMAT, VERSION = "kernels", 1

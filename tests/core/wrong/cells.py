@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from porocore.core.tensors.polar import polar_rotation
 from porocore.interfaces.cell import CellField, CellSolution
 from porocore.states import CellResponse, MacroState, Status
-from porocore.tensors.polar import polar_rotation
 from porocore.testing import CellSolverSuite
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "examples/plugins/porocore-cell-layered"))

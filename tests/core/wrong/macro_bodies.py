@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from porocore.errors import ConfigurationError
-from porocore.macro import checkpoint
-from porocore.problem import InitialState
+from porocore.macro.integration import checkpoint
+from porocore.macro.problem import InitialState
 
 sys.path.insert(0, str(Path(__file__).parent))
 from skfem_macro import Altered, Elements, Law, TakesAnything, with_time

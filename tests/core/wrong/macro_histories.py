@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.testing.synthetic import AlteredLaw
+from porocore.testing.synthetic.response import AlteredLaw
 
 sys.path.insert(0, str(Path(__file__).parent))
 from skfem_macro import Altered, Elements, Law, Loaded, with_fields, with_history

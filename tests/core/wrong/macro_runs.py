@@ -11,9 +11,9 @@ import numpy as np
 from scipy import sparse
 
 from porocore.errors import DataError
-from porocore.macro import checkpoint
-from porocore.problem import NewtonSettings
-from porocore.testing.synthetic import AlteredLaw
+from porocore.macro.integration import checkpoint
+from porocore.macro.problem import NewtonSettings
+from porocore.testing.synthetic.response import AlteredLaw
 
 sys.path.insert(0, str(Path(__file__).parent))
 from skfem_macro import Altered, Elements, Law, Loaded, TakesAnything, with_boundary, with_time

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from porocore.core.tensors.polar import polar_rotation
 from porocore.states import Status
-from porocore.tensors.polar import polar_rotation
 
 sys.path.insert(0, str(Path(__file__).parent))
 from skfem_cells import Altered, Meshed, with_slopes

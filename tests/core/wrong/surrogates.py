@@ -13,7 +13,7 @@ import numpy as np
 
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingProgress
-from porocore.surrogates.polynomial_surrogate import PolynomialSurrogate
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing import PotentialSuite
 
 #: What was fitted to so many states: all sets of one size are alike here, and a fit takes longer than a law.
@@ -206,14 +206,14 @@ class TestNoChecksum(_Law):
 
     class surrogate(Altered):
         def save(self, path):
-            with patch("porocore.surrogates.archive._checksum", return_value="none"):
+            with patch("porocore.surrogates.file.archive._checksum", return_value="none"):
                 super().save(path)
 
         @classmethod
         def load(cls, path):
             with (
-                patch("porocore.surrogates.archive._checksum", return_value="none"),
-                patch("porocore.hdf5.contents.check_ends", return_value=True),
+                patch("porocore.surrogates.file.archive._checksum", return_value="none"),
+                patch("porocore.core.hdf5.contents.check_ends", return_value=True),
             ):
                 return super().load(path)
 

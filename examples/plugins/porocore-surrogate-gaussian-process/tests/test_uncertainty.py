@@ -6,7 +6,7 @@ from porocore_surrogate_gaussian_process.kernel import covariance, slopes, varia
 from porocore_surrogate_gaussian_process.surrogate import GaussianProcessSurrogate
 from scipy.interpolate import RBFInterpolator
 
-from porocore.testing.synthetic_cell import INPUTS, synthetic_training_set
+from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,98 @@
+"""The displacement of the solid continued into the pore, so that the fluid's mesh follows the wall.
+
+Only the wall matters: inside, any continuation that folds no element gives the same flow. The corners of the fluid's
+elements follow a harmonic field whose stiffness grows where elements are small, the middles of edges are halfway
+between them, and on the wall every node goes where the solid goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse.linalg import splu
+
+from porocore.cell.conductivity.wall import wall_interpolation
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.tetrahedra import EDGES
+from porocore.states import Array, IntArray
+
+
+class Extension:
+    """Continues u¹ from the solid to the fluid's nodes; set up once, applied by back substitution.
+
+    Parameters
+    ----------
+    solid
+        Mesh on which u¹ is known.
+    fluid
+        Mesh of quadratic elements, of the same domain.
+
+    Raises
+    ------
+    PorocoreError
+        The walls of the two meshes do not lie upon each other.
+    """
+
+    def __init__(self, solid: CellMesh, fluid: CellMesh) -> None:
+        self.fluid = fluid
+        self._wall, self._to_wall = wall_interpolation(solid, fluid)
+        images = fluid.periodic_class
+        self._corners, first = np.unique(images[fluid.cells[:, :4]], return_index=True)
+        number = np.full(int(images.max()) + 1, -1)
+        number[self._corners] = np.arange(len(self._corners))
+        self._corner_of: IntArray = number[images]
+        self._node_of: IntArray = fluid.cells[:, :4].ravel()[first]
+        on_wall = np.zeros(len(self._corners), dtype=bool)
+        on_wall[self._corner_of[self._wall][self._corner_of[self._wall] >= 0]] = True
+        matrix = _stiffness(fluid, self._corner_of[fluid.cells[:, :4]], len(self._corners))
+        self._solves = [self._solver(matrix, on_wall, i) for i in range(3)]
+        #: The two ends of the edge in whose middle each node is; a corner is both itself.
+        self._ends = np.tile(np.arange(len(fluid.points)), (2, 1))
+        for place, (a, b) in enumerate(EDGES, start=4):
+            self._ends[:, fluid.cells[:, place]] = fluid.cells[:, [a, b]].T
+
+    def _solver(self, matrix: csc_matrix, on_wall: npt.NDArray[np.bool_], i: int) -> Callable[[Array], Array]:
+        """The component u_i at the corners from its values on the wall, 0 on the mirror planes of axis i."""
+        held = on_wall.copy()
+        if self.fluid.domain == "eighth":
+            held |= np.isin(self.fluid.points[self._node_of, i], (0.0, 0.5))
+        free, known = np.flatnonzero(~held), np.flatnonzero(held)
+        if not len(free):
+            return lambda values: values
+        rows = matrix[free].tocsc()
+        factor, coupling = splu(rows[:, free].tocsc(), permc_spec="MMD_AT_PLUS_A"), rows[:, known]
+
+        def solve(values: Array) -> Array:
+            out = values.copy()
+            out[free] = -factor.solve(coupling @ values[known])
+            return out
+
+        return solve
+
+    def __call__(self, u: Array) -> Array:
+        """u¹ (nodes, 3) of the fluid from that of the solid (nodes, 3)."""
+        fluid = self.fluid
+        on_wall = self._to_wall @ u
+        if fluid.domain == "eighth":
+            on_wall[np.isin(fluid.points[self._wall], (0.0, 0.5))] = 0.0
+        corners = np.zeros((len(self._corners), 3))
+        corner = self._corner_of[self._wall]
+        corners[corner[corner >= 0]] = on_wall[corner >= 0]
+        corners = np.stack([solve(corners[:, i]) for i, solve in enumerate(self._solves)], axis=1)
+        ends = corners[self._corner_of[self._ends]]
+        moved: Array = ends.mean(axis=0)
+        moved[self._wall] = on_wall
+        return moved
+
+
+def _stiffness(fluid: CellMesh, corners: IntArray, count: int) -> csc_matrix:
+    """Of linear elements, (corners, corners), each weighted by the inverse of its volume."""
+    edges = fluid.points[fluid.cells[:, 1:4]] - fluid.points[fluid.cells[:, :1]]
+    inverse = np.linalg.inv(edges)  # columns: gradients of the last three shape functions
+    gradients = np.concatenate([-inverse.sum(axis=2, keepdims=True), inverse], axis=2)
+    blocks = gradients.swapaxes(1, 2) @ gradients
+    rows, columns = np.repeat(corners, 4, axis=1), np.tile(corners, (1, 4))
+    return coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), (count, count)).tocsc()

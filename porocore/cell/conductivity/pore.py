@@ -1,0 +1,90 @@
+"""The conductivity of a pore whose wall has moved with the solid."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from porocore.cell.conductivity.extension import Extension
+from porocore.cell.conductivity.fluid import DiscreteFluid
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.quadrature import tetrahedron_rule
+from porocore.cell.meshing.tetrahedra import determinants
+from porocore.errors import PorocoreError
+from porocore.states import Array
+
+#: Of the rule at whose points the fluid must not be turned inside out: that of the flow.
+DEGREE = 4
+
+
+class Pore:
+    """Stokes flow through one cell, at rest and deformed, for unit viscosity.
+
+    Parameters
+    ----------
+    fluid
+        Discrete flow on the eighth or the whole cell.
+    """
+
+    def __init__(self, fluid: DiscreteFluid) -> None:
+        self.fluid = fluid
+        self._extensions: dict[str, Extension] = {}
+
+    @cached_property
+    def undeformed(self) -> Array:
+        """K μ_f (3, 3) of the undeformed pore."""
+        return self._of_cell(self.fluid.flow())
+
+    def deformed(self, H: Array, u: Array, solid: CellMesh) -> tuple[Array, float]:
+        """K_ref μ_f (3, 3) of the pore deformed by x = (I + H) Y + u¹, and the smallest J of the fluid's mesh.
+
+        With k the conductivity of the deformed cell, the flux through reference area is q = −K_ref ∇_X p with::
+
+            K_ref = J₀ F₀⁻¹ k F₀⁻ᵀ = F₀⁻¹ ∫ w^j_i dx F₀⁻ᵀ
+
+        where F₀ = I + H, the cell's reference volume is 1 and its deformed volume J₀.
+
+        Parameters
+        ----------
+        H : (3, 3)
+            Macroscopic displacement gradient; diagonal on the eighth.
+        u : (nodes, 3)
+            u¹ on the solid.
+        solid
+            Its mesh, of the same domain as the fluid's.
+
+        Returns
+        -------
+        K : (3, 3)
+            Symmetric; NaN where an element of the fluid is turned inside out, as where walls touch, or where the
+            flow cannot be solved.
+        smallest : float
+            J at the points of the flow's quadrature; K has values where it is positive.
+        """
+        if solid.hash not in self._extensions:
+            self._extensions = {solid.hash: Extension(solid, self.fluid.mesh)}
+        mesh, F0 = self.fluid.mesh, np.eye(3) + H
+        moved = mesh.points @ F0.T + self._extensions[solid.hash](u)
+        smallest = float((self._volume_elements(moved) / self._undeformed).min())
+        if not smallest > 0:
+            return np.full((3, 3), np.nan), smallest
+        try:
+            integrals = self.fluid.flow(moved)
+        except PorocoreError:
+            return np.full((3, 3), np.nan), smallest
+        inverse = np.linalg.inv(F0)
+        K: Array = inverse @ self._of_cell(integrals) @ inverse.T
+        return (K + K.T) / 2, smallest
+
+    def _volume_elements(self, points: Array) -> Array:
+        """det ∂x/∂ξ (elements, q) where the nodes lie at ``points``."""
+        return determinants(points, self.fluid.mesh.cells, tetrahedron_rule(DEGREE)[0])
+
+    @cached_property
+    def _undeformed(self) -> Array:
+        return self._volume_elements(self.fluid.mesh.points)
+
+    def _of_cell(self, integrals: Array) -> Array:
+        """∫ over the whole cell: a flow of the eighth is odd or even under its mirrors."""
+        return 8 * np.diag(np.diag(integrals)) if self.fluid.mesh.domain == "eighth" else integrals

@@ -1,0 +1,120 @@
+"""Which displacement of the solid belongs to a node of the fluid on the pore wall.
+
+Solid and fluid are meshed each for itself, so the nodes of one wall are not those of the other, and between its nodes
+each wall is a polynomial of its own. A wall node of the fluid is therefore looked up in the elements of the solid along
+the wall: the element in whose own coordinates it lies, or lies least outside. Continued there, the solid's displacement
+is as accurate as the walls are near to each other, and exact where it is affine.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
+
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.periodicity import FACETS
+from porocore.cell.meshing.shape_functions import shape_functions
+from porocore.errors import PorocoreError
+from porocore.states import Array, IntArray
+
+#: Elements along the wall that are tried for each node, the nearest.
+CANDIDATES = 12
+ITERATIONS = 20
+ACCURACY = 1e-12
+#: In the coordinates of the element that a node is looked up in; farther outside, the walls do not belong together.
+FARTHEST = 0.5
+#: Elements whose coordinates of a point lie outside by the same, to this, are equally good.
+ALIKE = 1e-8
+
+
+def wall_interpolation(solid: CellMesh, fluid: CellMesh) -> tuple[IntArray, csr_matrix]:
+    """Wall nodes of the fluid, with every periodic image, and the matrix from the solid's nodal values to theirs.
+
+    Parameters
+    ----------
+    solid, fluid
+        Of the same domain of the same cell.
+
+    Returns
+    -------
+    nodes : (k,)
+        Of the fluid.
+    matrix : (k, nodes of the solid)
+        Periodic images have the same row.
+
+    Raises
+    ------
+    PorocoreError
+        The walls do not lie upon each other.
+    """
+    images = fluid.periodic_class
+    walled = np.unique(fluid.wall)
+    classes, first = np.unique(images[walled], return_index=True)
+    rows, elements, local, shares = _looked_up(solid, fluid.points[walled[first]])
+    values, _ = shape_functions(local, solid.cells.shape[1])
+    entries = (shares[:, None] * values).ravel()
+    places = np.repeat(rows, values.shape[1]), solid.cells[elements].ravel()
+    matrix = csr_matrix((entries, places), (len(classes), len(solid.points)))
+    nodes = np.flatnonzero(np.isin(images, classes))
+    return nodes, matrix[np.searchsorted(classes, images[nodes])]
+
+
+def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Array, Array]:
+    """Where the points (k, 3) lie: m numbers of a point, its element, the coordinates (m, 3) in it, and its share.
+
+    Elements that serve a point equally well share it, such as one and its mirror image: so symmetry is kept.
+    """
+    owners = _wall_elements(solid)
+    centres = solid.points[solid.wall[:, :3]].mean(axis=1)
+    shifts = np.zeros((1, 3))
+    if solid.domain == "whole":
+        shifts = np.array(list(product((0.0, 1.0, -1.0), repeat=3)))
+    tiled = (shifts[:, None] + centres).reshape(-1, 3)
+    _, near = cKDTree(tiled).query(points, k=min(CANDIDATES, len(tiled)))
+    near = near.reshape(len(points), -1)
+    elements = owners[near % len(centres)]
+    places = (points[:, None] - shifts[near // len(centres)]).reshape(-1, 3)
+    local, found = _inverted(solid.points[solid.cells[elements.ravel()]], places)
+    outside = np.where(found, np.maximum(-local.min(axis=1), local.sum(axis=1) - 1), np.inf)
+    outside = outside.reshape(elements.shape)
+    least = outside.min(axis=1)
+    if not (least < FARTHEST).all():
+        raise PorocoreError(
+            "the pore wall of the fluid's mesh does not lie on that of the solid's, so the fluid cannot follow the "
+            "deformation; refine both (cell.mesh.size, cell.mesh.fluid_size)"
+        )
+    alike = outside <= (least + ALIKE)[:, None]
+    rows = np.nonzero(alike)[0]
+    return rows, elements[alike], local.reshape(*elements.shape, 3)[alike], 1 / alike.sum(axis=1)[rows]
+
+
+def _wall_elements(solid: CellMesh) -> IntArray:
+    """The element that each facet of the wall belongs to."""
+    facets = np.sort(solid.cells[:, FACETS].reshape(-1, 3), axis=1)
+    wall = np.sort(solid.wall[:, :3], axis=1)
+    _, inverse = np.unique(np.concatenate([facets, wall]), axis=0, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    owner = np.zeros(int(inverse.max(initial=-1)) + 1, dtype=np.int64)
+    owner[inverse[: len(facets)]] = np.arange(len(facets)) // 4
+    found: IntArray = owner[inverse[len(facets) :]]
+    return found
+
+
+def _inverted(corners: Array, places: Array) -> tuple[Array, Array]:
+    """Element coordinates (k, 3) of places (k, 3), each in an element of its own (k, a, 3), and where there are any."""
+    local = np.full((len(places), 3), 0.25)
+    for _ in range(ITERATIONS):
+        N, dN = shape_functions(local, corners.shape[1])
+        error = np.einsum("ka,kai->ki", N, corners) - places
+        if np.abs(error).max(initial=0.0) < ACCURACY:
+            break
+        slope = np.einsum("kai,kaj->kij", corners, dN)
+        step = np.linalg.solve(slope + 1e-300 * np.eye(3), error[:, :, None])[:, :, 0]
+        # A node far from an element may have no place in its coordinates; it is then another element's.
+        local = np.clip(local - step, -3.0, 4.0)
+    N, _ = shape_functions(local, corners.shape[1])
+    error = np.einsum("ka,kai->ki", N, corners) - places
+    return local, np.abs(error).max(axis=1) < 1e3 * ACCURACY

@@ -1,0 +1,143 @@
+"""Which points of the wall face which triangles of the wall or of an image of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from porocore.cell.contact.triangles import nearest
+from porocore.cell.contact.wall import Wall
+from porocore.states import Array, IntArray
+
+#: The triangles of a facet (VTK order of its six nodes).
+SUBTRIANGLES = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+#: Penetrations are seen up to so many times the deepest one that is accepted.
+REACH = 1.5
+#: Walls face each other where the product of their normals lies below this.
+OPPOSED = -0.5
+#: A point whose nearest one lies on an edge or a vertex is only held against it if it is nearly above or below it: the
+#: cosine between this direction and the normal. Else it lies beside the wall that faces it.
+BESIDE = 0.9
+#: Walls that may come to touch see each other across the pore before; what lies behind a wall is the other side of the
+#: solid, however thin it is. Up to this sine, for facets in one plane.
+BEHIND = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """The wall once more: shifted by periods, or reflected.
+
+    Attributes
+    ----------
+    x, X : (nodes, 3)
+        Where the image of each node is, deformed and undeformed.
+    reflected
+        A reflection turns the facets round.
+    """
+
+    x: Array
+    X: Array
+    reflected: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """m points of the wall, each with the triangle that it is held against.
+
+    Attributes
+    ----------
+    N : (m, a)
+        Shape functions at the point.
+    weights : (m,)
+        Its undeformed area.
+    own : (m, a)
+        Nodes of its facet.
+    other : (m, 3)
+        Nodes whose images are the triangle, outward from the solid.
+    where : (m,)
+        Face, edge or vertex, see :mod:`porocore.cell.contact.triangles`.
+    number, distance : (m,)
+        Of the point, and how near the triangle was when it was found.
+    """
+
+    N: Array
+    weights: Array
+    own: IntArray
+    other: IntArray
+    where: IntArray
+    number: IntArray
+    distance: Array
+
+    def __getitem__(self, rows: IntArray) -> Pairs:
+        """Some of them."""
+        return Pairs(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+
+def nearest_only(images: list[Pairs]) -> list[Pairs]:
+    """Each point with the nearest of its triangles in several images."""
+    distance = np.concatenate([pairs.distance for pairs in images])
+    number = np.concatenate([pairs.number for pairs in images])
+    image = np.repeat(np.arange(len(images)), [len(pairs.number) for pairs in images])
+    row = np.concatenate([np.arange(len(pairs.number)) for pairs in images])
+    order = np.lexsort((distance, number))
+    chosen = order[np.unique(number[order], return_index=True)[1]]
+    return [pairs[np.sort(row[chosen][image[chosen] == i])] for i, pairs in enumerate(images)]
+
+
+def find_pairs(wall: Wall, x: Array, X: Array, image: Image, reach: float) -> Pairs:
+    """Points that lie within ``reach`` of an opposite triangle, before it or behind; x, X (nodes, 3)."""
+    slave, master = _facing(wall, x, X, image, reach)
+    triangles = wall.facets[:, SUBTRIANGLES if wall.facets.shape[1] == 6 else np.array([[0, 1, 2]])]
+    if image.reflected:
+        triangles = triangles[:, :, ::-1]
+    points = np.einsum("qa,pai->pqi", wall.N, x[wall.facets[slave]])
+    gaps, where, cosines = nearest(points[:, :, None], image.x[triangles[master]][:, None])
+    pair, point, triangle = np.nonzero((np.abs(gaps) < reach) & (cosines > BESIDE))
+    number = slave[pair] * len(wall.N) + point
+    order = np.lexsort((np.abs(gaps[pair, point, triangle]), number))
+    chosen = order[np.unique(number[order], return_index=True)[1]]
+    pair, point, triangle = pair[chosen], point[chosen], triangle[chosen]
+    return Pairs(
+        wall.N[point],
+        wall.weights[slave[pair], point],
+        wall.facets[slave[pair]],
+        triangles[master[pair], triangle],
+        where[pair, point, triangle],
+        slave[pair] * len(wall.N) + point,
+        np.abs(gaps[pair, point, triangle]),
+    )
+
+
+def _facing(wall: Wall, x: Array, X: Array, image: Image, reach: float) -> tuple[IntArray, IntArray]:
+    """Pairs of facets, of the wall and of the image, that are near and face each other."""
+    corners = wall.facets[:, :3]
+    centres, normals, radii = _shape(x[corners])
+    others, other_normals, _ = _shape(image.x[corners], reflected=image.reflected)
+    span = 2 * float(radii.max()) + reach
+    near = np.flatnonzero(
+        ((others > centres.min(axis=0) - span) & (others < centres.max(axis=0) + span)).all(axis=1)
+    )
+    if not len(near):
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    found = cKDTree(centres).sparse_distance_matrix(cKDTree(others[near]), span, output_type="ndarray")
+    slave, master = found["i"].astype(np.int64), near[found["j"].astype(np.int64)]
+    close = found["v"] < radii[slave] + radii[master] + reach
+    opposed = (normals[slave] * other_normals[master]).sum(axis=1) < OPPOSED
+    kept = np.flatnonzero(close & opposed)
+    slave, master = slave[kept], master[kept]
+    before, _, _ = _shape(X[corners])
+    other, normal, _ = _shape(image.X[corners], reflected=image.reflected)
+    away = before[slave] - other[master]
+    ahead = (away * normal[master]).sum(axis=1) >= -BEHIND * np.linalg.norm(away, axis=1)
+    return slave[ahead], master[ahead]
+
+
+def _shape(corners: Array, *, reflected: bool = False) -> tuple[Array, Array, Array]:
+    """Centres, unit normals (F, 3) and radii (F,) of triangles (F, 3, 3)."""
+    centres = corners.mean(axis=1)
+    m = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    sign = -1.0 if reflected else 1.0
+    return centres, sign * m / np.linalg.norm(m, axis=1)[:, None], radii

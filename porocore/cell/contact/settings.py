@@ -1,0 +1,22 @@
+"""How the pore wall meets itself, as it stands in the configuration."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from porocore.core.units.dimensions import Unit
+
+
+class ContactSettings(BaseModel):
+    """Frictionless self-contact of the pore wall by a penalty."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    kind: Literal["frictionless", "none"] = "frictionless"
+    """``frictionless``: the pore wall is held against itself; ``none``: a state whose wall has passed through itself
+    has the status ``overlap``, and no values."""
+    stiffness: Annotated[float, Field(gt=0, allow_inf_nan=False), Unit("E/h")] = 15.0
+    """ε of the contact's energy ε/2 ⟨−gap⟩² per area, with the mean edge h of the wall's facets; E is Young's modulus
+    at the wall for small strains."""

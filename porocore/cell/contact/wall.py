@@ -1,0 +1,63 @@
+"""The pore wall as points with weights, on the facets of a mesh of the solid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.quadrature import triangle_rule
+from porocore.states import Array, IntArray
+
+#: Of the rule on a facet: a crease begins as a fold within the facets next to a mirror plane.
+DEGREE = 7
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """F facets of a nodes each, with q quadrature points.
+
+    Attributes
+    ----------
+    facets : (F, a)
+        Nodes, outward from the solid.
+    N : (q, a), dN : (q, a, 2)
+        Shape functions and their derivatives by the two coordinates of a facet.
+    weights : (F, q)
+        Undeformed area that belongs to each point.
+    """
+
+    facets: IntArray
+    N: Array
+    dN: Array
+    weights: Array
+
+    @property
+    def area(self) -> float:
+        """Undeformed."""
+        return float(self.weights.sum())
+
+
+@lru_cache(maxsize=8)
+def wall_of(mesh: CellMesh) -> Wall:
+    """The wall of a mesh of the solid."""
+    points, weights = triangle_rule(DEGREE)
+    N, dN = shape_functions(points, mesh.wall.shape[1])
+    tangents = np.einsum("qas,fai->fqsi", dN, mesh.points[mesh.wall])
+    area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2)
+    return Wall(mesh.wall, N, dN, area * weights)
+
+
+def shape_functions(points: Array, nodes: int) -> tuple[Array, Array]:
+    """N (q, a) and dN (q, a, 2) of a triangle of 3 or 6 nodes (VTK order) at points (q, 2) of the unit triangle."""
+    L = np.column_stack([1 - points.sum(axis=1), points])
+    dL = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    if nodes == 3:
+        return L, np.broadcast_to(dL, (len(points), 3, 2)).copy()
+    edges = ((0, 1), (1, 2), (2, 0))
+    N = np.column_stack([L * (2 * L - 1), *(4 * L[:, i] * L[:, j] for i, j in edges)])
+    corners = (4 * L - 1)[:, :, None] * dL
+    middles = [4 * (L[:, [i]] * dL[j] + L[:, [j]] * dL[i]) for i, j in edges]
+    return N, np.concatenate([corners, np.stack(middles, axis=1)], axis=1)

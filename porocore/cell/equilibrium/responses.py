@@ -1,0 +1,101 @@
+"""Averages over the cell at an equilibrium, and their exact derivatives from its sensitivities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.equilibrium.discrete import DiscreteSolid, Iterate
+from porocore.cell.equilibrium.path import gap
+from porocore.cell.symmetry.exchange import images
+from porocore.cell.symmetry.parity import UNIT_LOADS, classes, visible
+from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.states import Array, CellPeaks, CellResponse, CellTangent, Status
+
+
+def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResponse:
+    """One row of responses; ``unstable`` where the tangent of any parity class is indefinite.
+
+    Raises
+    ------
+    FactorError
+        A tangent cannot be factorised.
+    """
+    mean_grad, second = np.zeros((3, 3, 10)), np.zeros((10, 10))
+    counts = []
+    swaps = problem.exchanged_axes(here)
+    of_images: dict[str, int] = {}
+    for odd, columns in classes(problem.mesh).items():
+        first = min(images(odd, swaps))
+        factor = None
+        if first not in of_images or (tangent and columns):
+            factor = problem.factor(here, odd)
+            of_images[first] = factor.negative
+        count = of_images[first]
+        if factor is not None and tangent and columns:
+            answer = problem.sensitivities(factor, columns)
+            grad = problem.copies * visible(problem.mesh, odd) * answer.grad
+            mean_grad[:, :, columns] = np.moveaxis(grad, 0, -1)
+            second[np.ix_(columns, columns)] = problem.copies * (answer.second + _direct(here, odd, columns))
+            count = 1 if count < 0 and answer.indefinite else count
+        counts.append(count)
+    # A solver that cannot count leaves the number unknown unless it met a negative direction.
+    negative = sum(max(count, 0) for count in counts) or min(counts)
+    return _row(problem, here, negative, _tangent(here, mean_grad, second) if tangent else None)
+
+
+def _direct(here: Iterate, odd: str, columns: Sequence[int]) -> Array:
+    """∂²E/∂θ∂θ' of contact at fixed u¹."""
+    direct = np.zeros((len(columns), len(columns)))
+    if here.touching is not None:
+        blocks = here.touching.blocks(odd)
+        for a, i in enumerate(columns):
+            for b, j in enumerate(columns):
+                direct[a, b] = blocks.second(UNIT_LOADS[i], UNIT_LOADS[j])
+    return direct
+
+
+def _row(problem: DiscreteSolid, here: Iterate, negative: int, tangent: CellTangent | None) -> CellResponse:
+    sums, copies = problem.sums(here), problem.copies
+    seen = visible(problem.mesh)
+    F0 = np.eye(3) + here.H
+    J0 = float(determinant(F0))
+    contact = here.touching.forces if here.touching is not None else None
+    energy = sums.energy + (contact.energy if contact else 0.0)
+    stress = sums.stress + (contact.by_load if contact else 0.0)
+    stable = Status.converged if contact is None else Status.contact
+    return CellResponse(
+        mean_grad=(copies * seen * sums.grad)[None],
+        status=np.array([Status.unstable if negative > 0 else stable], dtype=np.int64),
+        potential=np.array([copies * (energy + here.p * sums.volume) - here.p * J0]),
+        stress=(copies * seen * stress - here.p * cofactor(F0))[None],
+        fluid_volume=np.array([J0 - copies * sums.volume]),
+        tangent=tangent,
+        peaks=CellPeaks(
+            grad=sums.largest_grad[None],
+            energy=np.array([sums.largest_energy]),
+            energy_mean=np.array([copies * sums.energy]),
+            min_jacobian=np.array([here.min_jacobian]),
+            min_gap=np.array([gap(problem, here)]),
+            negative_pivots=np.array([float(negative)]),
+            contact_share=np.array([contact.share if contact else 0.0]),
+        ),
+    )
+
+
+def _tangent(here: Iterate, mean_grad: Any, second: Any) -> CellTangent:
+    """Named derivatives from the columns of θ; adds the fluid's share −p J₀ of W."""
+    F0 = np.eye(3) + here.H
+    second[:9, :9] -= here.p * cofactor_tangent(F0).reshape(9, 9)
+    second[:9, 9] -= cofactor(F0).ravel()
+    second[9, :9] -= cofactor(F0).ravel()
+    return CellTangent(
+        mean_grad_grad_u=mean_grad[:, :, :9].reshape(1, 3, 3, 3, 3),
+        mean_grad_p=mean_grad[None, :, :, 9],
+        stress_grad_u=second[:9, :9].reshape(1, 3, 3, 3, 3),
+        stress_p=second[:9, 9].reshape(1, 3, 3),
+        fluid_volume_grad_u=-second[9, :9].reshape(1, 3, 3),
+        fluid_volume_p=-second[9:, 9],
+    )

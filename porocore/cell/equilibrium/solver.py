@@ -1,0 +1,185 @@
+"""A cell solver around a discrete solid and a Stokes problem: domains, starts, statuses."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.cell.conductivity.fluid import DiscreteFluid
+from porocore.cell.conductivity.pore import Pore
+from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
+from porocore.cell.equilibrium.path import follow
+from porocore.cell.equilibrium.responses import respond
+from porocore.cell.meshing.connectivity import blocked, pieces
+from porocore.cell.meshing.mesh import CellMesh, Domain
+from porocore.errors import ConfigurationError
+from porocore.interfaces.cell import CellField, CellSolution, CellSolver
+from porocore.interfaces.records import failed_response
+from porocore.states import Array, CellResponse, MacroState, Status
+
+#: Relative to the forces that would act if nothing cancelled.
+TOLERANCE = 1e-11
+
+
+class PreparedCell:
+    """What the states of a cell share; each domain is set up when it is first needed."""
+
+    def __init__(self, solver: EquilibriumCellSolver, cell: Cell, *, deformed: bool = False) -> None:
+        self._solver, self.cell, self.deformed = solver, cell, deformed
+        self._pores: dict[Domain, Pore] = {}
+
+    @cached_property
+    def eighth(self) -> DiscreteSolid:
+        """The eighth of the solid."""
+        return self._solid("eighth")
+
+    @cached_property
+    def whole(self) -> DiscreteSolid:
+        """The whole solid, or the supercell's."""
+        return self._solid("whole")
+
+    def _solid(self, domain: Domain) -> DiscreteSolid:
+        self.cell.require_stiffness()
+        return self._solver.solid(self.cell, self.cell.make_mesh("solid", domain))
+
+    def pore(self, domain: Domain) -> Pore:
+        """The fluid of the eighth or of the whole cell; kept where it is needed for every state."""
+        if domain in self._pores:
+            return self._pores[domain]
+        pore = Pore(self._solver.fluid(self.cell.make_mesh("fluid", domain)))
+        if self.deformed:
+            self._pores[domain] = pore
+        return pore
+
+    def solid_for(self, H: Array) -> DiscreteSolid:
+        """The eighth where load and settings allow it."""
+        diagonal = np.abs(H - np.diag(np.diag(H))).max() == 0
+        return self.eighth if diagonal and self.cell.mirrored else self.whole
+
+    @cached_property
+    def conductivity(self) -> Array:
+        """K (3, 3) of the undeformed cell; 0 without pores."""
+        if self.cell.geometry.porosity == 0:
+            return np.zeros((3, 3))
+        pore = self.pore("eighth" if self.cell.symmetric else "whole")
+        return self.open_only(pore.undeformed) / self.cell.viscosity
+
+    def open_only(self, K: Array) -> Array:
+        """K (3, 3) without what is left over by the discretisation along axes that the pores are closed to."""
+        K = K.copy()
+        for axis in self._closed:
+            K[axis] = K[:, axis] = 0.0
+        return K
+
+    @cached_property
+    def _closed(self) -> tuple[int, ...]:
+        return tuple(map("xyz".index, blocked(pieces(self.cell.make_mesh("fluid", "whole")))))
+
+
+class EquilibriumCellSolver(CellSolver):
+    """The part of a cell solver that no finite element library changes; subclasses discretise."""
+
+    conductivities = ("piola", "deformed")
+    contact = True
+    returns_fields = True
+    meshes = "core"
+
+    @abstractmethod
+    def solid(self, cell: Cell, mesh: CellMesh) -> DiscreteSolid:
+        """The solid problem on the mesh."""
+
+    @abstractmethod
+    def fluid(self, mesh: CellMesh) -> DiscreteFluid:
+        """The fluid problem on the mesh, for unit viscosity."""
+
+    def prepare(self, cell: Cell, *, deformed: bool = False) -> PreparedCell:
+        """See :class:`~porocore.CellSolver`."""
+        if deformed and cell.geometry.porosity == 0:
+            raise ConfigurationError("conductivity: the cell has no pores; choose conductivity: piola")
+        if deformed and cell.supercell != (1, 1, 1):
+            raise ConfigurationError(
+                "conductivity: the conductivity of the deformed pore is that of one cell, but cell.supercell has "
+                "several; choose conductivity: piola, or cell.supercell: [1, 1, 1]"
+            )
+        return PreparedCell(self, cell, deformed=deformed)
+
+    def conductivity(self, prepared: PreparedCell) -> Array:
+        """See :class:`~porocore.CellSolver`."""
+        return prepared.conductivity
+
+    def solve(
+        self,
+        prepared: PreparedCell,
+        states: MacroState,
+        *,
+        start: Sequence[CellField | None] | None = None,
+        tangent: bool = True,
+        fields: bool = False,
+    ) -> CellSolution:
+        """See :class:`~porocore.CellSolver`."""
+        rows, kept = [], []
+        for i in range(len(states)):
+            row, field = _solve_one(
+                prepared, states.grad_u[i], float(states.p[i]), start[i] if start else None, tangent, fields
+            )
+            rows.append(row)
+            kept.append(field)
+        return CellSolution(CellResponse.concatenate(rows), kept if fields else None)
+
+
+def _solve_one(
+    prepared: PreparedCell, H: Array, p: float, start: CellField | None, tangent: bool, fields: bool
+) -> tuple[CellResponse, CellField | None]:
+    response, solid, here = _equilibrium(prepared, H, p, start, tangent)
+    if prepared.deformed:
+        response = _with_conductivity(prepared, response, solid, here)
+    if solid is None or here is None or not fields:
+        return response, None
+    return response, CellField(H.copy(), p, solid.mesh.domain, here.displacement.copy())
+
+
+def _equilibrium(
+    prepared: PreparedCell, H: Array, p: float, start: CellField | None, tangent: bool
+) -> tuple[CellResponse, DiscreteSolid | None, Iterate | None]:
+    """The response, and where it has values the solid and its u¹."""
+    if not (np.isfinite(H).all() and np.isfinite(p)) or np.linalg.det(np.eye(3) + H) <= 0:
+        return failed_response(Status.inverted, tangent=tangent), None, None
+    solid = prepared.solid_for(H)
+    try:
+        solid.begin()
+        outcome = follow(solid, _start(solid, start), H, p, TOLERANCE)
+        if outcome.equilibrium is None:
+            return failed_response(outcome.status, tangent=tangent), None, None
+        response = respond(solid, outcome.equilibrium, tangent=tangent)
+    except FactorError:
+        return failed_response(Status.not_converged, tangent=tangent), None, None
+    has_pores = prepared.cell.geometry.porosity > 0
+    if has_pores and response.fluid_volume is not None and response.fluid_volume[0] <= 0:
+        return failed_response(Status.overlap, tangent=tangent), None, None
+    return response, solid, outcome.equilibrium
+
+
+def _with_conductivity(
+    prepared: PreparedCell, response: CellResponse, solid: DiscreteSolid | None, here: Iterate | None
+) -> CellResponse:
+    """With K_ref of the deformed pore and the smallest J of the fluid's mesh; NaN where the solid has no values."""
+    K, smallest = np.full((3, 3), np.nan), np.nan
+    if solid is not None and here is not None:
+        pore = prepared.pore(solid.mesh.domain)
+        K, smallest = pore.deformed(here.H, here.displacement, solid.mesh)
+        K = prepared.open_only(K)
+    return replace(
+        response, conductivity=K[None] / prepared.cell.viscosity, min_fluid_jacobian=np.array([smallest])
+    )
+
+
+def _start(solid: DiscreteSolid, field: CellField | None) -> Iterate:
+    """The equilibrium of a field, if it is of this domain's mesh; else the undeformed cell."""
+    if field is None or field.domain != solid.mesh.domain or len(field.u) != len(solid.mesh.points):
+        return solid.iterate(np.zeros((3, 3)), 0.0)
+    return solid.iterate(field.grad_u, field.p, field.u)

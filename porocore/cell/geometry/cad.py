@@ -1,0 +1,223 @@
+"""Geometries that are drawn with the OpenCASCADE kernel of gmsh, and meshed by gmsh."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.geometry.part import PoreGeometry
+from porocore.cell.meshing.estimate import PER_CUBE, PER_FILLET
+from porocore.cell.meshing.tetrahedra import EDGES, Element, Phase, Tetrahedra, least_stretch, used, volumes
+from porocore.errors import PorocoreError
+from porocore.states import Array, IntArray
+
+#: A narrow channel needs at least some ten elements around it, however coarse the rest may be.
+LARGEST_SIZE_TO_RADIUS = 0.8
+#: Two elements, seldom three, around a fillet, whose arc is 60° to 90°; coarser ones away from it.
+SIZE_TO_FILLET, GROWTH = 0.8, 1.0
+#: Of the distance between a wall and a mirror plane: a quadratic element across it has the parabola of the flow. Where
+#: finer elements than these are asked for, those in the gaps become finer alike.
+SIZE_TO_GAP, COARSE = 0.8, 0.2
+#: A curved element whose volume element falls below this share of the straight one's gets straight edges.
+LEAST_STRETCH = 0.02
+SYSTEM_LIBRARIES = (
+    "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
+)
+
+
+@dataclass(frozen=True)
+class DrawnPart:
+    """Tags in a gmsh model.
+
+    Attributes
+    ----------
+    solid, fluid
+        Volumes; none where the phase is absent.
+    fillets, channels
+        Faces of the wall that the CAD kernel has only approximately.
+    extruded
+        The volumes are one layer of elements along an axis along which nothing changes.
+    """
+
+    solid: list[int]
+    fluid: list[int]
+    fillets: list[int] = field(default_factory=list)
+    channels: list[int] = field(default_factory=list)
+    extruded: bool = False
+
+
+class DrawnGeometry(PoreGeometry):
+    """A geometry that adds its part to a gmsh model; the mesh follows."""
+
+    @abstractmethod
+    def draw(self, gmsh: Any) -> DrawnPart:
+        """Add the part to the current gmsh model, and synchronise."""
+
+    @property
+    def narrowest(self) -> float:
+        """A length that elements must not exceed by much, whatever the settings; infinite where there is none."""
+        return float("inf")
+
+    @property
+    def finest_fillet(self) -> float:
+        """Radius of the fillets of :attr:`DrawnPart.fillets`; 0 without any."""
+        return 0.0
+
+    def gap(self, x: float, y: float, z: float) -> float:
+        """How wide the fluid is between walls beside a point of the part, as far as elements must follow it."""
+        return float("inf")
+
+    def onto_fillet(self, points: Array) -> Array:
+        """Points (n, 3) of the drawn part near a fillet, moved onto it; as they are where there is none."""
+        return points
+
+    def onto_channel(self, points: Array) -> Array:
+        """Points (n, 3) of the drawn part near a channel's wall, moved onto it; as they are where there is none."""
+        return points
+
+    def elements(self, size: float) -> float:
+        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        on_fillets = PER_FILLET / self.finest_fillet if self.finest_fillet else 0.0
+        return PER_CUBE / min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest) ** 3 + on_fillets
+
+    def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
+        """By gmsh; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
+
+        Raises
+        ------
+        PorocoreError
+            gmsh cannot be imported or fails.
+        """
+        gmsh = import_gmsh()
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+        try:
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.option.setNumber("General.NumThreads", 1)
+            size = min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest)
+            gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+            gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+            gmsh.model.add("cell")
+            part = self.draw(gmsh)
+            if part.fillets:
+                _refine(gmsh, part.fillets, min(size, SIZE_TO_FILLET * self.finest_fillet), size)
+            elif type(self).gap is not DrawnGeometry.gap:
+                _follow_gaps(gmsh, self, size)
+            gmsh.model.mesh.generate(3)
+            if not part.extruded:
+                gmsh.model.mesh.optimize("Netgen")
+            if element != "linear":
+                gmsh.option.setNumber("Mesh.SecondOrderLinear", float(element == "quadratic-straight"))
+                gmsh.model.mesh.setOrder(2)
+            nodes = _nodes(gmsh, self, part)
+            if element == "quadratic-curved":
+                _straighten_folds(nodes, _cells(gmsh, part.solid + part.fluid))
+            return {
+                "solid": _read(gmsh, part.solid, nodes, element),
+                "fluid": _read(gmsh, part.fluid, nodes, element),
+            }
+        except Exception as error:  # gmsh raises plain Exception
+            raise PorocoreError(f"gmsh could not mesh {self!r} at size {size:g}: {error}") from error
+        finally:
+            gmsh.finalize()
+
+
+def import_gmsh() -> Any:
+    """The module, or an error that says which libraries it needs."""
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:
+        raise PorocoreError(
+            f"gmsh cannot be loaded ({error}); it needs some system libraries: on Debian or Ubuntu run "
+            f"apt-get install {SYSTEM_LIBRARIES}"
+        ) from error
+    return gmsh
+
+
+def _refine(gmsh: Any, faces: list[int], smallest: float, largest: float) -> None:
+    """Elements of the smallest size on the faces, growing with the distance from them."""
+    fields = gmsh.model.mesh.field
+    distance, size = fields.add("Distance"), fields.add("Threshold")
+    fields.setNumbers(distance, "SurfacesList", faces)
+    fields.setNumber(distance, "Sampling", 40)
+    fields.setNumber(size, "InField", distance)
+    fields.setNumber(size, "SizeMin", smallest)
+    fields.setNumber(size, "SizeMax", largest)
+    fields.setNumber(size, "DistMin", smallest)
+    fields.setNumber(size, "DistMax", smallest + (largest - smallest) / GROWTH)
+    fields.setAsBackgroundMesh(size)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", smallest)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+
+
+def _follow_gaps(gmsh: Any, geometry: DrawnGeometry, largest: float) -> None:
+    """Elements as small as the gaps beside them."""
+    share = SIZE_TO_GAP * min(1.0, largest / COARSE)
+
+    def size(dim: int, tag: int, x: float, y: float, z: float, proposed: float) -> float:
+        return min(largest, share * geometry.gap(x, y, z))
+
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.0)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+    gmsh.model.mesh.setSizeCallback(size)
+
+
+def _nodes(gmsh: Any, geometry: DrawnGeometry, part: DrawnPart) -> Array:
+    """Coordinates by tag, (largest tag + 1, 3), those on approximate faces moved onto the wall."""
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    points = np.full((int(tags.max()) + 1, 3), np.nan)
+    points[tags.astype(np.int64)] = coordinates.reshape(-1, 3)
+    # The fillet's ends are also the channel's: last what is the more curved.
+    for faces, onto in ((part.channels, geometry.onto_channel), (part.fillets, geometry.onto_fillet)):
+        for face in faces:
+            on_face = gmsh.model.mesh.getNodes(2, face, includeBoundary=True)[0].astype(np.int64)
+            points[on_face] = onto(points[on_face])
+    return points
+
+
+def _straighten_folds(nodes: Array, cells: IntArray | None) -> None:
+    """Give straight edges to curved tetrahedra that fold over themselves, beside narrow gaps and where walls touch.
+
+    The neighbours along those edges have them straight too.
+    """
+    if cells is None:
+        return
+    while True:
+        folded = cells[least_stretch(nodes, cells) < LEAST_STRETCH]
+        middles = nodes[folded[:, EDGES]].mean(axis=2)
+        if np.array_equal(nodes[folded[:, 4:]], middles):
+            return
+        nodes[folded[:, 4:]] = middles
+
+
+def _cells(gmsh: Any, tags_of_volumes: list[int]) -> IntArray | None:
+    """Tetrahedra (VTK order) of the given volumes, by the tags of their nodes; None without any volume."""
+    blocks = []
+    for volume in tags_of_volumes:
+        kinds, _, tags_of_kind = gmsh.model.mesh.getElements(3, volume)
+        for kind, tags in zip(kinds, tags_of_kind, strict=True):
+            per_element = {4: 4, 11: 10}[int(kind)]
+            blocks.append(tags.astype(np.int64).reshape(-1, per_element))
+    if not blocks:
+        return None
+    cells: IntArray = np.concatenate(blocks)
+    if cells.shape[1] == 10:
+        cells = cells[
+            :, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
+        ]  # gmsh numbers the last two edges the other way round
+    return cells
+
+
+def _read(gmsh: Any, tags_of_volumes: list[int], nodes: Array, element: str) -> Tetrahedra:
+    """Points and tetrahedra of the given volumes, numbered from 0."""
+    cells = _cells(gmsh, tags_of_volumes)
+    if cells is None:
+        return Tetrahedra(np.empty((0, 3)), np.empty((0, 4 if element == "linear" else 10), dtype=np.int64))
+    points, cells = used(nodes, cells)
+    if element == "quadratic-straight":
+        points[cells[:, 4:]] = points[cells[:, EDGES]].mean(axis=2)
+    if not (volumes(points, cells) > 0).all():
+        raise ValueError("inverted tetrahedra")
+    return Tetrahedra(points, cells)

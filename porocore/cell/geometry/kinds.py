@@ -1,0 +1,48 @@
+"""Pore geometries in the unit cube [−½, ½]³, by the ``kind`` that the user writes.
+
+A geometry names its smallest part that mirror planes unfold into the whole cell and meshes that part;
+:mod:`porocore.cell.meshing.mirror` unfolds the mesh.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Tag
+
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.geometry.obstacles import CylinderArray, NoPores, SphereArray
+from porocore.cell.geometry.part import PoreGeometry
+from porocore.cell.geometry.spheres import SpherePores
+from porocore.cell.level_sets.tpms import TriplyPeriodic
+from porocore.cell.level_sets.voxels import Voxels
+from porocore.cell.meshing.mesh_file import MeshFile
+from porocore.core.models.kinds import by_kind
+
+__all__ = [
+    "CylinderArray",
+    "Geometry",
+    "MeshFile",
+    "NoPores",
+    "OrthogonalChannels",
+    "PoreGeometry",
+    "SphereArray",
+    "SpherePores",
+    "TriplyPeriodic",
+    "Voxels",
+]
+
+DEFAULT = "orthogonal-channels"
+
+
+Geometry = Annotated[
+    Annotated[OrthogonalChannels, Tag(DEFAULT)]
+    | Annotated[SphereArray, Tag("sphere-array")]
+    | Annotated[CylinderArray, Tag("cylinder-array")]
+    | Annotated[NoPores, Tag("no-pores")]
+    | Annotated[SpherePores, Tag("sphere-pores")]
+    | Annotated[TriplyPeriodic, Tag("tpms")]
+    | Annotated[Voxels, Tag("voxels")]
+    | Annotated[MeshFile, Tag("mesh-file")],
+    by_kind(PoreGeometry, DEFAULT),
+]

@@ -1,0 +1,267 @@
+"""Spherical pores joined by cylindrical throats."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import combinations, product
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from porocore.cell.geometry.cad import DrawnGeometry, DrawnPart
+from porocore.cell.geometry.capsules import Capsules
+from porocore.cell.geometry.drawing import split, wedge
+from porocore.cell.geometry.part import Unfolding
+from porocore.cell.level_sets.level_set import stuffed
+from porocore.cell.meshing.estimate import PER_CUBE
+from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
+from porocore.cell.symmetry.point_set import group_of_points, kinds
+from porocore.core.tensors.point_group import CUBIC, PointGroup
+from porocore.core.units.dimensions import Unit
+from porocore.states import Array, IntArray
+
+#: Centres of the presets, and the distance of nearest neighbours.
+LATTICES: dict[str, tuple[Array, float]] = {
+    "cubic": (np.zeros((1, 3)), 1.0),
+    "bcc": (np.array([[0, 0, 0], [0.5, 0.5, 0.5]]), 3**0.5 / 2),
+    "fcc": (np.array([[0, 0, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [0.5, 0.5, 0]]), 2**0.5 / 2),
+}
+#: A body that reaches less far into the part is left out: it only touches it.
+TOUCH = 1e-9
+#: Given centres in one cell, throats between them, and periods that a throat bridges along an axis.
+MOST, MOST_THROATS, FARTHEST = 64, 512, 4
+#: Lengths that differ by less are the same.
+SAME = 1e-9
+Radius = Annotated[float, Field(gt=0, lt=0.9), Unit("cell")]
+Point = tuple[float, float, float]
+
+
+class Throat(BaseModel):
+    """A straight channel between the centres of two pores."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    join: tuple[int, int]
+    """Places of the two pores in the list of centres, from 0; the same place twice joins a pore with its periodic
+    image."""
+    shift: Annotated[tuple[int, int, int] | None, Unit("cells")] = None
+    """Periods from the cell to the image of the second pore that is meant; null: to the nearest one."""
+    radius: Radius | None = None
+    """Radius of this throat; null: that of ``throat``."""
+
+
+class SpherePores(DrawnGeometry):
+    """Spherical pores at the places of a lattice or at given centres, repeated periodically.
+
+    Pores that overlap are joined by that; others by throats, in a lattice between nearest neighbours.
+    """
+
+    kind: Literal["sphere-pores"]
+    """Spherical pores at the places of a lattice or at given centres, joined by throats or because they overlap."""
+    lattice: Literal["cubic", "bcc", "fcc"] | None = None
+    """Centres at the middle of the cell, at its corners too, or at the middles of its edges too; this or
+    ``centres``."""
+    centres: Annotated[tuple[Point, ...] | None, Unit("cell")] = None
+    """1 to 64 points instead of a lattice; one beyond [−½, ½]³ stands for its periodic image."""
+    radius: Radius | None = None
+    """Radius of all pores; this or ``radii``."""
+    radii: tuple[Radius, ...] | None = None
+    """One radius for each centre."""
+    throat: Annotated[float, Field(ge=0, lt=0.9), Unit("cell")] = 0.0
+    """Radius of the throats, below that of the pores, in a lattice between nearest neighbours; 0: none, but for those
+    with a radius of their own."""
+    throats: tuple[Throat, ...] | None = None
+    """Which of the given centres are joined."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> SpherePores:
+        if (self.lattice is None) == (self.centres is None):
+            raise ValueError("expected one of the keys lattice and centres, not both and not none of them")
+        if self.centres is not None and not 1 <= len(self.centres) <= MOST:
+            raise ValueError(f"expected 1 to {MOST} centres, got {len(self.centres)}")
+        if (self.radius is None) == (self.radii is None):
+            raise ValueError("expected one of the keys radius and radii, not both and not none of them")
+        if self.lattice and self.radii:
+            raise ValueError("the pores of a lattice are of one radius; give radius instead of radii")
+        if self.lattice and self.throats is not None:
+            raise ValueError("a lattice has throats between nearest neighbours; give their radius as throat")
+        if self.centres and self.radii and len(self.radii) != len(self.centres):
+            raise ValueError(
+                f"expected {len(self.centres)} radii, one for each centre, got {len(self.radii)}"
+            )
+        if self.centres and self.throat and self.throats is None:
+            raise ValueError("throat: say which centres are joined, for instance throats: [{join: [0, 1]}]")
+        if len(self.throats or ()) > MOST_THROATS:
+            raise ValueError(f"throats: expected at most {MOST_THROATS}, got {len(self.throats or ())}")
+        for throat in self.throats or ():
+            self._check(throat)
+        if self.lattice and self.radius is not None and self.throat >= self.radius:
+            raise ValueError(f"throat = {self.throat:g} is not below the radius {self.radius:g} of the pores")
+        return self
+
+    def _check(self, throat: Throat) -> None:
+        count = len(self.centres or ())
+        if not all(0 <= i < count for i in throat.join):
+            raise ValueError(
+                f"throats: expected places from 0 to {count - 1} to join, got {list(throat.join)}"
+            )
+        if throat.join[0] == throat.join[1] and not any(throat.shift or ()):
+            raise ValueError(
+                f"throats: to join pore {throat.join[0]} with its image give shift: [1, 0, 0] or so"
+            )
+        radius = self.throat if throat.radius is None else throat.radius
+        reach = self._ends(throat)
+        if not (np.isfinite(reach).all() and np.abs(np.diff(reach, axis=0)).max() <= FARTHEST):
+            raise ValueError(
+                f"throats: expected pores at most {FARTHEST} periods apart along each axis, got {list(throat.join)} "
+                f"with the shift {list(throat.shift or ())}"
+            )
+        pores = [self._spheres[1][i] for i in throat.join]
+        if not 0 < radius < min(pores):
+            raise ValueError(
+                f"throats: expected a radius above 0 and below those of the pores {list(throat.join)}, "
+                f"{min(pores):g}, got {radius:g}; give radius there, or throat for all"
+            )
+
+    @property
+    def _spheres(self) -> tuple[Array, Array]:
+        """Centres (n, 3) and radii (n,), one for each period."""
+        if self.lattice:
+            centres = LATTICES[self.lattice][0]
+        else:
+            centres = np.array(self.centres, dtype=np.float64)
+            centres = centres - np.rint(centres)
+        radii = np.full(len(centres), self.radius) if self.radii is None else np.array(self.radii)
+        return centres, radii
+
+    @property
+    def porosity(self) -> float:
+        """See :class:`~porocore.cell.geometry.part.PoreGeometry`; to about 5e-5."""
+        return _porosity(self)
+
+    @property
+    def unfolding(self) -> Unfolding:
+        """Lattices are cubic."""
+        return "wedge" if self.lattice else "whole"
+
+    @property
+    def point_group(self) -> PointGroup:
+        """The cube's of a lattice; of given centres what spheres and throats have."""
+        return CUBIC if self.lattice else _point_group(self)
+
+    @property
+    def description(self) -> str:
+        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        centres, radii = self._spheres
+        where = f"on a {self.lattice} lattice" if self.lattice else f"at {len(centres)} given centres"
+        size = f"radius {radii[0]:g}" if np.ptp(radii) == 0 else f"radii {radii.min():g} to {radii.max():g}"
+        throats = f" with throats of radius {self.throat:g}" if self.throat else ""
+        return f"spherical pores of {size} {where}{throats}"
+
+    @property
+    def narrowest(self) -> float:
+        """The radius of the smallest pore or throat."""
+        radii = [self.throat] if self.throat else []
+        radii += [throat.radius for throat in self.throats or () if throat.radius is not None]
+        return float(min([*radii, *self._spheres[1]]))
+
+    def elements(self, size: float) -> float:
+        """See :class:`~porocore.cell.geometry.part.PoreGeometry`; a level set has the smallest radius."""
+        return super().elements(size) if self.lattice else PER_CUBE / min(size, self.narrowest) ** 3
+
+    def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
+        """A lattice is drawn, with sharp ridges where pores meet; at given centres a level set is cut.
+
+        OpenCASCADE does not find every union of bodies in general position. The level set's ridges are cut off within
+        an element.
+        """
+        if self.lattice:
+            return super().tetrahedra(size, element)
+        return stuffed(self, self.pores(), min(size, self.narrowest), element)
+
+    def pores(self) -> Capsules:
+        """Spheres and throats, with the periodic images that may reach into the cell."""
+        spheres = [(centre, centre, radius) for centre, radius in self._images()]
+        return Capsules([*spheres, *self._tubes()])
+
+    def draw(self, gmsh: Any) -> DrawnPart:
+        """The wedge of a lattice."""
+        occ = gmsh.model.occ
+        bodies = []
+        for a, b, radius in self.pores().reaching(0.0, 0.5, TOUCH):
+            if np.array_equal(a, b):
+                bodies.append((3, occ.addSphere(*a, radius)))
+            else:
+                bodies.append((3, occ.addCylinder(*a, *(b - a), radius)))
+        if len(bodies) > 1:
+            bodies, _ = occ.fuse(bodies[:1], bodies[1:])
+        fluid, solid = split(occ, (3, wedge(occ)), bodies)
+        return DrawnPart(solid, fluid)
+
+    def _images(self) -> list[tuple[Array, float]]:
+        """Every sphere with the periodic images that may reach into the cell."""
+        centres, radii = self._spheres
+        return [
+            (centre + shift, float(radius))
+            for centre, radius in zip(centres, radii, strict=True)
+            for shift in product((-1.0, 0.0, 1.0), repeat=3)
+        ]
+
+    def _tubes(self) -> list[tuple[Array, Array, float]]:
+        """Ends and radius of every throat, with the periodic images that may reach into the cell."""
+        if self.lattice:
+            distance = LATTICES[self.lattice][1]
+            if not self.throat:
+                return []
+            places = [centre for centre, _ in self._images()]
+            return [
+                (a, b, self.throat)
+                for a, b in combinations(places, 2)
+                if abs(np.linalg.norm(b - a) - distance) < 1e-9
+            ]
+        found = []
+        for a, b, radius in self._given_tubes():
+            reach = range(-1 - int(np.abs(b).max()), 2 + int(np.abs(b).max()))
+            found += [(a + shift, b + shift, radius) for shift in product(map(float, reach), repeat=3)]
+        return found
+
+    def _given_tubes(self) -> list[tuple[Array, Array, float]]:
+        """Ends and radius of every given throat, once."""
+        found = []
+        for throat in self.throats or ():
+            a, b = self._ends(throat)
+            found.append((a, b, self.throat if throat.radius is None else throat.radius))
+        return found
+
+    def _ends(self, throat: Throat) -> Array:
+        """Centres (2, 3) of the two pores that a throat joins, the first in the cell."""
+        centres, _ = self._spheres
+        given = np.array(self.centres, dtype=np.float64)
+        i, j = throat.join
+        a, b = centres[i], centres[j]
+        if throat.shift is None:
+            return np.stack([a, b - np.rint(b - a)])
+        return np.stack([a, a + (given[j] + np.array(throat.shift, dtype=np.float64) - given[i])])
+
+
+@lru_cache(maxsize=8)
+def _point_group(geometry: SpherePores) -> PointGroup:
+    """That of given centres: each sphere and throat stands for a point with a length and a radius."""
+    centres, radii = geometry._spheres
+    tubes = geometry._given_tubes()
+    middles = np.array([*centres, *((a + b) / 2 for a, b, _ in tubes)])
+    along = np.array([*np.zeros_like(centres), *(b - a for a, b, _ in tubes)])
+    sizes = np.column_stack([[*radii, *(r for _, _, r in tubes)], np.linalg.norm(along, axis=1)])
+
+    def allows(Q: IntArray, order: IntArray) -> bool:
+        turned, there = along @ Q.T, along[order]
+        apart = np.minimum(np.abs(turned - there).max(axis=1), np.abs(turned + there).max(axis=1))
+        return bool(apart.max() < SAME)
+
+    return group_of_points(middles, kinds(sizes, SAME), SAME, allows)
+
+
+@lru_cache(maxsize=8)
+def _porosity(geometry: SpherePores) -> float:
+    return geometry.pores().share(*((0.0, 0.5) if geometry.lattice else (-0.5, 0.5)))

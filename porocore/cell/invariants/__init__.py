@@ -1,0 +1,1 @@
+"""Strain energies as formulas of the invariants of C, and their derivatives."""

@@ -1,0 +1,118 @@
+"""Materials whose energy is a formula of invariants: stress and tangent of all of them, in one place."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.invariants.formula import Formula
+from porocore.cell.invariants.generated import Derivatives, derivatives
+from porocore.cell.invariants.invariants import Invariant, Second, Trace, Volume, add_outer
+from porocore.cell.materials.kinematics import Kinematics
+from porocore.cell.materials.material import Material
+from porocore.states import Array
+
+#: Points that are worked on together, so that their tangents stay in the processor's cache.
+TOGETHER = 1024
+#: By the names that a formula uses.
+BASIC: dict[str, Invariant] = {"I1": Trace(), "I2": Second(), "J": Volume()}
+#: Volumetric energy of the presets: convex in J, with a barrier at J = 0 and the bulk modulus K (Simo & Taylor 1991,
+#: Comput. Methods Appl. Mech. Eng. 85, eq. 3.1).
+VOLUMETRIC = "K/4*(J**2 - 1 - 2*log(J))"
+
+
+class InvariantMaterial(Material):
+    """Ψ = W(I_1, …, I_m) − W at rest, with the invariants I_a(F) that the formula names.
+
+    P = Σ_a W_a ∂I_a/∂F and A = Σ_a W_a ∂²I_a/∂F² + Σ_ab W_ab ∂I_a/∂F ⊗ ∂I_b/∂F.
+    """
+
+    @property
+    @abstractmethod
+    def invariants(self) -> dict[str, Invariant]:
+        """Those that the formula may name."""
+
+    @property
+    @abstractmethod
+    def formula(self) -> str:
+        """W as text."""
+
+    @property
+    @abstractmethod
+    def constants(self) -> dict[str, float]:
+        """Values of the parameters of the formula."""
+
+    @property
+    def isotropic(self) -> bool:
+        """No fibres, unless a kind has them."""
+        return True
+
+    def energy_density(self, F: Array) -> Array:
+        """See :class:`~porocore.cell.materials.material.StrainEnergy`."""
+
+        def compute(at: Kinematics, d: Derivatives, used: list[Invariant], out: Array) -> None:
+            (rest,) = d.value(*(float(i.rest) for i in used), *self.constants.values())
+            (energy,) = d.value(*(i.value(at) for i in used), *self.constants.values())
+            out[:] = energy - rest
+
+        return self._computed(F, (), compute)
+
+    def stress(self, F: Array) -> Array:
+        """See :class:`~porocore.cell.materials.material.StrainEnergy`."""
+
+        def compute(at: Kinematics, d: Derivatives, used: list[Invariant], out: Array) -> None:
+            slopes = d.first(*(i.value(at) for i in used), *self.constants.values())
+            out[:] = sum(slope * i.gradient(at) for slope, i in zip(slopes, used, strict=True))
+
+        return self._computed(F, (3, 3), compute)
+
+    def tangent(self, F: Array) -> Array:
+        """See :class:`~porocore.cell.materials.material.StrainEnergy`."""
+
+        def compute(at: Kinematics, d: Derivatives, used: list[Invariant], out: Array) -> None:
+            m = len(used)
+            found = d.second(*(i.value(at) for i in used), *self.constants.values())
+            gradients = [i.gradient(at) for i in used]
+            second = np.empty((m, m), dtype=object)
+            for (a, b), value in zip(np.transpose(np.triu_indices(m)), found[m:], strict=True):
+                second[a, b] = second[b, a] = value
+            for a in range(m):
+                mixed = sum(second[a, b] * gradients[b] for b in range(m) if not _vanishes(second[a, b]))
+                if not isinstance(mixed, int):
+                    add_outer(out, gradients[a], mixed)
+            for slope, invariant in zip(found[:m], used, strict=True):
+                if not _vanishes(slope):
+                    invariant.add_curvature(out, np.asarray(slope), at)
+
+        return self._computed(F, (3, 3, 3, 3), compute)
+
+    def _computed(self, F: Array, shape: tuple[int, ...], compute: Callable[..., None]) -> Array:
+        """By batches of points; the result has the components first in memory and last in its shape."""
+        own = self.invariants
+        formula = Formula(
+            self.formula, tuple((name, i.rest) for name, i in own.items()), tuple(self.constants)
+        )
+        generated = derivatives(formula)
+        used = [tuple(own.values())[i] for i in generated.used]
+        points = F.shape[:-2]
+        flat = np.moveaxis(F.reshape(-1, 3, 3), 0, -1)
+        n = flat.shape[-1]
+        out = np.zeros((*shape, n), dtype=F.dtype)
+        # Far beyond what a solid bears an energy may overflow; the solver then shortens its step.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            for start in range(0, n, TOGETHER):
+                part = slice(start, start + TOGETHER)
+                block = np.zeros((*shape, len(range(n)[part])), dtype=F.dtype)
+                compute(Kinematics(np.ascontiguousarray(flat[..., part])), generated, used, block)
+                out[..., part] = block
+        components = tuple(range(len(shape)))
+        last = out.reshape((*shape, *points))
+        return np.asarray(np.moveaxis(last, components, tuple(i - len(shape) for i in components)))
+
+
+def _vanishes(value: Any) -> bool:
+    """Whether the generated code gives the number 0 and no array."""
+    return np.ndim(value) == 0 and value == 0

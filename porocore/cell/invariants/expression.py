@@ -1,0 +1,141 @@
+"""A strain energy that the user writes as a formula."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from porocore.cell.invariants.by_invariants import BASIC, InvariantMaterial
+from porocore.cell.invariants.formula import FUNCTIONS, Formula, stress_at_rest
+from porocore.cell.invariants.generated import derivatives
+from porocore.cell.invariants.invariants import Invariant, Third
+from porocore.cell.materials.fibres import Direction, fibre_invariants, same_in_order, turned
+from porocore.cell.materials.material import Material
+from porocore.core.formulas.expressions import CONSTANTS, Expression
+from porocore.core.units.dimensions import Dimension
+from porocore.states import IntArray
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
+
+
+class ExpressionMaterial(InvariantMaterial):
+    """Ψ as a formula of I1, I2, J (and I3 = J²), of the fibre invariants I4, I5, … and of named parameters.
+
+    First and second derivatives are generated from it, so any smooth formula with a stress-free and stiff reference
+    is a material. A constant makes no difference: Ψ = 0 at F = I. The k-th direction a has the invariants a·Ca and
+    a·C²a, named I4 and I5 for the first one, I6 and I7 for the second.
+    """
+
+    kind: Literal["expression"]
+    """A strain energy that is written as a formula."""
+    parameters: Annotated[dict[str, float], Dimension("stress")] = Field(default={})
+    """Values by the names that the energy uses, every one of which must occur in it; one with a unit is a stress."""
+    directions: Annotated[tuple[Direction, ...], Field(max_length=4)] = ()
+    """Directions [a1, a2, a3] of fibres in the undeformed solid, of any length but 0."""
+    energy: Annotated[str, Field(max_length=1000)]
+    """Ψ as a formula of I1, I2, I3, J, of I4, I5, … for directions, and of parameters, with ``+ - * / **``, numbers,
+    brackets, exp, log, sqrt, sinh, cosh, tanh, sin, cos and ramp."""
+
+    @field_validator("parameters")
+    @classmethod
+    def _names(cls, parameters: dict[str, float]) -> dict[str, float]:
+        for name in parameters:
+            if not NAME.fullmatch(name) or keyword.iskeyword(name):
+                raise ValueError(
+                    f"'{name}' cannot be the name of a parameter; expected a letter, then letters, digits or "
+                    "underscores, and no word of Python such as lambda"
+                )
+            if name in FUNCTIONS or name in CONSTANTS or re.fullmatch(r"I\d+|J", name):
+                raise ValueError(f"'{name}' has a meaning already; choose another name for the parameter")
+        return parameters
+
+    @field_validator("energy")
+    @classmethod
+    def _is_an_energy(cls, energy: str, info: ValidationInfo) -> str:
+        if "parameters" not in info.data or "directions" not in info.data:
+            return energy  # what is wrong with these is said already
+        formula = _formula(energy, info.data["directions"], tuple(info.data["parameters"]))
+        try:
+            used = Expression.parse(
+                energy, [n for n, _ in formula.invariants] + [*formula.parameters], FUNCTIONS
+            ).names
+        except ValueError as error:
+            wanted = re.match(r"'I([4-9]|1[01])' at", str(error))
+            needs = f"; I{wanted[1]} needs a fibre, such as directions: [[1, 0, 0]]" if wanted else ""
+            raise ValueError(f"{error}{needs}") from None
+        if idle := [name for name in formula.parameters if name not in used]:
+            raise ValueError(
+                f"the parameter '{idle[0]}' does not occur; remove it from parameters, or use it"
+            )
+        for k in range(len(info.data["directions"])):
+            pair = f"I{4 + 2 * k}", f"I{5 + 2 * k}"
+            if not used.intersection(pair):
+                raise ValueError(
+                    f"of direction {k + 1} neither {pair[0]} nor {pair[1]} occurs; remove the direction, or use them"
+                )
+        derivatives(formula)
+        return energy
+
+    @property
+    def description(self) -> str:
+        """Formula and parameters."""
+        values = ", ".join(f"{name} = {value:g}" for name, value in self.parameters.items())
+        return f"solid with the energy {self.energy}" + (f", {values}" if values else "")
+
+    @property
+    def isotropic(self) -> bool:
+        """Without fibres."""
+        return not self.directions
+
+    def turned(self, Q: IntArray) -> ExpressionMaterial:
+        """See :class:`~porocore.cell.materials.material.Material`; the directions turn."""
+        return self.model_copy(update={"directions": turned(self.directions, Q)})
+
+    def equals(self, other: Material) -> bool:
+        """Return whether all but the signs of the directions is the same; a formula may tell one from another."""
+        if not isinstance(other, ExpressionMaterial):
+            return False
+        return self == other.model_copy(update={"directions": self.directions}) and same_in_order(
+            self.directions, other.directions
+        )
+
+    @property
+    def invariants(self) -> dict[str, Invariant]:
+        """I1, I2, I3, J and those of the fibres."""
+        return _invariants(self.directions)
+
+    @property
+    def formula(self) -> str:
+        """The energy."""
+        return self.energy
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """The parameters."""
+        return self.parameters
+
+    def stress_hint(self) -> str:
+        """The term that is lacking, in the user's own names."""
+        of_volume, of_fibres = stress_at_rest(
+            _formula(self.energy, self.directions, tuple(self.parameters)),
+            {name: i.slope_at_rest for name, i in self.invariants.items()},
+            {name for name in self.invariants if name not in ("I1", "I2", "I3", "J")},
+            self.parameters,
+        )
+        if of_fibres:
+            return "let the terms of the fibres have no slope at I4 = 1 (I5 = 1, …), as (I4 - 1)**2 has none"
+        return f"add {of_volume}"
+
+
+def _invariants(directions: tuple[tuple[float, float, float], ...]) -> dict[str, Invariant]:
+    return {**BASIC, "I3": Third(), **fibre_invariants(directions)}
+
+
+def _formula(
+    energy: str, directions: tuple[tuple[float, float, float], ...], parameters: tuple[str, ...]
+) -> Formula:
+    known = tuple((name, i.rest) for name, i in _invariants(directions).items())
+    return Formula(energy, known, parameters)

@@ -1,0 +1,68 @@
+"""From the formula of a strain energy to numpy functions of its invariants: value, first and second derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from porocore.cell.invariants.formula import Formula, tree
+from porocore.cell.materials.ramp import ramp, ramp_bend, ramp_slope
+
+#: Of the first derivatives; the second ones have up to some thirty times as many.
+MOST_OPERATIONS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Derivatives:
+    """Of W(I, parameters); each function takes the used invariants and all parameters and returns a list.
+
+    Attributes
+    ----------
+    used
+        Indices of the invariants that occur, m of them.
+    value
+        W alone, (n,).
+    first
+        The m first derivatives, (n,) or numbers where they are constant.
+    second
+        The m first derivatives, then the second ones row by row of the upper triangle.
+    """
+
+    used: tuple[int, ...]
+    value: Callable[..., list[Any]]
+    first: Callable[..., list[Any]]
+    second: Callable[..., list[Any]]
+
+
+@lru_cache(maxsize=64)
+def derivatives(formula: Formula) -> Derivatives:
+    """Differentiate and generate the code, once for each text.
+
+    Raises
+    ------
+    ValueError
+        The text is no energy, or its derivatives are too long.
+    """
+    import sympy  # a third of a second, and few need it
+
+    energy, symbols, constants = tree(formula)
+    used = tuple(i for i, s in enumerate(symbols) if energy.has(s))
+    if not used:
+        raise ValueError(f"'{formula.text}' holds no invariant of the deformation")
+    own = [symbols[i] for i in used]
+    first = [sympy.diff(energy, s) for s in own]
+    size = sum(int(part.count_ops()) for part in first)
+    if size > MOST_OPERATIONS:
+        raise ValueError(
+            f"the first derivatives of the energy take {size} operations, and at most {MOST_OPERATIONS} are generated; "
+            "write it with fewer factors and less nesting"
+        )
+    second = [sympy.diff(first[i], own[j]) for i in range(len(own)) for j in range(i, len(own))]
+
+    def generate(parts: Sequence[Any]) -> Callable[..., list[Any]]:
+        modules: list[Any] = [{"ramp": ramp, "ramp_slope": ramp_slope, "ramp_bend": ramp_bend}, "numpy"]
+        return sympy.lambdify([*own, *constants], list(parts), modules=modules, cse=True)  # type: ignore[no-any-return]
+
+    return Derivatives(used, generate([energy]), generate(first), generate([*first, *second]))

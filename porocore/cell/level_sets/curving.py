@@ -1,0 +1,97 @@
+"""Second-order tetrahedra that follow a level set."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.cell.level_sets.cutting import LevelSet, TwoPhases, onto
+from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, least_stretch, used, with_middles
+from porocore.states import Array, IntArray
+
+#: A curved element whose volume element falls below this share of the straight one's gets straight edges.
+LEAST_STRETCH = 0.2
+#: A middle that would move farther than this share of its edge stays.
+FARTHEST = 0.35
+#: Of the level set's largest value: what is smaller lies on the wall.
+FOUND = 1e-9
+FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+
+
+def phases(
+    mesh: TwoPhases, level_set: LevelSet, element: Element, low: float, high: float, *, periodic: bool
+) -> dict[Phase, Tetrahedra]:
+    """The phases one by one, of linear elements or of those of second order with the middles of edges on the wall.
+
+    An element that would fold over itself keeps straight edges, and so do its neighbours along those edges.
+
+    Parameters
+    ----------
+    low, high
+        Sides of the box that the mesh fills; what lies on a side stays there.
+    periodic
+        Whether opposite sides are one: their nodes move alike.
+    """
+    points, cells = mesh.points, mesh.cells
+    if element != "linear":
+        points, cells, edges = with_middles(points, cells)
+        if element == "quadratic-curved":
+            points = _curved(mesh, points, cells, edges, level_set, (low, high), periodic)
+    return {
+        "solid": Tetrahedra(*used(points, cells[mesh.solid])),
+        "fluid": Tetrahedra(*used(points, cells[~mesh.solid])),
+    }
+
+
+def _curved(
+    mesh: TwoPhases,
+    points: Array,
+    cells: IntArray,
+    edges: IntArray,
+    level_set: LevelSet,
+    sides: tuple[float, float],
+    periodic: bool,
+) -> Array:
+    n = len(mesh.points)
+    on_wall = _wall_edges(mesh, edges)
+    straight = points[n:][on_wall]
+    low, high = sides
+    wrapped = np.where(straight == high, low, straight) if periodic else straight
+    places, image = np.unique(wrapped, axis=0, return_inverse=True)
+    image = image.reshape(-1)
+    ends = onto(level_set, places, (places == low) | (places == high))
+    moves = ends - places
+    length = np.linalg.norm(mesh.points[edges[on_wall, 0]] - mesh.points[edges[on_wall, 1]], axis=1)
+    longest = np.full(len(places), np.inf)
+    np.minimum.at(longest, image, FARTHEST * length)
+    # Beside a ridge of the wall there may be no way onto it.
+    found = np.abs(level_set.value(ends)) <= FOUND * np.abs(level_set.value(mesh.points)).max()
+    kept = found & (np.linalg.norm(moves, axis=1) < longest)
+    number = np.full(len(points), -1)
+    number[n:][on_wall] = image
+    touched = cells[(number[cells] >= 0).any(axis=1)]
+    while True:
+        curved = points.copy()
+        curved[n:][on_wall] += np.where(kept[:, None], moves, 0.0)[image]
+        curved[n:] = np.where(points[n:] == low, low, np.where(points[n:] == high, high, curved[n:]))
+        folded = touched[least_stretch(curved, touched) < LEAST_STRETCH]
+        spoiled = np.unique(number[folded])
+        spoiled = spoiled[spoiled >= 0]
+        spoiled = spoiled[kept[spoiled]]
+        if not len(spoiled):
+            return curved
+        kept[spoiled] = False
+
+
+def _wall_edges(mesh: TwoPhases, edges: IntArray) -> IntArray:
+    """Which edges (E, 2) belong to facets between the two phases."""
+    facets = np.sort(mesh.cells[:, FACES].reshape(-1, 3), axis=1)
+    solid = np.repeat(mesh.solid, 4)
+    unique, inverse = np.unique(facets, axis=0, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    of_solid = np.bincount(inverse[solid], minlength=len(unique))
+    of_fluid = np.bincount(inverse[~solid], minlength=len(unique))
+    wall = unique[(of_solid > 0) & (of_fluid > 0)]
+    ends = np.unique(wall[:, [[0, 1], [1, 2], [0, 2]]].reshape(-1, 2), axis=0)
+    n = int(mesh.cells.max()) + 1
+    found: IntArray = np.flatnonzero(np.isin(edges[:, 0] * n + edges[:, 1], ends[:, 0] * n + ends[:, 1]))
+    return found

@@ -1,0 +1,132 @@
+"""A body-centred cubic lattice of tetrahedra in a box: between mirror planes, or periodic.
+
+Its nodes are corners and centres of n × n × n equal cubes; each tetrahedron has one edge between the centres of two
+neighbouring cubes and one in their common face. Those across the sides of the box are halved, so that the box is filled
+and its sides are flat. All tetrahedra are of one shape, but for the halves, with dihedral angles of 60° and 90°.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.cell.meshing.tetrahedra import EDGES, oriented
+from porocore.states import Array, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Tetrahedra of a box.
+
+    Attributes
+    ----------
+    n
+        Cubes along each axis.
+    low, high
+        Ends of the box along each axis.
+    periodic
+        Whether opposite sides are one.
+    index : (N, 3)
+        Place of each node in halves of a cube's edge, from 0 to 2n.
+    cells : (M, 4)
+        Positively oriented.
+    """
+
+    n: int
+    low: float
+    high: float
+    periodic: bool
+    index: IntArray
+    cells: IntArray
+
+    @property
+    def spacing(self) -> float:
+        """Edge of the cubes."""
+        return (self.high - self.low) / self.n
+
+    @cached_property
+    def points(self) -> Array:
+        """(N, 3); on the sides exactly."""
+        return self.placed(self.low + self.index * (self.spacing / 2))
+
+    def placed(self, points: Array) -> Array:
+        """Points (N, 3), one for each node, put exactly onto the sides on which their nodes lie."""
+        on_low = np.where(self.index == 0, self.low, points)
+        return np.where(self.index == 2 * self.n, self.high, on_low)
+
+    @cached_property
+    def on_side(self) -> npt.NDArray[np.bool_]:
+        """(N, 3) whether a node lies on a side across each axis."""
+        on_side: npt.NDArray[np.bool_] = (self.index == 0) | (self.index == 2 * self.n)
+        return on_side
+
+    @cached_property
+    def first(self) -> IntArray:
+        """(N,) of the periodic images of a node the one with the lowest places; the node itself between mirrors."""
+        wrapped = np.where((self.index == 2 * self.n) & self.periodic, 0, self.index)
+        first: IntArray = self._numbers[tuple(wrapped.T)]
+        return first
+
+    @cached_property
+    def edges(self) -> tuple[IntArray, IntArray, npt.NDArray[np.bool_]]:
+        """Edges of the tetrahedra, each once.
+
+        Returns
+        -------
+        ends : (E, 2)
+            The lower node first.
+        image : (E, 2)
+            The same ends for an edge that has no image with lower places, else those of that image, in the same order.
+        moved : (E, 3)
+            Along which axes the edge lies one period beyond its image.
+        """
+        ends = np.unique(np.sort(self.cells[:, EDGES].reshape(-1, 2), axis=1), axis=0)
+        moved = (self.index[ends] == 2 * self.n).all(axis=1)
+        if not self.periodic:
+            moved[:] = False
+        lower = self.index[ends] - 2 * self.n * moved[:, None]
+        return ends, self._numbers[tuple(np.moveaxis(lower, -1, 0))], moved
+
+    @cached_property
+    def _numbers(self) -> IntArray:
+        """Node at each place, (2n + 1, 2n + 1, 2n + 1); −1 where there is none."""
+        numbers = np.full((2 * self.n + 1,) * 3, -1)
+        numbers[tuple(self.index.T)] = np.arange(len(self.index))
+        return numbers
+
+
+def body_centred(n: int, low: float, high: float, *, periodic: bool) -> Lattice:
+    """n × n × n cubes that fill [low, high]³, 12 n³ tetrahedra and those halved at the sides."""
+    even, odd = np.arange(0, 2 * n + 1, 2), np.arange(1, 2 * n, 2)
+    index = [_grid(even, even, even), _grid(odd, odd, odd)]
+    cells = []
+    for axis in range(3):
+        for side in (0, 2 * n):
+            places = [odd, odd, odd]
+            places[axis] = np.array([side])
+            index.append(_grid(*places))
+    nodes = np.concatenate(index)
+    numbers = np.full((2 * n + 1,) * 3, -1)
+    numbers[tuple(nodes.T)] = np.arange(len(nodes))
+    for axis in range(3):
+        across = np.eye(3, dtype=np.int64)[axis]
+        one, other = (np.eye(3, dtype=np.int64)[(axis + k) % 3] for k in (1, 2))
+        places = [odd, odd, odd]
+        places[axis] = even
+        face = _grid(*places)
+        below = np.where(face[:, [axis]] > 0, face - across, face)
+        above = np.where(face[:, [axis]] < 2 * n, face + across, face)
+        ring = [face - one - other, face + one - other, face + one + other, face - one + other]
+        for k in range(4):
+            corners = (below, above, ring[k], ring[(k + 1) % 4])
+            cells.append(np.stack([numbers[tuple(corner.T)] for corner in corners], axis=1))
+    found = np.concatenate(cells)
+    return Lattice(n, low, high, periodic, nodes, oriented(nodes.astype(np.float64), found))
+
+
+def _grid(*places: IntArray) -> IntArray:
+    grid: IntArray = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, 3)
+    return grid

@@ -1,0 +1,54 @@
+"""Geometries whose wall is where a smooth function vanishes, and how they are meshed."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from math import ceil
+
+from porocore.cell.geometry.part import PoreGeometry
+from porocore.cell.level_sets.curving import phases
+from porocore.cell.level_sets.cutting import LevelSet, cut
+from porocore.cell.level_sets.lattice import body_centred
+from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
+from porocore.errors import PorocoreError
+
+#: Cubes of the lattice along the part that is meshed; fewer do not keep a periodic node from its own image.
+FEWEST = 3
+
+
+class LevelSetGeometry(PoreGeometry):
+    """A geometry that gives a level set, on the eighth between its mirror planes or on the whole periodic cell."""
+
+    @abstractmethod
+    def level_set(self) -> LevelSet:
+        """Positive in the solid, negative in the pores, with the mirrors or the period of the cell."""
+
+    def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
+        """By cutting a lattice; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
+
+        Raises
+        ------
+        PorocoreError
+            The size is too coarse for the pores.
+        """
+        return stuffed(self, self.level_set(), size, element)
+
+
+def stuffed(
+    geometry: PoreGeometry, level_set: LevelSet, size: float, element: Element
+) -> dict[Phase, Tetrahedra]:
+    """Both phases of the eighth of a geometry with mirrors, or of its whole cell.
+
+    Raises
+    ------
+    PorocoreError
+        The size is too coarse for the pores.
+    """
+    periodic = geometry.unfolding == "whole"
+    low, high = (-0.5, 0.5) if periodic else (0.0, 0.5)
+    n = max(FEWEST, ceil((high - low) / size - 1e-9))
+    try:
+        mesh = cut(body_centred(n, low, high, periodic=periodic), level_set)
+    except PorocoreError as error:
+        raise PorocoreError(f"cannot mesh {geometry.description} at size {size:g}: {error}") from error
+    return phases(mesh, level_set, element, low, high, periodic=periodic)

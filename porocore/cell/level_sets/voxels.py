@@ -1,0 +1,99 @@
+"""A segmented image as a cell."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from porocore.cell.geometry.part import Unfolding
+from porocore.cell.level_sets.image import Mask, SmoothImage, read_image
+from porocore.cell.level_sets.level_set import LevelSetGeometry
+from porocore.cell.symmetry.point_set import group_of_voxels
+from porocore.core.files.input_file import FromFile
+from porocore.core.tensors.point_group import PointGroup
+from porocore.core.units.dimensions import Unit
+from porocore.errors import ConfigurationError
+
+
+class Voxels(FromFile, LevelSetGeometry):
+    """The pores of a segmented image of equal voxels.
+
+    With ``repeat: mirror`` the image is the eighth [0, ½]³, and its mirror images make the cell periodic; with
+    ``repeat: periodic`` it is the whole cell, and continues on the opposite side as it is. The steps of the voxels are
+    smoothed away, and the share of the pores is kept.
+    """
+
+    kind: Literal["voxels"]
+    """A segmented image of equal voxels from a ``.npy`` or TIFF file."""
+    pore: int = 0
+    """Value of the voxels in the pores; all others are solid."""
+    repeat: Literal["mirror", "periodic"] = "mirror"
+    """``mirror``: the image is the eighth of the cell, ``periodic``: it is the whole cell."""
+    smoothing: Annotated[float, Field(ge=0, le=10), Unit("voxels")] = 1.0
+    """Standard deviation of the Gaussian that smooths the steps of the voxels."""
+
+    @property
+    def solid(self) -> Mask:
+        """(n, n, n) which voxels are solid.
+
+        Raises
+        ------
+        ConfigurationError
+            The file is no such image, has changed, or shows one phase only.
+        """
+        return _solid(self)
+
+    @property
+    def porosity(self) -> float:
+        """Share of the image's voxels."""
+        return 1 - float(self.solid.mean())
+
+    @property
+    def unfolding(self) -> Unfolding:
+        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        return "eighth" if self.repeat == "mirror" else "whole"
+
+    @property
+    def point_group(self) -> PointGroup:
+        """That of the voxels, exactly."""
+        return _point_group(self)
+
+    @property
+    def description(self) -> str:
+        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        return f"image {Path(self.path).name} of {len(self.solid)}³ voxels, {self.repeat}"
+
+    def level_set(self) -> SmoothImage:
+        """See :class:`~porocore.cell.level_sets.level_set.LevelSetGeometry`."""
+        return _smooth(self)
+
+
+@lru_cache(maxsize=2)
+def _solid(geometry: Voxels) -> Mask:
+    path = geometry.checked("cell.geometry")
+    image = read_image(path)
+    solid: Mask = image != geometry.pore
+    if solid.all() or not solid.any():
+        values, counts = np.unique(image, return_counts=True)
+        shown = ", ".join(f"{v} ({c:,})" for v, c in list(zip(values, counts, strict=True))[:8])
+        what = "no voxel" if solid.all() else "every voxel"
+        raise ConfigurationError(
+            f"cell.geometry.pore: {what} of {path} has the value {geometry.pore}; its values are {shown}"
+        )
+    solid.setflags(write=False)
+    return solid
+
+
+@lru_cache(maxsize=2)
+def _point_group(geometry: Voxels) -> PointGroup:
+    return group_of_voxels(geometry.solid, mirror=geometry.repeat == "mirror")
+
+
+@lru_cache(maxsize=2)
+def _smooth(geometry: Voxels) -> SmoothImage:
+    mirror = geometry.repeat == "mirror"
+    return SmoothImage(geometry.solid, geometry.smoothing, 0.0 if mirror else -0.5, 0.5, mirror=mirror)

@@ -1,0 +1,148 @@
+"""A solid of several materials, one for each region of its mesh."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from porocore.cell.materials.material import Material, StrainEnergy
+from porocore.errors import ConfigurationError
+from porocore.states import Array, IntArray
+
+if TYPE_CHECKING:
+    from porocore.cell.meshing.mesh import CellMesh
+
+
+@dataclass(frozen=True)
+class Composite:
+    """What ``cell.materials`` holds.
+
+    Attributes
+    ----------
+    materials
+        By the name of the region.
+    """
+
+    materials: Mapping[str, Material]
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether each of them is."""
+        return all(material.isotropic for material in self.materials.values())
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the mirrors of the three axes leave each of them alone."""
+        return all(material.mirrored for material in self.materials.values())
+
+    def allows(self, Q: IntArray, regions: Mapping[str, str] | None) -> bool:
+        """Return whether Q leaves the response of the whole alone.
+
+        Parameters
+        ----------
+        Q : (3, 3)
+            Signed permutation of the axes.
+        regions
+            The region to which Q takes each; one that is not named stays where it is. None: regions are not taken to
+            regions.
+        """
+        if regions is None:
+            return False
+        for region, material in self.materials.items():
+            image, turned = self.materials.get(regions.get(region, region)), material.turned(Q)
+            if image is None or turned is None or not turned.equals(image):
+                return False
+        return True
+
+    @property
+    def description(self) -> str:
+        """A few words for a reader."""
+        return "; ".join(f"{region}: {material.description}" for region, material in self.materials.items())
+
+    @property
+    def identity(self) -> str:
+        """All that it is, as text."""
+        return json.dumps({region: m.identity for region, m in self.materials.items()}, sort_keys=True)
+
+    def on(self, mesh: CellMesh) -> StrainEnergy:
+        """Of every element of a mesh of the solid.
+
+        Raises
+        ------
+        ConfigurationError
+            A region has no material, or a material no region.
+        """
+        for region in self.materials:
+            if region not in mesh.region_names:
+                close = difflib.get_close_matches(region, mesh.region_names, n=1)
+                question = f"did you mean '{close[0]}'? " if close else ""
+                raise ConfigurationError(
+                    f"cell.materials.{region}: the solid has no region of this name; {question}"
+                    f"its regions are {', '.join(mesh.region_names)}"
+                )
+        if lacking := [region for region in mesh.region_names if region not in self.materials]:
+            raise ConfigurationError(
+                f"cell.materials: expected a material for each region of the solid, got none for {', '.join(lacking)}; "
+                f"add '{lacking[0]}:' below it"
+            )
+        parts = (
+            (self.materials[region], np.flatnonzero(mesh.regions == k))
+            for k, region in enumerate(mesh.region_names)
+        )
+        return PlacedMaterials(tuple((m, elements) for m, elements in parts if len(elements)))
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedMaterials(StrainEnergy):
+    """Materials on the elements of a mesh.
+
+    Attributes
+    ----------
+    parts
+        Each material and the numbers of its elements; every element belongs to one of them.
+    """
+
+    parts: tuple[tuple[Material, IntArray], ...]
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether each of them is."""
+        return all(material.isotropic for material, _ in self.parts)
+
+    def energy_density(self, F: Array) -> Array:
+        """See :class:`StrainEnergy`; F and the result are led by the elements."""
+        return self._gathered(F, (), lambda material: material.energy_density)
+
+    def stress(self, F: Array) -> Array:
+        """See :class:`StrainEnergy`; F and the result are led by the elements."""
+        return self._gathered(F, (3, 3), lambda material: material.stress)
+
+    def tangent(self, F: Array) -> Array:
+        """See :class:`StrainEnergy`; F and the result are led by the elements."""
+        return self._gathered(F, (3, 3, 3, 3), lambda material: material.tangent)
+
+    def _gathered(
+        self, F: Array, shape: tuple[int, ...], function: Callable[[Material], Callable[[Array], Array]]
+    ) -> Array:
+        out = np.empty((*F.shape[:-2], *shape))
+        for material, elements in self.parts:
+            out[elements] = function(material)(F[elements])
+        return out
+
+    def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
+        """See :class:`StrainEnergy`; each element counts alike."""
+        young = shear = count = 0.0
+        for material, own in self.parts:
+            n = len(own) if elements is None else int(np.isin(own, elements).sum())
+            E, G = material.mean_moduli()
+            young, shear, count = young + n * E, shear + n * G, count + n
+        return young / count, shear / count
+
+
+#: What a cell's solid is made of.
+Solid = Material | Composite

@@ -1,0 +1,1 @@
+"""Meshes of the solid and of the fluid: tetrahedra, quadrature, mirrors, periodicity, connectivity."""

@@ -1,0 +1,151 @@
+"""How the pieces of a phase hang together through the periodic cell, and in which directions they run on forever.
+
+Tetrahedra that share a facet are of one piece, across opposite faces of the cell too. A closed way through a piece that
+leaves the cell a times more upwards than downwards through its faces across x, b times through those across y and c
+times across z winds by (a, b, c). The piece runs on in the directions that the windings of all its ways span.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.periodicity import FACETS, facet_classes
+from porocore.cell.meshing.tetrahedra import volumes
+from porocore.states import IntArray
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One piece of a phase, with all its periodic images.
+
+    Attributes
+    ----------
+    volume
+        In one cell, by straight edges.
+    rank
+        In how many independent directions it runs on: 3 through and through, 0 for a piece that is closed in itself.
+    axes
+        Along which of "xyz" it gets anywhere.
+    """
+
+    volume: float
+    rank: int
+    axes: str
+
+
+@lru_cache(maxsize=8)
+def pieces(mesh: CellMesh) -> tuple[Piece, ...]:
+    """Of the mesh of a whole cell, the largest first.
+
+    Raises
+    ------
+    ValueError
+        The mesh is not of a whole cell.
+    """
+    if mesh.domain != "whole":
+        raise ValueError("connectivity is that of a whole cell")
+    if not len(mesh.cells):
+        return ()
+    inner, across, shifts = _neighbours(mesh)
+    count = len(mesh.cells)
+    graph = coo_matrix((np.ones(len(inner)), (inner[:, 0], inner[:, 1])), shape=(count, count))
+    # Pieces within the cell, of which those that meet across its faces are then joined.
+    number, part = connected_components(graph, directed=False)
+    links = np.unique(np.column_stack([part[across], shifts]), axis=0)
+    roots, windings = _joined(number, links)
+    sizes = np.bincount(part, np.abs(volumes(mesh.points, mesh.cells)), number)
+    found = []
+    for root in sorted(set(roots)):
+        ways = np.array(windings.get(root, [(0, 0, 0)]))
+        axes = "".join(axis for axis, moves in zip("xyz", ways.any(axis=0), strict=True) if moves)
+        volume = float(sizes[np.array(roots) == root].sum())
+        found.append(Piece(volume, int(np.linalg.matrix_rank(ways)), axes))
+    return tuple(sorted(found, key=lambda piece: -piece.volume))
+
+
+def joined_by_nodes(mesh: CellMesh) -> IntArray:
+    """(N,) number of the part of the phase to which each node belongs, parts that share a node being one.
+
+    Periodic images are one node. This is what parts a continuous field; a pressure is fixed once for each part.
+    """
+    nodes = mesh.periodic_class
+    count = int(nodes.max(initial=-1)) + 1
+    first, rest = np.repeat(nodes[mesh.cells[:, 0]], 3), nodes[mesh.cells[:, 1:4]].ravel()
+    graph = coo_matrix((np.ones(len(first)), (first, rest)), shape=(count, count))
+    part: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
+    return part[nodes]
+
+
+def blocked(found: Iterable[Piece]) -> str:
+    """Along which of "xyz" no piece gets anywhere."""
+    open_axes = {axis for piece in found for axis in piece.axes}
+    return "".join(axis for axis in "xyz" if axis not in open_axes)
+
+
+def why_loose(found: tuple[Piece, ...]) -> str:
+    """Why a solid of these pieces has no stiffness; empty if it has."""
+    if not found:
+        return "there is no solid"
+    if len(found) > 1:
+        sizes = ", ".join(f"{piece.volume:.3g}" for piece in found[:6]) + (", …" if len(found) > 6 else "")
+        return (
+            f"it falls into {len(found)} pieces that do not touch, of the volumes {sizes}; join them, remove those "
+            "that float, or give a smaller cell.mesh.size if they should hang together"
+        )
+    if found[0].rank == 3:
+        return ""
+    if axes := blocked(found):
+        return f"it does not reach the next cell along {' and '.join(axes)}"
+    return "it runs on in some directions only, oblique to the axes"
+
+
+def _neighbours(mesh: CellMesh) -> tuple[IntArray, IntArray, IntArray]:
+    """Pairs of tetrahedra that share a facet within the cell, and across its faces with the cell of the second one."""
+    facets = mesh.cells[:, FACETS].reshape(-1, 3)
+    owner = np.repeat(np.arange(len(mesh.cells)), 4)
+    classes = facet_classes(mesh.points, facets, np.array(mesh.periods) - 0.5)
+    order = np.argsort(classes, kind="stable")
+    same = np.diff(classes[order]) == 0
+    first, second = order[:-1][same], order[1:][same]
+    step = mesh.points[facets[first]].mean(axis=1) - mesh.points[facets[second]].mean(axis=1)
+    shifts = np.rint(step / mesh.periods).astype(np.int64)
+    within = ~shifts.any(axis=1)
+    pairs = np.column_stack([owner[first], owner[second]])
+    return pairs[within], pairs[~within], shifts[~within]
+
+
+def _joined(count: int, links: IntArray) -> tuple[list[int], dict[int, list[tuple[int, ...]]]]:
+    """Root of each of ``count`` parts, and the windings of closed ways by root.
+
+    A link (a, b, x, y, z) says that part b of the cell at (x, y, z) touches part a of the cell at the origin.
+    """
+    parent = list(range(count))
+    offset = [np.zeros(3, dtype=np.int64) for _ in range(count)]  # cell of a part, seen from its parent
+
+    def root(part: int) -> tuple[int, IntArray]:
+        total = np.zeros(3, dtype=np.int64)
+        while parent[part] != part:
+            total = total + offset[part]
+            part = parent[part]
+        return part, total
+
+    closed: list[tuple[int, tuple[int, ...]]] = []
+    for a, b, *shift in links.tolist():
+        (root_a, at_a), (root_b, at_b) = root(a), root(b)
+        way = at_a + np.array(shift) - at_b
+        if root_a == root_b:
+            closed.append((a, tuple(way.tolist())))
+        else:
+            parent[root_b], offset[root_b] = root_a, way
+    roots = [root(part)[0] for part in range(count)]
+    windings: dict[int, list[tuple[int, ...]]] = {}
+    for part, way in closed:
+        windings.setdefault(roots[part], []).append(way)
+    return roots, windings

@@ -1,0 +1,187 @@
+"""Meshes of the solid and of the fluid, unfolded by symmetry where a geometry meshes a part of the cell only."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from porocore.cell.geometry.part import PoreGeometry
+from porocore.cell.meshing.mirror import eighth_to_whole, snap, wedge_to_eighth
+from porocore.cell.meshing.periodicity import facet_classes
+from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, with_middles
+from porocore.core.units.dimensions import Unit
+from porocore.states import Array, IntArray
+
+__all__ = ["CellMesh", "Domain", "MeshSettings", "Phase", "make_mesh"]
+
+Domain = Literal["eighth", "whole"]
+
+
+class MeshSettings(BaseModel):
+    """Element size (of the unit cell) and kind of tetrahedra."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    size: Annotated[float, Field(ge=0.01, le=0.5), Unit("cell")] = 0.2
+    """Size of the solid's tetrahedra; narrow channels are meshed finer, with at most 0.8 of their radius."""
+    fluid_size: Annotated[float, Field(ge=0.01, le=0.5), Unit("cell")] = 0.07
+    """Size of the fluid's tetrahedra; Stokes flow converges slowly around sharp ridges, and it is solved only once."""
+    element: Element = "quadratic-curved"
+    """Order and shape of the tetrahedra: curved ones follow the pore wall."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellMesh:
+    """Tetrahedra of one phase on the eighth [0, ½]³, on the whole cell [−½, ½]³, or on a block of whole cells.
+
+    Attributes
+    ----------
+    phase, domain
+        What is meshed.
+    points : (nodes, 3)
+        Nodes.
+    cells : (tetrahedra, 4 or 10)
+        Linear or quadratic tetrahedra in VTK order, positively oriented.
+    periods
+        Whole cells along each axis; a block extends from −½ to periods − ½ and is of the domain "whole".
+    regions : (tetrahedra,)
+        Index of each element into ``region_names``; all 0 where none are given.
+    region_names
+        Parts of the phase that may differ in material; one, named like the phase, where none are given.
+
+    Raises
+    ------
+    ValueError
+        The regions are not one for each element, or lie outside the names.
+    """
+
+    phase: Phase
+    domain: Domain
+    points: Array
+    cells: npt.NDArray[np.int64]
+    periods: tuple[int, int, int] = (1, 1, 1)
+    regions: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    region_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.region_names:
+            object.__setattr__(self, "region_names", (self.phase,))
+            object.__setattr__(self, "regions", np.zeros(len(self.cells), dtype=np.int64))
+        if (
+            self.regions.shape != (len(self.cells),)
+            or not np.isin(self.regions, np.arange(len(self.region_names))).all()
+        ):
+            raise ValueError(
+                f"regions: expected {len(self.cells)} indices into {self.region_names}, got shape {self.regions.shape}"
+            )
+
+    @property
+    def order(self) -> int:
+        """1 or 2."""
+        return 1 if self.cells.shape[1] == 4 else 2
+
+    @property
+    def quadrature_degree(self) -> int:
+        """Of the solid problem: one point serves constant gradients, four serve the averages of quadratic elements."""
+        return 1 if self.order == 1 else 2
+
+    @cached_property
+    def quadratic(self) -> CellMesh:
+        """The same tetrahedra with a node in the middle of each edge, where they have none yet."""
+        if self.order == 2:
+            return self
+        points, cells, _ = with_middles(self.points, self.cells)
+        return replace(self, points=points, cells=cells)
+
+    @cached_property
+    def boundary(self) -> npt.NDArray[np.int64]:
+        """Facets of one tetrahedron only, (K, 3) or (K, 6) in VTK order, outward."""
+        corners = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        middles = np.array([[6, 5, 4], [4, 8, 7], [7, 9, 6], [5, 9, 8]])
+        local = corners if self.order == 1 else np.concatenate([corners, middles], axis=1)
+        facets = self.cells[:, local].reshape(-1, local.shape[1])
+        _, first, count = np.unique(
+            np.sort(facets[:, :3], axis=1), axis=0, return_index=True, return_counts=True
+        )
+        boundary: npt.NDArray[np.int64] = facets[first[count == 1]]
+        return boundary
+
+    @cached_property
+    def wall(self) -> npt.NDArray[np.int64]:
+        """Facets of the pore wall Γ, outward from this phase.
+
+        The rest of the boundary of an eighth lies on its mirror planes, that of a whole cell on opposite facets of
+        the same phase.
+        """
+        if self.domain == "eighth":
+            corners = self.points[self.boundary[:, :3]]
+            on_plane = np.zeros(len(corners), dtype=bool)
+            for plane in (0.0, 0.5):
+                on_plane |= (corners == plane).all(axis=1).any(axis=1)
+            return self.boundary[~on_plane]
+        number = facet_classes(self.points, self.boundary, self._last)
+        wall: npt.NDArray[np.int64] = self.boundary[np.bincount(number)[number] == 1]
+        return wall
+
+    @property
+    def _last(self) -> Array:
+        """Where the domain ends along each axis, (3,)."""
+        return np.array(self.periods) - 0.5
+
+    @cached_property
+    def periodic_class(self) -> npt.NDArray[np.int64]:
+        """(N,) number of each node when opposite faces of the domain are one; the identity on the eighth."""
+        if self.domain == "eighth":
+            return np.arange(len(self.points))
+        wrapped = np.where(self.points == self._last, -0.5, self.points)
+        inverse: npt.NDArray[np.int64] = np.unique(wrapped, axis=0, return_inverse=True)[1].reshape(-1)
+        return inverse
+
+    @cached_property
+    def hash(self) -> str:
+        """Of points and cells, and of the regions where there are several."""
+        digest = hashlib.sha256(self.points.round(12).tobytes() + self.cells.tobytes())
+        if len(self.region_names) > 1:
+            digest.update(self.regions.tobytes() + "\0".join(self.region_names).encode())
+        return digest.hexdigest()[:16]
+
+
+@lru_cache(maxsize=8)
+def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, domain: Domain) -> CellMesh:
+    """Mesh one phase; the eighth is part of the whole, so both give the same averages for symmetric loads.
+
+    Raises
+    ------
+    PorocoreError
+        The geometry cannot be meshed.
+    ValueError
+        The eighth of a cell without mirrors is asked for.
+    """
+    if geometry.unfolding == "whole" and domain == "eighth":
+        raise ValueError(f"{geometry.description}: the cell has no mirrors, and so no eighth")
+    if geometry.unfolding != "whole" and domain == "whole":
+        eighth = make_mesh(geometry, settings, phase, "eighth")
+        points, cells = eighth_to_whole(eighth.points, eighth.cells)
+        return CellMesh(
+            phase, domain, points, cells, regions=np.tile(eighth.regions, 8), region_names=eighth.region_names
+        )
+    size = settings.size if phase == "solid" else settings.fluid_size
+    part = _part(geometry, size, settings.element)[phase]
+    points, cells, regions = part.points, part.cells, part.regions
+    if geometry.unfolding == "wedge":
+        points, cells = wedge_to_eighth(points, cells)
+        regions = np.tile(regions, 6)
+    elif geometry.unfolding == "eighth":
+        points = snap(points, [0.0, 0.5])
+    return CellMesh(phase, domain, points, cells, regions=regions, region_names=part.region_names)
+
+
+@lru_cache(maxsize=4)
+def _part(geometry: PoreGeometry, size: float, element: Element) -> dict[Phase, Tetrahedra]:
+    return geometry.tetrahedra(size, element)

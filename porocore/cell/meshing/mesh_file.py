@@ -1,0 +1,221 @@
+"""A cell that is meshed already: tetrahedra of both phases from a file."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from porocore.cell.geometry.part import PoreGeometry, Unfolding
+from porocore.cell.meshing.periodicity import matched
+from porocore.cell.meshing.tetrahedra import (
+    EDGES,
+    Element,
+    Phase,
+    Tetrahedra,
+    least_stretch,
+    used,
+    volume,
+    volumes,
+    with_middles,
+)
+from porocore.cell.symmetry.mesh_symmetry import RegionMap, region_maps
+from porocore.core.files.foreign_mesh import read_mesh
+from porocore.core.files.input_file import FromFile
+from porocore.core.tensors.point_group import PointGroup, Rotation, as_rotation
+from porocore.errors import ConfigurationError
+from porocore.states import Array, IntArray
+
+Tag = int | str
+Tags = Annotated[tuple[Tag, ...], Field(min_length=1)]
+#: Names under which meshing programs store the tags of elements, the first that a file has counts.
+TAG_DATA = ("gmsh:physical", "medit:ref", "phase", "region", "cell_tags", "material", "gmsh:geometrical")
+#: Of the length of the cell: what the extents along the axes may differ by.
+CUBE = 1e-6
+
+
+class MeshFile(FromFile, PoreGeometry):
+    """Tetrahedra of solid and fluid, told apart by tags: names of physical groups, or numbers.
+
+    The bounding box becomes the unit cell; it has to be a cube, and opposite faces need the same nodes. The mesh is
+    taken as it is, whatever ``cell.mesh.size`` says; straight elements of first order get the nodes that
+    ``cell.mesh.element`` asks for. Several tags of the solid are its regions.
+    """
+
+    kind: Literal["mesh-file"]
+    """Tetrahedra of solid and fluid from a file that meshio reads."""
+    solid: Tags = ("solid",)
+    """Tags of the solid's tetrahedra: names of physical groups, or numbers; several are its regions."""
+    fluid: Tags = ("fluid",)
+    """Tags of the fluid's tetrahedra."""
+    tags: str | None = None
+    """Name of the element data with the tags; null: the first known one that the file has."""
+
+    @model_validator(mode="after")
+    def _apart(self) -> MeshFile:
+        both = sorted({str(tag) for tag in self.solid} & {str(tag) for tag in self.fluid})
+        if both:
+            raise ValueError(
+                f"the tags {', '.join(both)} stand under solid and under fluid; keep them in one"
+            )
+        return self
+
+    @property
+    def porosity(self) -> float:
+        """Of the mesh."""
+        fluid = _read(self)["fluid"]
+        return volume(fluid.points, fluid.cells)
+
+    @property
+    def unfolding(self) -> Unfolding:
+        """A whole cell."""
+        return "whole"
+
+    @property
+    def point_group(self) -> PointGroup:
+        """That of the mesh of the solid: the operations that take its nodes and tetrahedra to themselves."""
+        return PointGroup.generated([np.reshape(Q, (3, 3)) for Q in _region_maps(self)])
+
+    def regions_after(self, Q: IntArray) -> RegionMap:
+        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        return _region_maps(self).get(as_rotation(Q))
+
+    @property
+    def description(self) -> str:
+        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        return f"mesh {Path(self.path).name}"
+
+    def elements(self, size: float) -> float:
+        """Return 0: the mesh is there already."""
+        return 0.0
+
+    def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
+        """Of the file; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
+
+        Raises
+        ------
+        ConfigurationError
+            The file is no such mesh, has changed, or is not periodic.
+        """
+        return {phase: _of_order(part, element) for phase, part in _read(self).items()}
+
+
+def _of_order(mesh: Tetrahedra, element: Element) -> Tetrahedra:
+    points, cells = mesh.points, mesh.cells
+    if element == "linear":
+        points, cells = used(points, cells[:, :4])
+    elif cells.shape[1] == 4:
+        points, cells, _ = with_middles(points, cells)
+    elif element == "quadratic-straight":
+        points = points.copy()
+        points[cells[:, 4:]] = points[cells[:, EDGES]].mean(axis=2)
+    return Tetrahedra(points, cells, mesh.regions, mesh.region_names)
+
+
+@lru_cache(maxsize=2)
+def _read(geometry: MeshFile) -> dict[Phase, Tetrahedra]:
+    path = geometry.checked("cell.geometry")
+    mesh = read_mesh(path)
+    kinds = {block.type for block in mesh.cells if block.dim == 3}
+    if not kinds or not kinds <= {"tetra", "tetra10"} or len(kinds) > 1:
+        raise ConfigurationError(
+            f"{path}: expected tetrahedra of 4 or of 10 nodes (tetra, tetra10), got "
+            f"{', '.join(sorted(kinds)) or 'no elements with a volume'}"
+        )
+    blocks = [i for i, block in enumerate(mesh.cells) if block.dim == 3]
+    cells = np.concatenate([mesh.cells[i].data for i in blocks]).astype(np.int64)
+    tags, names = _tags(geometry, path, mesh, blocks)
+    phase = {tag: name for name in ("solid", "fluid") for tag in _numbers(geometry, path, name, tags, names)}
+    strange = np.setdiff1d(np.unique(tags), list(phase))
+    if len(strange):
+        raise ConfigurationError(
+            f"{path}: elements with the tags {_listed(strange, names)} belong to no phase; name them under "
+            "cell.geometry.solid or cell.geometry.fluid"
+        )
+    points, cells = used(_unit_cell(path, np.asarray(mesh.points, dtype=np.float64), cells), cells)
+    points = matched(points, cells, str(path))
+    cells = _turned(points, cells, path)
+
+    def of_phase(name: Phase) -> Tetrahedra:
+        numbers = [tag for tag, of in phase.items() if of == name]
+        chosen = np.isin(tags, numbers)
+        part = used(points, cells[chosen])
+        if len(numbers) == 1:
+            return Tetrahedra(*part)
+        regions = np.array([numbers.index(tag) for tag in tags[chosen]], dtype=np.int64)
+        return Tetrahedra(*part, regions, tuple(str(names.get(number, number)) for number in numbers))
+
+    return {"solid": of_phase("solid"), "fluid": of_phase("fluid")}
+
+
+@lru_cache(maxsize=2)
+def _region_maps(geometry: MeshFile) -> dict[Rotation, RegionMap]:
+    return region_maps(_read(geometry)["solid"])
+
+
+def _tags(geometry: MeshFile, path: Path, mesh: Any, blocks: list[int]) -> tuple[IntArray, dict[int, str]]:
+    """The tag of every tetrahedron, and the names of tags that have one."""
+    known = sorted(mesh.cell_data)
+    wanted = [geometry.tags] if geometry.tags else [name for name in TAG_DATA if name in known]
+    if not wanted or wanted[0] not in known:
+        raise ConfigurationError(
+            f"cell.geometry.tags: expected the name of the element data of {path} that tells solid from fluid, "
+            f"got {geometry.tags or 'none, and none of the usual ones is there'}; it has {', '.join(known) or 'none'}"
+        )
+    tags = np.concatenate([np.asarray(mesh.cell_data[wanted[0]][i]).reshape(-1) for i in blocks])
+    if not (np.isfinite(tags) & (tags == np.rint(tags))).all():
+        raise ConfigurationError(f"cell.geometry.tags: {wanted[0]} of {path} does not hold whole numbers")
+    names = {int(number): name for name, (number, dim) in mesh.field_data.items() if int(dim) == 3}
+    return tags.astype(np.int64), names
+
+
+def _numbers(geometry: MeshFile, path: Path, phase: str, tags: IntArray, names: dict[int, str]) -> list[int]:
+    """The tags of a phase as numbers."""
+    by_name = {name: number for number, name in names.items()}
+    found = []
+    for tag in getattr(geometry, phase):
+        number = by_name.get(tag) if isinstance(tag, str) else tag
+        if number is None or number not in tags:
+            raise ConfigurationError(
+                f"cell.geometry.{phase}: no tetrahedron of {path} has the tag {tag!r}; its tags are "
+                f"{_listed(np.unique(tags), names)}"
+            )
+        found.append(int(number))
+    return found
+
+
+def _listed(tags: IntArray, names: dict[int, str]) -> str:
+    return ", ".join(f"{tag} ('{names[int(tag)]}')" if int(tag) in names else str(tag) for tag in tags[:12])
+
+
+def _unit_cell(path: Path, points: Array, cells: IntArray) -> Array:
+    """Points moved and scaled so that the corners of the tetrahedra fill [−½, ½]³."""
+    corners = points[np.unique(cells[:, :4])]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    extent = high - low
+    if extent.min() <= 0 or np.ptp(extent) > CUBE * extent.max():
+        raise ConfigurationError(
+            f"{path}: expected a cube, got a box of {extent[0]:g} x {extent[1]:g} x {extent[2]:g}; a cell has the same "
+            "period along each axis: mesh such a cell, or repeat it until its periods are equal"
+        )
+    unit: Array = (points - low) / extent.max() - 0.5
+    return unit
+
+
+def _turned(points: Array, cells: IntArray, path: Path) -> IntArray:
+    """The tetrahedra with a positive volume; those of ten nodes must not fold over themselves either."""
+    cells = cells.copy()
+    negative = volumes(points, cells) < 0
+    swapped = [1, 0, 2, 3] if cells.shape[1] == 4 else [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]
+    cells[negative] = cells[negative][:, swapped]
+    bad = int((volumes(points, cells) <= 0).sum())
+    if not bad and cells.shape[1] == 10:
+        bad = int((least_stretch(points, cells) <= 0).sum())
+    if bad:
+        raise ConfigurationError(
+            f"{path}: {bad} of {len(cells):,} tetrahedra have no volume or fold over themselves; improve the mesh"
+        )
+    return cells

@@ -1,0 +1,124 @@
+"""Whether the pore wall has passed through something, which J > 0 does not tell.
+
+Under strong compression the ridges where two channels meet crease and fold through their mirror plane
+while J stays positive everywhere; without wall contact such a state is no valid data.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.states import Array
+
+#: The eight tetrahedra of a quadratic one (VTK order of its ten nodes).
+SUBDIVISION = np.array(
+    [
+        [0, 4, 6, 7],
+        [4, 1, 5, 8],
+        [6, 5, 2, 9],
+        [7, 8, 9, 3],
+        [4, 5, 6, 8],
+        [4, 6, 7, 8],
+        [6, 5, 9, 8],
+        [6, 9, 7, 8],
+    ]
+)
+#: Intervals along a facet's edge at which the wall is examined.
+FACET_GRID = 8
+#: A node counts as inside a tetrahedron when all its barycentric coordinates exceed this.
+DEPTH = 0.02
+
+
+def mirror_gap(mesh: CellMesh, grad_u: Array, u: Array) -> float:
+    """Smallest distance of the deformed wall to a mirror plane of the eighth, relative to the undeformed one.
+
+    1 in the undeformed state; negative: the wall has passed through the plane. The wall is examined at a
+    grid of points on every facet, since a crease begins as a fold within the facets next to the plane.
+
+    Parameters
+    ----------
+    mesh
+        Solid mesh of the eighth.
+    grad_u : (3, 3)
+        Diagonal H.
+    u : (nodes, 3)
+        u¹.
+    """
+    X, weights = _wall_points(mesh)
+    x = X * (1 + np.diag(grad_u)) + np.einsum("sa,kai->ksi", weights, u[mesh.wall]).reshape(-1, 3)
+    edge = (1 + np.diag(grad_u)) / 2
+    gap = np.inf
+    for axis in range(3):
+        below, above = X[:, axis], 0.5 - X[:, axis]
+        off = below > 1e-12
+        gap = min(gap, (x[off, axis] / below[off]).min(initial=np.inf))
+        off = above > 1e-12
+        gap = min(gap, ((edge[axis] - x[off, axis]) / above[off]).min(initial=np.inf))
+    return float(gap)
+
+
+@lru_cache(maxsize=8)
+def _wall_points(mesh: CellMesh) -> tuple[Array, Array]:
+    """Grid points on the wall's facets (points, 3), and their shape functions (samples, 3 or 6)."""
+    n = FACET_GRID
+    grid = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)]) / n
+    a, b, c = grid.T
+    if mesh.order == 1:
+        weights = grid
+    else:
+        corners = [a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1)]
+        weights = np.stack([*corners, 4 * a * b, 4 * b * c, 4 * c * a], axis=1)
+    return np.einsum("sa,kai->ksi", weights, mesh.points[mesh.wall]).reshape(-1, 3), weights
+
+
+def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int64]:
+    """Nodes of the deformed wall that lie inside the deformed solid, with themselves or with a periodic image.
+
+    For the whole cell under any load; the arguments are those of :func:`mirror_gap`.
+    """
+    F0 = np.eye(3) + grad_u
+    x = mesh.points @ F0.T + u
+    tetrahedra = mesh.cells if mesh.order == 1 else mesh.cells[:, SUBDIVISION].reshape(-1, 4)
+    corners = x[tetrahedra]
+    centres = corners.mean(axis=1)
+    radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    low, high = x.min(axis=0), x.max(axis=0)
+    nodes = np.unique(mesh.wall)
+    queries, names = [], []
+    for shift in product((-1.0, 0.0, 1.0), repeat=3):
+        moved = x[nodes] + F0 @ (np.array(shift) * mesh.periods)
+        near = ((moved > low) & (moved < high)).all(axis=1)
+        queries.append(moved[near])
+        names.append(nodes[near])
+    points, origin = np.concatenate(queries), np.concatenate(names)
+    neighbours = cKDTree(centres).query_ball_point(points, radii.max())
+    counts = np.fromiter((len(n) for n in neighbours), dtype=np.int64, count=len(points))
+    if not counts.sum():
+        return np.zeros(0, dtype=np.int64)
+    point = np.repeat(np.arange(len(points)), counts)
+    tetrahedron = np.concatenate([np.asarray(n, dtype=np.int64) for n in neighbours if n])
+    close = np.linalg.norm(points[point] - centres[tetrahedron], axis=1) < radii[tetrahedron]
+    point, tetrahedron = point[close], tetrahedron[close]
+    same = mesh.periodic_class[tetrahedra[tetrahedron]] == mesh.periodic_class[origin[point]][:, None]
+    apart = ~same.any(axis=1)
+    point, tetrahedron = point[apart], tetrahedron[apart]
+    inside = _depth(corners[tetrahedron], points[point]) > DEPTH
+    nodes_of: npt.NDArray[np.int64] = np.unique(origin[point[inside]])
+    return nodes_of
+
+
+def _depth(corners: Array, points: Array) -> npt.NDArray[np.float64]:
+    """Smallest barycentric coordinate of each point (n, 3) in its tetrahedron (n, 4, 3)."""
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    flat = np.abs(np.linalg.det(edges)) < 1e-14
+    edges[flat] = np.eye(3)
+    inner = np.linalg.solve(edges, (points - corners[:, 0])[:, :, None])[:, :, 0]
+    depth: npt.NDArray[np.float64] = np.minimum(inner.min(axis=1), 1 - inner.sum(axis=1))
+    depth[flat] = -1.0
+    return depth

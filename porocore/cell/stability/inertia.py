@@ -1,0 +1,54 @@
+"""Negative pivots of the tangent for each wave vector with components in {0, π}, on the eighth of the cell.
+
+Each wave vector has eight classes of perturbations (:func:`porocore.cell.symmetry.parity.bloch_classes`). Each class
+has a tangent of the eighth with its own held displacements. By Sylvester's law their negative pivots add up to the
+number of modes of that wave vector under which the energy falls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from porocore.cell.equilibrium.discrete import DiscreteSolid, Iterate
+from porocore.cell.symmetry.exchange import images
+from porocore.cell.symmetry.parity import bloch_classes
+
+#: "110" is k = (π, π, 0), period two along x and y.
+WAVES = tuple(bloch_classes())
+#: Wave vectors that differ by the naming of the axes only.
+FAMILIES = {"0": ("000",), "100": ("100", "010", "001"), "110": ("110", "101", "011"), "111": ("111",)}
+#: Free unknowns up to which the factors of all classes are kept for the next state; they take some 6 kB an unknown.
+KEPT = 10_000
+
+
+def negative_pivots(solid: DiscreteSolid, here: Iterate, waves: Iterable[str] = WAVES) -> dict[str, int]:
+    """Number of unstable modes of each wave vector at an equilibrium; −1 where the linear solver cannot tell.
+
+    Parameters
+    ----------
+    solid
+        On the eighth.
+    here
+        An equilibrium under a diagonal H.
+    waves
+        Out of :data:`WAVES`.
+
+    Raises
+    ------
+    FactorError
+        A tangent cannot be factorised.
+    """
+    of_class: dict[str, int] = {}
+    swaps = solid.exchanged_axes(here)
+    found = {}
+    for wave in waves:
+        counts = []
+        for odd in bloch_classes()[wave]:
+            representative = min(images(odd, swaps))
+            if representative not in of_class:
+                of_class[representative] = solid.negative_pivots(here, representative)
+                if "|" in representative and len(here.residual) > KEPT:
+                    solid.forget(representative)
+            counts.append(of_class[representative])
+        found[wave] = -1 if min(counts) < 0 else sum(counts)
+    return found

@@ -1,0 +1,293 @@
+"""One line of a map: states from its start to its goal, and where along it each kind of trouble begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
+from porocore.cell.equilibrium.solver import EquilibriumCellSolver, PreparedCell
+from porocore.cell.stability.acoustic import acoustic_minimum
+from porocore.cell.stability.inertia import WAVES, negative_pivots
+from porocore.cell.stability.modes import lowest_eigenvalues
+from porocore.errors import ConfigurationError
+from porocore.interfaces.cell import CellField
+from porocore.plugins.border import solution_of
+from porocore.states import Array, CellResponse, IntArray, MacroState, Status
+
+#: What may begin along a line: the wall meets a mirror plane, a mode of a wave vector, loss of rank-one convexity.
+EVENTS = ("crease", *WAVES, "acoustic")
+
+
+@dataclass(frozen=True)
+class LineSettings:
+    """How a line is examined.
+
+    Attributes
+    ----------
+    steps
+        Equal ones from start to goal.
+    tolerance
+        Width to which the interval of an onset is bisected, in the component of (H, p) that moves most.
+    eigenvalues
+        Whether the lowest eigenvalue of every wave vector is wanted at every state.
+    """
+
+    steps: int = 12
+    tolerance: float = 0.005
+    eigenvalues: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """n states, of which the last may have failed, and onsets.
+
+    Attributes
+    ----------
+    start, goal : (10,)
+        H row by row, then p.
+    share : (n,)
+        Of the way from start to goal.
+    status, contact_share, min_gap : (n,)
+        See :class:`~porocore.states.CellPeaks`.
+    stress : (n, 3, 3)
+        P_E.
+    pivots : (n, 8)
+        Negative ones, for each of :data:`WAVES`; −1 where they are not known.
+    eigenvalues : (n, 8)
+        The lowest ones; NaN where they were not asked for.
+    acoustic : (n,)
+        Smallest eigenvalue of the acoustic tensor [E].
+    direction : (n, 3)
+        Of the normal that belongs to it.
+    onsets : (events, 2)
+        For each of :data:`EVENTS` the interval of ``share`` in which it begins; NaN where it does not, 0 and 0
+        where it is there from the start.
+    """
+
+    start: Array
+    goal: Array
+    share: Array
+    status: IntArray
+    contact_share: Array
+    min_gap: Array
+    stress: Array
+    pivots: IntArray
+    eigenvalues: Array
+    acoustic: Array
+    direction: Array
+    onsets: Array
+
+    def __len__(self) -> int:
+        return len(self.share)
+
+    def states(self) -> Array:
+        """(n, 10): H row by row, then p."""
+        states: Array = self.start + self.share[:, None] * (self.goal - self.start)
+        return states
+
+    def onset(self, *events: str) -> Array:
+        """The state (10,) at the middle of the interval in which the first of some events begins; NaN if none does."""
+        middles = [self.onsets[EVENTS.index(event)].mean() for event in events]
+        if np.isnan(middles).all():
+            return np.full(10, np.nan)
+        onset: Array = self.start + np.nanmin(middles) * (self.goal - self.start)
+        return onset
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    share: float
+    status: int
+    contact_share: float
+    min_gap: float
+    stress: Array
+    pivots: dict[str, int]
+    eigenvalues: dict[str, float]
+    acoustic: float
+    direction: Array
+    field: CellField | None
+
+    def shows(self, event: str) -> bool:
+        if event == "crease":
+            return self.status == Status.overlap or self.contact_share > 0 or self.min_gap <= 0
+        if event == "acoustic":
+            return self.acoustic <= 0
+        return self.pivots.get(event, 0) > 0
+
+
+def follow_line(
+    solver: EquilibriumCellSolver,
+    prepared: PreparedCell,
+    start: Array,
+    goal: Array,
+    settings: LineSettings,
+    on_state: Callable[[str], None] = lambda text: None,
+) -> Line:
+    """Solve the states of a line one after another and bisect every onset.
+
+    The line ends at the first state without values, and close to where values end. An onset lies between a state that
+    does not show it and the next one that does; in a state without values only the crease can show, by its status.
+
+    Raises
+    ------
+    ConfigurationError
+        H is not diagonal, or the configuration excludes the eighth.
+    """
+    _check_symmetric(prepared, start, goal)
+    line = _Walk(solver, prepared, start, goal, settings, on_state)
+    states = list(line.states())
+    return Line(
+        start=start,
+        goal=goal,
+        share=np.array([s.share for s in states]),
+        status=np.array([s.status for s in states], dtype=np.int64),
+        contact_share=np.array([s.contact_share for s in states]),
+        min_gap=np.array([s.min_gap for s in states]),
+        stress=np.array([s.stress for s in states]),
+        pivots=np.array([[s.pivots.get(wave, -1) for wave in WAVES] for s in states], dtype=np.int64),
+        eigenvalues=np.array([[s.eigenvalues.get(wave, np.nan) for wave in WAVES] for s in states]),
+        acoustic=np.array([s.acoustic for s in states]),
+        direction=np.array([s.direction for s in states]),
+        onsets=line.onsets(states),
+    )
+
+
+def _check_symmetric(prepared: PreparedCell, start: Array, goal: Array) -> None:
+    off = ~np.eye(3, dtype=bool)
+    if any(np.abs(end[:9].reshape(3, 3)[off]).max() > 0 for end in (start, goal)):
+        raise ConfigurationError(
+            "stability is examined on the eighth of the cell, so H must be diagonal; expected only H11, H22, H33 and p"
+        )
+    if prepared.cell.geometry.unfolding == "whole":
+        raise ConfigurationError(
+            f"stability is examined on the eighth of a cell with mirrors, which {prepared.cell.geometry.description} "
+            "does not have"
+        )
+    if not prepared.cell.solid.mirrored:
+        raise ConfigurationError(
+            "stability is examined on the eighth of a cell with mirrors, which the fibres of "
+            f"{prepared.cell.solid.description} do not have; expected fibres along the axes"
+        )
+    if not prepared.cell.mirrored:
+        raise ConfigurationError(
+            "stability is examined on the eighth of the cell; expected cell.symmetry: auto and no cell.supercell, got "
+            f"'{prepared.cell.symmetry}' and {list(prepared.cell.supercell)}"
+        )
+
+
+class _Walk:
+    """Along one line, from each state to the next."""
+
+    def __init__(
+        self,
+        solver: EquilibriumCellSolver,
+        prepared: PreparedCell,
+        start: Array,
+        goal: Array,
+        settings: LineSettings,
+        on_state: Callable[[str], None],
+    ) -> None:
+        self.solver, self.prepared, self.settings, self.on_state = solver, prepared, settings, on_state
+        self.start, self.goal = start, goal
+        self.resolution = settings.tolerance / max(float(np.abs(goal - start).max()), 1e-300)
+        self._between: dict[float, _State] = {}
+
+    def states(self) -> Iterator[_State]:
+        """From the start on; behind the last one with values, at most one without, not farther than the tolerance."""
+        last: _State | None = None
+        for share in np.linspace(0.0, 1.0, self.settings.steps + 1):
+            state = self.examined(float(share), last)
+            while last is not None and state.field is None and state.share - last.share > self.resolution:
+                middle = self.examined((last.share + state.share) / 2, last)
+                if middle.field is None:
+                    state = middle
+                else:
+                    yield middle
+                    last = middle
+            yield state
+            if state.field is None:
+                return
+            last = state
+
+    def examined(self, share: float, last: _State | None) -> _State:
+        state = self.solve(share, last.field if last else None, WAVES, eigenvalues=self.settings.eigenvalues)
+        self.on_state(Status(state.status).name)
+        return state
+
+    def onsets(self, states: Sequence[_State]) -> Array:
+        found = np.full((len(EVENTS), 2), np.nan)
+        for i, event in enumerate(EVENTS):
+            first = next((k for k, state in enumerate(states) if state.shows(event)), None)
+            if first == 0:
+                found[i] = 0.0
+            elif first is not None:
+                found[i] = self.bisect(states[first - 1], states[first], event)
+        return found
+
+    def bisect(self, low: _State, high: _State, event: str) -> tuple[float, float]:
+        while high.share - low.share > self.resolution * (1 + 1e-9):
+            share = (low.share + high.share) / 2
+            middle = self._between.get(share)
+            known = middle is not None and (event not in WAVES or event in middle.pivots)
+            if middle is None or not known:
+                waves = (event,) if event in WAVES else ()
+                middle = self.solve(share, low.field, waves)
+                self._between[share] = middle
+                self.on_state(f"onset of {event}")
+            if middle.field is None and not middle.shows(event):
+                break  # no state there: the interval stays as wide as it is
+            low, high = (low, middle) if middle.shows(event) else (middle, high)
+        return low.share, high.share
+
+    def solve(
+        self, share: float, field: CellField | None, waves: Sequence[str], *, eigenvalues: bool = False
+    ) -> _State:
+        theta = self.start + share * (self.goal - self.start)
+        state = MacroState.single(theta[:9], float(theta[9]))
+        solution = solution_of(self.solver, self.prepared, state, start=[field], fields=True)
+        response = solution.response
+        reached = solution.fields[0] if solution.fields else None
+        pivots: dict[str, int] = {}
+        values: dict[str, float] = {}
+        if reached is not None:
+            solid, here = self._iterate(reached)
+            try:
+                pivots = negative_pivots(solid, here, waves)
+                values = lowest_eigenvalues(solid, here, waves) if eigenvalues else {}
+            except FactorError:
+                pivots = {}
+        return _state(share, response, reached, pivots, values)
+
+    def _iterate(self, field: CellField) -> tuple[DiscreteSolid, Iterate]:
+        solid = self.prepared.eighth
+        return solid, solid.iterate(field.grad_u, field.p, field.u)
+
+
+def _state(
+    share: float,
+    response: CellResponse,
+    field: CellField | None,
+    pivots: dict[str, int],
+    values: dict[str, float],
+) -> _State:
+    peaks, tangent = response.peaks, response.tangent
+    assert peaks is not None
+    assert tangent is not None
+    assert tangent.stress_grad_u is not None
+    assert response.stress is not None
+    least = acoustic_minimum(tangent.stress_grad_u[0])
+    return _State(
+        share=share,
+        status=int(response.status[0]),
+        contact_share=float(peaks.contact_share[0]),
+        min_gap=float(peaks.min_gap[0]),
+        stress=response.stress[0],
+        pivots=pivots,
+        eigenvalues=values,
+        acoustic=least.value,
+        direction=least.direction,
+        field=field,
+    )

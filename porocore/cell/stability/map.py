@@ -1,0 +1,196 @@
+"""Several lines side by side: what is asked for, the lines that are finished, and the file that keeps them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.equilibrium.solver import EquilibriumCellSolver, PreparedCell
+from porocore.cell.stability.inertia import WAVES
+from porocore.cell.stability.line import EVENTS, Line, LineSettings, follow_line
+from porocore.core.echo import echo
+from porocore.core.fields.check import known_statuses
+from porocore.core.files.csv_table import write_csv
+from porocore.core.hdf5 import Contents, Kind, atomic_hdf5, opened
+from porocore.core.hdf5.contents import numbered
+from porocore.core.inputs.input_space import NAMES
+from porocore.errors import ConfigurationError, DataError
+from porocore.states import Array, Status
+
+FORMAT, VERSION = "porocore-stability", 1
+#: Shapes of the fields of a line in a file.
+LINE_SHAPES: dict[str, tuple[int | str, ...]] = {
+    "start": (10,),
+    "goal": (10,),
+    "share": ("n",),
+    "status": ("n",),
+    "contact_share": ("n",),
+    "min_gap": ("n",),
+    "stress": ("n", 3, 3),
+    "pivots": ("n", len(WAVES)),
+    "eigenvalues": ("n", len(WAVES)),
+    "acoustic": ("n",),
+    "direction": ("n", 3),
+    "onsets": (len(EVENTS), 2),
+}
+
+
+@dataclass(frozen=True)
+class MapPlan:
+    """Lines along some inputs, one for each value of another.
+
+    Attributes
+    ----------
+    along
+        Inputs that run together from zero to these values.
+    across
+        The input that is held at one value on each line.
+    values
+        Of it.
+    line
+        How each line is examined.
+    """
+
+    along: Mapping[str, float]
+    across: str
+    values: tuple[float, ...]
+    line: LineSettings = field(default_factory=LineSettings)
+
+    def __post_init__(self) -> None:
+        names = ("H11", "H22", "H33", "p")
+        for name in (*self.along, self.across):
+            if name not in names:
+                raise ConfigurationError(
+                    f"unknown input {echo(name)} of a stability map; expected one of {', '.join(names)}: its states "
+                    "keep the mirror planes of the cell"
+                )
+        if self.across in self.along:
+            raise ConfigurationError(
+                f"input '{self.across}' runs both along the lines and across them; choose one"
+            )
+        if not any(self.along.values()):
+            raise ConfigurationError(
+                "the lines of a stability map go nowhere; give an input along them, not 0"
+            )
+        if not self.values or len(set(self.values)) < len(self.values):
+            raise ConfigurationError(f"expected different values of {self.across}, got {list(self.values)}")
+
+    def ends(self, value: float) -> tuple[Array, Array]:
+        """Start and goal (10,) of the line at one value."""
+        start = np.zeros(10)
+        start[NAMES.index(self.across)] = value
+        goal = start.copy()
+        for name, end in self.along.items():
+            goal[NAMES.index(name)] = end
+        return start, goal
+
+    @property
+    def leading(self) -> str:
+        """The input along the lines that moves most."""
+        return max(self.along, key=lambda name: abs(self.along[name]))
+
+    def describe(self) -> dict[str, Any]:
+        """Plain data, from which alone the lines follow."""
+        return {
+            "along": dict(self.along),
+            "across": self.across,
+            "values": list(self.values),
+            **asdict(self.line),
+        }
+
+
+def map_stability(
+    solver: EquilibriumCellSolver,
+    prepared: PreparedCell,
+    plan: MapPlan,
+    path: Path,
+    identity: str,
+    provenance: Mapping[str, str],
+    on_state: Callable[[int, str], None] = lambda line, text: None,
+) -> list[Line]:
+    """Every line of a plan; those that ``path`` holds already are not solved again, and each is kept when finished.
+
+    Parameters
+    ----------
+    identity
+        Of cell, backend and plan; a file of another one is not continued.
+    provenance
+        Texts that the file keeps.
+    on_state
+        Called after every state with the number of the line and what was found.
+    """
+    lines = load(path, identity) if path.exists() else []
+    for i in range(len(lines), len(plan.values)):
+        start, goal = plan.ends(plan.values[i])
+        lines.append(follow_line(solver, prepared, start, goal, plan.line, partial(on_state, i)))
+        save(path, identity, lines, provenance)
+    return lines
+
+
+def save(path: Path, identity: str, lines: Sequence[Line], provenance: Mapping[str, str]) -> None:
+    """Write finished lines to an HDF5 file, atomically."""
+    with atomic_hdf5(path) as file:
+        file.attrs.update(format=FORMAT, version=VERSION, identity=identity, **provenance)
+        file.attrs["waves"], file.attrs["events"] = list(WAVES), list(EVENTS)
+        for i, line in enumerate(lines):
+            for f in fields(line):
+                file[f"lines/{i}/{f.name}"] = getattr(line, f.name)
+
+
+def load(path: Path, identity: str | None = None) -> list[Line]:
+    """Read what :func:`save` wrote.
+
+    Raises
+    ------
+    DataError
+        The file is damaged, or belongs to another map.
+    """
+    with opened(path, "stability map", "delete it and map again") as file:
+        if not file.is_of(FORMAT, VERSION):
+            raise DataError(f"{path}: expected a stability map of version {VERSION}; choose another --out")
+        found = file.attribute("identity", str)
+        lines = [_read_line(file, group) for group in numbered(file, "lines")]
+    if identity is not None and found != identity:
+        raise DataError(
+            f"{path}: holds the map of another cell, backend or plan; choose another --out or delete it"
+        )
+    return lines
+
+
+def _read_line(file: Contents, group: str) -> Line:
+    arrays = {}
+    for name, (length, *shape) in LINE_SHAPES.items():
+        symbol = f"{group} {length}" if isinstance(length, str) else length
+        kind: Kind = "int" if name in ("status", "pivots") else "float"
+        finite = name in ("start", "goal", "share")
+        arrays[name] = file.array(f"{group}/{name}", symbol, *shape, kind=kind, finite=finite)
+    if not known_statuses(arrays["status"]).all():
+        raise ValueError(f"'{group}/status' holds codes that are no status")
+    return Line(**arrays)
+
+
+def write_tables(folder: Path, plan: MapPlan, lines: Sequence[Line]) -> tuple[Path, Path]:
+    """states.csv with one row for each state and onsets.csv with one for each line; returns their paths."""
+    inputs = (*plan.along, plan.across)
+    columns = [NAMES.index(name) for name in inputs]
+    header = [*inputs, "status", "contact_share", "min_gap", "acoustic"]
+    header += [f"negative_pivots_{wave}" for wave in WAVES] + [f"eigenvalue_{wave}" for wave in WAVES]
+    rows: list[list[Any]] = []
+    for line in lines:
+        for k, theta in enumerate(line.states()):
+            row: list[Any] = [*theta[columns], Status(int(line.status[k])).name]
+            row += [line.contact_share[k], line.min_gap[k], line.acoustic[k]]
+            rows.append([*row, *line.pivots[k], *line.eigenvalues[k]])
+    states = write_csv(folder / "states.csv", header, rows)
+    leading, across = NAMES.index(plan.leading), NAMES.index(plan.across)
+    header = [plan.across, *(f"{plan.leading}_{event}_{side}" for event in EVENTS for side in ("from", "to"))]
+    rows = []
+    for line in lines:
+        span = line.goal[leading] - line.start[leading]
+        rows.append([line.start[across], *(line.start[leading] + line.onsets * span).ravel()])
+    return states, write_csv(folder / "onsets.csv", header, rows)

@@ -1,0 +1,209 @@
+"""The lowest eigenvalue of the tangent of a wave vector, and the mode that belongs to it.
+
+K u = λ M u with the lumped mass M of the undeformed solid at density 1, so that λ is the least δ²Π per ∫|u|² dV and
+does not depend on the mesh but for the error of discretisation. In units of E and of the edge of the cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import LinearOperator, eigsh
+from scipy.spatial import cKDTree
+
+from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
+from porocore.cell.meshing.mass import lumped_mass
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.symmetry.exchange import images
+from porocore.cell.symmetry.parity import bloch_classes, odd_axes, translation
+from porocore.errors import PorocoreError
+from porocore.states import Array
+
+#: The first shift below the spectrum; others follow, four times as far.
+FIRST_SHIFT, LARGEST_SHIFT = -1.0, -1e6
+#: Of a node's place, in lengths of the cell.
+NEAR = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """The lowest mode of one class of perturbations.
+
+    Attributes
+    ----------
+    value : float
+        λ [E per squared edge of the cell]; negative: the energy falls along the mode.
+    odd
+        The class.
+    mesh
+        Of the eighth.
+    u : (nodes, 3)
+        The mode there, its largest component 1.
+    """
+
+    value: float
+    odd: str
+    mesh: CellMesh
+    u: Array
+
+    @property
+    def periods(self) -> tuple[int, ...]:
+        """Of the mode, in cells along each axis."""
+        first, second = odd_axes(self.odd, 0), odd_axes(self.odd, 1)
+        return tuple(2 if (a in first) != (a in second) else 1 for a in "xyz")
+
+    def at(self, points: Array) -> Array:
+        """The mode (n, 3) at points (n, 3) anywhere that are mirror images of nodes of the eighth.
+
+        Such are the nodes of the whole cell and of a block of whole cells.
+
+        Raises
+        ------
+        ValueError
+            A point is no image of a node.
+        """
+        there, signs = folded(points, self.odd)
+        distance, node = cKDTree(self.mesh.points).query(there)
+        if distance.max(initial=0.0) > NEAR:
+            raise ValueError(f"point {int(distance.argmax())} is no mirror image of a node of the eighth")
+        values: Array = signs * self.u[node]
+        return values
+
+
+def folded(points: Array, odd: str) -> tuple[Array, Array]:
+    """Into the eighth by mirrors: the images (n, 3), and by what a field of the class is multiplied there, (n, 3)."""
+    first, second = odd_axes(odd, 0), odd_axes(odd, 1)
+    there, signs = np.empty_like(points), np.ones_like(points)
+    for axis, name in enumerate("xyz"):
+        x = np.mod(points[:, axis], 2.0)
+        at_0 = -1.0 if name in first else 1.0
+        at_half = -1.0 if name in second else 1.0
+        # Four quarters of two cells: as it is, mirrored at ½, shifted by one cell (both mirrors), mirrored at 0.
+        quarter = np.minimum((2 * x).astype(np.int64), 3)
+        there[:, axis] = np.choose(quarter, [x, 1 - x, x - 1, 2 - x])
+        factor = np.choose(quarter, [1.0, at_half, at_0 * at_half, at_0])
+        normal = np.choose(quarter, [1.0, -1.0, 1.0, -1.0])
+        signs *= factor[:, None]
+        signs[:, axis] *= normal
+    return there, signs
+
+
+def lowest_mode(solid: DiscreteSolid, here: Iterate, wave: str) -> Mode:
+    """Of all classes of a wave vector; rigid translations do not count.
+
+    Raises
+    ------
+    PorocoreError
+        The linear solver cannot tell the inertia.
+    FactorError
+        A tangent cannot be factorised.
+    """
+    swaps = solid.exchanged_axes(here)
+    kept = {min(images(odd, swaps) & set(bloch_classes()[wave])) for odd in bloch_classes()[wave]}
+    return min((lowest_of_class(solid, here, odd) for odd in sorted(kept)), key=lambda mode: mode.value)
+
+
+def lowest_eigenvalues(solid: DiscreteSolid, here: Iterate, waves: Iterable[str]) -> dict[str, float]:
+    """λ of each wave vector; each class is asked once."""
+    swaps = solid.exchanged_axes(here)
+    of_class: dict[str, float] = {}
+    found = {}
+    for wave in waves:
+        values = []
+        for odd in bloch_classes()[wave]:
+            representative = min(images(odd, swaps))
+            if representative not in of_class:
+                of_class[representative] = lowest_of_class(solid, here, representative).value
+            values.append(of_class[representative])
+        found[wave] = min(values)
+    return found
+
+
+def lowest_of_class(solid: DiscreteSolid, here: Iterate, odd: str) -> Mode:
+    """By Lanczos' iteration on the inverse, shifted below the spectrum, and Rayleigh's quotient of what it finds.
+
+    A class that has a rigid translation is asked for its other modes: with Mt of the translation t taken out of M. One
+    component of one node is held there, so each field stands for those that differ from it by a translation.
+    """
+    K, mass = solid.tangent(here, odd), solid.masses(odd)
+    n = len(mass)
+    rigid = _rigid(solid, odd)
+
+    def weighed(x: Array) -> Array:
+        y = mass * x
+        return y - rigid.along * (rigid.along @ x) / rigid.mass if rigid else y
+
+    shift = FIRST_SHIFT
+    while True:
+        count, divide = _factored(solid, here, odd, shift, rigid)
+        if count < 0:
+            raise PorocoreError(
+                "eigenvalues need a linear solver that counts negative pivots, which fem.options.solver does not "
+                "choose for this cell; use a direct one"
+            )
+        if count == 0:
+            break
+        shift *= 4
+        if shift < LARGEST_SHIFT:
+            raise FactorError(f"no shift above {LARGEST_SHIFT:g} makes the tangent of class '{odd}' definite")
+    inverse = LinearOperator((n, n), matvec=divide, dtype=float)
+    M: Any = LinearOperator((n, n), matvec=weighed, dtype=float) if rigid else sparse.diags(mass)
+    begin = np.random.default_rng(0).normal(size=n)
+    _, vectors = eigsh(K, k=1, M=M, sigma=shift, OPinv=inverse, v0=begin, tol=1e-7)
+    x = vectors[:, 0]
+    value = float(x @ (K @ x)) / float(x @ weighed(x))
+    u = solid.expanded(x, odd)
+    if rigid:
+        u[:, rigid.axis] -= (rigid.along @ x) / rigid.mass
+    return Mode(value, odd, solid.mesh, _scaled(u))
+
+
+def _scaled(u: Array) -> Array:
+    """Of largest component one; of several that differ by round-off the first one is positive."""
+    size = np.abs(u)
+    first = np.flatnonzero(size > 0.99 * size.max())[0]
+    scaled: Array = u * np.sign(u.flat[first]) / size.max()
+    return scaled
+
+
+@dataclass(frozen=True, eq=False)
+class _Rigid:
+    """The translation t of a class: its axis, M t of the free unknowns, and tᵀMt with the held one."""
+
+    axis: int
+    along: Array
+    mass: float
+
+
+def _rigid(solid: DiscreteSolid, odd: str) -> _Rigid | None:
+    axis = translation(odd)
+    if axis is None:
+        return None
+    mass = lumped_mass(solid.mesh)
+    along = np.zeros((len(mass), 3))
+    along[:, axis] = mass
+    return _Rigid(axis, solid.reduced(along, odd), float(mass.sum()))
+
+
+def _factored(
+    solid: DiscreteSolid, here: Iterate, odd: str, shift: float, rigid: _Rigid | None
+) -> tuple[int, Any]:
+    """Number of eigenvalues below the shift, and the application of (K − shift·M)⁻¹."""
+    factor = solid.factor(here, odd, shift)
+    count = factor.negative
+    if rigid is None or count < 0:
+        return count, factor.solve
+    # K − shift·(M − a aᵀ/m) = B + shift·a aᵀ/m, by Sherman and Morrison; its inertia by that of the bordered matrix.
+    solved = factor.solve(rigid.along)
+    pivot = rigid.mass + shift * float(rigid.along @ solved)
+
+    def divide(x: Array) -> Array:
+        y = factor.solve(x)
+        result: Array = y - solved * (shift * float(rigid.along @ y) / pivot)
+        return result
+
+    return count + int(pivot < 0), divide

@@ -1,0 +1,159 @@
+"""Which operations of the cube leave a periodic set of points or voxels as it is, together with some shift.
+
+A cell is periodic, so its origin means nothing: Q belongs to its point group if x → Q x + t takes the cell to itself
+for some t. Shifts are not guessed: each takes one point of a rare kind to another of its kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.core.tensors.point_group import CUBE_OPERATIONS, TRIVIAL, PointGroup
+from porocore.states import Array, IntArray
+
+#: Shifts that are tried for one operation; where there are more the group may come out too small, never too large.
+MOST_SHIFTS = 256
+#: Points on which a shift is tried before it is tried on all.
+FIRST = 32
+MOST_VOXEL_SHIFTS = 4e6
+#: Voxels between which shifts are told apart, one after the other.
+PROBES = 256
+
+Mask = npt.NDArray[np.bool_]
+#: Asked of an operation Q and of the point to which each point goes.
+Allows = Callable[[IntArray, IntArray], bool]
+
+
+def group_of_points(
+    points: Array, labels: IntArray, tolerance: float, allows: Allows = lambda Q, order: True
+) -> PointGroup:
+    """Return the point group of points that repeat themselves with the period 1.
+
+    Parameters
+    ----------
+    points : (n, 3)
+        In one period.
+    labels : (n,)
+        Points with different labels are not taken to each other.
+    tolerance
+        How far an image may lie from a point.
+    allows
+        What else an operation has to obey.
+    """
+    if not len(points):
+        return TRIVIAL
+    return PointGroup.generated(
+        [
+            Q
+            for Q in CUBE_OPERATIONS
+            if any(allows(Q, order) for order in images_of_points(points, labels, tolerance, Q))
+        ]
+    )
+
+
+def images_of_points(points: Array, labels: IntArray, tolerance: float, Q: IntArray) -> Iterator[IntArray]:
+    """Yield to which point each goes (n,), for each shift with which Q (3, 3) takes the points to themselves."""
+    from scipy.spatial import cKDTree  # slow to import
+
+    within = points - np.floor(points)
+    within[within >= 1.0] = 0.0
+    tree = cKDTree(within, boxsize=1.0)
+    count = np.bincount(labels)
+    rare = np.flatnonzero(labels == np.where(count > 0, count, len(labels) + 1).argmin())
+    turned = points @ Q.T
+
+    def nearest(rows: slice, shift: Array) -> tuple[Array, IntArray]:
+        moved = turned[rows] + shift
+        moved -= np.floor(moved)
+        moved[moved >= 1.0] = 0.0
+        distance, index = tree.query(moved)
+        return distance, np.asarray(index, dtype=np.int64)
+
+    for goal in rare[:MOST_SHIFTS]:
+        shift = points[goal] - turned[rare[0]]
+        distance, order = nearest(slice(FIRST), shift)
+        if (distance > tolerance).any() or (labels[order] != labels[:FIRST]).any():
+            continue
+        distance, order = nearest(slice(None), shift)
+        if (distance > tolerance).any() or (labels[order] != labels).any():
+            continue
+        if len(np.unique(order)) == len(points):
+            yield order
+
+
+def kinds(values: Array, tolerance: float) -> IntArray:
+    """Return a number for each row of values (n, k): rows that differ by less than a tolerance have the same."""
+    labels = np.zeros(len(values), dtype=np.int64)
+    for column in values.T:
+        order = np.argsort(column, kind="stable")
+        steps = np.concatenate([[False], np.diff(column[order]) > tolerance])
+        number = np.empty(len(column), dtype=np.int64)
+        number[order] = np.cumsum(steps)
+        labels = np.unique(np.column_stack([labels, number]), axis=0, return_inverse=True)[1].reshape(-1)
+    return labels
+
+
+def group_of_voxels(solid: Mask, *, mirror: bool) -> PointGroup:
+    """Return the point group of a cell of voxels (n, n, n), exactly.
+
+    With ``mirror`` they are the eighth of the cell, which goes on mirrored at its sides; else they are the whole cell.
+    """
+    if mirror:
+        flips = list(product((1, -1), repeat=3))
+        return PointGroup.generated(
+            [np.diag(signs) for signs in flips]
+            # Reversed along an axis, the eighth is that of the cell shifted by half a period.
+            + [
+                Q
+                for Q in CUBE_OPERATIONS
+                if any(np.array_equal(_turned(_flipped(solid, signs), np.abs(Q)), solid) for signs in flips)
+            ]
+        )
+    profiles = [solid.sum(axis=tuple(a for a in range(3) if a != axis)) for axis in range(3)]
+    uniform = [np.array_equal(np.roll(solid, 1, axis=axis), solid) for axis in range(3)]
+
+    def allowed(Q: IntArray) -> bool:
+        along = []
+        for axis, (old, sign) in enumerate(_axes(Q)):
+            profile = profiles[old][::sign]
+            shifts = [s for s in range(len(solid)) if np.array_equal(np.roll(profile, s), profiles[axis])]
+            along.append(shifts[:1] if uniform[axis] and uniform[old] else shifts)
+        return _shifts_onto(_turned(solid, Q), solid, along)
+
+    return PointGroup.generated([Q for Q in CUBE_OPERATIONS if allowed(Q)])
+
+
+def _axes(Q: IntArray) -> list[tuple[int, int]]:
+    """Which axis becomes each of the three under x → Q x, and with which sign."""
+    return [(int(np.abs(row).argmax()), int(row.sum())) for row in Q]
+
+
+def _turned(voxels: Mask, Q: IntArray) -> Mask:
+    """The voxels after x → Q x about the middle."""
+    axes = _axes(Q)
+    return _flipped(voxels.transpose([old for old, _ in axes]), tuple(sign for _, sign in axes))
+
+
+def _flipped(voxels: Mask, signs: tuple[int, ...]) -> Mask:
+    return voxels[tuple(slice(None, None, sign) for sign in signs)]
+
+
+def _shifts_onto(one: Mask, other: Mask, along: list[list[int]]) -> bool:
+    """Whether one of the shifts by whole voxels ``along`` each axis makes them the same."""
+    if np.prod([float(len(shifts)) for shifts in along]) > MOST_VOXEL_SHIFTS:
+        return False
+    shifts = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.int64)
+    n = len(one)
+    for at in np.random.default_rng(0).integers(0, n, (PROBES, 3)):
+        if len(shifts) <= 1:
+            break
+        source = (at - shifts) % n
+        shifts = shifts[one[source[:, 0], source[:, 1], source[:, 2]] == other[tuple(at)]]
+    return any(
+        np.array_equal(np.roll(one, tuple(int(s) for s in shift), axis=(0, 1, 2)), other)
+        for shift in shifts[:MOST_SHIFTS]
+    )

@@ -1,0 +1,246 @@
+"""``porocore cell``: one state of the cell, solved; ``cell fields``: its local fields; ``cell show``: its pores."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from porocore.cli.common import (
+    ConfigArgument,
+    FemOption,
+    interruptible,
+    located,
+    parse_inputs,
+    read_config,
+)
+from porocore.core.echo import cut, echo
+from porocore.core.files.plain_data import json_ready
+from porocore.errors import ConfigurationError
+
+#: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
+ZERO = 1e-12
+#: Characters of a state in the name of its files.
+LONGEST_NAME = 120
+
+
+class _StateByDefault(TyperGroup):
+    """``porocore cell [CONFIG] …`` is short for ``porocore cell state [CONFIG] …``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if not args or (args[0] not in self.commands and args[0] not in ("-h", "--help")):
+            args = ["state", *args]
+        return super().parse_args(ctx, args)
+
+
+cell = typer.Typer(
+    cls=_StateByDefault,
+    help="The cell: one state (state, also where no command is named), its local fields, or its pores (show).",
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@cell.command()
+def state(
+    config: ConfigArgument = None,
+    fem: FemOption = None,
+    grad_u: Annotated[
+        str,
+        typer.Option(
+            "--grad-u", metavar='"a b c; d e f; g h i"', help="H = grad u, row by row, H_ij = du_i/dX_j."
+        ),
+    ] = "0 0 0; 0 0 0; 0 0 0",
+    p: Annotated[float, typer.Option("--p", help="Pore pressure, positive in compression, E = 1.")] = 0.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Solve the cell for one macroscopic state.
+
+    Prints porosity, conductivity and the responses of the cell with their derivatives, those of fourth order
+    with --json only. A state that has no solution is an answer too: its status tells why, and in the JSON object
+    its responses are null.
+    """
+    from porocore.core.inputs.possible_states import require_possible
+
+    path, settings = read_config(config, fem)
+    H = parse_grad_u(grad_u)
+    if not math.isfinite(p):
+        raise ConfigurationError(f"--p: expected a finite number, got {p}")
+    require_possible(H, p, settings.cell.modulus, "--grad-u and --p")
+    with interruptible(), located(path):
+        from porocore.study.stages import pipeline
+
+        result = json_ready(pipeline.solve_cell(settings, H, p))
+    typer.echo(json.dumps(result, allow_nan=False) if as_json else as_text(result))
+
+
+@cell.command()
+def fields(
+    config: ConfigArgument = None,
+    at: Annotated[
+        str,
+        typer.Option("--at", metavar="NAME=VALUE,…", help="The state: H11 … H33 and p that are not zero."),
+    ] = "H22=-0.1",
+    fem: FemOption = None,
+    no_pictures: Annotated[
+        bool, typer.Option("--no-pictures", help="Only the file for ParaView; pyvista is not needed.")
+    ] = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where file and pictures go.")] = Path(
+        "runs/fields"
+    ),
+) -> None:
+    """Solve one state and write its local fields.
+
+    A .vtu file of the whole cell for ParaView with the micro displacement, F, J, the strain energy density and
+    stresses; and two pictures, the micro displacement on the deformed cell and the strain energy density on the
+    undeformed one.
+    Pictures need pyvista (pip install 'porocore[pictures]') and no display.
+    """
+    path, settings = read_config(config, fem)
+    asked = parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at)
+    with interruptible(), located(path):
+        from porocore.core.files.atomic import new_folder
+        from porocore.study.preflight.checks import find_backends
+        from porocore.verification.local_fields.solve import solve_and_write, state_row
+
+        state_row(settings.cell, asked)
+        find_backends(settings, ["cell solver"])
+        new_folder(out)
+        found = solve_and_write(
+            settings.cell,
+            settings.fem,
+            out,
+            asked,
+            name=re.sub(r"[^A-Za-z0-9.+-]+", "_", at.strip())[:LONGEST_NAME],
+            pictures=not no_pictures,
+        )
+    peaks = found.response.peaks
+    from porocore.states import Status
+
+    typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")
+    if peaks is not None:
+        typer.echo(
+            f"strain energy density: mean <Ψ>_s {peaks.energy_mean[0]:.6g}, largest {peaks.energy[0]:.6g}"
+        )
+    for written in (found.vtu, *found.pictures.values()):
+        typer.echo(written)
+
+
+@cell.command()
+def show(
+    config: ConfigArgument = None,
+    no_pictures: Annotated[
+        bool, typer.Option("--no-pictures", help="Only the files for ParaView; pyvista is not needed.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where files and picture go.")] = Path(
+        "runs/cell"
+    ),
+) -> None:
+    """Mesh the cell and show it; nothing is solved.
+
+    Prints porosity, number and quality of the elements, how solid and fluid hang together from cell to cell, and
+    whether opposite faces match. Writes both phases as .vtu files for ParaView, and a picture.
+    Pictures need pyvista (pip install 'porocore[pictures]') and no display.
+    """
+    path, settings = read_config(config, None)
+    with interruptible(), located(path):
+        from porocore.cell.facts import as_lines, facts_of
+        from porocore.core.files.atomic import new_folder
+        from porocore.verification.local_fields.geometry import render_phases, write_phases
+
+        new_folder(out)
+        facts = facts_of(settings.cell)
+        if as_json:
+            typer.echo(json.dumps(json_ready(asdict(facts)), allow_nan=False))
+        else:
+            typer.echo("\n".join(as_lines(facts)))
+        files = write_phases(settings.cell, out, path.stem)
+        written = [*files]
+        if not no_pictures:
+            written.append(render_phases(settings.cell, files, out / f"{path.stem}.png"))
+    if not as_json:
+        for file in written:
+            typer.echo(file)
+
+
+def parse_grad_u(text: str) -> list[list[float]]:
+    """``"a b c; d e f; g h i"`` → three rows; commas may stand for spaces.
+
+    Raises
+    ------
+    ConfigurationError
+        It is not nine finite numbers in three rows.
+    """
+    try:
+        rows = [[float(word) for word in row.replace(",", " ").split()] for row in text.split(";")]
+    except ValueError as error:
+        rows = []
+        reason = str(error)
+    else:
+        reason = f"rows of {', '.join(str(len(row)) for row in rows)}"
+    if [len(row) for row in rows] != [3, 3, 3] or not all(math.isfinite(x) for row in rows for x in row):
+        raise ConfigurationError(
+            f"--grad-u: expected nine finite numbers as 'a b c; d e f; g h i', got {echo(text)} ({cut(reason)})"
+        )
+    return rows
+
+
+def as_text(result: Mapping[str, Any]) -> str:
+    """The same for reading.
+
+    The fourth-order derivatives are in the JSON only. A state without values shows what does not depend on
+    it, and its status in words; numbers below :data:`ZERO` are shown as 0.
+    """
+    lines = []
+    for name, value in result.items():
+        if name == "status":
+            lines.append(f"status: {_described(value)}")
+        elif _is_empty(value):
+            continue
+        elif isinstance(value, Mapping):
+            nested = {key: item for key, item in value.items() if not _depth(item) > 2}
+            lines += [f"{name}:", *(f"  {line}" for line in as_text(nested).splitlines())]
+        elif _depth(value) == 2:
+            lines += [f"{name}:", *("  " + "  ".join(_number(x) for x in row) for row in value)]
+        else:
+            lines.append(f"{name}: {_number(value).strip() if not isinstance(value, str) else value}")
+    return "\n".join(lines)
+
+
+def _described(status: str) -> str:
+    """Its name, and what it means unless all is well."""
+    from porocore.report.words import MEANINGS
+    from porocore.states import Status
+
+    known = Status[status]
+    return status if known is Status.converged else f"{status} – {MEANINGS[known]}"
+
+
+def _is_empty(value: Any) -> bool:
+    """Whether it holds nothing but null, as the responses of a state without values do."""
+    if isinstance(value, Mapping):
+        return all(map(_is_empty, value.values()))
+    return all(map(_is_empty, value)) if isinstance(value, list) else value is None
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, float) and abs(value) < ZERO:
+        value = 0.0
+    return f"{value:13.6g}" if isinstance(value, int | float) else f"{'-' if value is None else value!s:>13}"
+
+
+def _depth(value: Any) -> int:
+    depth = 0
+    while isinstance(value, list):
+        depth += 1
+        value = value[0] if value else None
+    return depth

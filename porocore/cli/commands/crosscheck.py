@@ -1,0 +1,101 @@
+"""``porocore crosscheck``: every installed backend on one case, each held against the others."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from porocore.cli.common import interruptible, read_config
+from porocore.core.console import Console
+
+if TYPE_CHECKING:
+    from porocore.verification.crosscheck import CrossCheck
+
+#: Columns of the table where standard output is no terminal.
+WIDTH = 130
+
+
+def crosscheck(
+    config: Annotated[
+        Path | None,
+        typer.Argument(metavar="CONFIG", help="Configuration (YAML).", show_default="a small packaged case"),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Where crosscheck.json and crosscheck.html go.")
+    ] = Path("runs/crosscheck"),
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print what crosscheck.json holds instead of the table.")
+    ] = False,
+    fem: Annotated[
+        list[str] | None,
+        typer.Option("--fem", metavar="NAME", help="Only these finite-element backends; repeat it."),
+    ] = None,
+    surrogate: Annotated[
+        list[str] | None,
+        typer.Option("--surrogate", metavar="NAME", help="Only these surrogates; repeat it."),
+    ] = None,
+) -> None:
+    """Run every pair of finite-element backend and surrogate on one case and compare the results.
+
+    Compared are averages, derivatives and conductivity of the cell, predictions of the surrogates, and histories
+    of the body under its first load. Exit status 1 when a difference exceeds its tolerance or a backend fails.
+    """
+    from porocore.study.benchmark import crosscheck_path
+
+    _, settings = read_config(crosscheck_path() if config is None else config, None)
+    with interruptible():
+        from porocore.core.files.atomic import new_folder
+        from porocore.verification.crosscheck import crosscheck as check
+        from porocore.verification.crosscheck import find_contestants
+        from porocore.verification.crosscheck.files import write
+
+        who = find_contestants(fem or (), surrogate or ())
+        new_folder(out)
+        console = Console()
+        for text in who.absent:
+            console.note(f"takes no part: {text}")
+        result = check(settings, who, console=console)
+        document, page = write(out, result)
+    if as_json:
+        typer.echo(document.read_text(encoding="utf-8"), nl=False)
+    else:
+        _print(result)
+        typer.echo(page)
+    if not result.passed:
+        failed = len(result.failed)
+        typer.secho("failed: ", fg=typer.colors.RED, bold=True, err=True, nl=False)
+        typer.echo(
+            f"{failed} of {len(result.comparisons)} comparisons; the worst: {result.worst.describe()}",
+            err=True,
+        )
+        raise typer.Exit(1)
+
+
+def _print(result: CrossCheck) -> None:
+    from rich.console import Console as RichConsole
+    from rich.table import Table
+    from rich.text import Text
+
+    from porocore.verification.crosscheck.html import PARTS
+
+    shown = RichConsole(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for heading in ("", "quantity", "at", "who"):
+        table.add_column(heading)
+    for heading in ("difference", "tolerance", ""):
+        table.add_column(heading, justify="right", no_wrap=True)
+    part = None
+    for line in result.comparisons:
+        title = PARTS[line.part][0] if line.part != part else ""
+        part = line.part
+        numbers = ("–", "–") if line.reason else (f"{line.difference:.1e}", f"{line.tolerance:.0e}")
+        verdict = "[green]pass[/green]" if line.passed else "[red]FAIL[/red]"
+        verdict = "[dim]skipped[/dim]" if line.skipped else verdict
+        table.add_row(title, Text(line.quantity), Text(line.case), Text(line.pair), *numbers, verdict)
+    shown.print(table)
+    for line in result.comparisons:
+        if line.reason and (line.skipped or not line.passed):
+            typer.echo(line.describe())

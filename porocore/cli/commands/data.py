@@ -1,0 +1,283 @@
+"""``porocore data``: what a file of solved states holds, whether it is sound, and its contents for other programs."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from porocore.cli.common import interruptible
+from porocore.errors import ConfigurationError, DataError, RunFolderError
+
+if TYPE_CHECKING:
+    from porocore.sampling.datasets.dataset import Dataset
+
+FileArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Data set, or run folder.", show_default=False)
+]
+
+data = typer.Typer(
+    help="A file of solved states: what it holds (info), whether it is sound (check), several as one (merge), a table "
+    "for other programs (export), and a picture (plot).",
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@data.command()
+def info(
+    file: FileArgument,
+    provenance: Annotated[
+        bool, typer.Option("--provenance", help="Also the texts of several lines, such as the configuration.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Counts, ranges, statuses and provenance.
+
+    Of a run folder, those of its samples and of its held-out states.
+    """
+    from porocore.sampling.datasets.dataset import Dataset
+
+    with interruptible():
+        found = [_facts(Dataset.open(path)) for path in _files(file)]
+    if as_json:
+        typer.echo(json.dumps(found if len(found) > 1 else found[0], allow_nan=False))
+        return
+    for k, facts in enumerate(found):
+        typer.echo(("\n" if k else "") + _as_text(facts, provenance))
+
+
+@data.command()
+def check(
+    file: FileArgument,
+    tolerance: Annotated[
+        float,
+        typer.Option(metavar="X", help="Largest misfit of a law, relative to the largest entry.", min=0.0),
+    ] = 1e-6,
+) -> None:
+    """Read everything and hold it against what must be so.
+
+    Every array is read, checksums included. Keys are unique; states with values are finite and the others hold none;
+    inputs lie in their ranges; ∂P_E/∂p = −∂φ/∂H, and ∂P_E/∂H is symmetric. Exit status 1 if something is wrong.
+    """
+    from porocore.sampling.datasets.check import check_file
+
+    sound = True
+    with interruptible():
+        for path in _files(file, must_exist=True):
+            typer.echo(path)
+            for finding in check_file(path, tolerance):
+                typer.echo(f"  {'ok  ' if finding.holds else 'FAIL'}  {finding.name}: {finding.detail}")
+                sound &= finding.holds
+    if not sound:
+        raise typer.Exit(1)
+
+
+@data.command()
+def merge(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE FILE …", help="Data sets, or run folders.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to.", show_default=False)],
+) -> None:
+    """Several data sets of the same cell and inputs as one.
+
+    A state that is in more than one must be the same in all, to the last bit; otherwise nothing is written. Prints the
+    path.
+    """
+    from porocore.sampling.datasets.dataset import Dataset
+    from porocore.sampling.datasets.merge import merge as merged
+
+    if len(files) < 2:
+        raise ConfigurationError("expected at least two files to merge, got one")
+    with interruptible():
+        dataset = merged([Dataset.open(_samples(path)) for path in files], _fresh(out))
+    typer.echo(f"{len(dataset)} states", err=True)
+    typer.echo(out)
+
+
+@data.command()
+def export(
+    file: FileArgument,
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="FILE", help="Ends in .csv or .parquet.", show_default=False),
+    ],
+    derivatives: Annotated[
+        bool, typer.Option("--derivatives", help="Also the derivatives of the responses, some 200 columns.")
+    ] = False,
+) -> None:
+    """One table with a row for each state.
+
+    Key, status, start, seconds, H11 … H33, p and the responses, with all digits. Prints the path.
+    """
+    from porocore.sampling.datasets.dataset import Dataset
+    from porocore.sampling.datasets.export import export as exported
+
+    with interruptible():
+        typer.echo(exported(Dataset.open(_samples(file)), _fresh(out), derivatives=derivatives))
+
+
+@data.command()
+def plot(
+    file: FileArgument,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="Ends in .png or .svg.", show_default=False)
+    ],
+    axes: Annotated[
+        str | None,
+        typer.Option(
+            "--axes",
+            metavar="NAME,NAME",
+            help="Inputs across and upwards.",
+            show_default="H22,p or the first two",
+        ),
+    ] = None,
+) -> None:
+    """Where the cell was solved, and how that ended.
+
+    The outline is that of the stable states, which a surrogate may learn from. Prints the path.
+    """
+    from porocore.core.files.atomic import atomic_path
+    from porocore.sampling.datasets.dataset import Dataset
+
+    if out.suffix not in (".png", ".svg"):
+        raise ConfigurationError(f"--out: expected a name that ends in .png or .svg, got {out}")
+    with interruptible():
+        dataset = Dataset.open(_samples(file))
+        pair = None if axes is None else _pair(axes, dataset)
+        response = dataset.responses()
+        _fresh(out)
+        from porocore.report.figures.sampling import samples_figure
+        from porocore.report.figures.style import png_bytes, svg_bytes
+
+        figure = samples_figure(
+            dataset.inputs, dataset.x(), response.status, training=response.stable, pair=pair
+        )
+        with atomic_path(out) as part:
+            part.write_bytes(png_bytes(figure) if out.suffix == ".png" else svg_bytes(figure))
+    typer.echo(out)
+
+
+def _files(target: Path, *, must_exist: bool = False) -> list[Path]:
+    """The data sets that are meant by a file or a run folder."""
+    if must_exist and not target.exists():
+        raise DataError(f"{target}: no such file or folder")
+    first = _samples(target)
+    held_out = target / "test.h5"
+    return [first, held_out] if target.is_dir() and held_out.exists() else [first]
+
+
+def _samples(target: Path) -> Path:
+    if not target.is_dir():
+        return target
+    from porocore.study.run_folder.folder import RunFolder
+
+    folder = RunFolder.open(target)
+    return folder.require(folder.dataset, "sample")
+
+
+def _fresh(out: Path) -> Path:
+    from porocore.core.files.atomic import place_for
+
+    place_for(out)
+    if os.path.lexists(out):
+        raise RunFolderError(f"{out} exists; choose another --out or delete it")
+    return out
+
+
+def _pair(axes: str, dataset: Dataset) -> tuple[str, str]:
+    names = tuple(name.strip() for name in axes.split(","))
+    if len(names) != 2 or len(set(names)) != 2 or not set(names) <= set(dataset.inputs.names):
+        raise ConfigurationError(
+            f"--axes: expected two of {', '.join(dataset.inputs.names)} with a comma between, got '{axes}'"
+        )
+    return names[0], names[1]
+
+
+def _facts(dataset: Dataset) -> dict[str, Any]:
+    import numpy as np
+
+    from porocore.interfaces.records import flatten_response
+    from porocore.sampling.datasets.layout import read_fields
+    from porocore.states import Status
+
+    n = len(dataset)
+    x = dataset.x()
+    status = dataset.responses().status if n else np.zeros(0, dtype=int)
+    seconds = dataset.seconds()
+    conductivity = dataset.responses().conductivity if n else None
+    inputs = {
+        name: {
+            "range": [dataset.inputs.lower[i], dataset.inputs.upper[i]],
+            "found": [float(x[:, i].min()), float(x[:, i].max())] if n else None,
+        }
+        for i, name in enumerate(dataset.inputs.names)
+    }
+    return {
+        "path": str(dataset.path),
+        "bytes": dataset.path.stat().st_size,
+        "states": n,
+        "not_merged": dataset.unmerged,
+        "statuses": {s.name: int((status == s).sum()) for s in Status if (status == s).any()},
+        "inputs": inputs,
+        "responses": sorted(flatten_response(dataset.responses())) if n else [],
+        **(
+            {}
+            if conductivity is None
+            else {"with_conductivity": int(np.isfinite(conductivity).all(axis=(1, 2)).sum())}
+        ),
+        "fields": sum(kept is not None for kept in read_fields(dataset.rows())),
+        "seconds": {"sum": float(seconds.sum()), "median": float(np.median(seconds)) if n else None},
+        "identity": dataset.identity,
+        "provenance": dataset.provenance,
+    }
+
+
+def _as_text(facts: dict[str, Any], whole: bool) -> str:
+    from porocore.core.console import duration
+
+    megabytes = facts["bytes"] / 1e6
+    lines = [
+        f"{facts['path']}: {facts['states']} states, {megabytes:.3g} MB, identity {facts['identity']}",
+        "  statuses: "
+        + (
+            ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in facts["statuses"].items())
+            or "none"
+        ),
+    ]
+    for name, told in facts["inputs"].items():
+        low, high = told["range"]
+        found = told["found"]
+        said = "nothing yet" if found is None else f"found [{found[0]:g}, {found[1]:g}]"
+        lines.append(f"  {name} in [{low:g}, {high:g}], {said}")
+    if facts["states"]:
+        lines.append(f"  responses: {', '.join(facts['responses'])}")
+        if "with_conductivity" in facts:
+            rest = facts["states"] - facts["with_conductivity"]
+            why = f"; in {rest} the fluid's mesh cannot follow walls that touch, or the solid has no values"
+            lines.append(
+                f"  conductivity of the deformed pore: of {facts['with_conductivity']} states{why if rest else ''}"
+            )
+        seconds = facts["seconds"]
+        lines.append(
+            f"  solves: {duration(seconds['sum'])} in all, {duration(seconds['median'])} each (median); "
+            f"{facts['fields']} with u¹"
+        )
+    if facts["not_merged"]:
+        lines.append(f"  {facts['not_merged']} solves in files of their own: sampling runs or was stopped")
+    for name, text in facts["provenance"].items():
+        rows = text.splitlines()
+        if len(rows) <= 1:
+            lines.append(f"  {name}: {text}")
+        elif whole:
+            lines += [f"  {name}:", *(f"    {row}" for row in rows)]
+        else:
+            lines.append(f"  {name}: {len(rows)} lines (--provenance shows them)")
+    return "\n".join(lines)

@@ -1,0 +1,242 @@
+"""``porocore plugins`` and ``porocore plugin``: what is installed, a new project, and the laws of the kit."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from dataclasses import asdict, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from porocore.cli.common import command, interruptible
+from porocore.errors import ConfigurationError, PluginError
+
+if TYPE_CHECKING:
+    from porocore.plugins.discovery import Offered
+    from porocore.plugins.hookspecs import Kind
+    from porocore.plugins.table import PluginRow
+    from porocore.testing.installed.check import Law
+
+plugin = typer.Typer(
+    help="Write a plugin: a project to start from, and the laws that it is held to.", no_args_is_help=True
+)
+#: By what a user types.
+KINDS: dict[str, Kind] = {
+    "cell": "cell solver",
+    "macro": "macro solver",
+    "surrogate": "surrogate",
+    "sampler": "sampler",
+}
+COLOURS = {"passed": "green", "failed": "bold red", "expected failure": "yellow", "skipped": "dim"}
+
+
+def _kind(text: str) -> Kind:
+    if text not in KINDS:
+        raise ConfigurationError(f"--kind: expected {', '.join(KINDS)}, got '{text}'")
+    return KINDS[text]
+
+
+@plugin.command()
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What users will write, such as my-sampler.")],
+    kind: Annotated[str, typer.Option("--kind", metavar="KIND", help="cell, macro, surrogate or sampler.")],
+    to: Annotated[
+        Path | None,
+        typer.Option("--to", metavar="DIR", help="The new folder.", show_default="porocore-KIND-NAME"),
+    ] = None,
+) -> None:
+    """Write a complete project: it can be installed, works, and passes its tests.
+
+    Prints the path of the folder. Nothing that is there already is overwritten.
+    """
+    from porocore.plugins.scaffold.project import write_project
+
+    _kind(kind)
+    folder = write_project(name, kind, to)
+    typer.echo(folder)
+    # The laws are run by pytest, which the extra brings.
+    install = shlex.join(["pip", "install", "-e", f"{folder}[test]"])
+    typer.secho(f"next: {install}, then {command('plugin', 'check', name, '--kind', kind)}", err=True)
+
+
+@plugin.command()
+def check(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="As 'porocore plugins' lists it.")],
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            "--kind",
+            metavar="KIND",
+            help="cell, macro, surrogate or sampler.",
+            show_default="all of the name",
+        ),
+    ] = None,
+    only: Annotated[
+        str,
+        typer.Option("--only", metavar="LAW", help="One law, by its name or in words.", show_default="all"),
+    ] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Every law with its outcome, as JSON.")] = False,
+) -> None:
+    """Hold an installed plugin to the laws of its interface.
+
+    Exit status 1 if it breaks one that it does not list among its expected failures.
+    """
+    from porocore.testing.installed.check import UnknownLaw, offers_of
+
+    laws: list[Law] = []
+    unknown: UnknownLaw | None = None
+    with interruptible():
+        for offered in offers_of(name, None if kind is None else _kind(kind)):
+            try:
+                laws += _check(offered, only)
+            except UnknownLaw as error:  # of a cell solver, perhaps, when the macro solver has it
+                unknown = error
+    if unknown is not None and not laws:
+        raise unknown
+    if as_json:
+        from porocore.testing import KIT_VERSION
+
+        document = {"plugin": name, "kit_version": KIT_VERSION, "laws": [asdict(law) for law in laws]}
+        typer.echo(json.dumps(document, indent=2, ensure_ascii=False))
+    else:
+        _show(laws)
+    if any(law.result == "failed" for law in laws):
+        raise typer.Exit(1)
+
+
+def _check(offered: Offered, only: str) -> list[Law]:
+    """Hold one offer to its laws, and show how far that is."""
+    from porocore.core.console import Console
+    from porocore.testing.installed.check import check_plugin
+
+    title = f"checking {offered.kind} '{offered.offer.name}' of {offered.source}"
+    with Console().task(title, "laws") as task:
+        done = failed = 0
+
+        def begin(law: str, total: int) -> None:
+            task.update(done, total, failed=failed, detail=law)
+
+        def end(law: Law, total: int) -> None:
+            nonlocal done, failed
+            done, failed = done + 1, failed + (law.result == "failed")
+            task.update(done, total, failed=failed)
+
+        return check_plugin(offered, end, only=only, on_start=begin)
+
+
+def _show(laws: list[Law]) -> None:
+    """One table for each suite, and a line that counts."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    for kind, suite in dict.fromkeys((law.kind, law.suite) for law in laws):
+        table = Table(title=f"{kind}: {suite}", title_justify="left", expand=False)
+        for column in ("law", "result", "reason"):
+            table.add_column(column, overflow="fold", no_wrap=column == "result")
+        for law in laws:
+            if (law.kind, law.suite) == (kind, suite):
+                table.add_row(Text(law.words), Text(law.result, style=COLOURS[law.result]), Text(law.reason))
+        console.print(table)
+    counts = {
+        result: sum(law.result == result for law in laws)
+        for result in ("passed", "failed", "expected failure", "skipped")
+    }
+    words = [f"{count} {result}" for result, count in counts.items() if count]
+    console.print(f"{len(laws)} {'law' if len(laws) == 1 else 'laws'}: {', '.join(words)}")
+
+
+def plugins(
+    as_json: Annotated[bool, typer.Option("--json", help="Everything that is known, as JSON.")] = False,
+    load: Annotated[
+        bool, typer.Option("--load", help="Import each implementation too, which takes a while.")
+    ] = False,
+) -> None:
+    """List the backends, their state, and how to mend what is missing or broken."""
+    from porocore.plugins.registry import plugins_table
+
+    rows = [_loaded(row) if load else row for row in plugins_table()]
+    if as_json:
+        typer.echo(json.dumps([_document(row) for row in rows], indent=2, ensure_ascii=False))
+        return
+    header = ("kind", "name", "state", "from")
+    cells = [(row.kind or "plugin", row.name, row.state, row.distribution) for row in rows]
+    widths = [max(len(line[i]) for line in (header, *cells)) for i in range(len(header))]
+    typer.secho("  ".join(text.ljust(width) for text, width in zip(header, widths, strict=True)), bold=True)
+    colours = {"ready": typer.colors.GREEN, "not installed": typer.colors.YELLOW}
+    told: set[str] = set()
+    for row, line in zip(rows, cells, strict=True):
+        padded = [text.ljust(width) for text, width in zip(line, widths, strict=True)]
+        padded[2] = typer.style(padded[2], fg=colours.get(row.state, typer.colors.RED))
+        typer.echo("  ".join([*padded, one_line(row.summary)]).rstrip())
+        # What holds for the module of an entry point is told once, not for each of its offers.
+        for text in (row.advice, *(note for note in row.notes if note not in told)):
+            if text:
+                typer.echo(f"{'':{widths[0]}}  {one_line(text)}")
+        told.update(row.notes)
+
+
+def one_line(text: str) -> str:
+    """Return a text of a stranger for a line of a table: what does not print becomes a space."""
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+
+
+def _loaded(row: PluginRow) -> PluginRow:
+    """With what comes of importing the class, and its suites where pytest is there to import them."""
+    from porocore.plugins.registry import get
+
+    if row.state != "ready" or not row.kind:
+        return row
+    try:
+        implementation = get(row.kind, row.name)
+    except PluginError as error:
+        return replace(row, state="broken", advice=str(error))
+    return replace(row, notes=(*row.notes, *_suite_faults(row.kind, row.name, implementation)))
+
+
+def _suite_faults(kind: Kind, name: str, implementation: type[Any]) -> list[str]:
+    """Return what is wrong with the suites of ``porocore plugin check``; nothing where there is no pytest."""
+    from porocore.plugins.foreign_code import attempt, file_of, place_of, reason_of
+    from porocore.plugins.registry import registry
+
+    if find_spec("pytest") is None:
+        return []
+    from porocore.plugins.kit_version import complaint
+    from porocore.testing.installed.suites import suites_of
+
+    offered = registry().find(kind, name)
+    found = attempt(suites_of, kind, offered.offer, implementation)
+    if found.error is not None:
+        module = getattr(offered.offer.suites, "__module__", None) or ""
+        place = place_of(found.error.__cause__ or found.error, module) or offered.source.file
+        return [f"{reason_of(found.error)} ({place})"]
+    return [
+        f"{suite.__name__} {text} ({file_of(suite.__module__)})"
+        for suite in found.value
+        if (text := complaint(suite.kit_version))
+    ]
+
+
+def _document(row: PluginRow) -> dict[str, Any]:
+    source = row.source
+    return {
+        "kind": row.kind or None,
+        "name": row.name,
+        "distribution": source.distribution if source else row.distribution,
+        "version": source.version if source else None,
+        "entry_point": source.entry_point if source else None,
+        "interface": row.interface,
+        "summary": row.summary,
+        "requirements": list(source.requirements) if source else [],
+        "modules": list(row.modules),
+        "file": source.file if source else None,
+        "seconds": round(source.seconds, 4) if source else None,
+        "state": row.state,
+        "works": row.state == "ready",
+        "advice": row.advice or None,
+        "notes": list(row.notes),
+    }

@@ -1,0 +1,110 @@
+"""``porocore init``, ``schema`` and ``check``: from nothing to a configuration that is worth to be run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porocore.cli.common import (
+    ClosureOption,
+    ConfigArgument,
+    FemOption,
+    MacroOption,
+    SurrogateOption,
+    command,
+    interruptible,
+    located,
+    read_config,
+)
+from porocore.errors import ConfigurationError
+
+
+def init(
+    kind: Annotated[
+        str | None,
+        typer.Argument(metavar="KIND", help="Which example to start from.", show_default="lists them"),
+    ] = None,
+    to: Annotated[
+        Path | None,
+        typer.Option("--to", metavar="FILE", help="The new file.", show_default="KIND.yaml"),
+    ] = None,
+) -> None:
+    """Write a commented configuration to start from; without KIND, list what there is.
+
+    Prints the path of the file. A file that is there already is never overwritten.
+    """
+    from porocore.study.examples import example, examples
+
+    if kind is None:
+        if to is not None:
+            raise ConfigurationError(f"expected a KIND to write to {to}; 'porocore init' lists them")
+        known = examples()
+        width = max(map(len, known))
+        for name, one in known.items():
+            typer.echo(f"{name:{width}}  {one.title}")
+        return
+    chosen = example(kind)
+    path = Path(f"{kind}.yaml") if to is None else to
+    _write_new(path, chosen.start(path))
+    typer.echo(path)
+
+
+def schema(
+    to: Annotated[
+        Path | None,
+        typer.Option("--to", metavar="FILE", help="Where it goes.", show_default="standard output"),
+    ] = None,
+) -> None:
+    """Print the JSON schema of the configuration, by which editors complete and check it.
+
+    With --to it is written to a file, whose path is printed; an older schema there is replaced.
+    """
+    from porocore.core.files.atomic import atomic_path, place_for
+    from porocore.study.config.schema import DIALECT, schema_text
+
+    if to is None:
+        typer.echo(schema_text(), nl=False)
+        return
+    if place_for(to, "--to").exists() and DIALECT not in _beginning(to):
+        raise ConfigurationError(f"--to: {to} is no JSON schema; choose another file, or remove it")
+    with atomic_path(to) as part:
+        part.write_text(schema_text(), encoding="utf-8")
+    typer.echo(to)
+
+
+def check(
+    config: ConfigArgument = None,
+    fem: FemOption = None,
+    macro: MacroOption = None,
+    surrogate: SurrogateOption = None,
+    closure: ClosureOption = None,
+) -> None:
+    """Check a configuration and tell what a run of it would do; nothing is solved or written.
+
+    Meshes the cell and the body, and looks for surfaces, boundary conditions, probes and backends.
+    """
+    from porocore.study.preflight.checks import check_backends, outline
+
+    path, settings = read_config(config, fem, surrogate, closure, macro)
+    with interruptible(), located(path):
+        check_backends(settings)
+        for line in outline(settings):
+            typer.echo(line)
+    typer.echo(f"no faults; next: {command('run', config)}")
+
+
+def _beginning(path: Path) -> str:
+    with path.open("rb") as file:
+        return file.read(200).decode(errors="replace")
+
+
+def _write_new(path: Path, text: str) -> None:
+    """Write a file that must not exist."""
+    from porocore.core.files.atomic import atomic_path, place_for
+
+    if place_for(path, "--to").exists():
+        raise ConfigurationError(f"{path} is there already and is not overwritten; choose another --to")
+    with atomic_path(path) as part:
+        part.write_text(text, encoding="utf-8")

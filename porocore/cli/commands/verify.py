@@ -1,0 +1,117 @@
+"""``porocore verify``: cases with known answers, on every installed finite-element backend."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from porocore.cli.common import interruptible
+from porocore.core.console import Console
+
+if TYPE_CHECKING:
+    from porocore.verification.ladder.case import Check
+    from porocore.verification.ladder.cases import Row
+
+#: Columns of the table where standard output is no terminal.
+WIDTH = 150
+
+
+def verify(
+    fem: Annotated[
+        list[str] | None,
+        typer.Option("--fem", metavar="NAME", help="Only these finite-element backends; repeat it."),
+    ] = None,
+    case: Annotated[
+        list[str] | None, typer.Option("--case", metavar="NAME", help="Only these cases; repeat it.")
+    ] = None,
+    long: Annotated[
+        bool,
+        typer.Option("--long", help="Finer meshes and shorter steps, some minutes instead of one or two."),
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Write what was found as JSON, too.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
+) -> None:
+    """Solve cases whose answers are known from elsewhere and print how far off porocore is.
+
+    Permeabilities of published packings, identities of the cell, linear consolidation, and consolidation at large
+    strain. Exit status 1 when an error is larger than allowed or a backend fails; docs/verification.md has the sources.
+    """
+    with interruptible():
+        from porocore.core.files.atomic import place_for
+        from porocore.verification.ladder import document
+        from porocore.verification.ladder.cases import climb, find_backends, find_cases
+
+        cases, backends = find_cases(case or ()), find_backends(fem or ())
+        if out is not None:
+            place_for(out)
+        console = Console()
+        for text in backends.absent:
+            console.note(f"takes no part: {text}")
+        with console.task("verifying", "items") as task:
+            rows = climb(
+                cases,
+                backends,
+                long=long,
+                on_item=lambda what, done, count: task.update(done, count, detail=what),
+            )
+    if out is not None:
+        document.write(out, rows, long=long)
+    if as_json:
+        typer.echo(document.text(rows, long=long), nl=False)
+    else:
+        _print(rows)
+    failed = [row for row in rows if not row.passed]
+    if failed:
+        typer.secho("failed: ", fg=typer.colors.RED, bold=True, err=True, nl=False)
+        typer.echo(f"{len(failed)} of {len(rows)} checks; the first: {failed[0].describe()}", err=True)
+        raise typer.Exit(1)
+
+
+def _print(rows: Sequence[Row]) -> None:
+    from rich.console import Console as RichConsole
+    from rich.table import Table
+    from rich.text import Text
+
+    from porocore.verification.ladder.cases import CASES
+
+    shown = RichConsole(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for heading in ("case", "", "backend", "quantity"):
+        table.add_column(heading)
+    for heading in ("reference", "ours", "error", "allowed", "order", ""):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for row in rows:
+        verdict = "[green]pass[/green]" if row.passed else "[red]FAIL[/red]"
+        cells: tuple[Any, ...] = (Text(row.reason), *["–"] * 5)
+        if row.check is not None:
+            cells = _cells(row.check)
+        table.add_row(row.case, row.item, row.backend, *cells, verdict)
+    shown.print(table)
+    for name in dict.fromkeys(row.case for row in rows if row.case):
+        shown.print(Text(f"{name}: {CASES[name].source}"))
+    notes = {row.check.note: row for row in rows if row.check is not None and row.check.note}
+    for note, row in notes.items():
+        shown.print(Text(f"{row.case}, {row.item}: {note}"))
+
+
+def _cells(check: Check) -> tuple[Any, ...]:
+    from rich.text import Text
+
+    return (
+        Text(check.quantity),
+        _value(check.reference),
+        _value(check.ours),
+        f"{check.error:.1e}",
+        f"{check.allowed:.1e}",
+        "–" if check.order is None else f"{check.order:.1f}",
+    )
+
+
+def _value(value: float | None) -> str:
+    return "–" if value is None else f"{value:.5g}"

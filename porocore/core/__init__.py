@@ -1,0 +1,1 @@
+"""What every other room speaks: inputs, formulas, units, files, tensors, messages. It imports no other room."""

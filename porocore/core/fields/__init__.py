@@ -1,0 +1,1 @@
+"""Fields of a batch of rows: declared once, and checked against their declaration."""

@@ -1,0 +1,93 @@
+"""Whether a batch of responses is what the declaration of its fields says: types, shapes, numbers, NaN."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.core.fields.declaration import RowField
+from porocore.states import RESPONSE_FIELDS, CellPeaks, CellResponse, CellTangent, Status
+
+
+def response_fault(response: Any, n: int) -> str | None:
+    """Return what is wrong with a response of n states, as a clause that names field and row; None: nothing.
+
+    Rows with values are finite where the declaration says so, the others hold NaN throughout, and every status is a
+    :class:`Status`.
+    """
+    return shape_fault(response, n) or number_fault(response)
+
+
+def shape_fault(response: Any, n: int) -> str | None:
+    """Return which field is missing, or has not the shape or type that n states must have; None: none."""
+    if not isinstance(response, CellResponse):
+        return f"expected a CellResponse, got {type(response).__name__}"
+    for batch, kind in ((response.tangent, CellTangent), (response.peaks, CellPeaks)):
+        if batch is not None and not isinstance(batch, kind):
+            return f"expected a {kind.__name__}, got {type(batch).__name__}"
+    found = _provided(response)
+    for name, array in found.items():
+        declared, expected = RESPONSE_FIELDS[name], (n, *RESPONSE_FIELDS[name].shape)
+        if not isinstance(array, np.ndarray):
+            return f"{name}: expected an array of shape {expected}, got {type(array).__name__}"
+        if array.shape != expected:
+            return f"{name}: expected shape {expected}, got {array.shape}"
+        if not np.can_cast(array.dtype, declared.dtype, "same_kind"):
+            return f"{name}: expected numbers of type {np.dtype(declared.dtype).name}, got {array.dtype}"
+    for name in ("status", "mean_grad"):
+        if name not in found:
+            return f"{name}: is missing"
+    return None
+
+
+def number_fault(response: CellResponse) -> str | None:
+    """Return which row of which field, all of the right shape, holds what does not belong there; None: none."""
+    unknown = ~known_statuses(response.status)
+    if unknown.any():
+        at = int(unknown.argmax())
+        return f"status: {int(response.status[at])} of row {at} is no status"
+    found, valid = _provided(response), response.valid
+    for name, array in found.items():
+        # Most rows are as they should be: one pass over the numbers tells.
+        if valid.all() and np.isfinite(array).all():
+            continue
+        wrong = ~rows_as_declared(RESPONSE_FIELDS[name], array, valid)
+        if wrong.any():
+            at = int(wrong.argmax())
+            status = Status(int(response.status[at])).name
+            what = "numbers that are not finite" if valid[at] else "values, and NaN belongs there"
+            return f"{name}: row {at}, with status '{status}', holds {what}"
+    return None
+
+
+def rows_as_declared(
+    declared: RowField, array: npt.NDArray[Any], valid: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Return which rows of a field hold numbers where they should and NaN where none belong, (n,)."""
+    if not np.issubdtype(array.dtype, np.floating):
+        return np.ones(len(array), dtype=bool)
+    flat = array.reshape(len(array), math.prod(array.shape[1:]))
+    missing = np.isnan(flat).all(axis=1)
+    numbers = np.isfinite(flat).all(axis=1)
+    if declared.gaps:
+        numbers |= missing
+    return np.where(valid, numbers, missing)
+
+
+def known_statuses(status: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Return which codes (n,) are a :class:`Status`."""
+    return np.isin(status, [int(known) for known in Status])
+
+
+def _provided(response: CellResponse) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name in RESPONSE_FIELDS:
+        value: Any = response
+        for attribute in name.split("/"):
+            value = None if value is None else getattr(value, attribute)
+        if value is not None:
+            found[name] = value
+    return found

@@ -1,0 +1,145 @@
+"""Writing: files so that a reader never sees half of one, folders and locks so that nothing else is touched."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from porocore.core.files.reading import require_ordinary
+from porocore.errors import RunFolderError
+
+#: Bytes of a file's name that leave room for that of its temporary one.
+LONGEST_NAME = 230
+
+
+#: A folder with a file of this name holds a run.
+RUN_RECORD = "run.json"
+
+
+def new_folder(path: Path) -> Path:
+    """Make a folder for results, or find it, before the work for them begins; returns it.
+
+    Raises
+    ------
+    RunFolderError
+        It cannot be made or written, or it is a run folder or in one.
+    """
+    require_outside_a_run(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        if not os.access(path, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        raise RunFolderError(
+            f"{path}: expected a folder that can be written: {error.strerror or error}; choose another --out"
+        ) from error
+    return path
+
+
+def require_outside_a_run(path: Path) -> None:
+    """Refuse a place among the files of a run, which belong to that run alone.
+
+    Raises
+    ------
+    RunFolderError
+        It is a run folder or in one, or it cannot be looked at.
+    """
+    try:
+        for above in (path, *path.parents):
+            if (above / RUN_RECORD).is_file():
+                raise RunFolderError(
+                    f"{path} is in the run folder {above}, whose files belong to its run; choose another --out"
+                )
+    except OSError as error:
+        raise RunFolderError(f"{path}: {error.strerror or error}; choose another --out") from error
+
+
+def place_for(path: Path, option: str = "--out") -> Path:
+    """Return ``path`` if a file can be written there, before the work for it begins; its folder is made.
+
+    Raises
+    ------
+    RunFolderError
+        It cannot, or something is there that is no file.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if os.path.lexists(path):
+            require_ordinary(path)
+        elif not os.access(path.parent, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        elif len(os.fsencode(path.name)) > LONGEST_NAME:
+            raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG))
+    except OSError as error:
+        raise RunFolderError(
+            f"{option} {path}: no file can be written there: {error.strerror or error}; choose another"
+        ) from error
+    return path
+
+
+def open_lock(path: Path) -> int:
+    """Open a lock file, or make it; returns its descriptor. A link is not followed, so that no other file is touched.
+
+    Raises
+    ------
+    OSError
+        It is no ordinary file, or the folder cannot be written.
+    """
+    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    try:
+        lock = os.open(path, flags, 0o644)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise OSError(errno.ELOOP, f"its lock {path.name} is a symbolic link; remove that") from error
+        raise
+    if not stat.S_ISREG(os.fstat(lock).st_mode):
+        os.close(lock)
+        raise OSError(errno.EINVAL, f"its lock {path.name} is no ordinary file; remove that")
+    return lock
+
+
+@contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """A temporary path beside ``path`` that takes its place, once on the disk, when the block ends well.
+
+    Raises
+    ------
+    RunFolderError
+        The disk is full or read-only; ``path`` is as it was before.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.exists():
+            require_ordinary(path)  # a device would become a file
+        yield part
+        with open(part, "rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except OSError as error:
+        raise RunFolderError(f"cannot write {path}: {error}; make room or choose another --out") from error
+    finally:
+        with suppress(OSError):  # not only a missing file: the error above is the one to tell
+            part.unlink()
+
+
+@contextmanager
+def noted_afterwards(note: Callable[[], None]) -> Iterator[None]:
+    """Call ``note``, which writes a record, after the block, also when the block is interrupted.
+
+    Raises
+    ------
+    RunFolderError
+        The record cannot be written; not where an error of the block is on its way, which is the one to tell.
+    """
+    try:
+        yield
+    except BaseException:
+        with suppress(RunFolderError):
+            note()
+        raise
+    note()

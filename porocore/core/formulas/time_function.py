@@ -1,0 +1,83 @@
+"""How a prescribed value goes with time."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+
+from porocore.core.echo import echo
+from porocore.core.formulas.expressions import LONGEST, Expression
+from porocore.core.models.bounds import MOST_TIMES
+from porocore.core.units.dimensions import Carried, Dimension
+from porocore.errors import ConfigurationError
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class Course(BaseModel):
+    """A function of time of its own, instead of the common ramp: one of ``table``, ``ramp``, ``expression``."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    table: Annotated[
+        tuple[tuple[Annotated[float, Field(ge=0), Dimension("time")], Annotated[float, Carried()]], ...],
+        Field(max_length=MOST_TIMES),
+    ] = ()
+    """[time, value] with ascending times, linear in between, constant before the first and after the last."""
+    ramp: Annotated[float | None, Carried()] = None
+    """From 0 at t = 0 linearly to this value at ``until``, and constant from then on."""
+    until: Annotated[Positive | None, Dimension("time")] = None
+    """End of the ramp."""
+    expression: Annotated[str, Field(max_length=LONGEST)] | None = None
+    """A formula of t such as ``0.1*sin(2*pi*t)``; t and the result are dimensionless, also where there are scales."""
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Course:
+        given = [bool(self.table), self.ramp is not None, self.expression is not None]
+        if sum(given) != 1:
+            raise ValueError("expected exactly one of table, ramp (with until) and expression")
+        if (self.ramp is None) != (self.until is None):
+            raise ValueError("ramp and until belong together: the value, and the time at which it is reached")
+        times = [time for time, _ in self.table]
+        if sorted(set(times)) != times:
+            raise ValueError("the times of the table do not ascend")
+        if self.expression is not None:
+            Expression.parse(self.expression, ("t",))
+        return self
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Times at which it bends, which a time step should hit."""
+        return (self.until,) if self.until is not None else tuple(time for time, _ in self.table)
+
+    def at(self, time: float) -> float:
+        """Return its value.
+
+        Raises
+        ------
+        ConfigurationError
+            The expression has no value at this time; :mod:`porocore.study.preflight` finds that before a run.
+        """
+        if self.ramp is not None and self.until is not None:
+            return self.ramp * min(1.0, time / self.until)
+        if self.table:
+            times, values = zip(*self.table, strict=True)
+            return float(np.interp(time, times, values))
+        assert self.expression is not None
+        value = float(Expression.parse(self.expression, ("t",))(t=time))
+        if not np.isfinite(value):
+            raise ConfigurationError(f"{echo(self.expression)} is no finite number at t = {time:g}")
+        return value
+
+
+def _form(value: Any) -> str:
+    return "course" if isinstance(value, dict | Course) else "number"
+
+
+#: A number follows the common ramp of the time plan; a course has its own.
+Value = Annotated[
+    Annotated[float, Tag("number")] | Annotated[Course, Tag("course")],
+    Discriminator(_form),
+]

@@ -1,0 +1,41 @@
+"""Writing HDF5 files on a disk that may be full.
+
+When the operating system refuses a write, HDF5 keeps the half-written file open, tries again at every later
+close, and may end in a segmentation fault. So a file is made in memory and reaches the disk as plain bytes, with a
+checksum behind them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import h5py
+
+from porocore.core.files.atomic import atomic_path
+from porocore.core.hdf5.seal import seal_of
+
+#: Files that any HDF5 since 1.10 reads; older layouts would double the size of small ones.
+LIBVER = ("v110", "v110")
+
+
+@contextmanager
+def atomic_hdf5(path: Path) -> Iterator[Any]:
+    """An open HDF5 file that takes the place of ``path``, whole, when the block ends well.
+
+    Raises
+    ------
+    RunFolderError
+        The disk is full or read-only; ``path`` is as it was before.
+    """
+    # HDF5 tells files in memory apart by their names.
+    with h5py.File(f"{path.name}-{uuid4()}", "w", driver="core", backing_store=False, libver=LIBVER) as file:
+        yield file
+        file.flush()
+        image = file.id.get_file_image()
+    with atomic_path(path) as part, part.open("wb") as whole:
+        whole.write(image)
+        whole.write(seal_of(image))

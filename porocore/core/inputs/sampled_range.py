@@ -1,0 +1,111 @@
+"""Where a surrogate was trained: the hull of the sampled inputs, and the question whether a state lies in it."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from porocore.core.inputs.input_space import InputSpace, components
+from porocore.states import Array, MacroState
+
+#: Farther beyond the samples than this share of the ranges nothing is known, whatever an estimate says.
+FAR = 0.25
+#: Up to this number of inputs a design begins with the corners of the box; where its hull lacks one, the cell has no
+#: stable state there.
+CORNERED = 3
+#: Above this number of inputs the hull has too many facets to be of use and the bounding box stands in.
+MOST_HULL_INPUTS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class SampledRange:
+    """A convex polytope {x : A x ≤ b} around the sampled inputs and the undeformed cell, which is always known.
+
+    Its faces lie beyond the samples by half of what neighbours usually differ by along an axis, as far from a sample as
+    states between two of them, but not beyond the box of the inputs.
+
+    Attributes
+    ----------
+    inputs : InputSpace
+        The inputs, d of them.
+    normals : (m, d)
+        A, in inputs scaled to the ranges of ``inputs``.
+    offsets : (m,)
+        b.
+    """
+
+    inputs: InputSpace
+    normals: Array
+    offsets: Array
+
+    @classmethod
+    def around(cls, inputs: InputSpace, points: npt.ArrayLike) -> SampledRange:
+        """Around ``points`` (n, d): their hull; their bounding box if they do not span the space or d is large."""
+        d = len(inputs)
+        given: Array = np.concatenate([np.asarray(points, dtype=float).reshape(-1, d), np.zeros((1, d))])
+        known = np.unique(inputs.to_unit(given), axis=0)
+        low, high = known.min(axis=0), known.max(axis=0)
+        unit = np.eye(d)
+        normals, offsets = np.concatenate([unit, -unit]), np.concatenate([high, -low])
+        box = np.concatenate([np.maximum(high, 1.0), -np.minimum(low, 0.0)])
+        beyond = _spacing(known) / 2 / np.sqrt(d)
+        if 2 <= d <= MOST_HULL_INPUTS and len(known) > d:
+            with suppress(QhullError):
+                hull = ConvexHull(known).equations
+                return cls(
+                    inputs,
+                    np.concatenate([hull[:, :-1], normals]),
+                    np.concatenate([beyond - hull[:, -1], box]),
+                )
+        return cls(inputs, normals, np.minimum(offsets + beyond, box))
+
+    def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
+        """Which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
+        return _within(self._planes, np.atleast_2d(np.asarray(x, dtype=float)), tolerance)
+
+    @cached_property
+    def _planes(self) -> Array:
+        """(A, −b) (m, d + 1), for inputs that are not scaled and a one below them."""
+        low, high = np.array(self.inputs.lower), np.array(self.inputs.upper)
+        normals = self.normals / (high - low)
+        return np.column_stack([normals, -self.offsets - normals @ low])
+
+    def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
+        """Which states (n,) lie outside, or move a component that was not sampled."""
+        return self._beyond(states, self._planes, 1e-9)
+
+    def far(self, states: MacroState) -> npt.NDArray[np.bool_]:
+        """Tell which states (n,) lie ``FAR`` outside, or move a component that was not sampled.
+
+        In more than ``CORNERED`` inputs the faces of the box count only: the corners that an even design leaves
+        empty lie outside its hull, and a surrogate may know them well.
+        """
+        few = len(self.inputs) <= CORNERED
+        faces = np.count_nonzero(self.normals, axis=1) == 1
+        return self._beyond(states, self._planes if few else self._planes[faces], FAR)
+
+    def _beyond(self, states: MacroState, planes: Array, by: float) -> npt.NDArray[np.bool_]:
+        rows = components(states)
+        outside = np.logical_not(_within(planes, rows[list(self.inputs.columns)].T, by))
+        outside |= self.inputs.others_move(rows)
+        return outside
+
+
+def _within(planes: Array, rows: Array, by: float) -> npt.NDArray[np.bool_]:
+    """Tell which rows (n, d) lie beyond none of the planes (m, d + 1) by more than that."""
+    with_one = np.ones((planes.shape[1], len(rows)))
+    with_one[:-1] = rows.T
+    inside: npt.NDArray[np.bool_] = (planes @ with_one).max(axis=0) <= by
+    return inside
+
+
+def _spacing(points: Array) -> float:
+    """Distance of a point to its nearest neighbour, the median over all of them (n, d)."""
+    if len(points) < 2:
+        return 0.0
+    return float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))

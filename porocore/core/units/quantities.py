@@ -1,0 +1,142 @@
+"""Numbers with units: read exactly by pint, which is imported where the first one stands."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from functools import cache, lru_cache
+from math import prod
+from typing import Any
+
+from porocore.core.echo import echo
+from porocore.core.units.dimensions import NUMBER
+from porocore.core.units.scales import QUANTITIES
+
+#: How a value of each quantity may be written, for messages.
+EXAMPLES = {
+    "displacement": "a length, such as 5 mm",
+    "pore-size": "a length, such as 2 um",
+    "time": "a time, such as 30 s",
+    "stress": "a stress, such as 2 kPa",
+    "pressure": "a pressure, such as 2 kPa",
+    "force": "a force, such as 10 mN",
+    "body-force": "a force per volume, such as 9.8 kN/m**3",
+    "velocity": "a velocity, such as 0.1 mm/s",
+    "viscosity": "a viscosity, such as 1 mPa*s",
+    "volume": "a volume, such as 1 mm**3",
+    "flow": "a volume per time, such as 1 mm**3/s",
+    "energy-density": "an energy per volume, such as 1 J/m**3",
+    "conductivity": "a length squared by a pressure and a time, such as 1 mm**2/(kPa*s)",
+}
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: Characters of a value with its unit.
+LONGEST = 120
+#: No number beyond two digits, which could take forever.
+_UNIT = re.compile(r"(?=.{1,60}$)(?!.*\d{3})[\w\s*/^.()·µ°%-]+")
+#: A power of a number, or an exponent that has to be worked out: towers of powers.
+_TOWER = re.compile(r"\d\s*(\*\*|\^)|(\*\*|\^)\s*\((?!\s*-?\d+(\s*/\s*\d+)?\s*\))")
+_EXPONENT = re.compile(r"(?:\*\*|\^)\s*\(?\s*-?\s*(\d+)")
+#: What all exponents of a unit multiply to, at most.
+LARGEST_POWER = 1000
+_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_PLAIN = re.compile(rf"\s*{NUMBER}\s*")
+_NUMBER_AND_UNIT = re.compile(rf"\s*(?P<number>{NUMBER})\s*(?P<unit>\S.*?)\s*")
+
+
+class UnitError(ValueError):
+    """A unit is unknown, or not one of the quantity."""
+
+
+def has_unit(text: str) -> bool:
+    """Whether a text is a number followed by what may be a unit."""
+    return (
+        len(text) <= LONGEST and _NUMBER_AND_UNIT.fullmatch(text) is not None and not _PLAIN.fullmatch(text)
+    )
+
+
+def in_si(text: str, quantity: str) -> Fraction:
+    """The value of a text such as ``5 mm`` in the SI unit of a quantity, without rounding.
+
+    Raises
+    ------
+    UnitError
+        It is no number with a unit, the unit is unknown, or it is one of another quantity; the message says what was
+        expected and what came.
+    """
+    match = _NUMBER_AND_UNIT.fullmatch(text) if len(text) <= LONGEST else None
+    if match is None:
+        raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}")
+    return Fraction(match["number"]) * unit_in_si(match["unit"], quantity, text)
+
+
+def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
+    """What one ``unit`` amounts to in the SI unit of a quantity.
+
+    Raises
+    ------
+    UnitError
+        It is unknown, or one of another quantity; the message quotes ``text``.
+    """
+    text = text or unit
+    factor, dimensions = _measured(unit)
+    if dimensions is None:
+        raise UnitError(
+            f"expected {EXAMPLES[quantity]}, got {echo(text)}; the unit {echo(unit)} is not known"
+        )
+    if dimensions != _measured(QUANTITIES[quantity].unit)[1]:
+        raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}{_instead(dimensions)}")
+    return factor
+
+
+def pretty(unit: str) -> str:
+    """A unit as it is written in tables and on axes, such as ``mm³/s``."""
+    powers = re.sub(
+        r"\s*(?:\*\*|\^)\s*(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit.strip()
+    )
+    return re.sub(r"\bu(?=[A-Za-z])", "µ", re.sub(r"\s*\*\s*", " ", powers))
+
+
+def _instead(dimensions: frozenset[tuple[str, Any]]) -> str:
+    for quantity in QUANTITIES:
+        if _measured(QUANTITIES[quantity].unit)[1] == dimensions:
+            return f", which is {EXAMPLES[quantity].partition(',')[0]}"
+    return ""
+
+
+@cache
+def _registry() -> Any:
+    import pint  # takes some tenths of a second
+
+    return pint.UnitRegistry(non_int_type=Fraction)
+
+
+@lru_cache(maxsize=256)
+def _measured(unit: str) -> tuple[Fraction, frozenset[tuple[str, Any]] | None]:
+    """Factor to base units and dimensions; None where there is no such unit."""
+    import pint
+
+    written = re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda power: f"**{power[0].translate(_DIGITS)}", unit)
+    if (
+        not _UNIT.fullmatch(written)
+        or _TOWER.search(written)
+        or prod(map(int, _EXPONENT.findall(written))) > LARGEST_POWER
+    ):
+        return Fraction(0), None
+    registry = _registry()
+    try:
+        known = registry.parse_units(unit)
+        quantity = registry.Quantity(Fraction(1), known).to_base_units()
+        offset = registry.Quantity(Fraction(0), known).to_base_units().magnitude
+    except (
+        pint.PintError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        AssertionError,
+    ):
+        return Fraction(0), None
+    if offset or not isinstance(quantity.magnitude, Fraction | int):
+        return Fraction(0), None
+    return Fraction(quantity.magnitude), frozenset(quantity.dimensionality.items())

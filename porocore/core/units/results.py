@@ -1,0 +1,114 @@
+"""In which units results are given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
+
+from porocore.core.units.quantities import UnitError, pretty, unit_in_si
+from porocore.core.units.scales import QUANTITIES, Scales
+
+#: Of :class:`OutputUnits`, the quantities that each field stands for; the first is the field's own.
+MEANS = {
+    "length": ("displacement",),
+    "time": ("time",),
+    "stress": ("stress", "pressure", "energy-density"),
+    "force": ("force",),
+    "volume": ("volume",),
+    "velocity": ("velocity",),
+    "flow": ("flow",),
+    "conductivity": ("conductivity",),
+}
+_FIELD = {quantity: name for name, quantities in MEANS.items() for quantity in quantities}
+
+
+class OutputUnits(BaseModel):
+    """A unit for each kind of result."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    length: str = "m"
+    """Unit of displacements and places, such as mm."""
+    time: str = "s"
+    """Unit of times, such as h or day."""
+    stress: str = "Pa"
+    """Unit of stresses and pressures, such as kPa."""
+    force: str = "N"
+    """Unit of reactions, such as mN."""
+    volume: str | None = None
+    """Unit of drained fluid; null: that of the length, cubed."""
+    velocity: str | None = None
+    """Unit of the fluid's velocity relative to the solid; null: length by time."""
+    flow: str | None = None
+    """Unit of inflows through a surface; null: volume by time."""
+    conductivity: str | None = None
+    """Unit of the conductivity K of the pores; null: length squared by stress and time."""
+
+    @field_validator("*")
+    @classmethod
+    def _of_its_kind(cls, unit: str | None, info: ValidationInfo) -> str | None:
+        if unit is None:
+            return None
+        try:
+            unit_in_si(unit, MEANS[str(info.field_name)][0])
+        except UnitError as error:
+            wanted = str(error).replace("such as ", "in a unit such as that of ", 1)
+            raise ValueError(wanted) from None
+        return unit
+
+    def of(self, quantity: str) -> str:
+        """The unit of a quantity."""
+        name = _FIELD[quantity]
+        given = getattr(self, name)
+        if given is not None:
+            return str(given)
+        volume = self.volume or _power(self.length, 3)
+        return {
+            "volume": volume,
+            "velocity": f"{self.length}/{_group(self.time)}",
+            "flow": f"{volume}/{_group(self.time)}",
+            "conductivity": f"{_power(self.length, 2)}/({self.stress}*{self.time})",
+        }[name]
+
+
+def _group(unit: str) -> str:
+    return unit if unit.isalpha() else f"({unit})"
+
+
+def _power(unit: str, exponent: int) -> str:
+    return f"{_group(unit)}**{exponent}"
+
+
+@dataclass(frozen=True)
+class ResultUnits:
+    """Factors and names of units for results; without scales everything stays dimensionless.
+
+    Attributes
+    ----------
+    scales
+        Of the study; None: there are none.
+    units
+        What was asked for.
+    """
+
+    scales: Scales | None = None
+    units: OutputUnits = field(default_factory=OutputUnits)
+
+    @property
+    def given(self) -> bool:
+        """Whether results have units."""
+        return self.scales is not None
+
+    def factor(self, quantity: str) -> float:
+        """By which a dimensionless result is multiplied; 1 without scales or for a plain number, whose name is ''."""
+        if self.scales is None or not quantity:
+            return 1.0
+        unit = unit_in_si(self.units.of(quantity), quantity)
+        return float(QUANTITIES[quantity].factor(self.scales.exact) / unit)
+
+    def name(self, quantity: str) -> str:
+        """Of the unit, such as ``mm``; a dash without scales or for a plain number."""
+        if self.scales is None or not quantity:
+            return "–"
+        return pretty(self.units.of(quantity))

@@ -1,0 +1,116 @@
+"""What the macro solver asks at its quadrature points: a macroscopic law.
+
+Linear poroelasticity (:mod:`porocore.macro.laws.linear`) and a closed cell law (:mod:`porocore.macro.laws`) are both of
+this kind, so one macro code path serves all and each checks the others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.states import Array, MacroState, _Batch
+
+
+@dataclass(frozen=True, eq=False)
+class LawMemory(_Batch):
+    """What a law needs to know of the last accepted time, for n points."""
+
+    states: MacroState
+    mean_grad: Array  #: (n, 3, 3)  <∇_Y u¹>_s
+    fluid_volume: Array | None = None  #: (n,)  φ, for a law that counts what is stored from it
+
+
+@dataclass(frozen=True, eq=False)
+class MacroTangent(_Batch):
+    """Exact derivatives of a :class:`MacroResponse` with respect to (H, p, ∇_X p); response indices first."""
+
+    stress_grad_u: Array  #: (n, 3, 3, 3, 3)
+    stress_p: Array  #: (n, 3, 3)
+    storage_grad_u: Array  #: (n, 3, 3)
+    storage_p: Array  #: (n,)
+    flux_grad_u: Array  #: (n, 3, 3, 3)  ∂q_i/∂H_kl
+    flux_p: Array  #: (n, 3)
+    flux_grad_p: Array  #: (n, 3, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class MacroResponse(_Batch):
+    """Response of n points, dimensionless.
+
+    Attributes
+    ----------
+    stress : (n, 3, 3)
+        P_E, total first Piola–Kirchhoff, tension positive.
+    storage : (n,)
+        Fluid volume taken up per reference volume since the memory's time (negative: squeezed out).
+    flux : (n, 3)
+        q = Ḡw, relative fluid flux through reference area.
+    memory
+        To hand in at the next step if this one is accepted.
+    deformation : (n, 3, 3)
+        F̄ = I + H + <∇u¹>_s/φ_s (I + H in a linear law).
+    volume_ratio : (n,)
+        det F̄, by which the drained volume is divided (1 in a linear law).
+    transformed_conductivity : (n, 3, 3)
+        K_t = K_ref/det F̄ with q = −K_ref ∇_X p (K in a linear law).
+    outside : (n,) bool
+        The cell law was asked outside the range that it was trained on.
+    """
+
+    stress: Array
+    storage: Array
+    flux: Array
+    memory: LawMemory
+    deformation: Array
+    volume_ratio: Array
+    transformed_conductivity: Array
+    outside: npt.NDArray[Any]
+    tangent: MacroTangent | None = None
+
+
+class MacroLaw(ABC):
+    """Stress, fluid storage and flux as functions of (H, p, ∇_X p) and of the last accepted state."""
+
+    #: Short name for reports and checkpoints.
+    name: str
+    #: Changes whenever the law would answer differently; a checkpoint of another law is refused.
+    identity: str
+    #: Share of the magnitudes that cancel in a response below which its digits mean nothing, beyond round-off.
+    noise: float = 0.0
+
+    @abstractmethod
+    def initial(self, n: int) -> LawMemory:
+        """Memory of n points at rest, H = 0 and p = 0."""
+
+    @abstractmethod
+    def respond(
+        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+    ) -> MacroResponse:
+        """Response at n points; ``grad_p`` is ∇_X p (n, 3)."""
+
+    def reconsider(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
+        """Asked with the response of a converged step, and the memory that it began from, before it is accepted.
+
+        None accepts it, as every law does that does not change. A law that has changed returns the memory of the last
+        accepted time by what it is now, and the step is solved again.
+        """
+        return None
+
+    def reasons(self, states: MacroState) -> list[str]:
+        """Return for each of n flagged states which component drives it out, in words; empty where it is not known."""
+        return [""] * len(states)
+
+
+def fingerprint(*parts: str | float | Array) -> str:
+    """Hash of texts, numbers and arrays, for :attr:`MacroLaw.identity`."""
+    digest = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else np.ascontiguousarray(part, dtype=float).tobytes()
+        digest.update(f"{type(part).__name__}{len(data)}:".encode() + data)
+    return digest.hexdigest()[:16]

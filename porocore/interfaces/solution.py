@@ -1,0 +1,188 @@
+"""What a macro solve returns: the history, the profiles, and the mesh that they live on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.core.hdf5 import Contents, atomic_hdf5, opened
+from porocore.core.hdf5.contents import numbered
+from porocore.errors import DataError
+from porocore.states import Array
+
+#: Fields of a solution that map names to values against time, with the shape of one value.
+SERIES: dict[str, tuple[int, ...]] = {"probes": (4,), "reactions": (3,), "inflow": ()}
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """One accepted time step, for the progress display."""
+
+    time: float
+    end: float
+    iterations: int
+    settlement: float
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Scalars against time, all (steps,); the first row is the state at rest."""
+
+    time: Array
+    #: Share of the load that acts.
+    ramp: Array
+    #: Largest displacement against the y axis, max(−u_2).
+    settlement: Array
+    #: Largest pore pressure.
+    pressure_max: Array
+    #: Drained volume as in the paper: ∫∫ (1/det F̄) ∇·(Ḡw) dV dt.
+    drained: Array
+    #: Drained volume from the flux through the boundary: ∫∫ q·N dS dt.
+    drained_flux: Array
+    #: Volume share of the points at which the cell law was asked outside its sampled range.
+    outside: Array
+    #: Largest deviation of the element means of P_E,22 from their average over the body.
+    stress_spread: Array
+    #: Newton iterations of the step.
+    iterations: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Fields at one time. Nodal: all nodes of the quadratic mesh; the rest: element means."""
+
+    time: float
+    u: Array  #: (nodes, 3)
+    p: Array  #: (nodes,)  the linear field, evaluated at all nodes
+    grad_u: Array  #: (elements, 3, 3)  H
+    mean_grad: Array  #: (elements, 3, 3)  <∇u¹>_s
+    deformation: Array  #: (elements, 3, 3)  F̄
+    conductivity: Array  #: (elements, 3, 3)  K_t = K_ref/det F̄
+    stress: Array  #: (elements, 3, 3)  P_E
+    flux: Array  #: (elements, 3)  Ḡw
+    element_p: Array  #: (elements,)
+    outside: Array  #: (elements,)  share of the element's points outside the sampled range
+
+    @property
+    def reference_conductivity(self) -> Array:
+        """K_ref = det F̄ K_t (elements, 3, 3) of a cell's law, between ∇_X p and the flux through reference area."""
+        K_ref: Array = np.linalg.det(self.deformation)[:, None, None] * self.conductivity
+        return K_ref
+
+    @property
+    def spatial_conductivity(self) -> Array:
+        """k = F₀ K_ref F₀ᵀ/J₀ (elements, 3, 3) of a cell's law, F₀ = I + H: that of the deformed body in space."""
+        F0 = np.eye(3) + self.grad_u
+        k: Array = F0 @ self.reference_conductivity @ F0.swapaxes(1, 2) / np.linalg.det(F0)[:, None, None]
+        return k
+
+
+#: Shapes of the fields of a profile in a file; all but the time.
+PROFILE_SHAPES: dict[str, tuple[str | int, ...]] = {
+    "u": ("nodes", 3),
+    "p": ("nodes",),
+    **{name: ("elements", 3, 3) for name in ("grad_u", "mean_grad", "deformation", "conductivity", "stress")},
+    "flux": ("elements", 3),
+    **{name: ("elements",) for name in ("element_p", "outside")},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class MacroSolution:
+    """History, profiles at the chosen times and at the end, and the mesh.
+
+    Attributes
+    ----------
+    law
+        Name of the law.
+    load
+        Factor of the prescribed values.
+    points : (nodes, 3)
+        Nodes of the quadratic mesh.
+    cells : (elements, 27 or 10)
+        Triquadratic hexahedra or quadratic tetrahedra in VTK order.
+    backend
+        Name of the macro solver, where it is known.
+    probes : name → (steps, 4)
+        u_1, u_2, u_3 and p of each probe against the history's time.
+    reactions : name → (steps, 3)
+        Force on each surface that is held or moved, from outside on the body, in the directions in which it is; see
+        ``porocore.macro.boundary.reactions`` for nodes that several of them share.
+    inflow : name → (steps,)
+        Rate of fluid that enters through each surface with a prescribed pressure, the mean over the step.
+    """
+
+    law: str
+    load: float
+    points: Array
+    cells: npt.NDArray[np.int64]
+    history: History
+    profiles: tuple[Profile, ...]
+    backend: str = ""
+    probes: Mapping[str, Array] = field(default_factory=dict)
+    reactions: Mapping[str, Array] = field(default_factory=dict)
+    inflow: Mapping[str, Array] = field(default_factory=dict)
+
+    def save(self, path: Path) -> None:
+        """Write one HDF5 file, atomically."""
+        with atomic_hdf5(path) as file:
+            file.attrs.update(format="porocore-solution", version=1, law=self.law, load=self.load)
+            file.attrs["backend"] = self.backend
+            file["points"], file["cells"] = self.points, self.cells
+            for f in fields(History):
+                file[f"history/{f.name}"] = getattr(self.history, f.name)
+            for kind in SERIES:
+                for name, values in getattr(self, kind).items():
+                    file[f"{kind}/{name}"] = values
+            for i, profile in enumerate(self.profiles):
+                for f in fields(Profile):
+                    file[f"profiles/{i}/{f.name}"] = getattr(profile, f.name)
+
+    @classmethod
+    def load_file(cls, path: Path) -> MacroSolution:
+        """Read what :meth:`save` wrote.
+
+        Raises
+        ------
+        DataError
+            The file is truncated or foreign.
+        """
+        with opened(path, "porocore solution", "delete it and solve again") as file:
+            if not file.is_of("porocore-solution", 1):
+                raise DataError(
+                    f"{path}: expected a porocore solution of version 1; delete it and solve again"
+                )
+            history = {
+                f.name: file.array(f"history/{f.name}", "steps", kind="number") for f in fields(History)
+            }
+            points = file.array("points", "nodes", 3)
+            cells = file.array("cells", "elements", "nodes of an element", kind="int")
+            if file.sizes["nodes of an element"] not in (10, 27):
+                raise ValueError("'cells' are neither hexahedra nor tetrahedra")
+            if cells.size and (cells.min() < 0 or cells.max() >= len(points)):
+                raise ValueError("'cells' names nodes that are not there")
+            return cls(
+                file.attribute("law", str),
+                file.attribute("load", float),
+                points,
+                cells,
+                History(**history),
+                tuple(read_profile(file, name) for name in numbered(file, "profiles")),
+                file.attribute("backend", str) if "backend" in file.attributes else "",
+                **{
+                    kind: {name: file.array(f"{kind}/{name}", "steps", *width) for name in file.members(kind)}
+                    for kind, width in SERIES.items()
+                },
+            )
+
+
+def read_profile(file: Contents, group: str) -> Profile:
+    """Return the profile in a group of an open file."""
+    arrays = {
+        name: file.array(f"{group}/{name}", at, *shape) for name, (at, *shape) in PROFILE_SHAPES.items()
+    }
+    return Profile(time=float(file.array(f"{group}/time")), **arrays)

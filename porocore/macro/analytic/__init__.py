@@ -1,0 +1,1 @@
+"""Closed forms of macroscopic problems: Terzaghi, Mandel, Armstrong, Xie & Leo."""

@@ -1,0 +1,146 @@
+"""A body as a mesh of quadratic elements, with names for the parts of its surface."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from porocore.errors import ConfigurationError
+from porocore.macro.body.element import ELEMENTS, ReferenceElement
+from porocore.states import Array, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMesh:
+    """Isoparametric elements that carry the displacement at all their nodes and the pressure at their corners.
+
+    Unknowns are numbered displacements first, 3 · node + component, then the pressures. Every backend reports in
+    this order of nodes, elements and quadrature points.
+
+    Attributes
+    ----------
+    points : (nodes, 3)
+        Nodes of the displacement, X.
+    cells : (elements, 27 or 10)
+        Nodes of each element in VTK's order, triquadratic hexahedra or quadratic tetrahedra.
+    surfaces
+        Outward facets (facets, 9 or 6) of each named part of the surface, by their nodes.
+    """
+
+    points: Array
+    cells: IntArray
+    surfaces: Mapping[str, IntArray] = field(default_factory=dict)
+
+    @property
+    def element(self) -> ReferenceElement:
+        """Of what kind all elements are."""
+        return ELEMENTS[self.cells.shape[1]]
+
+    @cached_property
+    def p_nodes(self) -> IntArray:
+        """(p_nodes,) which nodes are corners and carry a pressure, ascending."""
+        return np.asarray(np.unique(self.cells[:, : self.element.corners]))
+
+    @cached_property
+    def p_cells(self) -> IntArray:
+        """(elements, 8 or 4) places in ``p_nodes`` of the corners of each element."""
+        return np.asarray(np.searchsorted(self.p_nodes, self.cells[:, : self.element.corners]))
+
+    @property
+    def n_u(self) -> int:
+        """Number of displacement unknowns."""
+        return 3 * len(self.points)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.n_u + len(self.p_nodes)
+
+    @cached_property
+    def straight(self) -> bool:
+        """Whether all nodes lie where the corners of their elements put them."""
+        corners = self.points[self.cells[:, : self.element.corners]]
+        placed = np.einsum(
+            "na,eai->eni", self.element.corner_values(self.element.nodes), corners, optimize=True
+        )
+        return bool(np.abs(placed - self.points[self.cells]).max() < 1e-12 * np.ptp(self.points))
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.points)
+
+    def node_at(self, places: Array) -> IntArray:
+        """(n,) numbers of the nodes at, or nearest to, ``places`` (n, 3)."""
+        return np.asarray(self._tree.query(places)[1], dtype=np.int64)
+
+    @cached_property
+    def jacobians(self) -> Array:
+        """(elements, q, 3, 3) ∂X_i/∂ξ_j at the quadrature points."""
+        slopes = self.element.slopes(self.element.points)
+        return np.asarray(np.einsum("eai,qaj->eqij", self.points[self.cells], slopes, optimize=True))
+
+    @cached_property
+    def weights(self) -> Array:
+        """(elements, q) volume of each quadrature point."""
+        return np.asarray(np.linalg.det(self.jacobians) * self.element.weights)
+
+    @cached_property
+    def stretch(self) -> float:
+        """Largest ∫ Σ_j |∂N/∂X_j| dX over the body of a displacement node's shape function N."""
+        slopes = self.element.slopes(self.element.points)
+        grad = np.einsum("qak,eqkj->eqaj", slopes, np.linalg.inv(self.jacobians), optimize=True)
+        local = np.einsum("eq,eqaj->ea", self.weights, np.abs(grad))
+        return float(np.bincount(self.cells.ravel(), local.ravel()).max())
+
+    def pressure_everywhere(self, p: Array) -> Array:
+        """(nodes,) the linear pressure at all nodes, from its values (p_nodes,) at the corners."""
+        everywhere = np.empty(len(self.points))
+        everywhere[self.cells] = p[self.p_cells] @ self.element.corner_values(self.element.nodes).T
+        return everywhere
+
+    def surface(self, name: str, key: str) -> IntArray:
+        """Facets of a named part.
+
+        Raises
+        ------
+        ConfigurationError
+            There is none of that name; the message begins with ``key``.
+        """
+        if name not in self.surfaces:
+            names = ", ".join(self.surfaces) or "none; give the surfaces of the mesh file names"
+            raise ConfigurationError(f"{key}: the body has no surface '{name}'; its surfaces are {names}")
+        return self.surfaces[name]
+
+    def check(self, what: str) -> BodyMesh:
+        """Itself.
+
+        Raises
+        ------
+        ConfigurationError
+            An element is turned inside out; the message begins with ``what``.
+        """
+        bad = int((self.weights <= 0).any(axis=1).sum())
+        if bad:
+            raise ConfigurationError(
+                f"{what}: {bad} of {len(self.cells)} elements are turned inside out or flat; mesh the body anew, "
+                "finer where it is curved"
+            )
+        return self
+
+
+def boundary_facets(cells: IntArray) -> IntArray:
+    """Facets (k, 9 or 6) that belong to one element only, outward."""
+    element = ELEMENTS[cells.shape[1]]
+    facets = cells[:, element.facets].reshape(-1, element.facets.shape[1])
+    corners = np.sort(facets[:, : element.facet_corners], axis=1)
+    _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
+    return np.asarray(facets[np.sort(first[count == 1])])
+
+
+def facet_middles(points: Array, facets: IntArray) -> Array:
+    """(k, 3) means of the corners."""
+    return np.asarray(points[facets[:, : 4 if facets.shape[1] == 9 else 3]].mean(axis=1))

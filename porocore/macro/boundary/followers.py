@@ -1,0 +1,69 @@
+"""A pressure on the deformed surface: its forces on the nodes, and how they change with the displacement."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from porocore.macro.body.surfaces import Facets
+from porocore.states import Array
+
+
+def forces(facets: Facets, u: Array, pressure: float) -> Array:
+    """(nodes, 3) ∫ p n N da, with the current outward normal n and area a.
+
+    n da = (∂x/∂ξ × ∂x/∂η) dξ dη, so that no deformation gradient is needed. Positive pressure pushes inward; in the
+    residual ∫ P:∇N − ∫ t·N it stands with this sign.
+
+    Parameters
+    ----------
+    facets
+        On which it acts.
+    u : (nodes, 3)
+        Displacement of the whole body.
+    pressure
+        [E].
+    """
+    reference = facets.mesh.element.facet
+    t = facets.tangents_of(facets.mesh.points + u)
+    area = np.cross(t[..., 0], t[..., 1]) * reference.weights[:, None]
+    local = pressure * np.einsum("fqi,qa->fai", area, reference.values)
+    total = np.zeros_like(u)
+    np.add.at(total, facets.nodes, local)
+    return total
+
+
+def tangent(facets: Facets, u: Array, pressure: float) -> Any:
+    """Derivative of :func:`forces` by u, sparse (3 nodes, 3 nodes); symmetric but for the edge of the surface."""
+    reference = facets.mesh.element.facet
+    t = facets.tangents_of(facets.mesh.points + u)
+    # δ(t1 × t2)_i = ε_ijk (t2_k δt1_j − t1_k δt2_j)
+    by_first = np.einsum("ijk,fqk->fqij", _EPSILON, t[..., 1])
+    by_second = -np.einsum("ijk,fqk->fqij", _EPSILON, t[..., 0])
+    blocks = np.einsum(
+        "q,qa,qb,fqij->faibj",
+        reference.weights,
+        reference.values,
+        reference.slopes[..., 0],
+        by_first,
+        optimize=True,
+    ) + np.einsum(
+        "q,qa,qb,fqij->faibj",
+        reference.weights,
+        reference.values,
+        reference.slopes[..., 1],
+        by_second,
+        optimize=True,
+    )
+    dofs = (3 * facets.nodes[:, :, None] + np.arange(3)).reshape(len(facets.nodes), -1)
+    m = dofs.shape[1]
+    rows, columns = np.repeat(dofs, m, axis=1).ravel(), np.tile(dofs, (1, m)).ravel()
+    n = u.size
+    return sparse.csr_matrix((pressure * blocks.ravel(), (rows, columns)), shape=(n, n))
+
+
+_EPSILON = np.zeros((3, 3, 3))
+for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _EPSILON[_i, _j, _k], _EPSILON[_i, _k, _j] = 1.0, -1.0

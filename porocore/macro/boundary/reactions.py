@@ -1,0 +1,148 @@
+"""Forces on surfaces from the reactions at nodes, also where surfaces share these; and inflows in the same way.
+
+A surface bears forces in the directions in which it holds the body: a smooth plane along its normal alone. Where those
+of the surfaces of a node are independent, the reaction R there has one decomposition into such forces. Else the part of
+each is the force of the stress beside it, ∫ P·N φ dS projected on its directions, and what all these lack of R is
+shared by the areas of the facets at the node. So the parts add up to R, turn with the body, and do not depend on the
+order of the surfaces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.surfaces import Facets
+from porocore.states import Array, IntArray
+
+#: Of the largest eigenvalue of a node, below which a direction is not held.
+RANK = 1e-9
+#: Of the largest vector area of a facet's node.
+ROUND_OFF = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """A surface, and in which orthonormal directions (k, 3) it holds the body; (1, 1) for the fluid."""
+
+    facets: Facets
+    directions: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """How the total of one surface follows from the reactions at all unknowns and from the field in all elements.
+
+    Attributes
+    ----------
+    projection : (c, c)
+        On the directions of the surface.
+    by_reaction : (c, unknowns)
+        Sparse.
+    by_field : (c, elements · c · 3)
+        Sparse; empty where the reactions alone decide.
+    """
+
+    projection: Array
+    by_reaction: Any
+    by_field: Any
+
+    def total(self, reactions: Array, field: Array | None) -> Array:
+        """(c,) from the reactions (unknowns,) and P_E (elements, 3, 3), or −q (elements, 3) of the fluid.
+
+        ``field`` may be None where :attr:`needs_field` is false.
+        """
+        total = self.by_reaction @ reactions
+        if field is not None and self.needs_field:
+            total = total + self.by_field @ field.ravel()
+        return np.asarray(self.projection @ total)
+
+    @property
+    def needs_field(self) -> bool:
+        """Whether a node is shared, so that the stress or the flux beside it counts."""
+        return bool(self.by_field.nnz)
+
+
+def shares(mesh: BodyMesh, supports: Mapping[str, Support], *, fluid: bool = False) -> dict[str, Share]:
+    """Return the share of each surface in the nodal reactions, of forces or of the ``fluid``."""
+    parts = {name: _Part(mesh, support, fluid) for name, support in supports.items()}
+    count, c = np.zeros(len(mesh.points), dtype=np.int64), 1 if fluid else 3
+    whole = np.zeros((len(mesh.points), c, c))
+    for part in parts.values():
+        nodes = np.unique(part.nodes)
+        count[nodes] += 1
+        whole += part.areas[:, None, None] * part.projection
+    inverse = np.zeros_like(whole)
+    held = np.flatnonzero(count)
+    inverse[held] = np.linalg.pinv(whole[held], rcond=RANK, hermitian=True)
+    shared = count > 1
+    fields = {name: part.by_field(shared) for name, part in parts.items()}
+    together = sum(fields.values())
+    return {name: part.share(inverse, fields[name], together) for name, part in parts.items()}
+
+
+class _Part:
+    """One surface: nodes (f, m) of its facets, vector areas (f, m, 3) ∫ φ N dS, areas at nodes (nodes,)."""
+
+    def __init__(self, mesh: BodyMesh, support: Support, fluid: bool) -> None:
+        self.mesh, facets, reference = mesh, support.facets, mesh.element.facet
+        self.fluid, self.c = fluid, 1 if fluid else 3
+        values = reference.corner_values if fluid else reference.values
+        self.facets = facets.nodes
+        self.nodes = facets.nodes[:, : values.shape[1]]
+        self.vectors = np.einsum("fqi,q,qa->fai", facets.normals, reference.weights, values, optimize=True)
+        area = np.repeat(facets.areas.sum(axis=1), self.nodes.shape[1])
+        self.areas = np.bincount(self.nodes.ravel(), area, len(mesh.points)).astype(float)
+        self.projection = support.directions.T @ support.directions
+
+    def unknowns(self, nodes: IntArray) -> IntArray:
+        """(n, c) at the nodes."""
+        if self.fluid:
+            return np.asarray(self.mesh.n_u + np.searchsorted(self.mesh.p_nodes, nodes)[:, None])
+        return np.asarray(3 * nodes[:, None] + np.arange(3))
+
+    def by_field(self, shared: npt.NDArray[np.bool_]) -> Any:
+        """Force of the field beside each shared node, sparse (c · nodes, elements · c · 3)."""
+        facet, local = np.nonzero(shared[self.nodes])
+        vectors, nodes = self.vectors[facet, local], self.nodes[facet, local]
+        wanted, which = np.unique(facet, return_inverse=True)
+        element = Facets(self.mesh, self.facets[wanted]).elements[which.ravel()]
+        c = self.c
+        values = np.einsum("ij,nk->nijk", self.projection, vectors)
+        rows = c * nodes[:, None] + np.arange(c)
+        columns = c * 3 * element[:, None] + np.arange(3 * c)
+        shape = (c * len(self.mesh.points), c * 3 * len(self.mesh.cells))
+        return sparse.csr_matrix(
+            (
+                values.ravel(),
+                (np.repeat(rows, 3 * c, axis=1).ravel(), np.repeat(columns[:, None], c, axis=1).ravel()),
+            ),
+            shape=shape,
+        )
+
+    def share(self, inverse: Array, own: Any, together: Any) -> Share:
+        """Own forces of the field, and the own part of what the reactions are beyond those of all surfaces.
+
+        ``inverse`` (nodes, c, c) is that of the sum of areas times projections.
+        """
+        nodes, c, n = np.unique(self.nodes), self.c, len(self.mesh.points)
+        parts = self.areas[nodes, None, None] * (self.projection @ inverse[nodes])
+
+        def summed(unknowns: IntArray, columns: int) -> Any:
+            rows = np.broadcast_to(np.arange(c)[None, :, None], parts.shape)
+            places = np.broadcast_to(unknowns[:, None, :], parts.shape)
+            return sparse.csr_matrix((parts.ravel(), (rows.ravel(), places.ravel())), shape=(c, columns))
+
+        at_nodes = summed(c * nodes[:, None] + np.arange(c), c * n)
+        all_nodes = sparse.csr_matrix((np.ones(c * n), (np.tile(np.arange(c), n), np.arange(c * n))))
+        by_field = (all_nodes @ own - at_nodes @ together).tocsr()
+        # Where directions are independent, the two are one but for round-off.
+        by_field.data[np.abs(by_field.data) <= ROUND_OFF * abs(own).max()] = 0.0
+        by_field.eliminate_zeros()
+        return Share(self.projection, summed(self.unknowns(nodes), self.mesh.size), by_field)

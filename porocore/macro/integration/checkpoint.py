@@ -1,0 +1,146 @@
+"""The state of a running macro solve in one HDF5 file, so that it can be continued to the same solution.
+
+Unknowns and quadrature points are in the mesh's order, so any backend, on any number of processes, can continue
+what another one began: the equations are the same, and so is the solution up to the solver's tolerance.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.core.hdf5 import atomic_hdf5, opened
+from porocore.core.hdf5.contents import numbered
+from porocore.errors import DataError
+from porocore.interfaces.law import LawMemory, MacroLaw
+from porocore.interfaces.solution import read_profile
+from porocore.macro.integration.adaptive import ErrorControl
+from porocore.macro.integration.discretisation import Discretisation
+from porocore.macro.integration.record import PROFILE, Record
+from porocore.macro.integration.stepping import Stepper
+from porocore.macro.problem import MacroProblem
+from porocore.states import Array
+
+FORMAT, VERSION = "porocore-macro-checkpoint", 2
+#: What is kept of the time stepping.
+STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "proposed": float}
+#: A law whose answers moved by more than this is another one; machines differ by round-off only.
+SAME_LAW = 1e-8
+
+
+def identity(problem: MacroProblem, law: MacroLaw) -> str:
+    """Hash of everything that determines the solution."""
+    text = f"{json.dumps(problem.specification())}|{law.name}|{law.identity}"
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def save(
+    path: Path,
+    owner: str,
+    stepper: Stepper,
+    control: ErrorControl,
+    d: Discretisation,
+    x: Array,
+    memory: LawMemory,
+    record: Record,
+) -> None:
+    """Write the state after an accepted step, atomically; ``owner`` is :func:`identity`."""
+    whole = d.gathered(x)
+    rate = None if control.rate is None else d.gathered(control.rate)
+    memories = [(name, d.points_to_mesh(value)) for name, value in _arrays(memory, "memory")]
+
+    def write() -> None:
+        with atomic_hdf5(path) as file:
+            file.attrs.update(format=FORMAT, version=VERSION, identity=owner)
+            file.attrs.update({name: getattr(stepper, name) for name in STEPPER})
+            file.attrs.update(length=control.length, scales=control.scales)
+            file["x"] = whole
+            if rate is not None:
+                file["rate"] = rate
+            for name, value in memories:
+                file[name] = value
+            file["history"] = np.array(record.rows)
+            for i, profile in enumerate(record.profiles):
+                for name in PROFILE:
+                    file[f"profiles/{i}/{name}"] = getattr(profile, name)
+
+    d.world.first(write)
+
+
+def load(
+    path: Path, owner: str, stepper: Stepper, control: ErrorControl, d: Discretisation, law: MacroLaw
+) -> tuple[Array, LawMemory, Record]:
+    """Read what :func:`save` wrote: unknowns, memory and record; sets ``stepper`` and ``control``.
+
+    Raises
+    ------
+    DataError
+        The file is truncated or foreign, or belongs to another problem or law.
+    """
+    again = "remove it to start anew"
+    points, record = d.mesh.weights.size, Record(d)
+
+    def read() -> tuple[Any, ...]:
+        with opened(path, "macro checkpoint", again) as file:
+            if not file.is_of(FORMAT, VERSION):
+                raise DataError(f"{path}: expected a macro checkpoint of version {VERSION}; {again}")
+            if file.attribute("identity", str) != owner:
+                raise DataError(f"{path}: this checkpoint belongs to another macro problem or law; {again}")
+            size = d.mesh.size
+            whole = file.array("x", size)
+            memories = {
+                name: file.array(name, points, *value.shape[1:])
+                for name, value in _arrays(law.initial(1), "memory")
+            }
+            rows = file.array("history", "steps", len(record.columns))
+            if not len(rows):
+                raise ValueError("'history' is empty")
+            rate = file.array("rate", size) if "rate" in file else None
+            step = {name: file.attribute(name, kind, finite=False) for name, kind in STEPPER.items()}
+            before = (
+                file.attribute("length", float, finite=False),
+                file.attribute("scales", float, len(control.scales)),
+            )
+            profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
+            return whole, memories, rows, profiles, step, rate, before
+
+    whole, memories, rows, profiles, step, rate, (control.length, control.scales) = d.world.first(read)
+    control.rate = None if rate is None else rate[d.unknowns]
+    for name, value in step.items():
+        setattr(stepper, name, value)
+    memory = _filled(law.initial(1), {name: d.points_from_mesh(v) for name, v in memories.items()}, "memory")
+    answer = law.respond(memory.states, np.zeros((d.n_points, 3)), memory, tangent=False).memory.mean_grad
+    scale = max(float(np.abs(memories["memory/mean_grad"]).max()), 1.0)
+    moved = float(np.abs(answer - memory.mean_grad).max(initial=0.0))
+    if not d.world.largest(np.inf if np.isnan(moved) else moved) <= SAME_LAW * scale:
+        raise DataError(
+            f"{path}: the law '{law.name}' answers differently from when this was written; {again}"
+        )
+    record.rows, record.profiles = [tuple(map(float, row)) for row in rows], profiles
+    return whole[d.unknowns], memory, record
+
+
+def _arrays(batch: Any, prefix: str) -> list[tuple[str, Any]]:
+    """Names and arrays of a dataclass of arrays, nested ones included; fields that are None are left out."""
+    found: list[tuple[str, Any]] = []
+    for f in fields(batch):
+        value, name = getattr(batch, f.name), f"{prefix}/{f.name}"
+        if is_dataclass(value):
+            found += _arrays(value, name)
+        elif value is not None:
+            found.append((name, value))
+    return found
+
+
+def _filled(template: Any, arrays: dict[str, Any], prefix: str) -> Any:
+    """A dataclass like ``template`` with other arrays."""
+    values: dict[str, Any] = {}
+    for f in fields(template):
+        value, name = getattr(template, f.name), f"{prefix}/{f.name}"
+        values[f.name] = _filled(value, arrays, name) if is_dataclass(value) else arrays.get(name)
+    return type(template)(**values)

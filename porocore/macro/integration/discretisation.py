@@ -1,0 +1,297 @@
+"""What the time loop needs of a backend: states at quadrature points, residuals, and linear solves.
+
+A process holds *local* unknowns: first those that it owns, then copies of others that its elements touch. A
+backend that does not distribute owns all. Vectors here are numpy arrays over the local unknowns; at nodes of oblique
+surfaces these are components in a frame of the node, see :mod:`porocore.macro.boundary.frames`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from porocore.core.parallel import World
+from porocore.interfaces.law import MacroResponse, MacroTangent
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.boundary.conditions import BoundaryData, followers
+from porocore.macro.problem import MacroProblem
+from porocore.states import Array, IntArray, MacroState
+
+
+class StepFailed(Exception):
+    """Newton's iteration did not arrive; the time stepping shortens the step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """Out of balance forces and volumes, and what they are to be compared with.
+
+    Attributes
+    ----------
+    values : (local unknowns,)
+        ∫ P_E:∇N − ∫ t̄ N, and ∫ Δstorage N − Δt ∫ q·∇N + Δt ∫ q̄ N, where owned; on a prescribed unknown the
+        reaction.
+    force_scale, volume_scale
+        Largest sum of the magnitudes of what meets in one unknown of the body.
+    """
+
+    values: Array
+    force_scale: float
+    volume_scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """What is prescribed at one time.
+
+    Attributes
+    ----------
+    values : (k,)
+        Of the prescribed unknowns.
+    external : (local unknowns,)
+        Dead loads and rates of prescribed fluxes, where owned.
+    pressures
+        Of each surface with a pressure that follows it.
+    """
+
+    values: Array
+    external: Array
+    pressures: tuple[float, ...] = ()
+
+
+class Discretisation(ABC):
+    """The u–p problem on a mesh, as far as it does not change from one iteration to the next.
+
+    Parameters
+    ----------
+    problem, mesh, boundary
+        From the core.
+    unknowns : (local unknowns,)
+        Number of each in the mesh's order.
+    owned
+        How many of them, from the first, belong to this process.
+    elements : (local elements,)
+        Number of each in the mesh's order; an element belongs to one process.
+    dofs : (local elements, 81 + 8 or 30 + 4)
+        Local unknowns of each element in the order of :meth:`contributions`.
+    world
+        The processes.
+
+    Attributes
+    ----------
+    prescribed : (k,)
+        Local unknowns that are prescribed.
+    free : (f,)
+        Owned unknowns that are not, ascending.
+    plates
+        For each rigid plate the places in ``free`` of its unknowns, as far as they are owned; they are all one.
+    leading : (f,) bool
+        Which of ``free`` stand for themselves: all but those of plates, of which only the first of each does, on the
+        process that owns it. As many equations are solved.
+    is_force : (local unknowns,)
+        Whether an unknown is a displacement.
+    weights : (points,)
+        Volume of each quadrature point.
+    rotation
+        Sparse (local unknowns, local unknowns), from Cartesian ones; None where all are Cartesian.
+    """
+
+    def __init__(
+        self,
+        problem: MacroProblem,
+        mesh: BodyMesh,
+        boundary: BoundaryData,
+        *,
+        unknowns: IntArray,
+        owned: int,
+        elements: IntArray,
+        dofs: IntArray,
+        world: World | None = None,
+    ) -> None:
+        self.problem, self.mesh, self.boundary = problem, mesh, boundary
+        self.world = World() if world is None else world
+        self.unknowns, self.owned, self.elements, self.dofs = unknowns, owned, elements, dofs
+        self.is_force = unknowns < mesh.n_u
+        place = np.full(mesh.size, -1)
+        place[boundary.prescribed] = np.arange(len(boundary.prescribed))
+        is_free = place[unknowns] < 0
+        self.free = np.flatnonzero(is_free[:owned])
+        self.prescribed = np.flatnonzero(~is_free)
+        self._values = boundary.values[place[unknowns[self.prescribed]]]
+        self.plates = tuple(np.flatnonzero(np.isin(unknowns[self.free], plate)) for plate in boundary.plates)
+        self.leading = np.ones(len(self.free), bool)
+        for places, plate in zip(self.plates, boundary.plates, strict=True):
+            self.leading[places] = unknowns[self.free[places]] == plate[0]
+        self._external = np.where(np.arange(len(unknowns)) < owned, boundary.external[:, unknowns], 0.0)
+        self.rotation = (
+            None if boundary.rotation is None else boundary.rotation[unknowns][:, unknowns].tocsr()
+        )
+        if self.rotation is not None:
+            self._external = self._external @ self.rotation.T
+        self.weights = mesh.weights[elements].ravel()
+        self.stretch = mesh.stretch
+
+    @property
+    def n_points(self) -> int:
+        """Quadrature points of this process."""
+        return len(self.weights)
+
+    @property
+    def n_u(self) -> int:
+        """Displacements of an element, which come first in ``dofs``."""
+        return 3 * self.mesh.cells.shape[1]
+
+    def loads(self, acting: Array | float) -> Loads:
+        """From what acts of each course, (courses,); a single number is that of the common ramp."""
+        amplitudes: Array = np.atleast_1d(np.asarray(acting, dtype=float))
+        pressures = (float(factor * amplitudes[course]) for course, factor, _ in self.boundary.followers)
+        return Loads(self._values @ amplitudes, amplitudes @ self._external, tuple(pressures))
+
+    def outflow(self, amplitudes: Array) -> float:
+        """Rate of all prescribed fluxes out of the body, ∫ q̄ dS."""
+        return float(amplitudes @ self.boundary.external[:, self.mesh.n_u :].sum(axis=1))
+
+    def cartesian(self, x: Array) -> Array:
+        """Local unknowns in Cartesian components."""
+        return x if self.rotation is None else np.asarray(self.rotation.T @ x)
+
+    def states(self, x: Array) -> tuple[MacroState, Array]:
+        """H, p and ∇p (points, 3) at the quadrature points, by element and then in the mesh's order."""
+        return self.states_of(self.cartesian(x))
+
+    @abstractmethod
+    def states_of(self, x: Array) -> tuple[MacroState, Array]:
+        """The same from Cartesian unknowns."""
+
+    @abstractmethod
+    def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
+        """∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4), not yet summed over elements."""
+
+    @abstractmethod
+    def system(self, tangent: MacroTangent, dt: float, follower: Any = None) -> Any:
+        """The derivative of the residual by all unknowns, as the other methods want it.
+
+        ``follower`` is to be added, from :meth:`follower_tangent`. With a :attr:`rotation` Q it is Q A Qᵀ.
+        """
+
+    @abstractmethod
+    def magnitudes(self, system: Any, x: Array) -> Array:
+        """|A| |x| in the rows of the free unknowns; those of a plate may stand in the first of its rows."""
+
+    @abstractmethod
+    def solve(self, system: Any, right: Array, jump: Array, *, again: bool = False) -> Array:
+        """The d with A d = ``right`` in the equations and d = ``jump`` in the prescribed unknowns.
+
+        The unknowns of a plate change alike. ``again`` says that the system is close to the one before, so that the
+        factor of that one may serve as a preconditioner.
+
+        Raises
+        ------
+        StepFailed
+            The matrix is singular, or an iterative solver does not converge.
+        """
+
+    def add_copies(self, values: Array) -> Array:
+        """Add the entries of copies to those of their owners; a backend that distributes overrides this."""
+        return values
+
+    def residual(self, response: MacroResponse, dt: float, loads: Loads, x: Array | None = None) -> Residual:
+        """Under ``loads``; where a pressure follows the surface, at the unknowns ``x``."""
+        forces, stored, moved = self.contributions(response)
+        moved = -dt * moved
+        external = np.where(self.is_force, 1.0, dt) * loads.external
+        if any(loads.pressures):
+            assert x is not None
+            external = external + self._following(x, loads.pressures)
+        values = self._rotated(self._gather(forces, stored + moved)) + external
+        scales = self._gather(np.abs(forces), np.abs(stored) + np.abs(moved)) + np.abs(external)
+        own = np.arange(len(scales)) < self.owned
+        force_scale, volume_scale = (
+            self.world.largest(float(scales[rows & own].max(initial=0.0)))
+            for rows in (self.is_force, ~self.is_force)
+        )
+        return Residual(values, force_scale, volume_scale)
+
+    def follower_tangent(self, x: Array, loads: Loads) -> Any:
+        """Derivative of the forces of pressures that follow the surface, sparse in the mesh's numbers, Cartesian.
+
+        None where there are none.
+        """
+        if not any(loads.pressures):
+            return None
+        u = self.to_mesh(x)[: self.mesh.n_u].reshape(-1, 3)
+        parts = zip(self.boundary.followers, loads.pressures, strict=True)
+        return sum(followers.tangent(facets, u, pressure) for (_, _, facets), pressure in parts)
+
+    def _following(self, x: Array, pressures: tuple[float, ...]) -> Array:
+        u = self.to_mesh(x)[: self.mesh.n_u].reshape(-1, 3)
+        force = np.zeros(self.mesh.size)
+        for (_, _, facets), pressure in zip(self.boundary.followers, pressures, strict=True):
+            force[: self.mesh.n_u] += followers.forces(facets, u, pressure).ravel()
+        local = np.where(np.arange(len(self.unknowns)) < self.owned, force[self.unknowns], 0.0)
+        return self._rotated(local)
+
+    def _rotated(self, values: Array) -> Array:
+        return values if self.rotation is None else np.asarray(self.rotation @ values)
+
+    def equations(self, values: Array) -> Array:
+        """From values in the rows of all local unknowns those of the equations of this process, (leading,).
+
+        The equation of a plate is the sum over its unknowns, wherever they are.
+        """
+        values = values[self.free].copy()
+        for places in self.plates:
+            total = self.world.total(float(values[places].sum()))
+            values[places[self.leading[places]]] = total
+        found: Array = values[self.leading]
+        return found
+
+    def _gather(self, forces: Array, volumes: Array) -> Array:
+        blocks = np.concatenate([forces, volumes], axis=1)
+        return self.add_copies(
+            np.bincount(self.dofs.ravel(), blocks.ravel(), minlength=len(self.unknowns)).astype(float)
+        )
+
+    def to_mesh(self, x: Array) -> Array:
+        """(mesh.size,) all unknowns in the mesh's order, Cartesian, on every process."""
+        return self.gathered(self.cartesian(x))
+
+    def from_mesh(self, whole: Array) -> Array:
+        """The local unknowns from all."""
+        return self._rotated(whole[self.unknowns])
+
+    def gathered(self, values: Array) -> Array:
+        """(mesh.size,) values of all local unknowns in the mesh's order, as they are, on every process."""
+        whole = np.zeros(self.mesh.size)
+        whole[self.unknowns[: self.owned]] = values[: self.owned]
+        return np.asarray(self.world.total(whole))
+
+    def points_to_mesh(self, values: Array) -> Array:
+        """Values at all quadrature points (all points, ...), from those of this process (points, ...)."""
+        whole = np.zeros((*self.mesh.weights.shape, *values.shape[1:]))
+        whole[self.elements] = self._by_element(values)
+        return np.asarray(self.world.total(whole)).reshape(-1, *values.shape[1:])
+
+    def points_from_mesh(self, whole: Array) -> Array:
+        """Those of this process from values at all quadrature points."""
+        by_element = whole.reshape(*self.mesh.weights.shape, *whole.shape[1:])
+        return by_element[self.elements].reshape(-1, *whole.shape[1:])
+
+    def means(self, values: Array) -> Array:
+        """Means over the elements of this process (elements, ...) of values at its points (points, ...)."""
+        weights = self.mesh.weights[self.elements]
+        shares = weights / weights.sum(axis=1, keepdims=True)
+        return np.asarray(np.einsum("eq,eq...->e...", shares, self._by_element(values)))
+
+    def all_means(self, values: Array) -> Array:
+        """The same over all elements, in the mesh's order and on every process."""
+        means = self.means(values)
+        whole = np.zeros((len(self.mesh.cells), *means.shape[1:]))
+        whole[self.elements] = means
+        return np.asarray(self.world.total(whole))
+
+    def _by_element(self, values: Array) -> Array:
+        return values.reshape(len(self.elements), -1, *values.shape[1:])

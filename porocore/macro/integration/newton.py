@@ -1,0 +1,129 @@
+"""One time step: Newton's iteration with the exact tangent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
+from porocore.macro.integration.discretisation import Discretisation, Loads, Residual, StepFailed
+from porocore.macro.problem import NewtonSettings
+from porocore.states import Array
+
+#: How many units of round-off of the terms of a residual count as none.
+ROUND_OFF = 20 * float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A solved step.
+
+    Attributes
+    ----------
+    x : (local unknowns,)
+        Displacements and pressures.
+    response
+        Of the law there.
+    residual
+        What is left, and the reactions.
+    iterations
+        Linear systems solved.
+    misfits
+        Residual over its scale (the larger of force and volume) before each iteration and at the end.
+    """
+
+    x: Array
+    response: MacroResponse
+    residual: Residual
+    iterations: int
+    misfits: list[float] = field(default_factory=list)
+
+
+def newton_step(
+    d: Discretisation,
+    law: MacroLaw,
+    memory: LawMemory,
+    x: Array,
+    dt: float,
+    loads: Loads,
+    settings: NewtonSettings,
+) -> Step:
+    """Solve one backward Euler step of length ``dt`` under ``loads`` from the unknowns ``x``.
+
+    The first iteration linearises at the old state and moves prescribed values as part of the linear system,
+    so that a jump at the boundary does not fold the elements beside it.
+
+    Raises
+    ------
+    StepFailed
+        No convergence, no values of the law, or a singular matrix; on all processes alike.
+    """
+    x = x.copy()
+    misfits: list[float] = []
+    for iteration in range(settings.iterations + 1):
+        jump = loads.values - x[d.prescribed]
+        moving = d.world.largest(float(jump.any())) > 0
+        states, grad_p = d.states(x)
+        response = law.respond(states, grad_p, memory)
+        _refuse_missing_values(d, response)
+        residual = d.residual(response, dt, loads, x)
+        # A first guess within the tolerance is improved all the same: over many steps its errors add up.
+        allowed = settings.tolerance if iteration else 0.0
+        misfit, system = _misfit(d, residual), None
+        if misfit > allowed or moving:
+            assert response.tangent is not None
+            system = d.system(response.tangent, dt, d.follower_tangent(x, loads))
+            misfit = _misfit(d, residual, _round_off(d, system, x, response, max(ROUND_OFF, law.noise)))
+        misfits.append(misfit)
+        if system is None or (misfit <= allowed and not moving):
+            return Step(x, response, residual, iteration, misfits)
+        if iteration < settings.iterations:
+            x -= d.solve(system, residual.values, -jump, again=iteration > 0)
+            x[d.prescribed] = loads.values
+    raise StepFailed(
+        f"Newton's iteration stood at {misfits[-1]:.2g} of the force and volume scale after "
+        f"{settings.iterations} iterations (newton.tolerance = {settings.tolerance:g})"
+    )
+
+
+def _refuse_missing_values(d: Discretisation, response: MacroResponse) -> None:
+    parts: list[Any] = [response.stress, response.storage, response.flux]
+    bad = np.zeros(d.n_points, bool)
+    for part in parts:
+        bad |= ~np.isfinite(part.reshape(d.n_points, -1)).all(axis=1)
+    count, points = d.world.total(np.array([bad.sum(), len(bad)]))
+    if count:
+        which = f"{int(count)} of {int(points)} points"
+        raise StepFailed(f"the law has no values at {which} (det F̄ ≤ 0, or a cell without solution)")
+
+
+def _misfit(d: Discretisation, residual: Residual, round_off: tuple[float, float] = (0.0, 0.0)) -> float:
+    """Largest free residual over its scale, of forces and volumes; zero where only round-off is left."""
+    scales = (residual.force_scale, residual.volume_scale)
+    return max(
+        r / s if r > floor else 0.0
+        for r, s, floor in zip(_largest_free(d, residual.values), scales, round_off, strict=True)
+    )
+
+
+def _largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
+    """Of the forces and of the volumes, over all processes."""
+    magnitude, is_force = np.abs(d.equations(values)), d.is_force[d.free[d.leading]]
+    blocks = (magnitude[is_force], magnitude[~is_force])
+    force, volume = (d.world.largest(float(block.max(initial=0.0))) for block in blocks)
+    return force, volume
+
+
+def _round_off(
+    d: Discretisation, system: Any, x: Array, response: MacroResponse, share: float
+) -> tuple[float, float]:
+    """Forces and volumes that are round-off of the terms which cancel in them, a ``share`` of these.
+
+    These are |A| |x|, and for forces also the stress of the 1 in I + H, which hides loads below some 1e-12.
+    """
+    assert response.tangent is not None
+    force, volume = _largest_free(d, d.magnitudes(system, x))
+    stiffest = d.world.largest(float(np.abs(response.tangent.stress_grad_u).max(initial=0.0)))
+    return share * (force + stiffest * d.stretch), share * volume

@@ -1,0 +1,153 @@
+"""What is kept of a solve: one row of the history a step, and profiles at the chosen times."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from porocore.interfaces.law import MacroResponse
+from porocore.interfaces.solution import History, MacroSolution, Profile
+from porocore.macro.boundary.probes import interpolation
+from porocore.macro.integration.discretisation import Discretisation
+from porocore.macro.integration.newton import Step
+from porocore.states import Array
+
+HISTORY = tuple(f.name for f in fields(History))
+PROFILE = tuple(f.name for f in fields(Profile))
+
+
+class Record:
+    """History and profiles so far, the same on every process.
+
+    Parameters
+    ----------
+    d
+        Of what is recorded.
+
+    Attributes
+    ----------
+    columns
+        The fields of :class:`porocore.History`, then those of probes, reactions and inflows, by name.
+    rows
+        Values in this order.
+    profiles
+        In the order of time.
+    """
+
+    def __init__(self, d: Discretisation) -> None:
+        self.d = d
+        self.rows: list[tuple[float, ...]] = []
+        self.profiles: list[Profile] = []
+        self._probe = interpolation(d.mesh, d.problem.probes)
+        self._groups = (
+            *((f"probes/{name}", 4) for name in d.problem.probes),
+            *((f"reactions/{name}", 3) for name in d.boundary.supports),
+            *((f"inflow/{name}", 1) for name in d.boundary.drains),
+        )
+        self.columns = (*HISTORY, *(f"{name}/{i}" for name, width in self._groups for i in range(width)))
+
+    def column(self, name: str) -> Array:
+        """One quantity against time, (steps,)."""
+        return np.array([row[self.columns.index(name)] for row in self.rows])
+
+    def add_start(self, x: Array, response: MacroResponse) -> None:
+        """The initial state, t = 0."""
+        d, whole = self.d, self.d.to_mesh(x)
+        start = dict.fromkeys(HISTORY, 0.0)
+        start |= {"outside": _outside(d, response), "stress_spread": _spread(d, response)}
+        start |= self._extremes(whole)
+        sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains))
+        self.rows.append((*(start[name] for name in HISTORY), *(self._probe @ whole), *sums))
+
+    def add_step(self, step: Step, time: float, dt: float, amplitudes: Array) -> None:
+        """An accepted step that ended at ``time``."""
+        d, response = self.d, step.response
+        last = dict(zip(HISTORY, self.rows[-1], strict=False))
+        # In the rows of prescribed pressure the residual is what has flowed in through the boundary.
+        held = d.prescribed[~d.is_force[d.prescribed] & (d.prescribed < d.owned)]
+        inflow = float(d.world.total(float(step.residual.values[held].sum())))
+        outflow = dt * d.outflow(amplitudes) - inflow
+        squeezed = -float(d.world.total(float(d.weights @ (response.storage / response.volume_ratio))))
+        x = d.to_mesh(step.x)
+        row = {
+            "time": time,
+            "ramp": d.problem.ramp(time),
+            "drained": last["drained"] + squeezed,
+            "drained_flux": last["drained_flux"] + outflow,
+            "outside": _outside(d, response),
+            "stress_spread": _spread(d, response),
+            "iterations": float(step.iterations),
+        }
+        row |= self._extremes(x)
+        sums = self._sums(step, dt)
+        extra = np.concatenate([self._probe @ x, *sums])
+        self.rows.append((*(row[name] for name in HISTORY), *map(float, extra)))
+
+    def _sums(self, step: Step, dt: float) -> list[Array]:
+        """Forces (3,) on the surfaces that are held, then inflows (1,) through those with a pressure."""
+        d, response = self.d, step.response
+        residual = d.to_mesh(step.residual.values)
+        supports, drains = d.boundary.supports.values(), d.boundary.drains.values()
+        stress = d.all_means(response.stress) if any(each.needs_field for each in supports) else None
+        inward = -d.all_means(response.flux) if any(each.needs_field for each in drains) else None
+        forces = [each.total(residual, stress) for each in supports]
+        return forces + [each.total(residual / dt, inward) for each in drains]
+
+    def _extremes(self, x: Array) -> dict[str, float]:
+        n_u = self.d.mesh.n_u
+        return {"settlement": float((-x[1:n_u:3]).max()), "pressure_max": float(x[n_u:].max())}
+
+    def add_profile(self, step: Step, time: float) -> None:
+        """Fields at ``time``: nodal, and means over the elements."""
+        d, response = self.d, step.response
+        x = d.to_mesh(step.x)
+        states = response.memory.states
+        self.profiles.append(
+            Profile(
+                time=time,
+                u=x[: d.mesh.n_u].reshape(-1, 3),
+                p=d.mesh.pressure_everywhere(x[d.mesh.n_u :]),
+                grad_u=d.all_means(states.grad_u),
+                mean_grad=d.all_means(response.memory.mean_grad),
+                deformation=d.all_means(response.deformation),
+                conductivity=d.all_means(response.transformed_conductivity),
+                stress=d.all_means(response.stress),
+                flux=d.all_means(response.flux),
+                element_p=d.all_means(states.p),
+                outside=d.all_means(response.outside.astype(float)),
+            )
+        )
+
+    def solution(self, law: str) -> MacroSolution:
+        """All of it, with the mesh."""
+        mesh = self.d.mesh
+        history = History(**{name: self.column(name) for name in HISTORY})
+        series: dict[str, dict[str, Array]] = {"probes": {}, "reactions": {}, "inflow": {}}
+        for path, width in self._groups:
+            kind, _, name = path.partition("/")
+            series[kind][name] = np.stack([self.column(f"{path}/{i}") for i in range(width)], axis=1)
+        return MacroSolution(
+            law,
+            self.d.problem.load,
+            mesh.points,
+            mesh.cells,
+            history,
+            tuple(self.profiles),
+            probes=series["probes"],
+            reactions=series["reactions"],
+            inflow={name: values[:, 0] for name, values in series["inflow"].items()},
+        )
+
+
+def _outside(d: Discretisation, response: MacroResponse) -> float:
+    volume, outside = d.world.total(np.array([d.weights.sum(), d.weights[response.outside].sum()]))
+    return float(outside / volume)
+
+
+def _spread(d: Discretisation, response: MacroResponse) -> float:
+    """Largest deviation of the element means of P_E,22 from the body's mean."""
+    means, volumes = d.means(response.stress[:, 1, 1]), d.mesh.weights[d.elements].sum(axis=1)
+    weighted, volume = d.world.total(np.array([volumes @ means, volumes.sum()]))
+    mean = weighted / volume
+    return d.world.largest(float(np.abs(means - mean).max(initial=0.0)))

@@ -1,0 +1,58 @@
+"""A macro solver around the core's time loop: a backend adds how it discretises."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from porocore.core.echo import echo
+from porocore.core.models.bounds import LARGEST_NUMBER
+from porocore.errors import ConfigurationError
+from porocore.interfaces.law import MacroLaw
+from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.solution import MacroSolution, StepReport
+from porocore.macro.integration.march import march
+
+
+class MarchingMacroSolver(MacroSolver):
+    """What ``prepare`` returns is a :class:`~porocore.macro.integration.discretisation.Discretisation`.
+
+    Parameters
+    ----------
+    checkpoint_seconds
+        Wall time between two checkpoints; 0 writes one after every step.
+
+    Raises
+    ------
+    ConfigurationError
+        That is no time.
+    """
+
+    def __init__(self, *, checkpoint_seconds: float = 5.0) -> None:
+        if (
+            isinstance(checkpoint_seconds, bool)
+            or not isinstance(checkpoint_seconds, int | float)
+            or not 0 <= checkpoint_seconds <= LARGEST_NUMBER
+        ):
+            raise ConfigurationError(
+                f"macro.options.checkpoint_seconds: expected a number of at least 0, got {echo(checkpoint_seconds)}"
+            )
+        self.checkpoint_seconds = float(checkpoint_seconds)
+
+    def solve(
+        self,
+        prepared: Any,
+        law: MacroLaw,
+        *,
+        checkpoint: Path | None = None,
+        on_step: Callable[[StepReport], None] | None = None,
+    ) -> MacroSolution:
+        """See :class:`porocore.MacroSolver`; ``prepared`` is what :meth:`prepare` returned."""
+        return march(
+            prepared,
+            law,
+            checkpoint=checkpoint,
+            on_step=on_step,
+            checkpoint_seconds=self.checkpoint_seconds,
+        )

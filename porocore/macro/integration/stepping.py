@@ -1,0 +1,150 @@
+"""Which time comes next: the time plan of a problem, halving after a failed step and growing back.
+
+Independent of the macro backend, and deterministic: the same successes and failures give the same times.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from porocore.errors import SolveError
+from porocore.macro.problem import TimePlan
+
+#: Of the step that the error of the last one asks for: on the safe side, and the largest changes.
+SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
+#: An error beyond this many times the tolerance is not accepted.
+TOO_MUCH = 2.0
+#: Accepted steps in a row after which a halving is taken back.
+PATIENCE = 2
+#: Two times closer than this share of a step are one.
+SAME = 1e-9
+
+
+@dataclass
+class Stepper:
+    """Proposes steps and learns whether they succeeded.
+
+    Every ramp increment, profile time, corner of the load curve and the end are hit exactly; between two such stops the
+    steps are equal and at most ``plan.step`` (``plan.ramp_step`` on the ramp), divided by 2^``halvings``. With
+    ``plan.tolerance`` they are also at most as long as the last error asks for; after every time at which a load bends
+    ``plan.ramp_step`` is tried first.
+
+    Attributes
+    ----------
+    plan
+        What is to be stepped through.
+    corners
+        Further times at which the load bends.
+    time
+        The last accepted time.
+    halvings
+        How often the planned step is halved at present.
+    streak
+        Accepted steps in a row since a halving was made or taken back.
+    proposed
+        Step that the last error asks for.
+    """
+
+    plan: TimePlan
+    corners: tuple[float, ...] = ()
+    time: float = 0.0
+    halvings: int = 0
+    streak: int = 0
+    proposed: float = math.inf
+    _ramp_end: float = field(init=False, repr=False)
+    _stops: tuple[float, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        plan = self.plan
+        self._ramp_end = plan.ramp_increments * plan.ramp_step
+        increments = (k * plan.ramp_step for k in range(1, plan.ramp_increments + 1))
+        stops: list[float] = []
+        curve = (time for time, _ in plan.load_curve)
+        for time in sorted({*increments, *curve, *self.corners, *plan.profiles, plan.end}):
+            if stops and time - stops[-1] <= SAME * plan.ramp_step:
+                stops[-1] = time
+            else:
+                stops.append(time)
+        self._stops = tuple(stops)
+        if plan.tolerance is not None and math.isinf(self.proposed):
+            self.proposed = plan.ramp_step
+
+    @property
+    def done(self) -> bool:
+        """Whether the end is reached."""
+        return self.time >= self._stops[-1]
+
+    def next(self) -> float:
+        """The time to solve for; the same until :meth:`accept` or :meth:`reject` is called."""
+        stop = self._stops[bisect_right(self._stops, self.time)]
+        planned = self.plan.ramp_step if stop <= self._ramp_end * (1 + SAME) else self.plan.step
+        planned = min(planned, self.proposed)
+        rest = stop - self.time
+        steps = math.ceil(rest / (planned / 2**self.halvings) - SAME)
+        return stop if steps <= 1 else self.time + rest / steps
+
+    @property
+    def at_corner(self) -> bool:
+        """Whether the load bends at the present time, so that no rate goes on."""
+        bends = (0.0, self._ramp_end, *(time for time, _ in self.plan.load_curve), *self.corners)
+        return any(abs(self.time - t) <= SAME * self.plan.ramp_step for t in bends)
+
+    def is_profile(self, time: float) -> bool:
+        """Whether ``time``, from :meth:`next`, is a profile time or the end, where fields are kept."""
+        wanted = (*self.plan.profiles, self.plan.end)
+        return any(abs(time - t) <= SAME * self.plan.ramp_step for t in wanted)
+
+    def tolerates(self, error: float | None) -> bool:
+        """Whether a step to :meth:`next` with this error can be accepted; else the next one is shorter."""
+        tolerance, length = self.plan.tolerance, self.next() - self.time
+        if (
+            tolerance is None
+            or error is None
+            or error <= TOO_MUCH * tolerance
+            or length <= self.plan.smallest_step
+        ):
+            return True
+        self.proposed = max(self._wanted(length, error), self.plan.smallest_step)
+        return False
+
+    def _wanted(self, length: float, error: float) -> float:
+        """Step whose error, which goes with its square, is the tolerance."""
+        assert self.plan.tolerance is not None
+        factor = SAFETY * math.sqrt(self.plan.tolerance / error) if error > 0 else GROW
+        return length * min(max(factor, SHRINK), GROW)
+
+    def accept(self, error: float | None = None) -> None:
+        """The step to :meth:`next` succeeded, with this error if it is known."""
+        length, self.time = self.next() - self.time, self.next()
+        if self.plan.tolerance is not None:
+            if self.at_corner:
+                self.proposed = self.plan.ramp_step
+            elif error is not None:
+                self.proposed = self._wanted(length, error)
+        self.streak += 1
+        if self.halvings and self.streak >= PATIENCE:
+            self.halvings, self.streak = self.halvings - 1, 0
+
+    def reject(self, reason: str, more: Callable[[], str] = str) -> None:
+        """The step to :meth:`next` failed, for ``reason``; the next one is at most half as long.
+
+        ``more`` is asked what else to say where there is no next one.
+
+        Raises
+        ------
+        SolveError
+            Half of it would be shorter than ``plan.smallest_step``.
+        """
+        failed = self.next() - self.time
+        if failed / 2 < self.plan.smallest_step:
+            raise SolveError(
+                f"the macroscale step from t = {self.time:g} failed at its smallest length {failed:.3g} "
+                f"(smallest_step = {self.plan.smallest_step:g}): {reason}{more()}; "
+                "lower the load, use more ramp_increments or a finer mesh"
+            )
+        self.streak = 0
+        while self.next() - self.time > failed / 2 * (1 + SAME):
+            self.halvings += 1

@@ -1,0 +1,76 @@
+"""A cell law with a closure: what the macro solver asks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, fingerprint
+from porocore.macro.laws.closure import CellLaw, Closure
+from porocore.plugins.border import check_prediction, prediction_of
+from porocore.states import Array, CellResponse, MacroState
+
+
+@runtime_checkable
+class PathCellLaw(CellLaw, Protocol):
+    """A cell law that works better when it knows where each point comes from, such as one that solves cells."""
+
+    def predict_from(self, before: MacroState, states: MacroState, *, tangent: bool = True) -> CellResponse:
+        """As ``predict``, of points whose last accepted states were ``before``, (n,) both."""
+
+
+class ClosedLaw(MacroLaw):
+    """A cell law with a closure.
+
+    Parameters
+    ----------
+    cell_law
+        Predicts the responses of the cell; a :class:`PathCellLaw` is told the last accepted states too.
+    closure
+        Makes stress, storage and flux of them.
+    identity
+        Hash that tells this cell law from every other, such as that of the file it was loaded from; without
+        it the cell law's own is taken (for a surrogate that is the cell's, whatever its weights).
+    name
+        For reports.
+
+    Raises
+    ------
+    ConfigurationError
+        The cell law does not provide what the closure needs.
+    """
+
+    def __init__(
+        self, cell_law: CellLaw, closure: Closure, *, identity: str | None = None, name: str | None = None
+    ) -> None:
+        self.cell_law, self.closure = cell_law, closure
+        self.name = closure.name if name is None else name
+        self.noise = float(getattr(cell_law, "noise", 0.0))
+        self.identity = fingerprint(closure.identity, cell_law.identity if identity is None else identity)
+        self._rest = prediction_of(cell_law, MacroState.zeros(1))
+        closure.check(self._rest, type(cell_law).__name__)
+
+    def initial(self, n: int) -> LawMemory:
+        """At rest, with what the cell law itself says there: its error there stores no fluid."""
+        rest = replace(self._rest, tangent=None, peaks=None)[np.zeros(n, dtype=np.int64)]
+        return self.closure.memory(MacroState.zeros(n), rest)
+
+    def respond(
+        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+    ) -> MacroResponse:
+        """See :class:`MacroLaw`; NaN where the cell law has no values."""
+        # Newton's iteration may ask for anything; what is not finite is for the macro solver to refuse.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            if isinstance(self.cell_law, PathCellLaw):
+                found = self.cell_law.predict_from(memory.states, states, tangent=tangent)
+                cell = check_prediction(self.cell_law, found, states)
+            else:
+                cell = prediction_of(self.cell_law, states, tangent=tangent)
+            return self.closure.respond(states, cell, grad_p, memory, tangent=tangent)
+
+    def reasons(self, states: MacroState) -> list[str]:
+        """See :class:`MacroLaw`; known where the cell law is a surrogate that knows."""
+        known = getattr(self.cell_law, "reasons", super().reasons)
+        return list(known(states))

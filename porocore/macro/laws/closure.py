@@ -1,0 +1,113 @@
+"""What every closure is: stress, fluid storage and flux as functions of the responses of the cell."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from porocore.cell.materials.composite import Solid
+from porocore.errors import ConfigurationError
+from porocore.interfaces.law import LawMemory, MacroResponse, fingerprint
+from porocore.macro.laws.pull_back import CONDUCTIVITY_LAWS, ConductivityLaw, PulledBack
+from porocore.states import Array, CellResponse, MacroState
+
+
+class CellLaw(Protocol):
+    """Whatever predicts the responses of the cell; a fitted surrogate is one."""
+
+    #: Hash of what it stands for.
+    identity: str
+
+    def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
+        """Responses of n states, with their exact derivatives if ``tangent``."""
+
+
+class Closure(ABC):
+    """How stress, storage and flux follow from the responses of the cell.
+
+    Parameters
+    ----------
+    solid_fraction
+        φ_s = 1 − φ_f of the undeformed cell.
+    material
+        What the solid is made of.
+    conductivity : (3, 3)
+        K of the undeformed cell.
+    law
+        Which conductivity the flux goes by, :data:`~porocore.macro.laws.pull_back.ConductivityLaw`: with ``deformed`` a
+        response of the cell, otherwise K carried along.
+    """
+
+    #: What the user writes.
+    name: ClassVar[str]
+    #: Fields of :class:`CellResponse` that it reads.
+    responses: ClassVar[tuple[str, ...]]
+    #: Fields of :class:`CellTangent` that it reads.
+    derivatives: ClassVar[tuple[str, ...]]
+
+    def __init__(
+        self, solid_fraction: float, material: Solid, conductivity: Array, *, law: ConductivityLaw = "piola"
+    ) -> None:
+        if law not in CONDUCTIVITY_LAWS:
+            raise ValueError(f"expected a conductivity law of {', '.join(CONDUCTIVITY_LAWS)}, got {law!r}")
+        if not 0 < solid_fraction < 1:
+            raise ValueError(f"expected a solid fraction between 0 and 1, got {solid_fraction:g}")
+        self.solid_fraction = solid_fraction
+        self.material, self.law = material, law
+        self.conductivity = np.array(conductivity, dtype=float)
+        if self.conductivity.shape != (3, 3):
+            raise ValueError(f"expected a conductivity (3, 3), got {self.conductivity.shape}")
+
+    @property
+    def identity(self) -> str:
+        """Hash of the closure and its constants."""
+        return fingerprint(
+            self.name, self.solid_fraction, self.material.identity, self.conductivity, self.law
+        )
+
+    def pull_back(self, states: MacroState, cell: CellResponse, grad_p: Array) -> PulledBack:
+        """Kinematics and flux at n points."""
+        return PulledBack.of(
+            states,
+            cell.mean_grad,
+            grad_p,
+            self.solid_fraction,
+            self.conductivity,
+            self.law,
+            cell.conductivity,
+        )
+
+    @abstractmethod
+    def respond(
+        self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, *, tangent: bool
+    ) -> MacroResponse:
+        """Response at n points, given the cell's responses there; see :class:`MacroLaw`."""
+
+    def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
+        """What the next step must know of this one."""
+        return LawMemory(states, cell.mean_grad)
+
+    def check(self, cell: CellResponse, law: str) -> None:
+        """Refuse a cell law whose prediction lacks what this closure reads.
+
+        Raises
+        ------
+        ConfigurationError
+            A response or a derivative is missing.
+        """
+        if self.law == "deformed" and cell.conductivity is None:
+            raise ConfigurationError(
+                f"conductivity: 'deformed' needs the conductivity of the deformed pore, but {law} does not provide it; "
+                "choose conductivity: piola, or another surrogate"
+            )
+        missing = [name for name in self.responses if getattr(cell, name) is None]
+        missing += [
+            f"tangent.{name}" for name in self.derivatives if getattr(cell.tangent, name, None) is None
+        ]
+        if missing:
+            raise ConfigurationError(
+                f"closure '{self.name}' needs {', '.join(self.responses + self.derivatives)} of the cell, "
+                f"but {law} does not provide {', '.join(missing)}; choose another closure or surrogate"
+            )

@@ -1,0 +1,96 @@
+"""What cells solved on the way have cost, added up over all the processes that worked on a macro solution."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Protocol
+
+from porocore.core.files.atomic import atomic_path, noted_afterwards
+from porocore.core.files.reading import read_json
+from porocore.errors import DataError
+
+#: By name of the solution: points, solves, seconds, and solves by status.
+DirectRecords = dict[str, dict[str, float]]
+
+
+class Work(Protocol):
+    """What has been done so far."""
+
+    def numbers(self) -> dict[str, float]:
+        """By name; each only grows."""
+
+    def in_words(self) -> str:
+        """For a reader."""
+
+
+class SolvesCells(Protocol):
+    """What solves cells while a macro run goes on.
+
+    Attributes
+    ----------
+    on_work
+        Called with what was done, in words.
+    """
+
+    on_work: Callable[[str], None]
+
+    @property
+    def work(self) -> Work:
+        """Since this process began."""
+
+
+@contextmanager
+def noted(path: Path, solution: str, work: Work) -> Iterator[None]:
+    """Add to ``solution`` what ``work`` grows by during the block, also when the block is interrupted.
+
+    Raises
+    ------
+    DataError
+        The record at ``path`` is damaged; the block is not run.
+    RunFolderError
+        The disk is full or read-only.
+    """
+    records = direct_records(path)
+    before = work.numbers()
+
+    def note() -> None:
+        known = records.get(solution, {})
+        now = work.numbers()
+        gained = {name: value - before.get(name, 0) for name, value in now.items()}
+        records[solution] = {name: known.get(name, 0) + gained.get(name, 0) for name in {**known, **gained}}
+        with atomic_path(path) as part:
+            part.write_text(json.dumps(records, indent=2) + "\n", encoding="utf-8")
+
+    with noted_afterwards(note):
+        yield
+
+
+def direct_records(path: Path) -> DirectRecords:
+    """What was noted, by solution; empty before the first.
+
+    Raises
+    ------
+    DataError
+        The record is damaged.
+    """
+    if not path.exists():
+        return {}
+    try:
+        records = read_json(path)
+        return {
+            str(solution): {str(name): _number(value) for name, value in record.items()}
+            for solution, record in records.items()
+        }
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise DataError(
+            f"{path}: not a record of direct solves ({error}); delete it, it is not needed"
+        ) from error
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"expected a number, got {value!r}")
+    return value

@@ -1,0 +1,68 @@
+"""A closed surrogate that learns on the way, where a step leaves the range that it was trained on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from porocore.interfaces.law import LawMemory, MacroResponse
+from porocore.macro.laws.closed_law import ClosedLaw
+from porocore.macro.laws.closure import CellLaw, Closure
+from porocore.plugins.border import prediction_of
+from porocore.states import MacroState
+
+
+class Extension(Protocol):
+    """Whatever can make a cell law that knows more."""
+
+    def __call__(self, states: MacroState) -> CellLaw | None:
+        """A cell law that has learned from cells at or near n states outside; None where nothing could be learned."""
+
+
+class LearningLaw(ClosedLaw):
+    """A :class:`ClosedLaw` whose cell law is exchanged when a converged step asked it outside its range.
+
+    The step is then solved again from the last accepted time, whose stored fluid is counted by the new cell law, so
+    that the exchange itself moves no fluid. This ends when no point is outside any more or nothing more can be
+    learned; what is left is flagged as always.
+
+    Parameters
+    ----------
+    cell_law, closure, identity, name
+        See :class:`ClosedLaw`. The identity does not change with what is learned.
+    extend
+        Asked with the states of the points outside.
+    rounds
+        Most exchanges in one step.
+    """
+
+    def __init__(
+        self,
+        cell_law: CellLaw,
+        closure: Closure,
+        extend: Extension,
+        *,
+        identity: str | None = None,
+        name: str | None = None,
+        rounds: int = 8,
+    ) -> None:
+        super().__init__(cell_law, closure, identity=identity, name=name)
+        self.extend, self._rounds, self._round = extend, rounds, 0
+
+    def reconsider(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
+        """See :class:`~porocore.interfaces.law.MacroLaw`."""
+        outside = np.flatnonzero(response.outside)
+        if not len(outside) or self._round >= self._rounds:
+            self._round = 0
+            return None
+        wiser = self.extend(response.memory.states[outside])
+        if wiser is None:
+            self._round = 0
+            return None
+        self._round += 1
+        self.cell_law = wiser
+        self._rest = prediction_of(wiser, MacroState.zeros(1))
+        known = replace(prediction_of(wiser, memory.states, tangent=False), outside=None)
+        return self.closure.memory(memory.states, known)

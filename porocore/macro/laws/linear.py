@@ -1,0 +1,180 @@
+"""The linear limit: Biot's poroelasticity with the coefficients of the undeformed cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.cell.materials.composite import Composite, Solid
+from porocore.errors import ConfigurationError
+from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
+from porocore.macro.laws import reference_tangents
+from porocore.states import Array, CellResponse, MacroState
+
+#: 1/M_B [1/E] up to this is round-off of a cell without pores.
+NO_STORAGE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class LinearCoefficients:
+    """Coefficients of linear poroelasticity, P_E = C_eff:E − α p, storage = α:E + p/M_B, q = −K ∇p.
+
+    With C the elasticity of the solid and M, Q the tangents of <∇u¹>_s at rest (Dehghani & Zilian)::
+
+        C_eff = φ_s C + C:M,   α = φ_f I − I:M,   1/M_B = −tr Q
+
+    A solid of several materials has no single C; its C_eff is ∂P_E/∂H of the cell at rest, which is the same tensor.
+
+    Attributes
+    ----------
+    stiffness : (3, 3, 3, 3)
+        C_eff [E], symmetric in its minor indices.
+    biot : (3, 3)
+        α from the storage, φ_f I − I:M [-], symmetric.
+    biot_of_stress : (3, 3)
+        α from the stress, φ_f I − C:Q; the same tensor, up to the error of the cell solver.
+    storage : float
+        1/M_B [1/E].
+    conductivity : (3, 3)
+        K.
+    mean_grad_grad_u : (3, 3, 3, 3)
+        M [-].
+    mean_grad_p : (3, 3)
+        Q [1/E].
+    """
+
+    stiffness: Array
+    biot: Array
+    biot_of_stress: Array
+    storage: float
+    conductivity: Array
+    mean_grad_grad_u: Array
+    mean_grad_p: Array
+
+    @classmethod
+    def from_reference(
+        cls, reference: CellResponse, solid_fraction: float, material: Solid, conductivity: Array
+    ) -> LinearCoefficients:
+        """From the response of the undeformed cell with its tangent (one row), φ_s and K (3, 3).
+
+        Raises
+        ------
+        ConfigurationError
+            1/M_B = −tr Q is not positive: the cell has no pores, or its response a wrong sign.
+        ValueError
+            The response is not one solved row with its tangent.
+        """
+        M, Q = reference_tangents(reference)
+        stiffness, biot_of_stress = _of_stress(reference, solid_fraction, material)
+        stiffness = (stiffness + stiffness.swapaxes(0, 1)) / 2
+        stiffness = (stiffness + stiffness.swapaxes(2, 3)) / 2
+        fluid = (1 - solid_fraction) * np.eye(3)
+        biot = fluid - np.einsum("iikl->kl", M)
+        storage = 0.0 - float(np.trace(Q))
+        if storage <= NO_STORAGE:
+            raise ConfigurationError(
+                f"linear poroelasticity: expected 1/M_B = −tr Q > 0, got {storage:.3g}: "
+                + (
+                    "the cell takes up no fluid under pressure; give it pores (cell.geometry)"
+                    if storage >= -NO_STORAGE
+                    else "the cell gives off fluid under pressure; its solver has the sign of ∂<∇u¹>/∂p wrong, "
+                    "'porocore plugin check' shows it"
+                )
+            )
+        return cls(
+            stiffness,
+            (biot + biot.T) / 2,
+            biot_of_stress,
+            storage,
+            np.array(conductivity, dtype=float),
+            M,
+            Q,
+        )
+
+    @property
+    def biot_modulus(self) -> float:
+        """M_B [E]."""
+        return 1 / self.storage
+
+    def consolidation_coefficient(self, axis: int = 1) -> float:
+        """c_v = K/(1/M_B + α²/C_eff) of confined compression along ``axis`` (0, 1, 2); T = c_v t/h²."""
+        i = axis
+        stiffness, alpha = self.stiffness[i, i, i, i], self.biot[i, i]
+        return float(self.conductivity[i, i] / (self.storage + alpha**2 / stiffness))
+
+
+def _of_stress(reference: CellResponse, solid_fraction: float, material: Solid) -> tuple[Array, Array]:
+    """C_eff and the Biot tensor of the stress; of a solid of several materials by the cell's own tangent at rest.
+
+    Raises
+    ------
+    ValueError
+        The solid has several materials and the response no tangent of the stress.
+    """
+    if isinstance(material, Composite):
+        tangent = reference.tangent
+        if tangent is None or tangent.stress_grad_u is None or tangent.stress_p is None:
+            raise ValueError(
+                "expected the derivatives of the cell's stress, without which a solid of several materials has no "
+                "known stiffness; the cell solver does not provide them"
+            )
+        return tangent.stress_grad_u[0].copy(), -tangent.stress_p[0]
+    M, Q = reference_tangents(reference)
+    C = material.elasticity
+    stiffness = solid_fraction * C + np.einsum("ijmn,mnkl->ijkl", C, M)
+    return stiffness, (1 - solid_fraction) * np.eye(3) - np.einsum("ijmn,mn->ij", C, Q)
+
+
+class LinearPoroelasticity(MacroLaw):
+    """Small-strain poroelasticity as a macroscopic law, to compare the nonlinear ones with."""
+
+    name = "linear"
+
+    def __init__(self, coefficients: LinearCoefficients) -> None:
+        self.coefficients = c = coefficients
+        self.identity = fingerprint(
+            self.name,
+            c.stiffness,
+            c.biot,
+            c.storage,
+            c.conductivity,
+            c.mean_grad_grad_u,
+            c.mean_grad_p,
+        )
+
+    def initial(self, n: int) -> LawMemory:
+        """At rest."""
+        return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)))
+
+    def respond(
+        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+    ) -> MacroResponse:
+        """See :class:`MacroLaw`; the mean gradient M:H + Q p is carried for the profiles."""
+        c, n = self.coefficients, len(states)
+        H, p = states.grad_u.reshape(n, 9), states.p[:, None]
+        step = (states.grad_u - memory.states.grad_u).reshape(n, 9)
+        mean_grad = np.add(H @ c.mean_grad_grad_u.reshape(9, 9).T, p * c.mean_grad_p.reshape(9), dtype=float)
+        return MacroResponse(
+            stress=(H @ c.stiffness.reshape(9, 9).T - p * c.biot.reshape(9)).reshape(n, 3, 3),
+            storage=step @ c.biot.reshape(9) + c.storage * (states.p - memory.states.p),
+            flux=-grad_p @ c.conductivity.T,
+            memory=LawMemory(states, mean_grad.reshape(n, 3, 3)),
+            deformation=np.eye(3) + states.grad_u,
+            volume_ratio=np.ones(n),
+            transformed_conductivity=np.broadcast_to(c.conductivity, (n, 3, 3)),
+            outside=np.zeros(n, bool),
+            tangent=self._tangent(n) if tangent else None,
+        )
+
+    def _tangent(self, n: int) -> MacroTangent:
+        c = self.coefficients
+        return MacroTangent(
+            stress_grad_u=np.broadcast_to(c.stiffness, (n, 3, 3, 3, 3)),
+            stress_p=np.broadcast_to(-c.biot, (n, 3, 3)),
+            storage_grad_u=np.broadcast_to(c.biot, (n, 3, 3)),
+            storage_p=np.full(n, c.storage),
+            flux_grad_u=np.zeros((n, 3, 3, 3)),
+            flux_p=np.zeros((n, 3)),
+            flux_grad_p=np.broadcast_to(-c.conductivity, (n, 3, 3)),
+        )

@@ -1,0 +1,88 @@
+"""The exact closure: stress and fluid volume are the derivatives of the cell's effective potential."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent
+from porocore.macro.laws.closure import Closure
+from porocore.macro.laws.pull_back import PulledBack
+from porocore.states import Array, CellResponse, CellTangent, MacroState
+
+
+class PotentialClosure(Closure):
+    """Stress and fluid volume of the cell itself, the derivatives of W(H, p) = <Ψ + pJ>_s − p J₀.
+
+    With φ = −∂W/∂p the current fluid volume per reference volume, and F̄ = I + H + <∇u¹>_s/φ_s as in the
+    mean-gradient closure::
+
+        P_E       = ∂W/∂H
+        Δstorage  = φ(new) − φ(old)
+        q         = −Ḡ K̂ F̄⁻ᵀ ∇_X p
+        K_t       = (1/det F̄) Ḡ K̂ F̄⁻ᵀ
+
+    Nothing is approximated in stress and storage, so dW = P_E:dH − φ dp and no closed cycle of (H, p) does
+    work; ∂P_E/∂H has major symmetry and ∂P_E/∂p = −∂φ/∂H. Only the conductivity is that of the undeformed pore,
+    carried along (K̂ = R̄ K R̄ᵀ with F̄ = R̄ Ū, or K itself with the law ``piola-unrotated``); or that of the deformed pore,
+    q = −K_ref ∇_X p and K_t = K_ref/det F̄.
+    """
+
+    name = "potential"
+    responses = ("mean_grad", "stress", "fluid_volume")
+    derivatives = (
+        "mean_grad_grad_u",
+        "mean_grad_p",
+        "stress_grad_u",
+        "stress_p",
+        "fluid_volume_grad_u",
+        "fluid_volume_p",
+    )
+
+    def respond(
+        self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, *, tangent: bool
+    ) -> MacroResponse:
+        """Response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0, which is no state of the solid or body.
+
+        Raises
+        ------
+        ValueError
+            The memory was made by a closure that keeps no fluid volume.
+        """
+        if memory.fluid_volume is None:
+            raise ValueError("expected a memory with the fluid volume; make it by ClosedLaw.initial")
+        assert cell.stress is not None
+        assert cell.fluid_volume is not None
+        pore = self.pull_back(states, cell, grad_p)
+        taken_up = cell.fluid_volume - memory.fluid_volume
+        return MacroResponse(
+            stress=np.where(pore.missing, np.nan, cell.stress),
+            storage=np.where(np.isnan(pore.J), np.nan, taken_up),
+            flux=pore.flux,
+            memory=self.memory(states, cell),
+            deformation=pore.F,
+            volume_ratio=pore.J,
+            transformed_conductivity=pore.transformed,
+            outside=np.zeros(len(states), bool) if cell.outside is None else cell.outside,
+            tangent=self._tangent(pore, grad_p, cell.tangent) if tangent else None,
+        )
+
+    def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
+        """With the fluid volume, from which the next storage is counted."""
+        return LawMemory(states, cell.mean_grad, cell.fluid_volume)
+
+    def _tangent(self, pore: PulledBack, grad_p: Array, cell: CellTangent | None) -> MacroTangent:
+        assert cell is not None
+        assert cell.stress_grad_u is not None
+        assert cell.stress_p is not None
+        assert cell.fluid_volume_grad_u is not None
+        assert cell.fluid_volume_p is not None
+        flux_H, flux_p = pore.flux_slopes(grad_p, cell, self.solid_fraction)
+        return MacroTangent(
+            stress_grad_u=cell.stress_grad_u,
+            stress_p=cell.stress_p,
+            storage_grad_u=cell.fluid_volume_grad_u,
+            storage_p=cell.fluid_volume_p,
+            flux_grad_u=flux_H.reshape(-1, 3, 3, 3),
+            flux_p=flux_p,
+            flux_grad_p=-pore.conductivity,
+        )

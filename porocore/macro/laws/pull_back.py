@@ -1,0 +1,166 @@
+"""The mean deformation of the solid, and the flux through the pore.
+
+Both closures take the flux from here. Its conductivity is that of the undeformed pore, carried along with F̄, or that of
+the deformed pore, which is a response of the cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.core.tensors.polar import cross_matrix, polar_rotation, spin
+from porocore.states import Array, CellTangent, MacroState
+
+#: ``piola``: K of the undeformed cell, turned with the solid and pulled back, R̄ K R̄ᵀ for K; ``piola-unrotated``: pulled
+#: back only (Dehghani & Zilian); ``deformed``: that of the flow through every deformed pore.
+ConductivityLaw = Literal["piola", "piola-unrotated", "deformed"]
+CONDUCTIVITY_LAWS: tuple[str, ...] = get_args(ConductivityLaw)
+#: A conductivity that differs between directions by no more than this share is the same in all: it has nothing to turn.
+ISOTROPIC = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class PulledBack:
+    """Kinematics and conductivity of n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0.
+
+    Attributes
+    ----------
+    F : (n, 3, 3)
+        F̄ = I + H + <∇u¹>_s/φ_s.
+    J : (n,)
+        det F̄; NaN where there is no state of the solid or of the body.
+    cof : (n, 3, 3)
+        cof F̄ = Ḡᵀ.
+    conductivity : (n, 3, 3)
+        K_ref, between ∇_X p and the flux through reference area: Ḡ K̂ F̄⁻ᵀ, or that of the deformed pore.
+    transformed : (n, 3, 3)
+        K_t = K_ref/det F̄ (Dehghani & Zilian's transformed conductivity), F̄⁻¹ K̂ F̄⁻ᵀ where K is carried along.
+    flux : (n, 3)
+        q = −conductivity ∇_X p.
+    undeformed : (3, 3)
+        K; None where the conductivity is that of the deformed pore.
+    rotation : (n, 3, 3)
+        R̄ of F̄ = R̄ Ū, by which K is turned, K̂ = R̄ K R̄ᵀ; None where K̂ = K.
+    """
+
+    F: Array
+    J: Array
+    cof: Array
+    conductivity: Array
+    transformed: Array
+    flux: Array
+    undeformed: Array | None
+    rotation: Array | None = None
+
+    @classmethod
+    def of(
+        cls,
+        states: MacroState,
+        mean_grad: Array,
+        grad_p: Array,
+        solid_fraction: float,
+        K: Array,
+        law: ConductivityLaw = "piola",
+        deformed: Array | None = None,
+    ) -> PulledBack:
+        """Return what H, <∇u¹>_s, ∇_X p, φ_s and K of the undeformed cell give.
+
+        With the law ``deformed`` K_ref (n, 3, 3) of the ``deformed`` pores is in the place of K.
+
+        Raises
+        ------
+        ValueError
+            The law is ``deformed`` and there is no such K_ref.
+        """
+        F = np.eye(3) + states.grad_u + mean_grad / solid_fraction
+        J, J0 = determinant(F), determinant(np.eye(3) + states.grad_u)
+        J = np.where((J > 0) & (J0 > 0), J, np.nan)
+        cof = np.ascontiguousarray(cofactor(F))
+        rotation = None
+        if law == "deformed":
+            if deformed is None:
+                raise ValueError("expected the conductivity of the deformed pores")
+            conductivity = np.where(np.isnan(J)[:, None, None], np.nan, deformed)
+        else:
+            carried = K
+            if law == "piola" and not is_isotropic(K):
+                rotation = polar_rotation(np.where(np.isnan(J)[:, None, None], np.eye(3), F))
+                carried = rotation @ K @ rotation.swapaxes(1, 2)
+            conductivity = cof.swapaxes(1, 2) @ carried @ cof / J[:, None, None]
+        transformed = conductivity / J[:, None, None]
+        flux = -(conductivity @ grad_p[:, :, None])[..., 0]
+        return cls(F, J, cof, conductivity, transformed, flux, None if law == "deformed" else K, rotation)
+
+    @property
+    def missing(self) -> Array:
+        """Where there is no response, (n, 1, 1) bool."""
+        return np.isnan(self.J)[:, None, None]
+
+    def flux_slopes(
+        self, grad_p: Array, cell: CellTangent, solid_fraction: float, cof_F: Array | None = None
+    ) -> tuple[Array, Array]:
+        """∂q/∂H (n, 3, 9) and ∂q/∂p (n, 3).
+
+        A cell that does not tell how its own conductivity changes is taken as if it did not: a Newton iteration with
+        that tangent converges to the same solution, linearly.
+
+        Parameters
+        ----------
+        cof_F
+            ∂cof F̄/∂F̄ (n, 9, 9) where it is known already.
+        """
+        n = len(self.J)
+        if self.undeformed is not None:
+            by_F = self._flux_by_deformation(grad_p, self.undeformed, cof_F)
+            dF_dH, dF_dp = deformation_slopes(cell, solid_fraction)
+            return by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
+        if cell.conductivity_grad_u is None or cell.conductivity_p is None:
+            return np.zeros((n, 3, 9)), np.zeros((n, 3))
+        by_H = np.einsum("nijk,nj->nik", cell.conductivity_grad_u.reshape(n, 3, 3, 9), grad_p)
+        return -by_H, -(cell.conductivity_p @ grad_p[:, :, None])[..., 0]
+
+    def _flux_by_deformation(self, grad_p: Array, K: Array, cof_F: Array | None) -> Array:
+        """∂q/∂F̄ (n, 3, 9)."""
+        n = len(self.J)
+        if cof_F is None:
+            cof_F = cofactor_tangent(self.F).reshape(n, 9, 9)
+        R = self.rotation
+        carried = np.broadcast_to(K, (n, 3, 3)) if R is None else R @ K @ R.swapaxes(1, 2)
+        # q = −(1/J) cofᵀ K̂ cof ∇p: first by cof, then by J, then by K̂.
+        pulled = self.cof @ grad_p[:, :, None]
+        direct = np.einsum("ib,na->niab", np.eye(3), (carried @ pulled)[..., 0])
+        direct += np.einsum("nia,nb->niab", self.cof.swapaxes(1, 2) @ carried, grad_p)
+        by_J = self.flux[:, :, None] * self.cof.reshape(n, 1, 9)
+        by_F = direct.reshape(n, 3, 9) @ cof_F + by_J
+        if R is not None:
+            # dK̂ = R̄ (Ω K − K Ω) R̄ᵀ, and Ω v = ω × v.
+            v = (R.swapaxes(1, 2) @ pulled)[..., 0]
+            by_spin = K @ cross_matrix(v) - cross_matrix(v @ K.T)
+            by_F += self.cof.swapaxes(1, 2) @ R @ by_spin @ spin(self._states_of(R), R)
+        flux_F: Array = -by_F / self.J[:, None, None]
+        return flux_F
+
+    def _states_of(self, R: Array) -> Array:
+        """F̄ (n, 3, 3), and R where there is none."""
+        return np.where(self.missing, R, self.F)
+
+
+def is_isotropic(K: Array) -> bool:
+    """Tell whether K (3, 3) is the same in all directions, so that no rotation changes it."""
+    mean = np.trace(K) / 3
+    return bool(np.abs(K - mean * np.eye(3)).max() <= ISOTROPIC * abs(mean))
+
+
+def deformation_slopes(tangent: CellTangent, solid_fraction: float) -> tuple[Array, Array]:
+    """∂F̄/∂H (n, 9, 9) and ∂F̄/∂p (n, 9, 1)."""
+    assert tangent.mean_grad_grad_u is not None
+    assert tangent.mean_grad_p is not None
+    n = len(tangent.mean_grad_p)
+    return (
+        np.eye(9) + tangent.mean_grad_grad_u.reshape(n, 9, 9) / solid_fraction,
+        tangent.mean_grad_p.reshape(n, 9, 1) / solid_fraction,
+    )

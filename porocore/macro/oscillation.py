@@ -1,0 +1,97 @@
+"""Pressures of the first moments after loading, which a mesh does not resolve at the drained surfaces.
+
+In a time t the fluid of a layer of about √(c_v t) leaves. As long as that is thinner than an element, the linear
+pressure overshoots beside it: for a sudden load and one step of backward Euler where Δt < h²/(6 c_v) [Vermeer and
+Verruijt 1981, Int. J. Numer. Anal. Methods Geomech. 5, 1–14]. Shorter steps make it worse; a ramp that lasts longer
+avoids it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.core.formulas.time_function import Course
+from porocore.interfaces.solution import MacroSolution
+from porocore.macro.body.meshed import body_mesh
+from porocore.macro.body.surfaces import Facets
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.problem import MacroProblem, MacroSetup
+from porocore.states import Array
+
+#: Two times or pressures that differ by less than this share are one.
+SAME = 1e-9
+
+
+def diffusion_time(macro: MacroSetup, coefficients: LinearCoefficients) -> float:
+    """Return the largest h²/(6 c_v) of the elements at surfaces with a prescribed pressure; 0 where there are none.
+
+    h is the height of an element above its facet and c_v that of confined compression along the normal, at rest.
+    """
+    mesh, largest = body_mesh(macro), 0.0
+    share = 1.0 if mesh.element.shape == "hexahedron" else 3.0
+    for name, boundary in macro.boundary.items():
+        if boundary.pressure is None:
+            continue
+        facets = Facets(mesh, mesh.surface(name, f"macro.boundary.{name}"))
+        if not len(facets.nodes):
+            continue
+        normals = (facets.normals * mesh.element.facet.weights[:, None]).sum(axis=1)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        height = share * mesh.weights[facets.elements].sum(axis=1) / facets.areas.sum(axis=1)
+        speed = _consolidation(coefficients, normals)
+        open_ones = speed > 0
+        largest = max(largest, float((height[open_ones] ** 2 / (6 * speed[open_ones])).max(initial=0.0)))
+    return largest
+
+
+def _consolidation(c: LinearCoefficients, normals: Array) -> Array:
+    """c_v (n,) = n·Kn/(1/M_B + αn·A⁻¹αn) along normals (n, 3), with the acoustic tensor A_ik = C_ijkl n_j n_l."""
+    acoustic = np.einsum("ijkl,nj,nl->nik", c.stiffness, normals, normals)
+    push = normals @ c.biot
+    yielding = np.einsum("ni,ni->n", push, np.linalg.solve(acoustic, push[..., None])[..., 0])
+    speed: Array = np.einsum("ni,ij,nj->n", normals, c.conductivity, normals) / (c.storage + yielding)
+    return speed
+
+
+def unresolved(problem: MacroProblem, limit: float, solution: MacroSolution) -> str | None:
+    """Return a warning where the largest pressure comes sooner after loading began than ``limit``, else None.
+
+    ``limit`` is that of :func:`diffusion_time`.
+    """
+    history = solution.history
+    at = int(history.pressure_max.argmax())
+    time, largest = float(history.time[at]), float(history.pressure_max[at])
+    elapsed = time - _begin(problem, time)
+    if at == 0 or elapsed >= limit * (1 - SAME) or largest <= _prescribed(problem, time) * (1 + SAME):
+        return None
+    load = f"{solution.load:g}".replace("-", "−")
+    return (
+        f"Load {load}, law {solution.law}: the largest pressure comes {elapsed:.2g} after the loading began, within "
+        f"the time h²/(6 c_v) = {limit:.2g} in which the elements at the drained surfaces do not resolve it; it may be "
+        "too large by a quarter. Take thinner elements there (grading), a longer ramp, or a longer first step."
+    )
+
+
+def _begin(problem: MacroProblem, time: float) -> float:
+    """When what is being done at ``time`` began: the last bend before it ahead of which all loads stood still."""
+    courses = [course for boundary in problem.boundary.values() for course in boundary.courses]
+
+    def loads(t: float) -> list[float]:
+        return [problem.ramp(t), *(course.at(t) for course in courses)]
+
+    plan = problem.time
+    ramp = () if plan.load_curve else (plan.ramp_increments * plan.ramp_step,)
+    bends: list[float] = [t for t in sorted({0.0, *ramp, *problem.corners}) if t < time * (1 - SAME)]
+    for before, bend in zip(reversed(bends[:-1]), reversed(bends[1:]), strict=True):
+        if loads(before) == loads(bend):
+            return bend
+    return 0.0
+
+
+def _prescribed(problem: MacroProblem, time: float) -> float:
+    """The largest pressure that is prescribed anywhere."""
+    values = [b.pressure for b in problem.boundary.values() if b.pressure is not None]
+    factors = [
+        value.at(time) if isinstance(value, Course) else value * problem.ramp(time) for value in values
+    ]
+    return float(max((problem.load * factor for factor in factors), default=0.0))

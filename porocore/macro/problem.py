@@ -1,0 +1,257 @@
+"""The macroscale problem: a body of poroelastic material, what is done to its surface, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from porocore.core.formulas.time_function import Course, Value
+from porocore.core.models.bounds import MOST_STEPS, MOST_TIMES
+from porocore.core.units.dimensions import Dimension
+from porocore.interfaces.macro import Part
+from porocore.macro.body.kinds import AnyBody, Box
+from porocore.macro.body.surfaces import Patch
+
+Positive = Annotated[float, Field(gt=0)]
+Time = Annotated[Positive, Dimension("time")]
+Row = tuple[float, float, float]
+NO_GRADIENT: tuple[Row, Row, Row] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Boundary(_Strict):
+    """What is prescribed on one surface; what is left out is free of traction and impermeable.
+
+    A number is multiplied by the load and by the ramp of the time plan, a function of time
+    (:class:`~porocore.core.formulas.time_function.Course`) by the load alone.
+    """
+
+    displacement: Annotated[tuple[Value | None, Value | None, Value | None], Dimension("displacement")] = (
+        None,
+        None,
+        None,
+    )
+    """Components of u; null leaves a component free."""
+    normal: Annotated[Value | None, Dimension("displacement")] = None
+    """Displacement along the outward normal of a plane surface, which slides along itself; null leaves it free."""
+    traction: Annotated[tuple[Value, Value, Value], Dimension("stress")] = (0.0, 0.0, 0.0)
+    """Components of the dead traction t̄, per reference area."""
+    follower: Annotated[Value, Dimension("pressure")] = 0.0
+    """Pressure on the deformed surface, along its current inward normal."""
+    plate: Annotated[Value | None, Dimension("force")] = None
+    """Force along the surface's axis on a rigid frictionless plate: it moves along that axis as one, as much as the
+    force demands."""
+    pressure: Annotated[Value | None, Dimension("pressure")] = None
+    """Pore pressure; null makes the surface a flux boundary."""
+    flux: Annotated[Value, Dimension("velocity")] = 0.0
+    """Outward flux q̄ per reference area, where the pressure is free."""
+
+    @model_validator(mode="after")
+    def _one_kind_each(self) -> Boundary:
+        for i, (u, t) in enumerate(zip(self.displacement, self.traction, strict=True)):
+            if u is not None and t != 0:
+                raise ValueError(f"component {i + 1} has both a displacement and a traction; keep one")
+        if self.normal is not None and any(u is not None for u in self.displacement):
+            raise ValueError("a surface has both a normal displacement and components of it; keep one")
+        if self.plate is not None and self.normal is not None:
+            raise ValueError(
+                "a surface has both a plate, which is pushed, and a normal displacement; keep one"
+            )
+        if self.pressure is not None and self.flux != 0:
+            raise ValueError("a surface has both a pressure and a flux; keep one")
+        return self
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether it is given a displacement, rather than held."""
+        return any(u is not None and u != 0 for u in (*self.displacement, self.normal))
+
+    @property
+    def courses(self) -> Iterator[Course]:
+        """Those of its values that have one."""
+        values = (
+            *self.displacement,
+            self.normal,
+            *self.traction,
+            self.follower,
+            self.plate,
+            self.pressure,
+            self.flux,
+        )
+        return (value for value in values if isinstance(value, Course))
+
+
+class TimePlan(_Strict):
+    """Backward Euler steps; the load is ramped up linearly in ``ramp_increments`` steps of ``ramp_step`` first."""
+
+    end: Time = 100.0
+    """End of the simulation."""
+    step: Time = 0.5
+    """Largest step after the ramp."""
+    ramp_increments: Annotated[int, Field(ge=1, le=MOST_TIMES)] = 10
+    """The load is brought up linearly in so many increments."""
+    ramp_step: Time = 0.05
+    """Length of each increment of the ramp."""
+    smallest_step: Time = 1e-6
+    """A step that fails is halved down to this."""
+    tolerance: Positive | None = None
+    """Error of one step, as a share of the largest displacement and of the largest pressure so far, by which steps are
+    chosen; ``step`` is then the largest; null: all are ``step`` long. Up to the first bend of the loads, the largest
+    values are divided by the share that has acted of them."""
+    profiles: Annotated[tuple[Time, ...], Field(max_length=MOST_TIMES)] = (1.0, 10.0, 40.0)
+    """Times at which the fields are kept, beside the end; of the default those that lie before it."""
+    load_curve: Annotated[tuple[tuple[Time, float], ...], Field(max_length=MOST_TIMES)] = ()
+    """[time, share of the load] at times that are hit exactly, linear in between from 0 at t = 0 and constant after the
+    last; empty: up the ramp."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.end <= self.ramp_increments * self.ramp_step:
+            raise ValueError(
+                f"end = {self.end:g} does not lie behind the ramp, "
+                f"which takes {self.ramp_increments * self.ramp_step:g}"
+            )
+        if (steps := self.end / self.step) > MOST_STEPS:
+            raise ValueError(
+                f"step = {self.step:g} takes {steps:.3g} steps to end = {self.end:g}; at most {MOST_STEPS} are taken: "
+                "give a longer step, or an earlier end"
+            )
+        if "profiles" not in self.model_fields_set:
+            # The model is frozen for its users.
+            object.__setattr__(self, "profiles", tuple(t for t in self.profiles if t <= self.end))
+        if any(t > self.end for t in self.profiles):
+            raise ValueError(f"a profile time lies behind end = {self.end:g}")
+        times = [time for time, _ in self.load_curve]
+        if sorted(set(times)) != times:
+            raise ValueError("the times of load_curve do not ascend")
+        if times and times[-1] > self.end:
+            raise ValueError(f"a time of load_curve lies behind end = {self.end:g}")
+        return self
+
+    def share(self, time: float) -> float:
+        """Of the load, that acts at ``time``."""
+        ramp_end = self.ramp_increments * self.ramp_step
+        if not self.load_curve:
+            return min(1.0, time / ramp_end)
+        times, shares = zip((0.0, 0.0), *self.load_curve, strict=True)
+        return float(np.interp(time, times, shares))
+
+
+class NewtonSettings(_Strict):
+    """Stops when the residual has fallen to ``tolerance`` times the force and volume scale of the step."""
+
+    tolerance: Positive = 1e-9
+    """Residual, relative to the forces and volumes of the step, that ends the iteration."""
+    iterations: Annotated[int, Field(ge=1, le=1000)] = 25
+    """Iterations at most, before a step is halved."""
+
+
+class InitialState(_Strict):
+    """What the body begins with, from which storage and time are counted; it need not be in equilibrium."""
+
+    pressure: Annotated[float, Dimension("pressure")] = 0.0
+    """Pore pressure with which the body begins, everywhere."""
+    gradient: tuple[Row, Row, Row] = NO_GRADIENT
+    """Displacement gradient H with which the body begins, everywhere: u = H X."""
+
+
+class MacroSetup(_Strict):
+    """A body, its supports and its drains, for any load."""
+
+    body: AnyBody = Box()
+    """Shape of the body."""
+    surfaces: dict[str, Patch] = {}
+    """Parts of a surface by names of their own, which no longer belong to that surface."""
+    boundary: dict[str, Boundary]
+    """What is prescribed on each surface; one that is not listed is free of traction and impermeable."""
+    body_force: Annotated[tuple[Value, Value, Value], Dimension("body-force")] = (0.0, 0.0, 0.0)
+    """Components of the body force, per reference volume of the mixture."""
+    initial: InitialState = InitialState()
+    """What the body begins with; it need not be in equilibrium."""
+    probes: dict[str, Annotated[tuple[float, float, float], Dimension("displacement")]] = {}
+    """Material points [x, y, z] by name, whose displacement and pressure are recorded."""
+    time: TimePlan = TimePlan()
+    """Time steps, the ramp of the load, and when fields are kept."""
+    newton: NewtonSettings = NewtonSettings()
+    """When Newton's iteration of a step ends."""
+
+    @model_validator(mode="after")
+    def _plates_are_free_to_move(self) -> MacroSetup:
+        for name, boundary in self.boundary.items():
+            axis = "xyz".find(name[0]) if name[1:] in ("-", "+") else -1
+            if axis >= 0 and boundary.plate is not None and boundary.displacement[axis] is not None:
+                raise ValueError(
+                    f"the face {name} has both a plate, which is pushed by a force, and a displacement "
+                    f"u_{axis + 1}, which moves it as one already; keep one"
+                )
+        return self
+
+    @property
+    def parts(self) -> frozenset[Part]:
+        """Those of :data:`PARTS` that are there."""
+        faces, none = self.boundary.values(), InitialState()
+        there: dict[Part, bool] = {
+            "follower": any(face.follower != 0 for face in faces),
+            "plate": any(face.plate is not None for face in faces),
+            "flux": any(face.flux != 0 for face in faces),
+            "body_force": any(value != 0 for value in self.body_force),
+            "initial": self.initial != none,
+            "probes": bool(self.probes),
+            "surfaces": bool(self.surfaces),
+            "tolerance": self.time.tolerance is not None,
+            "load_curve": bool(self.time.load_curve),
+        }
+        return frozenset(part for part, is_there in there.items() if is_there)
+
+    @property
+    def is_column(self) -> bool:
+        """Whether it is a box whose four sides move along y alone, loaded along y: a problem of one dimension."""
+        if self.body.kind != "box" or self.surfaces or self.body_force[0] != 0 or self.body_force[2] != 0:
+            return False
+        gradient = [row[:i] + row[i + 1 :] for i, row in enumerate(self.initial.gradient)]
+        if any(map(any, gradient)) or self.initial.gradient[0][0] or self.initial.gradient[2][2]:
+            return False
+        for name, face in self.boundary.items():
+            along, across = face.displacement[1], (face.displacement[0], face.displacement[2])
+            if any(u not in (None, 0) for u in across) or face.traction[0] != 0 or face.traction[2] != 0:
+                return False
+            if name[0] != "y" and (along is not None or face.traction[1] != 0 or face.follower != 0):
+                return False
+            if name[0] != "y" and (face.pressure is not None or face.flux != 0 or face.plate is not None):
+                return False
+        free = Boundary()
+        sides = ((name, self.boundary.get(name, free)) for name in ("x-", "x+", "z-", "z+"))
+        return all(face.normal == 0 or face.displacement["xyz".index(name[0])] == 0 for name, face in sides)
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Times at which a prescribed value bends."""
+        courses = [course for boundary in self.boundary.values() for course in boundary.courses]
+        courses += [value for value in self.body_force if isinstance(value, Course)]
+        times = {t for course in courses for t in course.corners} | {t for t, _ in self.time.load_curve}
+        return tuple(sorted(t for t in times if 0 < t <= self.time.end))
+
+    def specification(self) -> dict[str, Any]:
+        """What determines the solution; of a body from a file its content, and not where it lies."""
+        return self.model_dump(exclude={"options": True, "body": {"path"}})
+
+    def ramp(self, time: float) -> float:
+        """Share of the load that acts at ``time``."""
+        return self.time.share(time)
+
+    def factor(self, value: Value, time: float) -> float:
+        """Of a prescribed value at ``time``, without the load: a number's is the ramp, a course's its own value."""
+        return value.at(time) if isinstance(value, Course) else self.ramp(time)
+
+
+class MacroProblem(MacroSetup):
+    """A set-up under one load."""
+
+    load: float = 1.0
+    """Factor of every prescribed value."""

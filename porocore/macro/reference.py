@@ -1,0 +1,154 @@
+"""The undeformed cell: what every later stage needs of it besides the samples."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.cell.materials.composite import Solid
+from porocore.cell.meshing.mesh import Domain
+from porocore.core.files.atomic import atomic_path
+from porocore.core.files.reading import read_json
+from porocore.errors import DataError, PorocoreError
+from porocore.interfaces.cell import CellSolver
+from porocore.macro.laws import CLOSURES, Closure
+from porocore.macro.laws.pull_back import ConductivityLaw
+from porocore.plugins.border import conductivity_of, solution_of
+from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
+
+FORMAT, VERSION = "porocore-reference", 1
+
+
+@dataclass(frozen=True, eq=False)
+class CellReference:
+    """Response at H = 0, p = 0 with its tangent (one row), conductivity and phase fractions.
+
+    Attributes
+    ----------
+    identity
+        Hash of the cell and of the backend's settings.
+    response
+        One row; its tangent holds M and Q of the linear limit.
+    conductivity : (3, 3)
+        K with the cell's viscosity.
+    mesh
+        Facts on the meshes, name to text.
+    """
+
+    identity: str
+    response: CellResponse
+    conductivity: Array
+    mesh: dict[str, str]
+
+    @property
+    def porosity(self) -> float:
+        """φ_f of the mesh that the responses belong to."""
+        assert self.response.fluid_volume is not None
+        return float(self.response.fluid_volume[0])
+
+    @property
+    def solid_fraction(self) -> float:
+        """φ_s = 1 − φ_f."""
+        return 1 - self.porosity
+
+    def resting(self, law: ConductivityLaw) -> CellResponse:
+        """Return the response, with its conductivity where the law is that of the deformed pore."""
+        if law != "deformed":
+            return self.response
+        return replace(self.response, conductivity=self.conductivity[None], min_fluid_jacobian=np.ones(1))
+
+    def closure(self, name: str, material: Solid, law: ConductivityLaw) -> Closure:
+        """Return the closure of that name with the constants of this cell."""
+        return CLOSURES[name](self.solid_fraction, material, self.conductivity, law=law)
+
+    @classmethod
+    def compute(cls, solver: CellSolver, prepared: Any, cell: Cell, identity: str) -> CellReference:
+        """Solve both cell problems at rest.
+
+        Raises
+        ------
+        ConfigurationError
+            The cell has no pores, or its solid does not hang together.
+        PorocoreError
+            The undeformed cell has no solution, which a mesh or backend fault must cause.
+        """
+        cell.require_pores()
+        response = solution_of(solver, prepared, MacroState.zeros(1)).response
+        if response.status[0] != Status.converged:
+            raise PorocoreError(
+                f"the undeformed cell ended with status '{Status(response.status[0]).name}'; "
+                "refine the mesh (cell.mesh.size) or try another backend (--fem)"
+            )
+        # Of a cell that has an eighth it is told whether the states are solved there or not.
+        part: Domain = "whole" if cell.geometry.unfolding == "whole" else "eighth"
+        solid, fluid = cell.make_mesh("solid", part), cell.make_mesh("fluid", part)
+        mesh = {
+            "element": cell.mesh.element,
+            f"solid tetrahedra in the {part}": f"{len(solid.cells):,}",
+            f"solid nodes in the {part}": f"{len(solid.points):,}",
+            f"fluid tetrahedra in the {part}": f"{len(fluid.cells):,}",
+            "solid mesh hash": solid.hash,
+            "fluid mesh hash": fluid.hash,
+        }
+        return cls(identity, response, conductivity_of(solver, prepared), mesh)
+
+    def save(self, path: Path) -> None:
+        """Write one JSON file, atomically."""
+        response = self.response
+        assert response.tangent is not None
+        document = {
+            "format": FORMAT,
+            "version": VERSION,
+            "identity": self.identity,
+            "conductivity": self.conductivity.tolist(),
+            "mesh": self.mesh,
+            "mean_grad": response.mean_grad.tolist(),
+            "potential": _listed(response.potential),
+            "stress": _listed(response.stress),
+            "fluid_volume": _listed(response.fluid_volume),
+            "tangent": {
+                name: value.tolist() for name, value in vars(response.tangent).items() if value is not None
+            },
+        }
+        with atomic_path(path) as part:
+            part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: Path, identity: str) -> CellReference:
+        """Read what :meth:`save` wrote.
+
+        Raises
+        ------
+        DataError
+            The file is damaged or belongs to another cell.
+        """
+        advice = "delete it and run porocore sample on the folder again"
+        try:
+            document = read_json(path)
+            if (document["format"], document["version"]) != (FORMAT, VERSION):
+                raise DataError(f"{path}: expected {FORMAT} version {VERSION}; {advice}")
+            if document["identity"] != identity:
+                raise DataError(f"{path}: belongs to another cell ({document['identity']}); {advice}")
+            arrays = {name: _array(document[name]) for name in ("potential", "stress", "fluid_volume")}
+            response = CellResponse(
+                mean_grad=np.array(document["mean_grad"]),
+                status=np.array([Status.converged], dtype=np.int64),
+                tangent=CellTangent(**{name: _array(value) for name, value in document["tangent"].items()}),
+                **arrays,
+            )
+            return cls(identity, response, np.array(document["conductivity"]), document["mesh"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise DataError(f"{path}: not a complete cell reference ({error!r}); {advice}") from error
+
+
+def _listed(array: Array | None) -> Any:
+    return None if array is None else array.tolist()
+
+
+def _array(value: Any) -> Any:
+    return None if value is None else np.array(value, dtype=float)

@@ -1,0 +1,79 @@
+"""Everything that a macro solution says against time, column by column, with names and quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from porocore.core.files.csv_table import write_csv
+from porocore.core.units.results import ResultUnits
+from porocore.interfaces.solution import History, MacroSolution
+from porocore.states import Array
+
+#: Of the fields of a history: the quantity ('' is a plain number), and in words.
+HISTORY = {
+    "time": ("time", "time"),
+    "ramp": ("", "share of the load"),
+    "settlement": ("displacement", "largest settlement max(-u_2)"),
+    "pressure_max": ("pressure", "largest pore pressure"),
+    "drained": ("volume", "drained volume, integral of the divergence of the flux"),
+    "drained_flux": ("volume", "drained volume by the flux through the boundary"),
+    "outside": ("", "share of the body that is flagged"),
+    "stress_spread": ("stress", "largest deviation of P_E,22 from its mean over the body"),
+    "iterations": ("", "Newton iterations of the step"),
+}
+#: Of the components of a probe.
+PROBE = (("u_1", "displacement"), ("u_2", "displacement"), ("u_3", "displacement"), ("p", "pressure"))
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One column.
+
+    Attributes
+    ----------
+    name
+        Such as ``settlement``, ``tip: u_2``, ``plate: force 2`` or ``top: inflow``.
+    quantity
+        Of :data:`porocore.core.units.scales.QUANTITIES`; '' is a plain number.
+    long_name
+        In words.
+    values : (steps,)
+        Dimensionless.
+    """
+
+    name: str
+    quantity: str
+    long_name: str
+    values: Array
+
+
+def all_series(solution: MacroSolution) -> Iterator[Series]:
+    """The history, then probes, reactions and inflows; time comes first."""
+    for field in fields(History):
+        quantity, words = HISTORY[field.name]
+        yield Series(field.name, quantity, words, getattr(solution.history, field.name))
+    for name, values in solution.probes.items():
+        for i, (component, quantity) in enumerate(PROBE):
+            yield Series(f"{name}: {component}", quantity, f"{component} at the probe {name}", values[:, i])
+    for name, values in solution.reactions.items():
+        for i in range(3):
+            words = f"force on the body at the surface {name}, component {i + 1}"
+            yield Series(f"{name}: force {i + 1}", "force", words, values[:, i])
+    for name, values in solution.inflow.items():
+        yield Series(f"{name}: inflow", "flow", f"fluid that enters through the surface {name}", values)
+
+
+def write_series(path: Path, solution: MacroSolution, units: ResultUnits) -> Path:
+    """Write all series as one CSV table, a row for each step; the unit stands in brackets behind each name.
+
+    Raises
+    ------
+    RunFolderError
+        The file cannot be written.
+    """
+    columns = list(all_series(solution))
+    header = [f"{c.name} [{units.name(c.quantity) if c.quantity and units.given else '-'}]" for c in columns]
+    values = [c.values * units.factor(c.quantity) for c in columns]
+    return write_csv(path, header, ([float(x) for x in row] for row in zip(*values, strict=True)))

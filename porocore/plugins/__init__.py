@@ -1,0 +1,1 @@
+"""Plugins: the hooks, finding what is installed, choosing one by name, and checking what it returns."""

@@ -1,0 +1,188 @@
+"""What installed packages offer, read from their entry points; a plugin that fails is kept with its reason.
+
+Nothing heavy is imported: listing plugins works when torch is slow to load, missing or broken.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib.util
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from importlib import metadata
+from typing import Any, Literal
+
+import pluggy
+
+from porocore.errors import PluginError
+from porocore.plugins.entry_points import Source, Unreadable, entry_points
+from porocore.plugins.foreign_code import attempt, place_of, reason_of
+from porocore.plugins.hookspecs import DECLARATION, INTERFACES, PROJECT, Hooks, Kind, Offer, short_repr
+from porocore.plugins.kinds import HOOKS
+
+__all__ = ["Broken", "Offered", "Source", "discover", "joined"]
+
+
+@dataclass(frozen=True)
+class Offered:
+    """One implementation and who offers it, made for which version of the interface."""
+
+    kind: Kind
+    offer: Offer
+    source: Source
+    interface: int = 1
+
+    @property
+    def missing(self) -> list[str]:
+        """Required modules that are not there; found without importing them."""
+        return [module for module in self.offer.requires if not _importable(module)]
+
+    @property
+    def install(self) -> str:
+        """The command that installs it with all that it requires."""
+        return self.offer.install or f"pip install {self.source.distribution}"
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A plugin that cannot be used, and why; of another interface than here, for which ``kind``."""
+
+    source: Source
+    reason: str
+    kind: Kind | Literal[""] = ""
+    interface: int | None = None
+
+
+def discover() -> tuple[list[Offered], list[Broken]]:
+    """Read the entry points of group ``porocore``, one by one; what one does wrong costs the others nothing."""
+    offers: list[Offered] = []
+    broken: list[Broken] = []
+    for found in entry_points():
+        if isinstance(found, Unreadable):
+            broken.append(Broken(found.source, found.reason))
+        else:
+            _read(*found, offers, broken)
+    kinds = list(HOOKS)
+    return sorted(offers, key=lambda offered: kinds.index(offered.kind)), broken
+
+
+def _read(
+    source: Source, entry_point: metadata.EntryPoint, offers: list[Offered], broken: list[Broken]
+) -> None:
+    """Add what one entry point offers, and its faults."""
+    named = entry_point.value.partition(":")[0].strip()
+
+    def faulty(error: BaseException, what: str = "") -> Broken:
+        place = (
+            place_of(error, named) or f"entry point {entry_point.name} = {entry_point.value} in {source.file}"
+        )
+        return Broken(source, f"{what}{reason_of(error)} ({place})")
+
+    loaded = attempt(entry_point.load)
+    source = replace(source, seconds=loaded.seconds, printed=loaded.printed)
+    if loaded.error is not None:
+        broken.append(faulty(loaded.error))
+        return
+    declared = attempt(_declared, loaded.value)
+    if declared.error is not None:
+        broken.append(faulty(declared.error))
+        return
+    others = _of_other_interfaces(declared.value, source)
+    broken += others
+    hooks = attempt(_hooks, loaded.value, entry_point.value)
+    if hooks.error is not None:
+        # What a plugin for another interface does that this one does not know is no fault of its own.
+        broken += [] if others else [faulty(hooks.error)]
+        return
+    for kind, implementation in hooks.value:
+        version = declared.value.get(kind, 1)
+        if INTERFACES[kind].complaint(kind, version, ""):
+            continue
+        # What an implementation does not name it does not get, so that hooks can gain arguments.
+        known = {"interface": INTERFACES[kind].present}
+        arguments = [known[name] for name in implementation.argnames]
+        called = attempt(_called, implementation.function, arguments)
+        if called.error is not None:
+            broken.append(faulty(called.error, f"{HOOKS[kind]}: "))
+            continue
+        good, faults = called.value
+        offers += [Offered(kind, offer, source, version) for offer in good]
+        broken += [Broken(source, f"{HOOKS[kind]}: {fault} ({source.file})") for fault in faults]
+
+
+def _declared(module: Any) -> dict[Kind, int]:
+    """Return the versions of the interfaces that a plugin says it was made for; empty where it says nothing."""
+    if not hasattr(module, DECLARATION):
+        close = difflib.get_close_matches(DECLARATION, map(str.upper, dir(module)), n=1, cutoff=0.85)
+        if misspelt := [name for name in dir(module) if name.upper() in close]:
+            raise PluginError(f"{misspelt[0]} means nothing; did you mean {DECLARATION}?")
+    found = getattr(module, DECLARATION, {})
+    if not isinstance(found, dict) or not all(
+        kind in INTERFACES and type(version) is int for kind, version in found.items()
+    ):
+        raise PluginError(
+            f"{DECLARATION}: expected a number for some of {joined(map(repr, INTERFACES))}, got {short_repr(found)}"
+        )
+    return found
+
+
+def _hooks(module: Any, value: str) -> list[tuple[Kind, pluggy.HookImpl]]:
+    """Return the hooks of a plugin; refuse one without any, and one with a hook that there is not."""
+    manager = pluggy.PluginManager(PROJECT)
+    manager.add_hookspecs(Hooks)
+    manager.register(module)
+    hooks = list(HOOKS.values())
+    callers = manager.get_hookcallers(module) or []
+    if not callers:
+        raise PluginError(f"no function of {value} is marked @hookimpl; the hooks are {joined(hooks)}")
+    taken = {caller.name for caller in callers}
+    if unmarked := [hook for hook in hooks if hook not in taken and callable(getattr(module, hook, None))]:
+        raise PluginError(f"the function {unmarked[0]} is not marked @hookimpl")
+    for caller in callers:
+        if caller.name not in hooks and not all(found.optionalhook for found in caller.get_hookimpls()):
+            close = difflib.get_close_matches(caller.name, hooks, n=1)
+            question = f"did you mean '{close[0]}'?" if close else f"the hooks are {joined(hooks)}"
+            raise PluginError(f"there is no hook '{caller.name}'; {question}")
+    return [
+        (kind, implementation)
+        for kind, hook in HOOKS.items()
+        for implementation in getattr(manager.hook, hook).get_hookimpls()
+    ]
+
+
+def _of_other_interfaces(declared: dict[Kind, int], source: Source) -> list[Broken]:
+    complaints = {
+        kind: INTERFACES[kind].complaint(kind, version, source.distribution)
+        for kind, version in declared.items()
+    }
+    return [Broken(source, reason, kind, declared[kind]) for kind, reason in complaints.items() if reason]
+
+
+def _called(hook: Callable[..., Any], arguments: list[Any]) -> tuple[list[Offer], list[str]]:
+    """Return the good offers among what a hook returns, and what is wrong with the others."""
+    returned = hook(*arguments)
+    if not isinstance(returned, list | tuple):
+        raise PluginError(f"expected a list of porocore.Offer, got {short_repr(returned)}")
+    good, faults = [], []
+    for offer in returned:
+        if not isinstance(offer, Offer):
+            faults.append(f"expected a list of porocore.Offer, got {short_repr(offer)} in it")
+        elif wrong := offer.faults():  # made by a subclass, or changed since
+            faults += wrong
+        else:
+            good.append(offer)
+    return good, faults
+
+
+def _importable(module: str) -> bool:
+    # Only the top level: find_spec of a submodule would import its parents.
+    try:
+        return importlib.util.find_spec(module.partition(".")[0]) is not None
+    except ValueError:  # in sys.modules, but without a spec
+        return True
+
+
+def joined(names: Iterable[str]) -> str:
+    """As in "a, b and c"."""
+    *head, last = list(names) or [""]
+    return f"{', '.join(head)} and {last}" if head else last

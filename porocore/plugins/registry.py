@@ -1,0 +1,178 @@
+"""Finding the implementations that installed packages offer, by kind and name.
+
+Nothing heavy is imported until :meth:`Registry.get` is asked for a class: listing plugins works when torch is
+slow to load, missing or broken. A plugin that cannot be used is kept with its reason and stops no other.
+"""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Iterable
+from functools import cache
+from typing import Any
+
+from porocore.core.echo import echo
+from porocore.errors import PluginError
+from porocore.plugins.discovery import Broken, Offered, discover, joined
+from porocore.plugins.foreign_code import attempt, place_of, reason_of
+from porocore.plugins.hookspecs import Kind, short_repr
+from porocore.plugins.kinds import CHOICES, FIRST_PARTY
+from porocore.plugins.table import PluginRow, plugin_rows, repeated
+
+
+class Registry:
+    """The offers of all installed plugins.
+
+    Attributes
+    ----------
+    offers
+        In the order of discovery.
+    broken
+        Plugins that failed, each with its reason.
+    """
+
+    def __init__(self, offers: Iterable[Offered], broken: Iterable[Broken]) -> None:
+        self.offers = tuple(offers)
+        self.broken = tuple(broken)
+
+    @classmethod
+    def discover(cls) -> Registry:
+        """Of what is installed here."""
+        return cls(*discover())
+
+    def names(self, kind: Kind) -> list[str]:
+        """Names that are offered for ``kind``."""
+        return sorted({offered.offer.name for offered in self.offers if offered.kind == kind})
+
+    def find(self, kind: Kind, name: str) -> Offered:
+        """The one offer of that name, with its dependencies present; imports nothing heavy.
+
+        Raises
+        ------
+        PluginError
+            The name is unknown, not installed or offered twice, or a module that it needs is missing.
+        """
+        found = [offered for offered in self.offers if offered.kind == kind and offered.offer.name == name]
+        if not found:
+            raise PluginError(self._not_found(kind, name))
+        if len(found) > 1:
+            raise PluginError(
+                f"{kind} '{name}': {complaint}"
+                if (complaint := repeated(found))
+                else f"{kind} '{name}' is offered by {joined(str(offered.source) for offered in found)}; "
+                f"uninstall all but one: pip uninstall {found[-1].source.distribution}"
+            )
+        offered = found[0]
+        if offered.missing:
+            raise PluginError(
+                f"{kind} '{name}' ({offered.source}) needs {joined(offered.missing)}, not installed here; "
+                f"install: {offered.install}"
+            )
+        return offered
+
+    def get(self, kind: Kind, name: str) -> type[Any]:
+        """Import and return the class of that name, a concrete subclass of the kind's interface.
+
+        Raises
+        ------
+        PluginError
+            As :meth:`find`; or the class cannot be imported or does not implement the interface.
+        """
+        offered = self.find(kind, name)
+        who = f"{kind} '{name}' of {offered.source}"
+        loaded = attempt(offered.offer.load)
+        if loaded.printed:
+            sys.stderr.write(loaded.printed)  # standard output belongs to the command
+        module = getattr(offered.offer.load, "__module__", None) or ""
+        if loaded.error is not None:
+            place = place_of(loaded.error, module) or offered.source.file
+            raise PluginError(
+                f"{who} cannot be loaded: {reason_of(loaded.error)} ({place}); reinstall it ({offered.install}) "
+                "or report this to its authors"
+            ) from loaded.error
+        implementation: type[Any] = loaded.value
+        if misfit := _misfit(implementation, _interface(kind)):
+            raise PluginError(f"{who} {misfit} ({offered.source.file}); report this to its authors")
+        from porocore.plugins.border.origin import note_origin  # numpy, as above
+
+        note_origin(implementation, who)
+        return implementation
+
+    def table(self) -> list[PluginRow]:
+        """Every plugin with its state and what to do about it."""
+        return plugin_rows(self.offers, self.broken)
+
+    def _not_found(self, kind: Kind, name: str) -> str:
+        distribution, kinds = FIRST_PARTY.get(name, ("", ()))
+        # Of another interface of another kind is none of this name.
+        faulty = [b for b in self.broken if b.kind in ("", kind)]
+        # Where one of them bears the name, the others are none of the matter.
+        faulty = [b for b in faulty if name in str(b.source)] or faulty
+        broken = "".join(f"; {_fault(b)}" for b in faulty)
+        if kind in kinds:
+            for failed in self.broken:
+                if failed.source.distribution == distribution and failed.kind in ("", kind):
+                    return (
+                        f"{kind} '{name}': {failed.source} is installed but {failed.reason}"
+                        if failed.kind
+                        else f"{kind} '{name}': {failed.source} is installed but broken: {failed.reason}; "
+                        f"reinstall it: pip install --force-reinstall {distribution}"
+                    )
+            return f"{kind} '{name}' is not installed; install it: pip install {distribution}{broken}"
+        names = self.names(kind)
+        known = sorted({*names, *(n for n, (_, k) in FIRST_PARTY.items() if kind in k)})
+        nearest = difflib.get_close_matches(name, known, n=1)
+        advice = f"did you mean '{nearest[0]}'? " if nearest else ""
+        installed = joined(
+            f"{o.offer.name} ({o.source})"
+            for o in sorted(self.offers, key=lambda o: o.offer.name)
+            if o.kind == kind
+        )
+        others = joined(o.kind for o in self.offers if o.offer.name == name)
+        also = f", which is a {others}; choose another by {CHOICES[kind]}" if others else ""
+        return (
+            f"unknown {kind} {echo(name)}{also}; {advice}installed: {installed or 'none'}; "
+            f"'porocore plugins' shows all{broken}"
+        )
+
+
+@cache
+def registry() -> Registry:
+    """The registry of this process, discovered once."""
+    return Registry.discover()
+
+
+def get(kind: Kind, name: str) -> type[Any]:
+    """:meth:`Registry.get` of this process."""
+    return registry().get(kind, name)
+
+
+def plugins_table() -> list[PluginRow]:
+    """:meth:`Registry.table` of this process."""
+    return registry().table()
+
+
+def _fault(failed: Broken) -> str:
+    what = f"was {failed.reason}" if failed.kind else f"is broken: {failed.reason}"
+    return f"the plugin of {failed.source} {what}"
+
+
+def _misfit(implementation: Any, interface: type[Any]) -> str:
+    """Return why a class is no implementation of an interface; empty if it is one."""
+    if not (isinstance(implementation, type) and issubclass(implementation, interface)):
+        return f"is no subclass of porocore.{interface.__name__}: {short_repr(implementation)}"
+    missing = getattr(implementation, "__abstractmethods__", ())
+    return f"does not implement {joined(sorted(missing))}" if missing else ""
+
+
+def _interface(kind: Kind) -> type[Any]:
+    from porocore import interfaces  # numpy, h5py and pydantic: not needed for listing
+
+    classes: dict[Kind, type[Any]] = {
+        "cell solver": interfaces.CellSolver,
+        "macro solver": interfaces.MacroSolver,
+        "surrogate": interfaces.Surrogate,
+        "sampler": interfaces.Sampler,
+    }
+    return classes[kind]

@@ -1,0 +1,152 @@
+"""A complete plugin project: it can be installed, works, and passes the laws of its interface."""
+
+from __future__ import annotations
+
+import datetime
+import os
+import re
+import shutil
+import subprocess
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from string import Template as Text
+
+from porocore.core.echo import echo
+from porocore.errors import ConfigurationError
+from porocore.plugins.hookspecs import INTERFACES
+from porocore.plugins.kinds import FIRST_PARTY
+from porocore.plugins.kit_version import KIT_VERSION
+from porocore.plugins.registry import registry
+from porocore.plugins.scaffold.kinds import TEMPLATES, Template
+
+NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+LONGEST = 40
+
+
+def write_project(name: str, kind: str, to: Path | None = None) -> Path:
+    """Write the project of a new plugin, whole or not at all.
+
+    Parameters
+    ----------
+    name
+        What users will write; small letters, digits and single hyphens.
+    kind
+        ``cell``, ``macro``, ``surrogate`` or ``sampler``.
+    to
+        The new folder; by default ``porocore-KIND-NAME`` in the present one.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    ConfigurationError
+        The kind or the name is of no use, the name is taken, the folder exists, or it cannot be written.
+    """
+    if kind not in TEMPLATES:
+        raise ConfigurationError(f"--kind: expected {', '.join(TEMPLATES)}, got '{kind}'")
+    template = TEMPLATES[kind]
+    _check_name(name, template)
+    distribution = f"porocore-{template.prefix}-{name}"
+    folder = Path(distribution) if to is None else to
+    if folder.exists() or folder.is_symlink():
+        raise ConfigurationError(
+            f"{folder} is there already and is not overwritten; remove it, or choose another --to"
+        )
+    part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    try:
+        for path, text in project_files(name, kind, distribution).items():
+            target = part / path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(text, encoding="utf-8")
+        part.rename(folder)
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {folder}: {error}; choose another --to") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return folder
+
+
+def project_files(name: str, kind: str, distribution: str) -> dict[str, str]:
+    """The texts of a project by their paths in it."""
+    template = TEMPLATES[kind]
+    package = distribution.replace("-", "_")
+    words = {
+        "name": name,
+        "kind": kind,
+        "words": template.kind,
+        "distribution": distribution,
+        "package": package,
+        "module": template.module,
+        "cls": _class_name(name, template.suffix),
+        "hook": template.hook,
+        "entry_point": f"{template.prefix}_{name.replace('-', '_')}",
+        "title": template.title,
+        "about": template.about,
+        "summary": template.about,
+        "usage": template.usage.format(name=name),
+        "requires": template.requires,
+        "dependencies": "".join(f', "{text}"' for text in template.dependencies),
+        "interface": str(INTERFACES[template.kind].present),
+        "kit": KIT_VERSION.partition(".")[0],
+        "version": version("porocore"),
+        "author": _author(distribution),
+        "year": str(datetime.date.today().year),
+    }
+    sources = {
+        "pyproject.toml": "common/pyproject.toml",
+        "README.md": "common/README.md",
+        "LICENSE": "common/LICENSE",
+        ".gitignore": "common/gitignore",
+        ".github/workflows/test.yml": "common/test.yml",
+        f"{package}/hooks.py": "common/hooks.py",
+        f"{package}/{template.module}.py": f"{kind}/{template.module}.py",
+        f"{package}/conformance.py": f"{kind}/conformance.py",
+        "tests/test_conformance.py": "common/test_conformance.py",
+    }
+    templates = files("porocore.plugins.scaffold") / "templates"
+    texts = {
+        path: Text((templates / f"{source}.txt").read_text(encoding="utf-8")).safe_substitute(words)
+        for path, source in sources.items()
+    }
+    return texts | {f"{package}/__init__.py": f'"""{template.title} for porocore: {template.about}."""\n'}
+
+
+def _check_name(name: str, template: Template) -> None:
+    if not NAME.fullmatch(name) or len(name) > LONGEST:
+        raise ConfigurationError(
+            f"NAME: expected small letters, digits and single hyphens, beginning with a letter, at most {LONGEST}, "
+            f"such as my-{template.prefix}; got {echo(name)}"
+        )
+    owners = [
+        str(offered.source)
+        for offered in registry().offers
+        if (offered.kind, offered.offer.name) == (template.kind, name)
+    ]
+    if name in FIRST_PARTY and template.kind in FIRST_PARTY[name][1]:
+        owners.append(FIRST_PARTY[name][0])
+    if owners:
+        raise ConfigurationError(
+            f"NAME: there is a {template.kind} '{name}' already, of {owners[0]}; choose another name"
+        )
+
+
+def _class_name(name: str, suffix: str) -> str:
+    """``my-grid`` → ``MyGridSampler``; what the name ends with already is not said twice."""
+    words = "".join(part.capitalize() for part in name.split("-"))
+    return next(words + suffix[k:] for k in range(len(suffix), -1, -1) if words.endswith(suffix[:k]))
+
+
+def _author(distribution: str) -> str:
+    """As git knows the user."""
+    try:
+        found = subprocess.run(
+            ["git", "config", "user.name"], capture_output=True, text=True, timeout=10, check=False
+        )
+        name = found.stdout.strip().replace('"', "'").replace("\\", "")
+    except (OSError, subprocess.TimeoutExpired):
+        name = ""
+    return name or f"The authors of {distribution}"

@@ -1,0 +1,126 @@
+"""Every plugin with its state, as ``porocore plugins`` shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from porocore.plugins.discovery import Broken, Offered, Source
+from porocore.plugins.hookspecs import Kind, short_repr
+from porocore.plugins.kinds import FIRST_PARTY
+
+State = Literal["ready", "missing dependency", "other interface", "broken", "offered twice", "not installed"]
+#: Seconds of importing the module of an entry point beyond which it is told; every command waits for it.
+SLOW = 1.0
+
+
+@dataclass(frozen=True)
+class PluginRow:
+    """One line of ``porocore plugins``.
+
+    Attributes
+    ----------
+    kind
+        Empty for a plugin that broke before offering anything; its ``name`` is then that of the entry point.
+    distribution
+        Where it comes from, with the version where it is installed.
+    state, advice
+        Whether it works; else why not, and what to do.
+    summary
+        What it is.
+    source
+        The installed distribution in full; None where there is none.
+    interface
+        Version of the interface that it was made for; None where it offers nothing.
+    modules
+        What must be importable for it to work.
+    notes
+        What its authors should mend although it works.
+    """
+
+    kind: Kind | Literal[""]
+    name: str
+    distribution: str
+    state: State
+    summary: str
+    advice: str
+    source: Source | None = None
+    interface: int | None = None
+    modules: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def plugin_rows(offers: Sequence[Offered], broken: Sequence[Broken]) -> list[PluginRow]:
+    """Every plugin with its state and what to do about it."""
+    rows = []
+    for offered in offers:
+        kind, offer = offered.kind, offered.offer
+        state: State = "ready"
+        advice = ""
+        same = [o for o in offers if (o.kind, o.offer.name) == (kind, offer.name)]
+        if len(same) > 1:
+            state = "offered twice"
+            advice = repeated(same) or f"uninstall one: pip uninstall {offered.source.distribution}"
+        elif offered.missing:
+            state, advice = "missing dependency", offered.install
+        source, modules = offered.source, tuple(offer.requires)
+        rows.append(
+            PluginRow(
+                kind,
+                offer.name,
+                str(source),
+                state,
+                offer.summary,
+                advice,
+                source,
+                offered.interface,
+                modules,
+                notes_on(source),
+            )
+        )
+    for failed in broken:
+        source = failed.source
+        state = "other interface" if failed.kind else "broken"
+        rows.append(
+            PluginRow(
+                failed.kind,
+                source.entry_point,
+                str(source),
+                state,
+                "",
+                failed.reason,
+                source,
+                failed.interface,
+                notes=notes_on(source),
+            )
+        )
+    there = {(offered.kind, offered.offer.name) for offered in offers}
+    failing = {(failed.source.distribution, failed.kind) for failed in broken}
+    for name, (distribution, kinds) in FIRST_PARTY.items():
+        advice = f"pip install {distribution}"
+        for kind in kinds:
+            if (kind, name) not in there and not failing & {(distribution, ""), (distribution, kind)}:
+                rows.append(PluginRow(kind, name, distribution, "not installed", "", advice))
+    return rows
+
+
+def repeated(found: Sequence[Offered]) -> str:
+    """Return the complaint about a distribution that offers one name several times; empty where several do."""
+    source = found[0].source
+    if len({offered.source.distribution for offered in found}) > 1:
+        return ""
+    return f"{source.in_full} offers it {len(found)} times; report this to its authors"
+
+
+def notes_on(source: Source) -> tuple[str, ...]:
+    """Return what the authors of a plugin should mend although it works."""
+    notes = []
+    if source.seconds > SLOW:
+        notes.append(
+            f"importing {source.file} took {source.seconds:.1f} s, for which every command waits; import what is "
+            "heavy in Offer.load"
+        )
+    if printed := " ".join(source.printed.split()):
+        notes.append(f"{source.file} prints when it is imported: {short_repr(printed)}")
+    return tuple(notes)

@@ -1,0 +1,1 @@
+"""Data sets of solved states: their file, its lock, checks, merging and export."""

@@ -1,0 +1,354 @@
+"""The solved states of a run, in one HDF5 file that survives being killed at any moment."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping, Set
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from porocore.core.inputs.input_space import InputSpace
+from porocore.errors import DataError, RunFolderError
+from porocore.interfaces.cell import CellField
+from porocore.interfaces.records import Record, check_record, flatten_response
+from porocore.sampling.datasets.layout import Block, Header, read_block, read_fields, write_block
+from porocore.sampling.datasets.lock import sole_writer
+from porocore.states import Array, CellResponse, MacroState, Status
+
+#: Finished solves that may lie beside the file before they are merged into it.
+MOST_PARTS = 500
+#: Times that a file is read again when another process replaces it meanwhile.
+MOST_LOOKS = 5
+
+
+class Dataset:
+    """Solved states by key: inputs, responses, derivatives, peaks, statuses, times and micro displacements.
+
+    A finished solve is first a small file of its own, written whole or not at all, in the folder
+    ``NAME.parts`` beside the file. :meth:`consolidate` merges those into the file, which again is
+    replaced whole, and removes them only then. Opening reads both, so nothing is lost that :meth:`append`
+    has returned from. Only one process can write at a time, see :meth:`writing`; any number may read.
+
+    Attributes
+    ----------
+    path
+        The file.
+    inputs
+        The sampled inputs and their ranges.
+    identity
+        Hash of everything that the solved values depend on; states of another identity are refused.
+    provenance
+        Texts: the configuration, versions, and so on.
+    """
+
+    def __init__(self, path: Path, header: Header, blocks: list[Block]) -> None:
+        self.path = path
+        self.inputs = header.inputs
+        self.identity = header.identity
+        self.provenance = header.provenance
+        self._blocks: list[Block] = []
+        self._where: dict[str, tuple[Block, int]] = {}
+        self._provided: frozenset[str] | None = None
+        self._writing = False
+        self._seen = _stamp(path)
+        for block in blocks:
+            self._register(block)
+
+    @classmethod
+    def create(
+        cls, path: Path, *, inputs: InputSpace, identity: str, provenance: Mapping[str, str] | None = None
+    ) -> Self:
+        """A new, empty file.
+
+        Raises
+        ------
+        RunFolderError
+            The file exists, another process is making it, or it cannot be written.
+        """
+        with sole_writer(path):
+            if path.exists():
+                raise RunFolderError(f"{path} exists; resume its run or choose another --out")
+            header = Header(inputs, identity, dict(provenance or {}))
+            write_block(path, header, Block.empty(path, len(inputs)), [])
+            return cls.open(path, inputs=inputs, identity=identity)
+
+    @classmethod
+    def open(
+        cls,
+        path: Path,
+        *,
+        inputs: InputSpace | None = None,
+        identity: str | None = None,
+        sound: bool = True,
+    ) -> Self:
+        """Read the file and the parts beside it, also while another process writes; nothing is written.
+
+        ``sound`` is that of :func:`porocore.sampling.datasets.layout.read_block`.
+
+        Raises
+        ------
+        DataError
+            A file is missing, truncated, foreign or of another version, or holds states of another
+            ``identity`` or other ``inputs`` than expected.
+        """
+        for _ in range(MOST_LOOKS):
+            seen = _stamp(path)
+            try:
+                dataset = cls._read(path, inputs, identity, sound)
+            except DataError:
+                if _stamp(path) == seen:
+                    raise
+            else:
+                # Parts may have been merged between the reading of the file and that of its parts.
+                if _stamp(path)[:1] == seen[:1]:
+                    return dataset
+        raise DataError(f"{path}: is being written all the time; read it when its process is done")
+
+    @classmethod
+    def _read(cls, path: Path, inputs: InputSpace | None, identity: str | None, sound: bool) -> Self:
+        advice = f"choose another --out, or delete it and {parts_folder(path).name} and sample again"
+        header, block = read_block(path, advice, sound=sound)
+        if identity is not None and header.identity != identity:
+            raise DataError(
+                f"{path}: holds solved states of another cell or other settings (identity "
+                f"{header.identity}, expected {identity}); {advice}"
+            )
+        if inputs is not None and header.inputs != inputs:
+            raise DataError(
+                f"{path}: holds states of other inputs ({describe(header.inputs)}, expected "
+                f"{describe(inputs)}); {advice}"
+            )
+        blocks, seen = [block], set(block.keys)
+        for part in sorted(parts_folder(path).glob("*.h5")):
+            part_header, rows = read_block(
+                part, "delete it and resume; its state is then solved again", sound=sound
+            )
+            if (part_header.identity, part_header.inputs) != (header.identity, header.inputs):
+                raise DataError(
+                    f"{part}: belongs to another dataset than {path.name}; delete the folder "
+                    f"{part.parent.name} or choose another --out"
+                )
+            # Merged already, but killed before its removal.
+            if seen.isdisjoint(rows.keys):
+                blocks.append(rows)
+        return cls(path, header, blocks)
+
+    @classmethod
+    def create_or_open(
+        cls, path: Path, *, inputs: InputSpace, identity: str, provenance: Mapping[str, str] | None = None
+    ) -> Self:
+        """:meth:`open` if the file exists, else :meth:`create`."""
+        if path.exists():
+            return cls.open(path, inputs=inputs, identity=identity)
+        return cls.create(path, inputs=inputs, identity=identity, provenance=provenance)
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Be the only one that writes, while the block runs; what others wrote before is read first.
+
+        Raises
+        ------
+        RunFolderError
+            Another process is writing.
+        DataError
+            What others wrote is damaged, or of another identity or other inputs.
+        """
+        if self._writing:
+            yield
+            return
+        with sole_writer(self.path):
+            if _stamp(self.path) != self._seen:
+                fresh = self.open(self.path, inputs=self.inputs, identity=self.identity)
+                self._blocks, self._where, self._provided = fresh._blocks, fresh._where, fresh._provided
+            self._writing = True
+            try:
+                yield
+            finally:
+                self._writing = False
+                self._seen = _stamp(self.path)
+
+    def append(self, record: Record) -> None:
+        """Keep one finished solve; when this returns it is on disk.
+
+        Raises
+        ------
+        ValueError
+            The key is there already.
+        PluginError
+            The response has not the documented shapes, or other parts than those of the other states.
+        RunFolderError
+            The disk is full or read-only, or another process is writing.
+        """
+        with self.writing():
+            if record.key in self._where:
+                raise ValueError(f"state '{record.key}' is in the dataset already")
+            provided = check_record(record, self._provided)
+            name = hashlib.sha256(record.key.encode()).hexdigest()[:32]
+            block = Block.of_record(parts_folder(self.path) / f"{name}.h5", record)
+            write_block(block.path, Header(self.inputs, self.identity, {}), block, [record.field])
+            self._provided = provided
+            self._register(block)
+            if len(self._blocks) > MOST_PARTS:
+                self._consolidate()
+
+    def consolidate(self) -> None:
+        """Merge the parts into the file, rows sorted by key, and remove them.
+
+        Raises
+        ------
+        RunFolderError
+            The disk is full or read-only, or another process is writing; file and parts are as they were.
+        DataError
+            A part cannot be read any more.
+        """
+        with self.writing():
+            self._consolidate()
+
+    def drop(self, keys: Iterable[str]) -> None:
+        """Forget these states and what they gave; errors as in :meth:`consolidate`."""
+        with self.writing():
+            if dropped := self._where.keys() & set(keys):
+                self._consolidate(dropped)
+
+    def _consolidate(self, dropped: Set[str] = frozenset()) -> None:
+        folder = parts_folder(self.path)
+        parts = [block.path for block in self._blocks if block.path != self.path]
+        if parts or dropped:
+            rows = [self._where[key] for key in self.keys if key not in dropped]
+            merged = Block.join(self.path, rows, len(self.inputs))
+            header = Header(self.inputs, self.identity, self.provenance)
+            write_block(self.path, header, merged, read_fields(rows))
+            self._blocks, self._where = [], {}
+            self._register(merged)
+        try:
+            # Besides the parts just merged, those merged before a kill and what a kill left half written.
+            for path in [*parts, *folder.glob("*.h5"), *folder.glob(".*.part")]:
+                path.unlink(missing_ok=True)
+            if folder.exists():
+                folder.rmdir()
+        except OSError as error:
+            raise RunFolderError(f"cannot remove {folder}: {error}; mend its permissions") from error
+
+    def __len__(self) -> int:
+        return len(self._where)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._where
+
+    @property
+    def keys(self) -> list[str]:
+        """All keys, sorted; the order of the rows of every batch below."""
+        return sorted(self._where)
+
+    def x(self) -> Array:
+        """Values of the sampled inputs, (n, d)."""
+        rows = [self._where[key] for key in self.keys]
+        return np.array([block.x[i] for block, i in rows]).reshape(len(rows), len(self.inputs))
+
+    def states(self) -> MacroState:
+        """All n states."""
+        return self._joined().states
+
+    def responses(self) -> CellResponse:
+        """All n responses, failed states with their status and NaN.
+
+        Raises
+        ------
+        DataError
+            The dataset is empty.
+        """
+        if not self._where:
+            raise DataError(f"{self.path}: holds no states yet; sample first")
+        return self._joined().response
+
+    def seconds(self) -> Array:
+        """Wall time of each solve, (n,) [s]."""
+        return self._joined().seconds
+
+    def starts(self) -> list[str | None]:
+        """Key of the state that each solve started from, n of them."""
+        return [start or None for start in self._joined().starts]
+
+    def response(self, key: str) -> CellResponse:
+        """The response of one state, one row."""
+        block, row = self._where[key]
+        return block.response[row : row + 1]
+
+    def inputs_of(self, key: str) -> tuple[float, ...]:
+        """Values of the sampled inputs of one state."""
+        block, row = self._where[key]
+        return tuple(map(float, block.x[row]))
+
+    def field(self, key: str) -> CellField | None:
+        """u¹ of one state, read from the disk; None where it was not kept."""
+        return next(read_fields([self._where[key]]))
+
+    def ended(self, status: Status) -> list[str]:
+        """Keys of the states that ended so."""
+        if not self._where:
+            return []
+        return [key for key, found in zip(self.keys, self.responses().status, strict=True) if found == status]
+
+    def rows(self) -> list[tuple[Block, int]]:
+        """Block and row of each state in the order of :attr:`keys`, as :func:`~.layout.read_fields` takes them."""
+        return [self._where[key] for key in self.keys]
+
+    @property
+    def unmerged(self) -> int:
+        """Solves that lie in a file of their own."""
+        return sum(block.path != self.path for block in self._blocks)
+
+    def digest(self) -> str:
+        """SHA-256 of all contents except the times and the provenance: equal for bit-identical results."""
+        rows = self._joined()
+        hasher = hashlib.sha256(repr((self.identity, self.inputs, rows.keys, rows.starts)).encode())
+        arrays = [rows.x, rows.states.grad_u, rows.states.p, rows.response.status]
+        for array in (*arrays, *flatten_response(rows.response).values()):
+            hasher.update(np.ascontiguousarray(array).tobytes())
+        for kept in read_fields([self._where[key] for key in rows.keys]):
+            if kept is not None:
+                hasher.update(repr((kept.domain, kept.p, kept.u.shape)).encode())
+                hasher.update(np.ascontiguousarray(kept.grad_u).tobytes())
+                hasher.update(np.ascontiguousarray(kept.u).tobytes())
+        return hasher.hexdigest()
+
+    def _joined(self) -> Block:
+        return Block.join(self.path, [self._where[key] for key in self.keys], len(self.inputs))
+
+    def _register(self, block: Block) -> None:
+        if len(block.keys):
+            provided = frozenset(flatten_response(block.response))
+            if self._provided not in (None, provided):
+                raise DataError(
+                    f"{block.path}: holds other responses than {self.path.name}; delete it and resume"
+                )
+            self._provided = provided
+        self._blocks.append(block)
+        self._where |= {key: (block, row) for row, key in enumerate(block.keys)}
+
+
+def parts_folder(path: Path) -> Path:
+    """Where the finished solves lie that are not merged into ``path`` yet."""
+    return path.with_name(f"{path.name}.parts")
+
+
+def _stamp(path: Path) -> tuple[tuple[int, int] | None, ...]:
+    """Changes with the file and with the parts beside it."""
+    found: list[tuple[int, int] | None] = []
+    for place in (path, parts_folder(path)):
+        try:
+            stat = place.stat()
+        except OSError:
+            found.append(None)
+        else:
+            found.append((stat.st_ino, stat.st_mtime_ns))
+    return tuple(found)
+
+
+def describe(inputs: InputSpace) -> str:
+    """Names and ranges in one line."""
+    bounds = zip(inputs.names, inputs.lower, inputs.upper, strict=True)
+    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, low, high in bounds)

@@ -1,0 +1,7 @@
+"""Solving cell states side by side: what runs and what waits, apart from where it runs."""
+
+from porocore.sampling.execution.choice import EXECUTORS as EXECUTORS
+from porocore.sampling.execution.pool import CellPool as CellPool
+from porocore.sampling.execution.processes import end_with_parent as end_with_parent
+from porocore.sampling.execution.tasks import Outcome as Outcome
+from porocore.sampling.execution.threads import THREAD_VARIABLES as THREAD_VARIABLES

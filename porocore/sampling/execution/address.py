@@ -1,0 +1,66 @@
+"""The address of a dask scheduler: that it is one, and that somebody listens there."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from urllib.parse import urlsplit
+
+from porocore.core.echo import cut, echo
+from porocore.errors import ConfigurationError
+
+#: Of an address whose host and port can be tried by themselves; a text without any is tcp.
+SCHEMES = ("tcp", "tls", "ws", "wss")
+#: Of others that dask knows, which only dask can try.
+OTHERS = ("inproc", "ucx", "ucxx")
+#: Seconds to wait for an answer in.
+REACH = 3.0
+EXAMPLE = "expected the address of a dask scheduler such as tcp://node:8786"
+
+
+def reach(address: str) -> None:
+    """Open the address of a scheduler and close it again.
+
+    Raises
+    ------
+    ConfigurationError
+        It is no address, or nobody listens there.
+    """
+    scheme, between, _ = address.partition("://")
+    if between and scheme in OTHERS:
+        return
+    host, port = _host_and_port(address if between else f"tcp://{address}")
+    why = ["no answer in time"]
+    # The search for a name knows no time limit of its own.
+    attempt = threading.Thread(target=_connect, args=(host, port, why), daemon=True)
+    attempt.start()
+    attempt.join(1.5 * REACH)
+    if why:
+        raise ConfigurationError(
+            f"sampling.scheduler: no dask scheduler answers at {cut(address)} ({why[-1]}); start one with "
+            "'dask scheduler', or leave the scheduler out to have workers on this machine"
+        )
+
+
+def _connect(host: str, port: int, why: list[str]) -> None:
+    """Open and close a connection; empties ``why``, or adds the reason for which there is none."""
+    try:
+        socket.create_connection((host, port), timeout=REACH).close()
+    except (OSError, UnicodeError) as error:
+        why.append(str(getattr(error, "strerror", None) or error))
+    else:
+        why.clear()
+
+
+def _host_and_port(address: str) -> tuple[str, int]:
+    refused = f"sampling.scheduler: {EXAMPLE}, got {echo(address.removeprefix('tcp://'))}"
+    try:
+        parts = urlsplit(address)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        raise ConfigurationError(f"{refused}, whose port is no number up to 65535") from None
+    if parts.scheme not in SCHEMES:
+        raise ConfigurationError(f"{refused}; of the protocols, dask knows {', '.join((*SCHEMES, *OTHERS))}")
+    if not host or not port or any(c.isspace() for c in host):
+        raise ConfigurationError(f"{refused}; host and port are needed")
+    return host, port

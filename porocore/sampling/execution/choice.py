@@ -1,0 +1,69 @@
+"""Which workers solve the states."""
+
+from __future__ import annotations
+
+import signal
+from typing import Literal
+
+from porocore.errors import ConfigurationError
+from porocore.sampling.execution.crew import Crew, SerialCrew
+from porocore.sampling.execution.futures import FuturesCrew, SubmitsFutures
+from porocore.sampling.execution.processes import ProcessCrew
+
+ExecutorName = Literal["auto", "serial", "processes", "dask"]
+#: ``auto`` is dask where a scheduler is named, this process for one worker without time limit, else processes.
+EXECUTORS: tuple[ExecutorName, ...] = ("auto", "serial", "processes", "dask")
+ExecutorChoice = ExecutorName | SubmitsFutures
+
+
+def contradiction(executor: str, scheduler: str | None, state_seconds: float | None) -> str | None:
+    """Why these do not go together, or None."""
+    if scheduler is not None and executor not in ("auto", "dask"):
+        return f"executor '{executor}' has no scheduler; leave out the scheduler, or choose executor 'dask'"
+    if state_seconds is not None and executor == "serial":
+        return (
+            "executor 'serial' cannot end a solve that takes too long; leave out state_seconds, or choose "
+            "'processes' or 'dask'"
+        )
+    return None
+
+
+def check_choice(
+    executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None
+) -> None:
+    """Refuse what cannot be.
+
+    Raises
+    ------
+    ConfigurationError
+        The executor is unknown, these do not go together, or this system knows no time limits.
+    """
+    if workers < 1:
+        raise ValueError(f"expected at least one worker, got {workers}")
+    if state_seconds is not None and not hasattr(signal, "setitimer"):
+        raise ConfigurationError("sampling.state_seconds: this system cannot end a solve that takes too long")
+    if not isinstance(executor, str):
+        if scheduler is not None or state_seconds is not None:
+            raise ConfigurationError(
+                "an executor that is handed in has its own workers, whose solves cannot be ended from here: leave "
+                "out scheduler and state_seconds"
+            )
+    elif executor not in EXECUTORS:
+        raise ConfigurationError(f"unknown executor '{executor}'; the executors are {', '.join(EXECUTORS)}")
+    elif fault := contradiction(executor, scheduler, state_seconds):
+        raise ConfigurationError(fault)
+
+
+def make_crew(
+    executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None, token: str
+) -> Crew:
+    """The workers of a pool, of a choice that was checked; see :class:`porocore.sampling.execution.CellPool`."""
+    if not isinstance(executor, str):
+        return FuturesCrew(executor, workers, token)
+    if executor == "dask" or scheduler is not None:
+        from porocore.sampling.execution.dask_workers import DaskCrew
+
+        return DaskCrew(scheduler, workers)
+    if executor == "serial" or (executor == "auto" and workers == 1 and state_seconds is None):
+        return SerialCrew(token)
+    return ProcessCrew(workers)

@@ -1,0 +1,133 @@
+"""Where states are solved: workers, each with one state at a time."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from typing import Any
+
+from porocore.sampling.execution.tasks import Ready, forget
+
+
+class Worker(ABC):
+    """Takes one call at a time.
+
+    Attributes
+    ----------
+    prepared
+        Whether it holds the cell; kept by the pool.
+    host
+        Machine, as far as known, so that a second try can be made on another one.
+    """
+
+    def __init__(self) -> None:
+        self.prepared = False
+        self.host = ""
+
+    @abstractmethod
+    def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
+        """Begin a call."""
+
+
+class Crew(ABC):
+    """Some workers, which may come and go.
+
+    Attributes
+    ----------
+    ahead
+        States that may wait, so that a worker need not wait for the one who asks.
+    eager
+        Whether calls begin when they are submitted, and not only when they are waited for.
+    separate
+        Whether workers can be told apart, and prepared one by one.
+    """
+
+    ahead = 1
+    eager = True
+    separate = True
+
+    @abstractmethod
+    def workers(self) -> Sequence[Worker]:
+        """Those that are there now.
+
+        Raises
+        ------
+        PorocoreError
+            They cannot be reached any more.
+        """
+
+    @property
+    @abstractmethod
+    def slots(self) -> int:
+        """States that can be solved at once; at least 1."""
+
+    @abstractmethod
+    def lost(self, worker: Worker) -> None:
+        """A worker has died in the middle of a call; replace it where that is possible.
+
+        Raises
+        ------
+        PorocoreError
+            It is not, and there is no other.
+        """
+
+    def check(self, ready: Ready) -> list[str]:
+        """Warnings about a worker that has just prepared the cell.
+
+        Raises
+        ------
+        PluginError
+            It cannot take part.
+        """
+        return []
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should know before the work begins."""
+        return []
+
+    @abstractmethod
+    def close(self) -> None:
+        """Finish what runs and let go of the workers."""
+
+    @abstractmethod
+    def abort(self) -> None:
+        """Let go of the workers at once; what runs is lost."""
+
+
+class SerialCrew(Crew):
+    """This process, with whatever number of threads it has; a state is solved when it is waited for."""
+
+    ahead = 0
+    eager = False
+
+    def __init__(self, token: str) -> None:
+        self._worker = _Here()
+        self._token = token
+
+    def workers(self) -> Sequence[Worker]:
+        """One."""
+        return [self._worker]
+
+    @property
+    def slots(self) -> int:
+        """One."""
+        return 1
+
+    def lost(self, worker: Worker) -> None:
+        """Cannot happen: this process would be gone."""
+        raise AssertionError
+
+    def close(self) -> None:
+        """Let go of the prepared cell."""
+        forget(self._token)
+
+    abort = close
+
+
+class _Here(Worker):
+    def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(call(*args))
+        return future

@@ -1,0 +1,199 @@
+"""The workers of a dask.distributed scheduler, on any number of machines.
+
+States are not left to dask's scheduler to place: each worker is handed one at a time, so that a worker that dies or
+hangs is blamed for that state only, and none waits behind another.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
+from importlib import import_module
+from importlib.metadata import version
+from typing import Any
+from urllib.parse import urlsplit
+
+from porocore.errors import PluginError, PorocoreError
+from porocore.sampling.execution.address import reach
+from porocore.sampling.execution.crew import Crew, Worker
+from porocore.sampling.execution.tasks import Ready
+from porocore.sampling.execution.threads import THREAD_VARIABLES, interrupts_blocked, one_thread
+
+#: Seconds between two looks at which workers are there.
+LOOK = 0.5
+#: Seconds to reach a scheduler in.
+REACH = 20
+#: Seconds for workers to end in.
+FAREWELL = 10
+
+
+class DaskCrew(Crew):
+    """All workers of a scheduler, those that join later included.
+
+    Parameters
+    ----------
+    scheduler
+        Address such as ``tcp://node:8786``; None: a cluster of processes on this machine, which ends with this crew.
+    count
+        Number of those processes.
+
+    Raises
+    ------
+    PluginError
+        dask.distributed is not installed.
+    ConfigurationError
+        That is no address, or nobody listens there.
+    PorocoreError
+        No scheduler answers at the address.
+    """
+
+    def __init__(self, scheduler: str | None, count: int) -> None:
+        try:
+            distributed = import_module("distributed")
+        except ImportError as error:
+            raise PluginError(
+                f"executor 'dask' needs dask.distributed, which cannot be imported here ({error}); pip install "
+                "'porocore[dask]'"
+            ) from error
+        self._cluster: Any = None
+        self._address = scheduler or ""
+        self._count = count
+        self._known: dict[str, _DaskWorker] = {}
+        self._threads: dict[str, int] = {}
+        self._looked = -LOOK
+        self._processes: dict[str, int] = {}
+        for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]:
+            logging.getLogger(name).setLevel(
+                logging.CRITICAL
+            )  # what matters is raised, or a warning of this crew
+        if scheduler is None:
+            # Without dask's setting of malloc, which makes every larger array anew from the system.
+            environment = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_VARIABLES, "1")}
+            settings = import_module("dask").config.set(environment)
+            with settings, one_thread(), interrupts_blocked():
+                self._cluster = distributed.LocalCluster(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    memory_limit=0,
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=logging.CRITICAL,
+                )
+            self._address = self._cluster.scheduler_address
+        else:
+            reach(scheduler)
+        try:
+            with interrupts_blocked():
+                self._client = distributed.Client(
+                    self._address, timeout=REACH, set_as_default=False, name="porocore"
+                )
+        except Exception as error:  # whatever another program's answer makes of dask
+            raise PorocoreError(
+                f"no dask scheduler answers at {self._address} ({' '.join(str(error).split())}); start one with "
+                "'dask scheduler', or leave out --scheduler to have workers on this machine"
+            ) from error
+        try:
+            self._look()
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def warnings(self) -> list[str]:
+        """No worker yet, or workers with several threads."""
+        found = []
+        if not self._known:
+            found.append(
+                f"the dask scheduler at {self._address} has no workers; waiting for the first one to join"
+            )
+        several = [f"{name} ({n})" for name, n in self._threads.items() if n > 1]
+        if several:
+            found.append(
+                f"dask workers with several threads solve one state at a time all the same: {', '.join(several)}; "
+                "start as many workers as cores, each with --nthreads 1"
+            )
+        return found
+
+    def workers(self) -> Sequence[Worker]:
+        """Those that are there now, looked up twice a second."""
+        if time.monotonic() - self._looked >= LOOK:
+            self._look()
+        return list(self._known.values())
+
+    @property
+    def slots(self) -> int:
+        """One for each worker."""
+        return max(1, len(self._known))
+
+    def lost(self, worker: Worker) -> None:
+        """Forget it; its nanny, or whoever started it, sees to another one."""
+        self._known = {name: known for name, known in self._known.items() if known is not worker}
+        self._looked = -LOOK
+
+    def check(self, ready: Ready) -> list[str]:
+        """Refuse a worker with another porocore; warn of one whose libraries use several threads."""
+        if self._cluster is not None:
+            self._processes[f"{ready.host} {ready.process}"] = ready.process
+        own = version("porocore")
+        if ready.version != own:
+            raise PluginError(
+                f"the dask workers on {ready.host} have porocore {ready.version}, this process has {own}; "
+                "install the same version there"
+            )
+        if "1" not in ready.threads:
+            return [
+                f"a dask worker on {ready.host} leaves the number of threads to its libraries, so that workers may "
+                f"fight over cores: start workers with a nanny (the default), or with {THREAD_VARIABLES[0]}=1"
+            ]
+        return []
+
+    def close(self) -> None:
+        """Leave the scheduler; a local cluster ends."""
+        with suppress(Exception):  # whatever is gone already
+            self._client.close(timeout=FAREWELL)
+        if self._cluster is not None:
+            with suppress(Exception):
+                self._cluster.close(timeout=FAREWELL)
+
+    def abort(self) -> None:
+        """The same without waiting for what runs; on a scheduler of the user's, that goes on and is dropped."""
+        if self._cluster is not None:
+            for nanny in self._cluster.workers.values():
+                nanny.auto_restart = False
+            for process in self._processes.values():
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
+        self.close()
+
+    def _look(self) -> None:
+        try:
+            if self._client.status != "running":
+                raise OSError(f"the connection is {self._client.status}")
+            self._threads = dict(self._client.nthreads())
+        except Exception as error:
+            raise PorocoreError(
+                f"the dask scheduler at {self._address} has gone ({' '.join(str(error).split())}); finished states are "
+                "kept: start it again and resume"
+            ) from error
+        self._looked = time.monotonic()
+        for name in self._threads:
+            if name not in self._known:
+                self._known[name] = _DaskWorker(self._client, name)
+        self._known = {name: worker for name, worker in self._known.items() if name in self._threads}
+
+
+class _DaskWorker(Worker):
+    """Pinned to one address."""
+
+    def __init__(self, client: Any, name: str) -> None:
+        super().__init__()
+        self.host = urlsplit(name).hostname or name
+        self._executor = client.get_executor(workers=[name], allow_other_workers=False, pure=False, retries=0)
+
+    def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
+        future: Future[Any] = self._executor.submit(call, *args)
+        return future

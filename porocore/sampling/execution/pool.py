@@ -1,0 +1,356 @@
+"""What runs, what waits, and what becomes of a state whose worker dies; where it runs is up to a crew."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from dataclasses import dataclass, field
+from functools import partial
+from types import TracebackType
+from typing import Any, Self
+from uuid import uuid4
+
+from porocore import errors
+from porocore.errors import PorocoreError, UnexpectedError
+from porocore.interfaces.cell import CellField
+from porocore.interfaces.records import failed_response, flatten_response
+from porocore.sampling.execution import tasks
+from porocore.sampling.execution.choice import ExecutorChoice, check_choice, make_crew
+from porocore.sampling.execution.crew import Crew, Worker
+from porocore.sampling.execution.tasks import Factory, Failure, Outcome, Ready, Recipe, Unprepared
+from porocore.states import CellResponse, MacroState, Status
+
+#: Seconds between two looks at workers and interrupts while nothing is finished.
+PATIENCE = 0.2
+#: Times that a state is tried when workers die or hang over it.
+TRIES = 2
+#: Workers that may die in a row before one has prepared the cell, and states that may be lost before one is solved.
+MOST_LOST = 3
+
+
+class CellPool:
+    """Workers that have each prepared the same cell; a context manager.
+
+    A worker that dies over a state, or is ended because the state takes longer than ``state_seconds``, is replaced,
+    and the state is tried once more, on another machine if there is one. If that fails too, its outcome has the
+    status ``lost`` and NaN in every response, and the other states go on.
+
+    Parameters
+    ----------
+    factory, args
+        ``factory(*args)`` returns the solver and the prepared cell. They are sent to each worker, which prepares its
+        own, so both must be picklable: ``factory`` is a function at the top level of a module.
+    workers
+        Number of processes.
+    tangent, fields
+        What each solve shall return, see :meth:`porocore.CellSolver.solve`.
+    executor
+        One of :data:`porocore.sampling.execution.EXECUTORS`, or any executor with ``submit(function, *args)`` that
+        returns futures of :mod:`concurrent.futures`; ``workers`` is then the number of states that it gets at a time.
+    scheduler
+        Address of a dask scheduler; None: a local cluster.
+    state_seconds
+        Time limit for the solve of one state [s].
+    like
+        A response of this cell, as a pattern for those of lost states. By default, that of the first solved state.
+    on_warning
+        Called with sentences that the user should read.
+
+    Attributes
+    ----------
+    like
+        As above; may be set later.
+
+    Raises
+    ------
+    ConfigurationError
+        These do not go together. That dask is missing, or its scheduler out of reach, shows when the first state is
+        handed in: workers are started only then.
+    """
+
+    def __init__(
+        self,
+        factory: Factory,
+        args: tuple[Any, ...] = (),
+        *,
+        workers: int = 1,
+        tangent: bool = True,
+        fields: bool = True,
+        executor: ExecutorChoice = "auto",
+        scheduler: str | None = None,
+        state_seconds: float | None = None,
+        like: CellResponse | None = None,
+        on_warning: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.workers = workers
+        self._recipe = Recipe(uuid4().hex, factory, args, tangent, fields)
+        self._limit = state_seconds
+        self.like = like
+        self._warn, self._warned = on_warning, set[str]()
+        self._waiting: deque[_Task] = deque()
+        self._running: dict[Future[Any], tuple[Worker, _Task | None]] = {}
+        self._finished: deque[Outcome] = deque()
+        self._failures: deque[PorocoreError] = deque()
+        self._doubtful: list[_Task] = []
+        self._lost_preparations = 0
+        self._finishing = False
+        check_choice(executor, workers, scheduler, state_seconds)
+        self._make_crew = partial(make_crew, executor, workers, scheduler, state_seconds, self._recipe.token)
+        self._made: Crew | None = None
+
+    @property
+    def _crew(self) -> Crew:
+        """Called together when there is something to do."""
+        if self._made is None:
+            self._made = self._make_crew()
+            self._tell(self._made.warnings)
+        return self._made
+
+    @property
+    def pending(self) -> int:
+        """States submitted and not yet returned by :meth:`wait`."""
+        return len(self._waiting) + len(self._finished) + len(self._doubtful) + self._solving
+
+    @property
+    def has_room(self) -> bool:
+        """Whether another state can be submitted so that no worker is idle and none waits for long."""
+        return self.pending - len(self._doubtful) < self._crew.slots + self._crew.ahead
+
+    def submit(self, key: str, state: MacroState, start: CellField | None = None) -> None:
+        """Hand in one state (one row) with the field to start from.
+
+        Raises
+        ------
+        PluginError
+            dask.distributed is missing.
+        PorocoreError
+            The scheduler cannot be reached.
+        """
+        self._waiting.append(_Task(key, state, start))
+        if self._crew.eager:
+            self._dispatch()
+
+    def wait(self) -> Outcome:
+        """The next finished state; blocks until there is one.
+
+        Raises
+        ------
+        PorocoreError
+            The solver raised an exception, which names the state; workers die whatever they are given; or
+            the scheduler has gone.
+        """
+        outcome = self.wait_unless(lambda: False)
+        assert outcome is not None
+        return outcome
+
+    def wait_unless(self, stop: Callable[[], bool]) -> Outcome | None:
+        """The same, or None as soon as ``stop()``."""
+        if not self.pending:
+            raise ValueError("no state was submitted to wait for")
+        while not (self._finished or self._failures):
+            self._dispatch()
+            self._collect()
+            self._judge_doubtful()
+            if stop() and not (self._finished or self._failures):
+                return None
+        if self._crew.eager:
+            self._dispatch()
+        # Good outcomes first, so that nothing that was solved is lost behind an error.
+        if not self._finished:
+            raise self._failures.popleft()
+        return self._finished.popleft()
+
+    def finish_running(self) -> Iterator[Outcome]:
+        """Drop what has not begun and yield the outcomes of what runs, leaving out failures."""
+        self._waiting.clear()
+        self._doubtful.clear()
+        self._finishing = True
+        try:
+            while self._solving or self._finished:
+                while self._finished:
+                    yield self._finished.popleft()
+                if self._solving:
+                    try:
+                        self._collect()
+                    except PorocoreError:  # those who are asked have gone
+                        self._running.clear()
+        finally:
+            self._finishing = False
+            self._failures.clear()
+
+    def close(self) -> None:
+        """Finish what runs and let go of the workers."""
+        if self._made is not None:
+            self._made.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is not None and not issubclass(kind, Exception) and self._running:
+            # The caller was interrupted while it waited: nobody will take what is being solved.
+            self._crew.abort()
+        else:
+            self.close()
+
+    @property
+    def _solving(self) -> int:
+        return sum(task is not None for _, task in self._running.values())
+
+    def _dispatch(self) -> None:
+        """Give what waits to those who are idle."""
+        if not self._waiting:
+            return
+        busy = {id(worker) for worker, _ in self._running.values()}
+        for worker in self._crew.workers():
+            if id(worker) in busy:
+                continue
+            if self._crew.separate and not worker.prepared:
+                self._begin(worker, None, tasks.prepare, self._recipe)
+            elif self._waiting:
+                task = self._next_for(worker)
+                what = (task.key, task.state, task.start)
+                if self._crew.separate:
+                    self._begin(worker, task, tasks.solve, self._recipe.token, *what, self._limit)
+                else:
+                    self._begin(worker, task, tasks.prepare_and_solve, self._recipe, *what)
+
+    def _begin(self, worker: Worker, task: _Task | None, call: Callable[..., Any], *args: Any) -> None:
+        try:
+            self._running[worker.submit(call, *args)] = worker, task
+        except BrokenExecutor:  # it died while it had nothing to do: no state is to blame
+            self._crew.lost(worker)
+            if task is not None:
+                self._waiting.appendleft(task)
+
+    def _next_for(self, worker: Worker) -> _Task:
+        """The first in the queue; a second try goes to another machine if one is idle or will be."""
+        hosts = {other.host for other in self._crew.workers()}
+        for task in self._waiting:
+            if task.host is None or task.host != worker.host or len(hosts) == 1:
+                self._waiting.remove(task)
+                return task
+        return self._waiting.popleft()
+
+    def _collect(self) -> None:
+        """Wait a little for calls that end, and for workers that vanish."""
+        if self._running:
+            done, _ = wait(self._running, PATIENCE, return_when=FIRST_COMPLETED)
+        else:
+            done = set()
+            self._tell(self._crew.warnings)
+            time.sleep(PATIENCE)
+        for future in done:
+            self._take(future, *self._running.pop(future))
+        there = {id(worker) for worker in self._crew.workers()}
+        for future, (worker, task) in list(self._running.items()):
+            if id(worker) not in there:
+                del self._running[future]
+                future.cancel()
+                self._died(worker, task)
+
+    def _take(self, future: Future[Any], worker: Worker, task: _Task | None) -> None:
+        trouble = future.exception() if not future.cancelled() else None
+        if future.cancelled() or isinstance(trouble, BrokenExecutor) or _means_death(trouble):
+            self._died(worker, task)
+            return
+        if trouble is not None:
+            self._failures.append(_as_error(task, Failure(type(trouble).__name__, str(trouble), "")))
+            return
+        result = future.result()
+        if isinstance(result, Failure):
+            self._failures.append(_as_error(task, result))
+        elif isinstance(result, Ready):
+            worker.prepared, self._lost_preparations = True, 0
+            self._tell(self._crew.check(result))
+        elif isinstance(result, Unprepared):
+            worker.prepared = False
+            assert task is not None
+            self._waiting.appendleft(task)
+        else:
+            self._finished.append(result)
+            if self.like is None:
+                self.like = result.response
+            self._finished += [self._lost_outcome(task) for task in self._doubtful]
+            self._doubtful.clear()
+
+    def _died(self, worker: Worker, task: _Task | None) -> None:
+        self._crew.lost(worker)
+        if self._finishing:
+            return
+        if task is None:
+            self._lost_preparations += 1
+            if self._lost_preparations >= MOST_LOST:
+                self._failures.append(
+                    PorocoreError(
+                        f"{MOST_LOST} workers in a row died while they prepared the cell (out of memory, or killed); "
+                        "finished states are kept: resume with fewer workers or a coarser mesh"
+                    )
+                )
+            return
+        task.tries += 1
+        task.host = worker.host
+        if task.tries < TRIES:
+            self._waiting.appendleft(task)
+        elif self.like is None:
+            self._doubtful.append(task)
+        else:
+            self._finished.append(self._lost_outcome(task))
+
+    def _judge_doubtful(self) -> None:
+        """As long as nothing was ever solved, a state that is lost may not be to blame."""
+        only = not self._waiting and not self._solving
+        if self._doubtful and not self._finished and (only or len(self._doubtful) >= MOST_LOST):
+            lost = " and ".join(repr(task.key) for task in self._doubtful)
+            limit = "" if self._limit is None else f", or over {self._limit:g} s (sampling.state_seconds)"
+            self._doubtful.clear()
+            self._failures.append(
+                PorocoreError(
+                    f"workers died twice each while solving {lost}, and no state was solved before (out of memory, "
+                    f"killed{limit}); finished states are kept: resume with fewer workers, a coarser mesh"
+                    f"{'' if self._limit is None else ' or more time'}"
+                )
+            )
+
+    def _lost_outcome(self, task: _Task) -> Outcome:
+        assert self.like is not None
+        response = failed_response(Status.lost, names=flatten_response(self.like))
+        return Outcome(task.key, response, None, time.perf_counter() - task.began)
+
+    def _tell(self, warnings: list[str]) -> None:
+        for text in warnings:
+            if text not in self._warned:
+                self._warned.add(text)
+                self._warn(text)
+
+
+@dataclass(eq=False)
+class _Task:
+    """A state on its way."""
+
+    key: str
+    state: MacroState
+    start: CellField | None
+    tries: int = 0
+    #: Where the worker was that died over it.
+    host: str | None = None
+    began: float = field(default_factory=time.perf_counter)
+
+
+def _means_death(trouble: BaseException | None) -> bool:
+    """Whether dask says that the worker died (its class is not imported for that)."""
+    return type(trouble).__name__ == "KilledWorker"
+
+
+def _as_error(task: _Task | None, failure: Failure) -> PorocoreError:
+    kind = getattr(errors, failure.kind, None)
+    if isinstance(kind, type) and issubclass(kind, PorocoreError):
+        return kind(failure.message)
+    where = "while it prepared the cell" if task is None else f"at state '{task.key}'"
+    return UnexpectedError(
+        f"the cell solver raised {failure.kind} {where}: {failure.message}", failure.details
+    )

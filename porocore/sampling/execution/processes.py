@@ -1,0 +1,89 @@
+"""Worker processes on this machine, one thread each."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing import active_children, get_context, parent_process
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+from porocore.sampling.execution.crew import Crew, Worker
+from porocore.sampling.execution.threads import interrupts_blocked, one_thread
+
+
+class ProcessCrew(Crew):
+    """Processes started afresh (spawned), each an executor of its own, so that one that dies takes none along.
+
+    They ignore Ctrl-C, which the parent handles, and end when the parent has gone, however it went.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._workers = [_Process() for _ in range(count)]
+
+    def workers(self) -> Sequence[Worker]:
+        """As many as were asked for."""
+        return self._workers
+
+    @property
+    def slots(self) -> int:
+        """One for each process."""
+        return len(self._workers)
+
+    def lost(self, worker: Worker) -> None:
+        """Put a new process in its place."""
+        place = next(i for i, known in enumerate(self._workers) if known is worker)
+        self._workers[place].close()
+        self._workers[place] = _Process()
+
+    def close(self) -> None:
+        """Finish what runs and end the processes."""
+        for worker in self._workers:
+            worker.close()
+
+    def abort(self) -> None:
+        """End the processes."""
+        for worker in self._workers:
+            worker.terminate()
+        self.close()
+
+
+class _Process(Worker):
+    """Starts with its first call."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._process: BaseProcess | None = None
+        self._executor = ProcessPoolExecutor(1, get_context("spawn"), initializer=_start)
+
+    def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
+        if self._process is not None:
+            return self._executor.submit(call, *args)
+        others = set(active_children())
+        with one_thread(), interrupts_blocked():
+            future = self._executor.submit(call, *args)
+        self._process = next(iter(set(active_children()) - others), None)
+        return future
+
+    def close(self) -> None:
+        self._executor.shutdown(cancel_futures=True)
+
+    def terminate(self) -> None:
+        if self._process is not None:
+            self._process.terminate()
+
+
+def _start() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=end_with_parent, daemon=True).start()
+
+
+def end_with_parent() -> None:
+    """Wait for the end of the parent process and end this one; for a thread of a worker."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

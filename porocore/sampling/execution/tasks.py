@@ -1,0 +1,169 @@
+"""What happens in a worker: the cell is prepared once, and then solved state by state.
+
+The functions here are what an executor is given to call. Every exception travels back as text.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import socket
+import threading
+import time
+import traceback
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+from porocore.interfaces.cell import CellField, CellSolver
+from porocore.plugins.border import solution_of
+from porocore.sampling.execution.threads import THREAD_VARIABLES
+from porocore.states import CellResponse, MacroState
+
+#: Makes a solver and what its ``prepare`` returned; called once in each worker.
+Factory = Callable[..., tuple[CellSolver, Any]]
+#: Prepared cells that a process keeps: those of the pools that used it last.
+MOST_CELLS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A finished solve: one row, its field where asked for, and the wall time of the solve [s]."""
+
+    key: str
+    response: CellResponse
+    field: CellField | None
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How to make the solver and its cell, and what each solve shall return; small, unlike a prepared cell."""
+
+    token: str
+    factory: Factory
+    args: tuple[Any, ...]
+    tangent: bool
+    fields: bool
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A worker that has prepared the cell."""
+
+    process: int
+    host: str
+    version: str
+    #: Values of :data:`porocore.sampling.execution.threads.THREAD_VARIABLES` there.
+    threads: tuple[str | None, ...]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An exception on its way to the asking process, as text: not every exception survives pickling."""
+
+    kind: str
+    message: str
+    details: str
+
+    @classmethod
+    def of(cls, error: Exception) -> Failure:
+        """The exception that is being handled."""
+        return cls(type(error).__name__, str(error), traceback.format_exc())
+
+
+@dataclass(frozen=True)
+class Unprepared:
+    """The worker does not hold the cell any more."""
+
+
+_cells: OrderedDict[tuple[str, int], tuple[CellSolver, Any, Recipe]] = OrderedDict()
+_lock = threading.Lock()
+# Prepared cells may hold memory of a library, which must be given back before that library is taken down.
+atexit.register(_cells.clear)
+
+
+def prepare(recipe: Recipe, place: int = 0) -> Ready | Failure:
+    """Prepare the cell and keep it in this process."""
+    try:
+        solver, prepared = recipe.factory(*recipe.args)
+    except Exception as error:  # noqa: BLE001 - it is raised again where the states are asked for
+        return Failure.of(error)
+    with _lock:
+        _cells[recipe.token, place] = solver, prepared, recipe
+        while len({token for token, _ in _cells}) > MOST_CELLS:
+            oldest, _ = next(iter(_cells))
+            for kept in [kept for kept in _cells if kept[0] == oldest]:
+                del _cells[kept]
+    threads = tuple(os.environ.get(name) for name in THREAD_VARIABLES)
+    return Ready(os.getpid(), socket.gethostname(), version("porocore"), threads)
+
+
+def forget(token: str) -> None:
+    """Let go of the cells of one pool in this process."""
+    with _lock:
+        for kept in [kept for kept in _cells if kept[0] == token]:
+            del _cells[kept]
+
+
+def solve(
+    token: str,
+    key: str,
+    state: MacroState,
+    start: CellField | None,
+    limit: float | None = None,
+    place: int = 0,
+) -> Outcome | Failure | Unprepared:
+    """Solve one state with the cell that was prepared under ``token``.
+
+    Parameters
+    ----------
+    limit
+        Seconds after which the system ends this process, wherever it hangs.
+    """
+    with _lock:
+        if (token, place) not in _cells:
+            return Unprepared()
+        _cells.move_to_end((token, place))
+        solver, prepared, recipe = _cells[token, place]
+    try:
+        began = time.perf_counter()
+        with _ended_after(limit):
+            solution = solution_of(
+                solver, prepared, state, start=[start], tangent=recipe.tangent, fields=recipe.fields
+            )
+        seconds = time.perf_counter() - began
+    except Exception as error:  # noqa: BLE001 - as above
+        return Failure.of(error)
+    return Outcome(key, solution.response, solution.fields[0] if solution.fields else None, seconds)
+
+
+def prepare_and_solve(
+    recipe: Recipe, key: str, state: MacroState, start: CellField | None
+) -> Outcome | Failure | Unprepared:
+    """For executors whose workers cannot be told apart: each thread prepares the cell when it first needs it."""
+    place = threading.get_ident()
+    with _lock:
+        known = (recipe.token, place) in _cells
+    if not known:
+        made = prepare(recipe, place)
+        if isinstance(made, Failure):
+            return made
+    return solve(recipe.token, key, state, start, place=place)
+
+
+@contextmanager
+def _ended_after(seconds: float | None) -> Iterator[None]:
+    # The default action of SIGALRM is taken by the system itself: no library can sleep through it.
+    if seconds is None:
+        yield
+        return
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)

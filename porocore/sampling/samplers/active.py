@@ -1,0 +1,200 @@
+"""Sampling where a committee of surrogates disagrees (query by committee)."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.models.bounds import LARGEST_SEED
+from porocore.interfaces.sampler import Judgement, StudyFacts, StudySampler
+from porocore.interfaces.surrogate import TrainingSet, least_states
+from porocore.sampling.samplers.candidates import (
+    MOST_CORNER_INPUTS,
+    BoolArray,
+    Stream,
+    corner_count,
+    distances,
+    most_worth,
+    opening,
+    spacing,
+    spread_out,
+)
+from porocore.sampling.samplers.options import positive, refuse_unknown, whole
+from porocore.sampling.samplers.rounds import RoundSampler, from_unit
+from porocore.states import Array, CellResponse, Status
+
+#: A round asks for at least this share of the states that are known, so that the cost for each state stays the same.
+GROWTH = 0.1
+#: A round of :class:`Active` is chosen from so many candidates at most, but for two for each state.
+MOST_CANDIDATES = 512
+#: States of :class:`Active` are at least this share of their mean spacing apart.
+APART = 0.5
+
+
+class Learning(RoundSampler, StudySampler):
+    """Rounds that are chosen from what is known of the responses: the beginning of :class:`Active` and its kin.
+
+    Parameters
+    ----------
+    inputs, count
+        The box, and the budget of states.
+    initial, usual
+        Size of the design at the beginning, and what it is where that is None.
+    batch
+        States in a round; more where a share :data:`GROWTH` of what is known is more.
+    seed
+        Of everything random.
+    """
+
+    _study: StudyFacts | None = None
+
+    seeded = True
+
+    def __init__(
+        self, inputs: InputSpace, count: int, initial: int | None, usual: int, batch: int, seed: int
+    ) -> None:
+        super().__init__(inputs, whole("sampling.options.count", count, 2))
+        self.initial = usual if initial is None else whole("sampling.options.initial", initial, 2)
+        self.batch = whole("sampling.options.batch", batch, 1)
+        self.seed = whole("sampling.options.seed", seed, 0, LARGEST_SEED)
+
+    def round_size(self, room: int) -> int:
+        """Of the next round."""
+        return min(room, max(self.batch, ceil(GROWTH * len(self.points))))
+
+    def inform(self, study: StudyFacts) -> None:
+        """See :class:`StudySampler`."""
+        self._study = study
+
+    @property
+    def study(self) -> StudyFacts:
+        """What :meth:`inform` was told.
+
+        Raises
+        ------
+        RuntimeError
+            It was not called.
+        """
+        if self._study is None:
+            raise RuntimeError(
+                f"{type(self).__name__} has to know the undeformed cell; call inform before ask"
+            )
+        return self._study
+
+    def training_set(self) -> TrainingSet | None:
+        """All stable states so far in the order of asking; None if they are fewer than two."""
+        good = self.stable
+        if good.sum() < 2:
+            return None
+        rows = [response for response, kept in zip(self.told, good, strict=True) if kept]
+        states = self.inputs.scatter(from_unit(self.inputs, self.points[good]))
+        study = self.study
+        return TrainingSet(
+            states,
+            CellResponse.concatenate(rows),
+            self.inputs,
+            study.reference,
+            study.identity,
+            {},
+            study.symmetry,
+        )
+
+    def judge(self, unit: Array) -> Judgement | None:
+        """What the committee says of points (m, d) of the unit box; None while fewer than two states are known."""
+        data = self.training_set()
+        if data is None:
+            return None
+        candidates = self.inputs.scatter(from_unit(self.inputs, unit))
+        return self.study.judge(data, self.study.responses, candidates)
+
+    @property
+    def stable(self) -> BoolArray:
+        """Which of the states so far a surrogate may learn from, (n,) bool."""
+        return np.array([Status(int(response.status[0])).stable for response in self.told], dtype=bool)
+
+    @property
+    def enough(self) -> bool:
+        """Whether a surrogate can learn from the stable states so far; before that no tolerance ends a sampling."""
+        return int(self.stable.sum()) >= least_states(len(self.inputs))
+
+    def reachable(self, candidates: Array) -> BoolArray:
+        """Candidates whose nearest known state is stable, (m,): what lies around failed states is left alone."""
+        _, nearest = distances(candidates, self.points)
+        reachable: BoolArray = self.stable[nearest]
+        return reachable
+
+
+class Active(Learning):
+    """A design that fills the box, then rounds of the states where a committee of polynomials disagrees most.
+
+    The members of the committee learn what the closure needs: W with its slopes, or <∇u¹>. The states of a round
+    are those that tell most about the places where the members disagree, as a share of the response's range; each is
+    chosen in the knowledge of those before it. Candidates come from a Sobol
+    sequence. States that failed or are unstable are not learned from; candidates nearer to one of them than to any
+    stable state are passed over.
+
+    Parameters
+    ----------
+    inputs
+        The box.
+    count : int, at least 2
+        The budget of states, those without values included.
+    initial : int, at least 2
+        States before the first round: the corners of a box of up to three inputs and farthest points, or a Sobol
+        sequence; null: the corners and one state for each input, at least 6.
+    batch : int, at least 1
+        States in a round, or a tenth of those that are known if this is more.
+    candidates : int, at least 2
+        Candidates for each state of a round, of which there are at most 512. Few keep close to an even design, which
+        serves the error on average; many go to the faces and corners of the box, which serves the largest error.
+    tolerance
+        Sampling ends when the largest disagreement is below this share of the range and the stable states are as many
+        as a surrogate needs; None: when the budget is used up.
+    seed : int, at least 0
+        Seed of the design and of the candidates.
+
+    Raises
+    ------
+    ConfigurationError
+        An option is unknown or of no use; the message begins with its key in a configuration.
+    """
+
+    def __init__(
+        self,
+        inputs: InputSpace,
+        count: int = 100,
+        initial: int | None = None,
+        batch: int = 4,
+        candidates: int = 8,
+        tolerance: float | None = None,
+        seed: int = 0,
+        **unknown: Any,
+    ) -> None:
+        refuse_unknown("active", ("count", "initial", "batch", "candidates", "seed"), unknown)
+        d = len(inputs)
+        usual = max(6, corner_count(d) + d)
+        super().__init__(inputs, count, initial, usual, batch, seed)
+        self.tolerance = None if tolerance is None else positive("sampling.tolerance", tolerance)
+        self.candidates = whole("sampling.options.candidates", candidates, 2)
+        self._stream = Stream(d, self.seed)
+
+    def next_round(self, room: int) -> Array:
+        """The design, or the states of most worth among the next candidates."""
+        if not len(self.points):
+            d, first = len(self.inputs), min(self.initial, room)
+            return opening(d, first, self.seed) if d <= MOST_CORNER_INPUTS else self._stream.take(first)
+        size = self.round_size(room)
+        unit = self._stream.take(max(min(self.candidates * size, MOST_CANDIDATES), 2 * size))
+        reachable = self.reachable(unit)
+        judgement = self.judge(unit)
+        if judgement is None or not judgement.disagreement.any():
+            # Too little is known for anybody to disagree.
+            return unit[spread_out(unit, reachable.astype(float), self.points, size)]
+        if self.tolerance is not None and self.enough and judgement.disagreement.max() < self.tolerance:
+            return unit[:0]
+        apart = APART * spacing(len(self.points) + size, len(self.inputs))
+        chosen = most_worth(unit, judgement, reachable, self.points, size, apart)
+        return unit[chosen or spread_out(unit, reachable.astype(float), self.points, size)]

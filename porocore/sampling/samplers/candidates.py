@@ -1,0 +1,128 @@
+"""Choosing a round of states among candidates: where it pays most, and not all in one place."""
+
+from __future__ import annotations
+
+from math import ceil
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.interfaces.sampler import Judgement
+from porocore.sampling.samplers.designs import box_corners, sobol_points
+from porocore.states import Array
+
+BoolArray = npt.NDArray[np.bool_]
+#: A round looks so many times at what its first states leave to be learned.
+MOST_UPDATES = 8
+
+#: Up to so many inputs a sampling begins with the corners of the box. With four they would be the first 16 states, of
+#: which those of the largest compression are often unstable.
+MOST_CORNER_INPUTS = 3
+BLOCK = 10
+
+
+def corner_count(d: int) -> int:
+    """Corners of the box of d inputs with which a sampling begins."""
+    return 2**d if d <= MOST_CORNER_INPUTS else 0
+
+
+class Stream:
+    """Ever new points of one scrambled Sobol sequence; round-off cannot move them.
+
+    Parameters
+    ----------
+    d
+        Number of inputs.
+    seed
+        Of the scrambling.
+    """
+
+    def __init__(self, d: int, seed: int) -> None:
+        from scipy.stats import qmc  # slow to import
+
+        self._sequence = qmc.Sobol(d, seed=seed)
+        self._ready: Array = np.empty((0, d))
+
+    def take(self, count: int) -> Array:
+        """The next points (count, d) in the unit box."""
+        while len(self._ready) < count:
+            # In powers of two a Sobol sequence is balanced.
+            self._ready = np.concatenate([self._ready, self._sequence.random(2**BLOCK)])
+        points, self._ready = self._ready[:count], self._ready[count:]
+        return points
+
+
+def distances(candidates: Array, known: Array) -> tuple[Array, Array]:
+    """Distance (m,) of each candidate to the nearest of the ``known`` (n, d), and which one that is."""
+    if not len(known):
+        return np.full(len(candidates), np.inf), np.zeros(len(candidates), dtype=np.int64)
+    squares = (candidates**2).sum(axis=1)[:, None] - 2 * candidates @ known.T + (known**2).sum(axis=1)
+    nearest = squares.argmin(axis=1)
+    # Once more without the cancellation of the expanded square.
+    return np.linalg.norm(candidates - known[nearest], axis=1), nearest
+
+
+def spread_out(candidates: Array, worth: Array, known: Array, count: int) -> list[int]:
+    """At most ``count`` of the candidates (m, d), one after the other, as indices.
+
+    Each is the one with the largest worth times distance to the nearest point that is ``known`` or was chosen before.
+    Candidates without worth and those on a known point are never chosen.
+    """
+    distance = np.minimum(distances(candidates, known)[0], np.sqrt(candidates.shape[1]))
+    chosen: list[int] = []
+    for _ in range(count):
+        merit = worth * distance
+        best = int(np.argmax(merit))
+        if not merit[best] > 0:
+            break
+        chosen.append(best)
+        distance = np.minimum(distance, np.linalg.norm(candidates - candidates[best], axis=1))
+    return chosen
+
+
+def most_worth(
+    candidates: Array, judgement: Judgement, allowed: BoolArray, known: Array, count: int, apart: float
+) -> list[int]:
+    """At most ``count`` of the ``allowed`` candidates (m, d), as indices; each counts with those before it.
+
+    They are ``apart`` from the ``known`` points (n, d) and from one another at least: a cell that is solved twice tells
+    nothing new, whatever a committee believes. Of more than :data:`MOST_UPDATES` several are chosen at a time, of which
+    the best stands for those around it.
+    """
+    chosen: list[int] = []
+    distance, _ = distances(candidates, known)
+    while len(chosen) < count:
+        at_once = min(ceil(count / MOST_UPDATES), count - len(chosen))
+        worth = np.where(allowed & (distance > apart), judgement.worth(), 0.0)
+        new = spread_out(candidates, worth, candidates[chosen], at_once) if at_once > 1 else _best(worth)
+        if not new:
+            break
+        chosen += new
+        judgement.take(new[0])
+        for candidate in new:
+            distance = np.minimum(distance, np.linalg.norm(candidates - candidates[candidate], axis=1))
+    return chosen
+
+
+def _best(worth: Array) -> list[int]:
+    best = int(np.argmax(worth))
+    return [best] if worth[best] > 0 else []
+
+
+def spacing(points: int, d: int) -> float:
+    """The edge of the cube that each of so many points has for itself in the unit box."""
+    return float(max(points, 1) ** (-1 / d))
+
+
+def opening(d: int, count: int, seed: int) -> Array:
+    """What a sampling begins with when nothing is known, (count, d) in the unit box.
+
+    In a box of up to three inputs the corners, then always the point farthest from all before. Of more inputs, where
+    farthest points all lie on the faces, a Sobol sequence.
+    """
+    if d > MOST_CORNER_INPUTS:
+        return sobol_points(d, count, seed)
+    begin = box_corners(d)[:count]
+    cloud = sobol_points(d, 2**BLOCK, seed)
+    rest = spread_out(cloud, np.ones(len(cloud)), begin, count - len(begin))
+    return np.concatenate([begin, cloud[rest]])

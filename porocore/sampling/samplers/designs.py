@@ -1,0 +1,123 @@
+"""Designs that fill the box of the inputs evenly: all states are known before the first is solved."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, ClassVar
+
+import numpy as np
+
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.models.bounds import LARGEST_SEED
+from porocore.errors import ConfigurationError
+from porocore.sampling.samplers.options import refuse_unknown, whole, yes_or_no
+from porocore.sampling.samplers.rounds import RoundSampler
+from porocore.states import Array
+
+#: Of more inputs a box has too many corners to solve them all.
+MOST_CORNER_INPUTS = 8
+#: Up to so many numbers a Latin hypercube is improved by exchanges: about two seconds.
+MOST_OPTIMISED = 4000
+
+
+class Design(RoundSampler):
+    """``count`` states in one round, the corners of the box first if they are wanted.
+
+    Parameters
+    ----------
+    inputs
+        The box.
+    count : int, at least 1
+        Number of states, corners included.
+    seed : int, at least 0
+        Seed of the randomisation.
+    corners : bool
+        Whether the 2^d corners of the box come first, of up to eight inputs; a surrogate then never extrapolates within
+        the box.
+
+    Raises
+    ------
+    ConfigurationError
+        An option is unknown or of no use; the message begins with its key in a configuration.
+    """
+
+    name: ClassVar[str]
+
+    seeded = True
+
+    def __init__(
+        self, inputs: InputSpace, count: int = 100, seed: int = 0, corners: bool = False, **unknown: Any
+    ) -> None:
+        refuse_unknown(self.name, ("count", "seed", "corners"), unknown)
+        super().__init__(inputs, whole("sampling.options.count", count, 1))
+        self.seed = whole("sampling.options.seed", seed, 0, LARGEST_SEED)
+        self.corners = yes_or_no("sampling.options.corners", corners)
+        if corners:
+            d = len(inputs)
+            if d > MOST_CORNER_INPUTS:
+                raise ConfigurationError(
+                    f"sampling.options.corners: {d} inputs have {2**d} corners; leave them out beyond "
+                    f"{MOST_CORNER_INPUTS} inputs"
+                )
+            if count < 2**d:
+                raise ConfigurationError(
+                    f"sampling.options.count: {count} states are fewer than the {2**d} corners of {d} inputs; "
+                    "raise it, or set corners: false"
+                )
+
+    def next_round(self, room: int) -> Array:
+        """All of it, once."""
+        if len(self.points):
+            return np.empty((0, len(self.inputs)))
+        first = box_corners(len(self.inputs)) if self.corners else np.empty((0, len(self.inputs)))
+        filling = self.filling(room - len(first)) if room > len(first) else first[:0]
+        return np.concatenate([first, filling])
+
+    @abstractmethod
+    def filling(self, count: int) -> Array:
+        """``count`` points (n, d) of the unit box."""
+
+
+class SobolDesign(Design):
+    """The first ``count`` points of a scrambled Sobol sequence (Sobol' 1967, Owen 1998).
+
+    A larger ``count`` with the same seed begins with the same states. A power of two fills the box most evenly.
+    """
+
+    name = "sobol"
+
+    def filling(self, count: int) -> Array:
+        """See the class."""
+        return sobol_points(len(self.inputs), count, self.seed)
+
+
+class LatinHypercube(Design):
+    """A Latin hypercube (McKay, Beckman & Conover 1979): each input takes ``count`` values, one in every slice of it.
+
+    Small ones are improved by random exchanges that lower the centred discrepancy.
+    """
+
+    name = "latin-hypercube"
+
+    def filling(self, count: int) -> Array:
+        """See the class."""
+        d = len(self.inputs)
+        optimisation = "random-cd" if d > 1 and 1 < count * d <= MOST_OPTIMISED else None
+        from scipy.stats import qmc  # slow to import
+
+        points: Array = qmc.LatinHypercube(d, seed=self.seed, optimization=optimisation).random(count)
+        return points
+
+
+def sobol_points(d: int, count: int, seed: int) -> Array:
+    """The first points (count, d) of a scrambled Sobol sequence."""
+    power = max(0, int(np.ceil(np.log2(count))))
+    from scipy.stats import qmc  # slow to import
+
+    points: Array = qmc.Sobol(d, seed=seed).random_base2(power)[:count]
+    return points
+
+
+def box_corners(d: int) -> Array:
+    """The corners (2^d, d) of the unit box."""
+    return np.array(np.meshgrid(*[(0.0, 1.0)] * d, indexing="ij")).reshape(d, -1).T

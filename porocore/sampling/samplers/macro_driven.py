@@ -1,0 +1,138 @@
+"""Sampling where the macro runs of a study go."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from porocore.core.inputs.input_space import InputSpace
+from porocore.sampling.samplers.active import Learning
+from porocore.sampling.samplers.candidates import (
+    corner_count,
+    distances,
+    most_worth,
+    opening,
+    spacing,
+    spread_out,
+)
+from porocore.sampling.samplers.options import positive, refuse_unknown, whole
+from porocore.states import Array
+
+#: Visited states are put on a lattice of so many steps for each input: near ones are one, and round-off moves none.
+LATTICE = 500
+#: More visited states than this are thinned out before a round is chosen from them.
+MOST_CANDIDATES = 1024
+#: Visited states nearer to a known one than this share of the mean spacing of the known ones are taken as known.
+APART = 0.25
+
+
+class MacroDriven(Learning):
+    """Solve a few states, fit a surrogate, run the macro problem with it, solve where it went, and so on.
+
+    It ends when a round has changed no result of the macro runs (final settlement and largest pressure under each
+    load; largest and final force on a surface that is moved) by more than ``tolerance``, twice in a row, and the stable
+    states are as many as a surrogate needs; or with the budget. One half of a round are the visited states that are
+    farthest from all known ones; the other are those that tell most about all visited states, weighted by how much a
+    committee of polynomials disagrees there (as in :class:`~porocore.sampling.samplers.active.Active`).
+    Visited states outside the box are moved to its faces. Of a macro run that does not reach its end, the states until
+    there count; where nothing new was visited, the round fills the box.
+
+    Parameters
+    ----------
+    inputs
+        The box.
+    count : int, at least 2
+        The budget of states, those without values included.
+    initial : int, at least 2
+        States before the first round: the corners of a box of up to three inputs and farthest points, or a Sobol
+        sequence; null: the corners and two states for each input, at least 8.
+    batch : int, at least 1
+        States in a round, or a tenth of those that are known if this is more.
+    tolerance
+        Largest change of a macro result that counts as none, relative.
+    elements : int, at least 1
+        Elements of the macro runs along each axis, at most.
+    steps : int, at least 2
+        Time steps of the macro runs after the ramp, about.
+    seed : int, at least 0
+        Seed of the design.
+
+    Raises
+    ------
+    ConfigurationError
+        An option is unknown or of no use; the message begins with its key in a configuration.
+    """
+
+    def __init__(
+        self,
+        inputs: InputSpace,
+        count: int = 60,
+        initial: int | None = None,
+        batch: int = 6,
+        tolerance: float = 0.001,
+        elements: int = 20,
+        steps: int = 60,
+        seed: int = 0,
+        **unknown: Any,
+    ) -> None:
+        refuse_unknown("macro-driven", ("count", "initial", "batch", "elements", "steps", "seed"), unknown)
+        d = len(inputs)
+        usual = max(8, corner_count(d) + 2 * d)
+        super().__init__(inputs, count, initial, usual, batch, seed)
+        self.tolerance = positive("sampling.tolerance", tolerance)
+        self.elements = whole("sampling.options.elements", elements, 1)
+        self.steps = whole("sampling.options.steps", steps, 2)
+        #: Results of the macro runs after each round.
+        self.results: list[Array] = []
+
+    def next_round(self, room: int) -> Array:
+        """The design, or the most telling of the visited states."""
+        d = len(self.inputs)
+        if not len(self.points):
+            return opening(d, min(self.initial, room), self.seed)
+        data = self.training_set()
+        size = self.round_size(room)
+        if data is None:
+            return self._filling(size)
+        found = self.study.explore(data, elements=self.elements, steps=self.steps)
+        self.results.append(np.array(found.results))
+        if self.settled and self.enough:
+            return self.points[:0]
+        visited = self._lattice(self.inputs.gather(self.inputs.without_rotation(found.states)))
+        distance, _ = distances(visited, self.points)
+        reachable, apart = self.reachable(visited), APART * spacing(len(self.points) + size, d)
+        # Where the states on the way are that dense already, they are made denser.
+        while (reachable & (distance > apart)).sum() < size and apart > 2 / LATTICE:
+            apart /= 2
+        allowed = reachable & (distance > apart)
+        if not allowed.any():
+            return self._filling(size)
+        far = spread_out(visited, allowed.astype(float), self.points, size // 2)
+        judgement = self.judge(visited)
+        if judgement is None or not judgement.disagreement.any():
+            return visited[spread_out(visited, allowed.astype(float), self.points, size)]
+        for candidate in far:
+            judgement.take(candidate)
+        known = np.concatenate([self.points, visited[far]])
+        return visited[far + most_worth(visited, judgement, allowed, known, size - len(far), apart)]
+
+    @property
+    def settled(self) -> bool:
+        """Whether the last two rounds have changed no result."""
+        if len(self.results) < 3:
+            return False
+        last = np.stack(self.results[-3:])
+        return bool((np.abs(np.diff(last, axis=0)) <= self.tolerance * np.abs(last[1:])).all())
+
+    def _filling(self, size: int) -> Array:
+        """Farthest points of the box: nothing was visited that is not known."""
+        cloud = opening(len(self.inputs), 256, self.seed + len(self.points))
+        return cloud[spread_out(cloud, self.reachable(cloud).astype(float), self.points, size)]
+
+    def _lattice(self, x: Array) -> Array:
+        """Different visited states in the unit box, (m, d)."""
+        unit: Array = np.unique(np.round(np.clip(self.inputs.to_unit(x), 0, 1) * LATTICE), axis=0) / LATTICE
+        kept: Array = unit[:: ceil(len(unit) / MOST_CANDIDATES)]
+        return kept

@@ -1,0 +1,110 @@
+"""States drawn at random in the box of the inputs, to test a surrogate on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from porocore.core.inputs.input_space import InputSpace
+from porocore.errors import ConfigurationError
+from porocore.interfaces.sampler import Request, Sampler
+from porocore.sampling.waiting import check_waiting
+from porocore.states import CellResponse, Status
+
+
+def random_requests(inputs: InputSpace, count: int, seed: int) -> list[Request]:
+    """``count`` states, uniform in the box of the inputs, with the keys ``test-000``, ``test-001``, …
+
+    All start from the undeformed cell. A larger ``count`` with the same seed begins with the same states.
+    """
+    return list(islice(_draw(inputs, seed), count))
+
+
+class RandomStates(Sampler):
+    """Random states until ``count`` of them have values.
+
+    The states are those of :func:`random_requests` from the first on, and as many as it takes: which ones
+    does not depend on the order in which they are solved.
+
+    Parameters
+    ----------
+    inputs
+        The box to draw from.
+    count
+        Number of states with values that are wanted.
+    seed
+        Of the draw.
+    most_tries
+        After ``most_tries * count`` states there are no more, however few have values.
+
+    Raises
+    ------
+    ConfigurationError
+        An option is unknown or of no use.
+    """
+
+    seeded = True
+
+    def __init__(
+        self, inputs: InputSpace, count: int = 100, seed: int = 0, most_tries: int = 10, **unknown: Any
+    ) -> None:
+        if unknown:
+            raise ConfigurationError(
+                f"random states: unknown option {', '.join(map(repr, sorted(unknown)))}; "
+                "the options are count, seed and most_tries"
+            )
+        for option, value, low in (("count", count, 1), ("seed", seed, 0), ("most_tries", most_tries, 1)):
+            if isinstance(value, bool) or not isinstance(value, int) or value < low:
+                raise ConfigurationError(
+                    f"random states: {option} must be a whole number of at least {low}, got {value!r}"
+                )
+        self.count, self.limit = count, count * most_tries
+        self._draws = _draw(inputs, seed)
+        self._asked = 0
+        self._waiting: set[str] = set()
+        self._failed = 0
+
+    def ask(self) -> list[Request]:
+        """One state for each that is wanted, and one more for each that was told to have no values."""
+        # Solving one by one in the order of the draw until `count` have values would solve the same states:
+        # the n asked for, f of them failed, are never more than those, and it ends with n − f = count.
+        more = min(self.count + self._failed, self.limit) - self._asked
+        requests = list(islice(self._draws, more))
+        self._asked += more
+        self._waiting |= {request.key for request in requests}
+        return requests
+
+    def tell(self, key: str, response: CellResponse) -> None:
+        """The outcome of one state.
+
+        Raises
+        ------
+        ValueError
+            The key was not asked for, or was told before.
+        """
+        check_waiting(key, self._waiting)
+        self._waiting.remove(key)
+        self._failed += not Status(int(response.status[0])).has_values
+
+    @property
+    def done(self) -> bool:
+        """Whether ``count`` states have values or the tries are used up."""
+        return not self._waiting and self._asked == self.expected
+
+    @property
+    def expected(self) -> int:
+        """States asked for in all if no further one fails."""
+        return min(self.count + self._failed, self.limit)
+
+
+def _draw(inputs: InputSpace, seed: int) -> Iterator[Request]:
+    random = np.random.default_rng(seed)
+    low, high = np.array(inputs.lower), np.array(inputs.upper)
+    index = 0
+    while True:
+        x = low + (high - low) * random.random(len(inputs))
+        yield Request(f"test-{index:03d}", tuple(map(float, x)))
+        index += 1

@@ -1,0 +1,94 @@
+"""Samplers that ask in rounds: every state of a round is told before the next round is chosen.
+
+So what a round asks for depends on all states before it and on nothing else: not on the order in which they were
+solved, nor on the number of workers, nor on interruptions.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+
+from porocore.core.inputs.input_space import InputSpace
+from porocore.interfaces.sampler import Request, Sampler
+from porocore.sampling.waiting import check_waiting
+from porocore.states import Array, CellResponse
+
+
+class RoundSampler(Sampler):
+    """Asks for the points of :meth:`next_round` until there are none or ``count`` states have been asked for.
+
+    Every state is solved from the undeformed cell: measured on designs of two and of seven inputs, the field of the
+    nearest known state saves nothing worth waiting for. Keys are ``state-00000``, ``state-00001``, …
+
+    Attributes
+    ----------
+    inputs
+        The box.
+    count
+        The budget: states that are asked for at most, those without values included.
+    points : (n, d)
+        What has been asked for, in the unit box, in the order of asking.
+    """
+
+    def __init__(self, inputs: InputSpace, count: int) -> None:
+        self.inputs, self.count = inputs, count
+        self.points: Array = np.empty((0, len(inputs)))
+        self._told: dict[int, CellResponse] = {}
+        self._waiting: dict[str, int] = {}
+        self._over = False
+
+    @abstractmethod
+    def next_round(self, room: int) -> Array:
+        """At most ``room`` points (m, d) of the unit box; none: there are no more rounds."""
+
+    @property
+    def told(self) -> list[CellResponse]:
+        """Outcomes of all ``points``, once a round is complete."""
+        return [self._told[i] for i in range(len(self.points))]
+
+    def ask(self) -> list[Request]:
+        """A whole round, once the one before it is complete."""
+        if self._waiting or self._over:
+            return []
+        first, room = len(self.points), self.count - len(self.points)
+        new = self.next_round(room) if room > 0 else np.empty((0, len(self.inputs)))
+        if not len(new):
+            self._over = True
+            return []
+        self.points = np.concatenate([self.points, new])
+        requests = [
+            Request(f"state-{first + i:05d}", tuple(map(float, x)))
+            for i, x in enumerate(from_unit(self.inputs, new))
+        ]
+        self._waiting = {request.key: first + i for i, request in enumerate(requests)}
+        return requests
+
+    def tell(self, key: str, response: CellResponse) -> None:
+        """The outcome of one state.
+
+        Raises
+        ------
+        ValueError
+            The key was not asked for, or was told before.
+        """
+        check_waiting(key, self._waiting)
+        self._told[self._waiting.pop(key)] = response
+
+    @property
+    def done(self) -> bool:
+        """Whether there are no more rounds."""
+        return not self._waiting and (self._over or len(self.points) >= self.count)
+
+    @property
+    def expected(self) -> int:
+        """The budget, unless the rounds have ended before."""
+        return len(self.points) if self._over else self.count
+
+
+def from_unit(inputs: InputSpace, unit: Array) -> Array:
+    """Points (n, d) of the unit box in the box of ``inputs``, no digit beyond its bounds."""
+    low, high = np.array(inputs.lower), np.array(inputs.upper)
+    scaled: Array = np.clip(low + (high - low) * unit, low, high)
+    return scaled

@@ -1,0 +1,1 @@
+"""One study in one folder: configuration, checks before a run, stages, run folder, Python interface."""

@@ -1,0 +1,87 @@
+"""One cell from Python: its porosity, its conductivity and its response to any state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.cell.cell import Cell
+from porocore.interfaces.cell import CellSolver
+from porocore.plugins.border import conductivity_of, solution_of
+from porocore.plugins.registry import registry
+from porocore.states import Array, CellResponse, MacroState
+from porocore.study.config.config import cell_from
+from porocore.study.stages.stage_files import prepare_cell
+
+
+class CellProblem:
+    """A cell, ready to be solved.
+
+    Parameters
+    ----------
+    cell
+        What the section ``cell`` of a configuration holds, as :class:`porocore.Cell` or nested settings.
+    fem
+        Name of the backend.
+    **options
+        Of the backend's cell solver.
+
+    Raises
+    ------
+    ConfigurationError
+        The settings are faulty, or the cell cannot be meshed.
+    PluginError
+        The backend is missing.
+    """
+
+    def __init__(
+        self, cell: Cell | Mapping[str, Any] | None = None, *, fem: str = "skfem", **options: Any
+    ) -> None:
+        self.cell = cell if isinstance(cell, Cell) else cell_from(cell or {})
+        registry().find("cell solver", fem)
+        self._solver: CellSolver
+        self._solver, self._prepared = prepare_cell(fem, options, self.cell)
+
+    @cached_property
+    def porosity(self) -> float:
+        """Volume share of the pores, φ_f."""
+        return self.cell.geometry.porosity
+
+    @cached_property
+    def conductivity(self) -> Array:
+        """K (3, 3) of the undeformed cell, with the cell's viscosity."""
+        return conductivity_of(self._solver, self._prepared)
+
+    def response(
+        self, grad_u: npt.ArrayLike, p: npt.ArrayLike = 0.0, *, tangent: bool = True
+    ) -> CellResponse:
+        """Solve the solid for one state or for n of them.
+
+        Parameters
+        ----------
+        grad_u : (3, 3) or (n, 3, 3)
+            H_ij = ∂u_i/∂X_j.
+        p : number or (n,)
+            Pore pressure, positive in compression [E].
+        tangent
+            Whether the derivatives are wanted.
+
+        Returns
+        -------
+        CellResponse
+            With n rows, 1 for one state; one that cannot be solved has a status and NaN.
+
+        Raises
+        ------
+        ValueError
+            The shapes do not belong together.
+        """
+        H = np.asarray(grad_u, dtype=float)
+        H = H[None] if H.ndim == 2 else H
+        pressures = np.broadcast_to(np.asarray(p, dtype=float), H.shape[:1]).copy()
+        states = MacroState(H, pressures)
+        return solution_of(self._solver, self._prepared, states, tangent=tangent).response

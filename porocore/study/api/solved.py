@@ -1,0 +1,253 @@
+"""Macro solutions as arrays, as xarray datasets and as pyvista grids."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from porocore.core.units.results import ResultUnits
+from porocore.errors import ConfigurationError, PluginError
+from porocore.interfaces.solution import MacroSolution, Profile
+from porocore.macro.series import HISTORY
+from porocore.states import Array
+from porocore.study.run_folder.files import LINEAR
+
+if TYPE_CHECKING:
+    import pyvista
+    import xarray
+
+T = TypeVar("T")
+#: VTK's numbers of the elements, by how many nodes they have.
+VTK_CELLS = {27: 29, 10: 24}
+COMPONENTS = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """One macro solution. All arrays are dimensionless; what :meth:`to_xarray` and :meth:`to_pyvista` return is not.
+
+    Attributes
+    ----------
+    solution
+        Mesh, history and profiles as they are stored.
+    units
+        Of the study.
+    """
+
+    solution: MacroSolution
+    units: ResultUnits = field(default_factory=ResultUnits)
+
+    def __repr__(self) -> str:
+        end = self.time[-1]
+        return f"<{self.law} under load {self.load:g}: {len(self.time) - 1} steps up to t = {end:g}>"
+
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+        return self.solution.law
+
+    @property
+    def load(self) -> float:
+        """Factor of everything that is prescribed."""
+        return self.solution.load
+
+    @property
+    def time(self) -> Array:
+        """(steps,), the first is the state at rest."""
+        return self.solution.history.time
+
+    @property
+    def settlement(self) -> Array:
+        """(steps,) largest displacement against the y axis."""
+        return self.solution.history.settlement
+
+    @property
+    def pressure(self) -> Array:
+        """(steps,) largest pore pressure."""
+        return self.solution.history.pressure_max
+
+    @property
+    def drained(self) -> Array:
+        """(steps,) volume of fluid that has left through the boundary."""
+        return self.solution.history.drained_flux
+
+    @property
+    def probes(self) -> Mapping[str, Array]:
+        """Name → (steps, 4), u_1, u_2, u_3 and p."""
+        return self.solution.probes
+
+    @property
+    def reactions(self) -> Mapping[str, Array]:
+        """Surface → (steps, 3), force on the body."""
+        return self.solution.reactions
+
+    @property
+    def inflow(self) -> Mapping[str, Array]:
+        """Surface → (steps,), rate of fluid that enters."""
+        return self.solution.inflow
+
+    @property
+    def profile_times(self) -> tuple[float, ...]:
+        """At which the fields were kept."""
+        return tuple(profile.time for profile in self.solution.profiles)
+
+    def profile(self, time: float | None = None) -> Profile:
+        """The fields at a kept time, by default the last.
+
+        Raises
+        ------
+        ConfigurationError
+            They were not kept then.
+        """
+        profiles = self.solution.profiles
+        if time is None and profiles:
+            return profiles[-1]
+        for profile in profiles:
+            if time is not None and abs(profile.time - time) <= 1e-9 * max(1.0, abs(time)):
+                return profile
+        kept = ", ".join(f"{t:g}" for t in self.profile_times) or "no time"
+        raise ConfigurationError(
+            f"the fields were kept at {kept}, not at {time if time is not None else 'any'}; "
+            "add the time to macro.time.profiles"
+        )
+
+    def to_xarray(self) -> xarray.Dataset:
+        """History, probes, reactions and inflow against time, in the units of the study.
+
+        Every variable has the attributes ``units`` (``1`` where it is dimensionless) and ``long_name``. Probes have the
+        dimensions (time, probe) and for displacements a component, reactions (time, surface, component), inflow
+        (time, drain).
+
+        Raises
+        ------
+        PluginError
+            xarray is not installed.
+        """
+        try:
+            import xarray
+        except ImportError as error:
+            raise _missing("xarray") from error
+        s, history = self.solution, self.solution.history
+        found: dict[str, Any] = {
+            name: self._variable(("time",), getattr(history, name), quantity, words)
+            for name, (quantity, words) in HISTORY.items()
+            if name != "time"
+        }
+        coordinates: dict[str, Any] = {"time": self._variable(("time",), history.time, "time", "time")}
+        if s.probes:
+            coordinates |= {"probe": list(s.probes), "component": list(COMPONENTS)}
+            values = np.stack(list(s.probes.values()), axis=1)
+            found["probe_displacement"] = self._variable(
+                ("time", "probe", "component"), values[..., :3], "displacement", "displacement of the probe"
+            )
+            found["probe_pressure"] = self._variable(
+                ("time", "probe"), values[..., 3], "pressure", "pore pressure at the probe"
+            )
+        if s.reactions:
+            coordinates |= {"surface": list(s.reactions), "component": list(COMPONENTS)}
+            found["reaction"] = self._variable(
+                ("time", "surface", "component"),
+                np.stack(list(s.reactions.values()), axis=1),
+                "force",
+                "force on the body at the surface",
+            )
+        if s.inflow:
+            coordinates["drain"] = list(s.inflow)
+            found["inflow"] = self._variable(
+                ("time", "drain"),
+                np.stack(list(s.inflow.values()), axis=1),
+                "flow",
+                "fluid that enters through the surface",
+            )
+        return xarray.Dataset(
+            found, coordinates, {"law": s.law, "load": s.load, "backend": s.backend, "source": "porocore"}
+        )
+
+    def to_pyvista(self, time: float | None = None) -> pyvista.UnstructuredGrid:
+        """The undeformed mesh with the fields at a kept time, by default the last, in the units of the study.
+
+        At the nodes ``u`` and ``p``; in the elements ``H``, ``F`` (F̄), ``P_E``, ``K_t`` (tensors of 9 components, row
+        by row), ``flux`` and ``outside``. ``grid.warp_by_vector("u")`` is the deformed body. The field data ``time`` is
+        dimensionless.
+
+        Raises
+        ------
+        PluginError
+            pyvista is not installed.
+        ConfigurationError
+            The fields were not kept at this time.
+        """
+        try:
+            import pyvista
+        except ImportError as error:
+            raise _missing("pyvista") from error
+        profile, cells = self.profile(time), self.solution.cells
+        length, stress = self.units.factor("displacement"), self.units.factor("stress")
+        count, nodes = cells.shape
+        rows = np.hstack([np.full((count, 1), nodes), cells]).ravel()
+        kinds = np.full(count, VTK_CELLS[nodes], dtype=np.uint8)
+        grid = pyvista.UnstructuredGrid(rows, kinds, self.solution.points * length)
+        grid.point_data["u"] = profile.u * length
+        grid.point_data["p"] = profile.p * stress
+        for name, values, factor in (
+            ("H", profile.grad_u, 1.0),
+            ("F", profile.deformation, 1.0),
+            ("P_E", profile.stress, stress),
+            ("K_t", profile.conductivity, self.units.factor("conductivity")),
+            ("flux", profile.flux, self.units.factor("velocity")),
+            ("outside", profile.outside, 1.0),
+        ):
+            grid.cell_data[name] = values.reshape(count, -1) * factor if values.ndim > 1 else values * factor
+        grid.field_data["time"] = np.array([profile.time])
+        return grid
+
+    def _variable(self, dims: tuple[str, ...], values: Array, quantity: str, words: str) -> Any:
+        unit = self.units.name(quantity) if quantity and self.units.given else "1"
+        return dims, values * self.units.factor(quantity), {"units": unit, "long_name": words}
+
+
+class _Named(Mapping[Any, T]):
+    def __init__(self, items: Mapping[Any, T]) -> None:
+        self._items = dict(items)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __getitem__(self, key: Any) -> T:
+        if key not in self._items:
+            raise ConfigurationError(
+                f"nothing was solved for {key!r}; there is {', '.join(map(repr, self._items))}"
+            )
+        found: T = self._items[key]
+        return found
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self._items!r})"
+
+
+class LawsSolved(_Named[Solved]):
+    """Solutions of one load by law."""
+
+    @property
+    def linear(self) -> Solved:
+        """With linear poroelasticity from the same cell."""
+        return self[LINEAR]
+
+    @property
+    def nonlinear(self) -> Solved:
+        """With the first other law: the surrogate, unless another was asked for first."""
+        return next(solved for law, solved in self.items() if law != LINEAR)
+
+
+class Solutions(_Named[LawsSolved]):
+    """Solutions by load, in the order of the configuration."""
+
+
+def _missing(package: str) -> PluginError:
+    return PluginError(f"{package} is not installed; install it with: pip install 'porocore[notebooks]'")

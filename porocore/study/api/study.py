@@ -1,0 +1,175 @@
+"""A whole study from Python: the same stages, files and identities as with the command line."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from porocore.core.console import Console
+from porocore.core.files.plain_data import merged
+from porocore.core.files.yaml_document import YamlDocument
+from porocore.interfaces.surrogate import Surrogate
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.states import Array, CellResponse, MacroState
+from porocore.study.api.solved import LawsSolved, Solutions, Solved
+from porocore.study.config.config import RunConfig, validated
+from porocore.study.config.errors import located
+from porocore.study.examples import examples
+from porocore.study.preflight.checks import check_backends, outline
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.stages import pipeline
+from porocore.study.stages.solving import USUAL_LAWS, LawKind
+from porocore.study.stages.stage_files import load_solution, load_surrogate
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Solved states of the cell.
+
+    Attributes
+    ----------
+    names
+        Of the d inputs, in the order of the columns of ``x``.
+    x : (n, d)
+        Their values.
+    states, responses
+        n rows: what was asked, and what came out.
+    """
+
+    names: tuple[str, ...]
+    x: Array
+    states: MacroState
+    responses: CellResponse
+
+
+class Study:
+    """A configuration and the folder in which its results lie.
+
+    Every stage runs those before it that are missing, goes on where an earlier process stopped, and repeats nothing
+    that the folder holds; the command line and this class may take turns.
+
+    Parameters
+    ----------
+    source
+        A configuration file, the name of an example that comes with porocore (``porocore init`` lists them), settings
+        nested as in a file, or a configuration that was loaded before.
+    out
+        The run folder; by default ``runs/NAME`` with the name of the file or example.
+    progress
+        Whether progress is shown on standard error.
+    **settings
+        Sections that are merged into the source, such as ``macro={"loads": [-0.1]}``.
+
+    Raises
+    ------
+    ConfigurationError
+        As :func:`porocore.load_config`; or a wrong surface, boundary condition or probe.
+    PluginError
+        A backend is missing.
+    """
+
+    def __init__(
+        self,
+        source: str | Path | Mapping[str, Any] | RunConfig | None = None,
+        *,
+        out: str | Path | None = None,
+        progress: bool = True,
+        **settings: Any,
+    ) -> None:
+        name, self.config, self._document = _configured(source, settings)
+        self.path = Path("runs") / name if out is None else Path(out)
+        self._console = Console(None if progress else io.StringIO())
+
+    def __repr__(self) -> str:
+        return f"<porocore study '{self.config.title}' in {self.path}>"
+
+    @cached_property
+    def folder(self) -> RunFolder:
+        """The run folder, made or come back to where it is first needed.
+
+        Raises
+        ------
+        RunFolderError
+            It holds another run, or cannot be written.
+        """
+        with located(self._document):
+            check_backends(self.config)
+        return RunFolder.claim(self.path, self.config, resume=True)
+
+    def check(self) -> list[str]:
+        """What a run would do, line by line, after everything was checked that can be without solving."""
+        with located(self._document):
+            check_backends(self.config)
+            return list(outline(self.config))
+
+    def sample(self, *, retry_lost: bool = False) -> Samples:
+        """Solve the cell for the sampled states and for the held-out ones; the former are returned."""
+        with self.folder as folder, located(self._document):
+            pipeline.sample(folder, self.config, console=self._console, retry_lost=retry_lost)
+        dataset = Dataset.open(folder.dataset, identity=self.config.stages.sampling)
+        return Samples(tuple(self.config.sampling.inputs), dataset.x(), dataset.states(), dataset.responses())
+
+    def train(self) -> Surrogate:
+        """Train the surrogate on the sampled states; its ``predict`` takes a :class:`porocore.MacroState`."""
+        if not self.folder.surrogate_of(self.config).exists():
+            self.sample()
+        with self.folder as folder:
+            pipeline.train(folder, self.config, console=self._console)
+        return load_surrogate(folder, self.config)
+
+    def solve(self, laws: Sequence[LawKind] = USUAL_LAWS) -> Solutions:
+        """Solve the macroscopic problem under every load with each of ``laws``.
+
+        Parameters
+        ----------
+        laws
+            Of surrogate, linear, direct (the cell itself at every point) and fallback.
+
+        Returns
+        -------
+        Solutions
+            By load, then by law.
+        """
+        if not self.folder.surrogate_of(self.config).exists():
+            self.train()
+        with self.folder as folder:
+            names = pipeline.solve(folder, self.config, console=self._console, laws=laws)
+        units = self.config.result_units
+        return Solutions(
+            {
+                load: LawsSolved({law: Solved(load_solution(folder, law, load), units) for law in names})
+                for load in self.config.macro.loads
+            }
+        )
+
+    def report(self) -> Path:
+        """Write the report, and return the path of the page."""
+        self.solve()
+        with self.folder as folder:
+            return pipeline.report(folder, self.config, console=self._console)
+
+
+def _configured(
+    source: str | Path | Mapping[str, Any] | RunConfig | None, settings: dict[str, Any]
+) -> tuple[str, RunConfig, YamlDocument]:
+    """A name for the folder, the configuration, and what it was read from."""
+    if not isinstance(source, str | Path):
+        base = source.model_dump() if isinstance(source, RunConfig) else source or {}
+        document = YamlDocument.of(merged(base, settings), Path.cwd())
+        return (
+            "study",
+            source if isinstance(source, RunConfig) and not settings else validated(document),
+            document,
+        )
+    path = Path(source)
+    known = examples()
+    if not path.exists() and path.name.removesuffix(".yaml") in known and path.parent == Path("."):
+        path = known[path.name.removesuffix(".yaml")].path
+    document = YamlDocument.read(path)
+    if settings:
+        document = YamlDocument.of(merged(document.data, settings), document.folder)
+    return path.stem, validated(document), document

@@ -1,0 +1,123 @@
+"""The configured backends, made with their options; and refusing at once what would stop a run half-way."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from porocore.core.echo import cut, echo
+from porocore.errors import ConfigurationError, PluginError
+from porocore.macro.laws import CLOSURES
+from porocore.plugins.hookspecs import Kind
+from porocore.plugins.registry import registry
+from porocore.study.config.config import RunConfig
+from porocore.study.preflight.abilities import require_conductivity, require_parts
+from porocore.study.preflight.workload import require_states
+
+
+def make_backend(kind: Kind, config: RunConfig) -> Any:
+    """The backend of one kind that a configuration names, with the options that it gives.
+
+    Raises
+    ------
+    PluginError
+        It is unknown, missing or broken.
+    ConfigurationError
+        It does not take these options.
+    """
+    name = backend_name(kind, config)
+    options: dict[str, Any] = {
+        "cell solver": config.fem.options,
+        "macro solver": config.macro.options,
+        "sampler": config.sampling.sampler_options(),
+        "surrogate": config.surrogate.options,
+    }[kind]
+    positional = (config.sampling.input_space(),) if kind == "sampler" else ()
+    implementation = registry().get(kind, name)
+    if kind == "surrogate" and implementation.models:
+        options = {**options, "model": surrogate_model(implementation, config)}
+    try:
+        return implementation(*positional, **options)
+    except TypeError as error:
+        if not options:
+            raise
+        raise ConfigurationError(
+            f"{kind} '{name}' does not take its options {echo(options)}: {cut(str(error))}"
+        ) from error
+
+
+def surrogate_model(implementation: Any, config: RunConfig) -> str:
+    """The model that a surrogate is to learn: what the closure needs, or the only one that it has."""
+    models: tuple[str, ...] = implementation.models
+    if config.surrogate.model == "auto" and config.surrogate_model not in models:
+        return models[0]
+    return config.surrogate_model
+
+
+def with_closure(config: RunConfig, closure: str | None) -> RunConfig:
+    """With another closure; where the surrogate learns another model for it, the options of the first do not go over.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such closure.
+    """
+    other = config.with_closure(closure)
+    if other.surrogate_model == config.surrogate_model or not config.surrogate.options:
+        return other
+    try:
+        implementation = registry().get("surrogate", config.surrogate.backend)
+    except PluginError:  # whoever needs it will say so
+        return other
+    if not implementation.models or surrogate_model(implementation, other) == surrogate_model(
+        implementation, config
+    ):
+        return other
+    return other.model_copy(update={"surrogate": config.surrogate.model_copy(update={"options": {}})})
+
+
+def backend_name(kind: Kind, config: RunConfig) -> str:
+    """What the configuration chooses for ``kind``."""
+    names: dict[Kind, str] = {
+        "cell solver": config.fem.backend,
+        "macro solver": config.macro_backend,
+        "sampler": config.sampling.sampler,
+        "surrogate": config.surrogate.backend,
+    }
+    return names[kind]
+
+
+def check(kind: Kind, config: RunConfig) -> None:
+    """Try the options of a backend, and the macroscale set-up, before anything is solved or written.
+
+    Raises
+    ------
+    PluginError, ConfigurationError
+        As :func:`make_backend`; or the macro solver finds that the boundary conditions contradict one another
+        or leave the body loose; or the surrogate does not predict what the closure needs.
+    """
+    backend = make_backend(kind, config)
+    if kind == "cell solver":
+        require_conductivity(type(backend), config.fem.backend, config.conductivity)
+    if kind == "sampler":
+        require_states(config, backend.expected)
+    if kind == "surrogate":
+        _check_responses(backend, config)
+    if kind == "macro solver":
+        problem = config.macro.problem(config.macro.loads[0])
+        require_parts(type(backend), config.macro_backend, problem)
+        backend.prepare(problem)
+
+
+def _check_responses(surrogate: Any, config: RunConfig) -> None:
+    """A surrogate that does not declare what it provides is found out when it is closed."""
+    provided = surrogate.provides
+    if provided is None:
+        return
+    missing = [name for name in CLOSURES[config.closure].responses if name not in provided]
+    if missing:
+        model = getattr(surrogate, "model", None)
+        what = f"'{config.surrogate.backend}'" + (f" with model '{model}'" if model else "")
+        raise ConfigurationError(
+            f"closure: '{config.closure}' needs {', '.join(missing)} of the cell, which the surrogate {what} does not "
+            "provide; leave surrogate.model at auto, or choose another closure or surrogate"
+        )

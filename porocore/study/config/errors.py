@@ -1,0 +1,283 @@
+"""Turning validation errors into texts that say which key, what was expected, what came and what to do."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import types
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
+
+from porocore.core.echo import cut, echo
+from porocore.core.files.yaml_document import Location, YamlDocument, dotted
+from porocore.errors import ConfigurationError
+
+#: Why a bound is where it is, by dotted key.
+WHY = {
+    "cell.geometry.radius": "at 0.5 a pore or an obstacle would touch its image in the next cell",
+    "cell.material.poisson_ratio": "0.5 is an incompressible solid, which this formulation cannot take",
+    "sampling.workers": "'auto' is one worker for each processor core",
+}
+#: Keys of sections that have other keys for each ``kind``.
+OF_KINDS = ("geometry", "material", "body")
+#: Mappings whose values are such sections.
+OF_KINDS_BY_NAME = ("materials",)
+#: Keys that name a file.
+FILES = ("cell.geometry.path", "macro.body.path")
+#: Names that pydantic adds behind the key of a value that may be a number or a section.
+FORMS = ("number", "course")
+
+
+def faults(
+    document: YamlDocument, errors: Iterable[ErrorDetails], root: type[BaseModel]
+) -> list[tuple[Location, str]]:
+    """One text for each faulty key: ``dotted.key: expected ..., got ...; what to do``."""
+    grouped: dict[Location, list[ErrorDetails]] = {}
+    for error in errors:
+        grouped.setdefault(_document_location(document, error), []).append(error)
+    return [(at, _text(document, at, group, root)) for at, group in grouped.items()]
+
+
+def with_lines(document: YamlDocument, text: str) -> str:
+    """Complaints, one a line, with file and line before each that begins with a dotted key of the document."""
+    found = []
+    for complaint in text.splitlines():
+        for key in FILES:
+            # A complaint about a file that the configuration names.
+            if (at := tuple(key.split("."))) in document and complaint.startswith(
+                str((document.folder / str(document.value(at))).absolute())
+            ):
+                complaint = f"{key}: {complaint}"
+        at = tuple(complaint.partition(":")[0].split("."))
+        known = at[:1] in document
+        found.append(f"{document.at_line(document.line(at))}: {complaint}" if known else complaint)
+    return "\n".join(found)
+
+
+@contextmanager
+def located(document: YamlDocument) -> Iterator[None]:
+    """Put file and line before every complaint about a key of the document that the block raises."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise ConfigurationError(with_lines(document, str(error))) from error
+
+
+def unexpected(location: Location, expected: str, got: Any) -> str:
+    """``dotted.key: expected ..., got ...`` with the reason for the bound where there is one."""
+    key = dotted(location)
+    why = f"; {WHY[key]}" if key in WHY else ""
+    return f"{key}: expected {expected}, got {echo(got)}{why}"
+
+
+def _document_location(document: YamlDocument, error: ErrorDetails) -> Location:
+    """Where the error stands in the file; pydantic adds the branch of a union or '[key]' to that."""
+    location = _without_tags(tuple(str(part) for part in error["loc"]))
+    if error["type"] == "union_tag_invalid":
+        return (*location, "kind")
+    if error["type"] == "missing":
+        return location
+    while location and location not in document:
+        location = location[:-1]
+    return location
+
+
+def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root: type[BaseModel]) -> str:
+    error = group[0]
+    key = dotted(at) or "the configuration"
+    kind = error["type"]
+    place = _with_tags(at, error)
+    if kind == "extra_forbidden":
+        return f"{key}: unknown key; {_other_keys(place, root)}"
+    if error["loc"] and error["loc"][-1] == "[key]":
+        names = _options(_hint(root, at[:-1])[0], keys=True)
+        return f"{key}: unknown key; {_nearest(at[-1], names)}"
+    if kind == "missing":
+        if at[-1].isdigit():
+            branches = _branches(_hint(root, at[:-1])[0])
+            length = next(len(get_args(branch)) for branch in branches if get_origin(branch) is tuple)
+            return unexpected(at[:-1], f"a list of {length} entries", document.value(at[:-1]))
+        return f"{key}: missing; add '{cut(at[-1])}:' {_under(at)}"
+    if kind == "value_error":
+        return f"{key}: {error['ctx']['error']}"
+    if kind == "union_tag_invalid":
+        tags = _tags(_hint(root, at[:-1])[0])
+        close = difflib.get_close_matches(error["ctx"]["tag"], tags, n=1)
+        advice = f"; did you mean '{close[0]}'?" if close else ""
+        return unexpected(at, f"one of {', '.join(tags)}", document.value(at)) + advice
+    expected = " or ".join(dict.fromkeys(_expected(e, place, root) for e in group))
+    text = unexpected(at, expected, document.value(at) if at in document else error["input"])
+    if kind == "literal_error" and isinstance(error["input"], str):
+        close = difflib.get_close_matches(error["input"], _options(_hint(root, place)[0]), n=1)
+        text += f"; did you mean '{close[0]}'?" if close else ""
+    return text
+
+
+def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
+    kind, context = error["type"], error.get("ctx", {})
+    name = at[-1] if at and not at[-1].isdigit() else "value"
+    if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
+        return _bounds(name, _hint(root, at)[1]) or error["msg"].removeprefix("Input should be ")
+    if kind == "literal_error":
+        return str(context["expected"])
+    if kind == "string_pattern_mismatch":
+        choice = re.fullmatch(r"\^\(([\w|]+)\)\$", context["pattern"])
+        return f"one of {choice[1].replace('|', ', ')}" if choice else f"text matching {context['pattern']}"
+    if kind == "too_long":
+        return f"a list of {context['max_length']} entries"
+    if kind == "too_short":
+        return f"at least {context['min_length']} {'entry' if context['min_length'] == 1 else 'entries'}"
+    if kind.startswith("float_"):
+        return "a number"
+    if kind == "finite_number":
+        return "a finite number"
+    if kind.startswith("int_"):
+        return _bounds(name, _hint(root, at)[1], "a whole number") or "a whole number"
+    if kind in ("tuple_type", "list_type"):
+        return "a list"
+    if kind in ("model_type", "dict_type"):
+        return "a section with keys below it (or leave the whole key out)"
+    if kind == "string_too_long":
+        return f"text of at most {context['max_length']} characters"
+    if kind == "string_type":
+        return "text"
+    return error["msg"].removeprefix("Input should be ")
+
+
+def _bounds(name: str, metadata: Iterable[Any], kind: str = "a number") -> str:
+    """``a number with 0 < radius < 0.5`` from the constraints of a field."""
+    lower = upper = ""
+    for constraint in metadata:
+        if (bound := getattr(constraint, "gt", None)) is not None:
+            lower = f"{_said(bound)} < "
+        elif (bound := getattr(constraint, "ge", None)) is not None:
+            lower = f"{_said(bound)} <= "
+        elif (bound := getattr(constraint, "lt", None)) is not None:
+            upper = f" < {_said(bound)}"
+        elif (bound := getattr(constraint, "le", None)) is not None:
+            upper = f" <= {_said(bound)}"
+    return f"{kind} with {lower}{name}{upper}" if lower or upper else ""
+
+
+def _said(bound: float) -> str:
+    """Return a bound as a message names it: all digits of a whole number."""
+    return str(bound) if isinstance(bound, int) else f"{bound:g}"
+
+
+def _without_tags(location: Location) -> Location:
+    """Without the kinds that pydantic writes behind the key of a section of several kinds."""
+    return tuple(part for i, part in enumerate(location) if not _is_tag(location, i))
+
+
+def _is_tag(location: Location, i: int) -> bool:
+    by_name = i > 1 and location[i - 2] in OF_KINDS_BY_NAME
+    return i > 0 and (by_name or location[i - 1] in OF_KINDS or location[i] in FORMS)
+
+
+def _with_tags(at: Location, error: ErrorDetails) -> Location:
+    """A location in the document with the kinds of its sections, as :func:`_hint` understands it."""
+    whole = tuple(str(part) for part in error["loc"])
+    for i, part in enumerate(whole):
+        if _is_tag(whole, i) and len(at) > i:
+            at = (*at[:i], part, *at[i:])
+    return at
+
+
+def _tags(annotation: Any) -> list[str]:
+    """The kinds of a section of several kinds."""
+    found = (
+        getattr(extra, "tag", None)
+        for branch in _branches(annotation, keep_annotated=True)
+        if get_origin(branch) is Annotated
+        for extra in get_args(branch)[1:]
+    )
+    return [tag for tag in found if tag is not None]
+
+
+def _of_kind(annotation: Any, tag: str) -> Any:
+    """The one branch of that kind; None if there is none."""
+    for branch in _branches(annotation, keep_annotated=True):
+        if get_origin(branch) is Annotated and any(
+            getattr(extra, "tag", None) == tag for extra in get_args(branch)[1:]
+        ):
+            return get_args(branch)[0]
+    return None
+
+
+def _hint(root: type[BaseModel], at: Location) -> tuple[Any, list[Any]]:
+    """Annotation of the value at a location and the constraints on it; (None, []) where there is none."""
+    annotation: Any = root
+    metadata: list[Any] = []
+    for part in at:
+        chosen = _of_kind(annotation, part)
+        if chosen is not None:
+            annotation, metadata = chosen, []
+            continue
+        for branch in _branches(annotation):
+            origin, arguments = get_origin(branch), get_args(branch)
+            if isinstance(branch, type) and issubclass(branch, BaseModel) and part in branch.model_fields:
+                field = branch.model_fields[part]
+                annotation, metadata = field.annotation, list(field.metadata)
+                break
+            if origin is dict:
+                annotation, metadata = arguments[1], []
+                break
+            if origin is tuple and part.isdigit():
+                same = arguments[-1] is Ellipsis
+                annotation, metadata = arguments[0 if same else min(int(part), len(arguments) - 1)], []
+                break
+        else:
+            return None, []
+        for branch in _branches(annotation, keep_annotated=True):
+            if get_origin(branch) is Annotated:
+                for extra in get_args(branch)[1:]:
+                    metadata += getattr(extra, "metadata", [extra])
+    return annotation, metadata
+
+
+def _branches(annotation: Any, keep_annotated: bool = False) -> list[Any]:
+    """The members of a union, without their constraints unless these are to be kept."""
+    if get_origin(annotation) is Annotated and not keep_annotated:
+        return _branches(get_args(annotation)[0])
+    if get_origin(annotation) is Annotated and get_origin(get_args(annotation)[0]) in (
+        Union,
+        types.UnionType,
+    ):
+        return _branches(get_args(annotation)[0], keep_annotated)
+    if get_origin(annotation) in (Union, types.UnionType):
+        return [b for member in get_args(annotation) for b in _branches(member, keep_annotated)]
+    return [annotation]
+
+
+def _options(annotation: Any, keys: bool = False) -> list[str]:
+    """The texts that a Literal allows, or with ``keys`` those that a dictionary allows as keys."""
+    found = []
+    for branch in _branches(annotation):
+        if keys and get_origin(branch) is dict:
+            found += _options(get_args(branch)[0])
+        elif not keys and get_origin(branch) is Literal:
+            found += [str(option) for option in get_args(branch)]
+    return found
+
+
+def _other_keys(at: Location, root: type[BaseModel]) -> str:
+    annotation = _hint(root, at[:-1])[0]
+    names: list[str] = []
+    for branch in _branches(annotation):
+        if isinstance(branch, type) and issubclass(branch, BaseModel):
+            names += branch.model_fields
+    return _nearest(at[-1], names)
+
+
+def _nearest(name: str, names: list[str]) -> str:
+    close = difflib.get_close_matches(name, names, n=1)
+    question = f"did you mean '{close[0]}'? " if close else "remove it; "
+    return f"{question}the keys here are {', '.join(names)}"
+
+
+def _under(at: Location) -> str:
+    return f"under '{dotted(at[:-1])}:'" if len(at) > 1 else "at the top level"

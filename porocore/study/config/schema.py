@@ -1,0 +1,121 @@
+"""What the models of the configuration say of their keys, and the JSON schema that editors check a file by."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import json
+import textwrap
+from collections.abc import Iterable, Iterator
+from functools import cache
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.json_schema import GenerateJsonSchema
+
+from porocore.core.units.dimensions import MULTIPLES, Carried, Dimension, Unit
+from porocore.core.units.scales import QUANTITIES
+from porocore.study.config.config import RunConfig
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+class _WithDescriptions(GenerateJsonSchema):
+    """The docstring below a field is its description, with the unit behind it; of a section the first paragraph is."""
+
+    def model_schema(self, schema: Any) -> dict[str, Any]:
+        found = super().model_schema(schema)
+        model: type[BaseModel] = schema["cls"]
+        if "description" in found:
+            found["description"] = _plain(found["description"].partition("\n\n")[0])
+        for name, text in field_docstrings(model).items():
+            if name in found.get("properties", {}):
+                field = model.model_fields[name]
+                unit = unit_of(field.annotation, field.metadata, carried="that of the key above")
+                said = f"{text} Unit: {unit}." if unit else text
+                found["properties"][name].setdefault("description", said)
+        return found
+
+
+def configuration_schema() -> dict[str, Any]:
+    """Of what :func:`porocore.load_config` reads, in the draft 2020-12.
+
+    It knows keys, types, bounds and choices, and where a text with a unit may stand, with its ``x-dimension``. What one
+    key means for another, and what depends on a mesh, only :func:`porocore.load_config` and ``porocore check`` tell.
+    """
+    found = RunConfig.model_json_schema(schema_generator=_WithDescriptions)
+    return {"$schema": DIALECT, **found, "title": "Configuration of a porocore study"}
+
+
+def schema_text() -> str:
+    """The same as a file."""
+    return json.dumps(configuration_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+@cache
+def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
+    """Field → the docstring that stands below it, in the class or in one that it derives; code in single backquotes."""
+    found: dict[str, str] = {}
+    for cls in reversed(model.__mro__):
+        if not issubclass(cls, BaseModel) or cls is BaseModel:
+            continue
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+        assert isinstance(tree, ast.ClassDef)
+        for field, below in zip(tree.body, tree.body[1:], strict=False):
+            if (
+                isinstance(field, ast.AnnAssign)
+                and isinstance(field.target, ast.Name)
+                and isinstance(below, ast.Expr)
+                and isinstance(below.value, ast.Constant)
+                and isinstance(below.value.value, str)
+            ):
+                found[field.target.id] = _plain(inspect.cleandoc(below.value.value))
+    return found
+
+
+def _plain(text: str) -> str:
+    """A docstring in one line, with code as Markdown has it."""
+    return " ".join(text.split()).replace("``", "`")
+
+
+def unit_of(annotation: Any, metadata: Iterable[Any] = (), carried: str = "") -> str:
+    """Of what the numbers of a field are multiples, ``, `` between those that differ; empty where none is declared.
+
+    Parameters
+    ----------
+    annotation, metadata
+        Of the field; what it holds of other sections is left out.
+    carried
+        What stands for the unit of the value that the section belongs to.
+    """
+    found = list(dict.fromkeys(_units(annotation, metadata, carried)))
+    return ", ".join(unit or "–" for unit in found) if any(found) else ""
+
+
+def _units(annotation: Any, metadata: Iterable[Any], carried: str) -> Iterator[str]:
+    """Of every number in a value, empty for one without."""
+    for extra in metadata:
+        if isinstance(extra, Unit):
+            yield extra.name
+            return
+        if isinstance(extra, Dimension):
+            yield QUANTITIES[extra.quantity].unit if extra.si else MULTIPLES[extra.quantity]
+            return
+        if isinstance(extra, Carried):
+            yield carried
+            return
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        yield from _units(arguments[0], arguments[1:], carried)
+    elif origin is dict:
+        yield from _units(arguments[1], (), carried)
+    elif arguments and origin is not Literal:
+        for argument in arguments:
+            if argument not in (type(None), Ellipsis):
+                yield from _units(argument, (), carried)
+    elif not _is_section(annotation):
+        yield ""
+
+
+def _is_section(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)

@@ -1,0 +1,167 @@
+"""The sections of a configuration: which states are solved, by whom, what is learned, and under which loads."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.models.bounds import LARGEST_NUMBER, LARGEST_SEED, MOST_STATES, MOST_WORKERS
+from porocore.core.units.dimensions import ByKey, Carried, Dimension, Unit
+from porocore.macro.problem import MacroProblem, MacroSetup
+from porocore.sampling.execution.choice import ExecutorName, contradiction
+
+InputName = Literal["H11", "H12", "H13", "H21", "H22", "H23", "H31", "H32", "H33", "p"]
+InRange = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class Section(BaseModel):
+    """Refuses keys that it does not know."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class FemSettings(Section):
+    """The finite-element backend, of the cell and of the macroscale alike, and its own options."""
+
+    backend: str = "skfem"
+    """Backend of the cell, and of the macroscale unless ``macro.backend`` is given; ``porocore run --fem NAME``
+    overrides it."""
+    options: dict[str, Any] = {}
+    """Options of the backend's cell solver."""
+
+
+class SweptInput(Section):
+    """Closed range of one input and the sampler's default step in it."""
+
+    range: Annotated[tuple[InRange, InRange], Carried()]
+    """[lower, upper], closed; for ``density-sweep`` it includes 0."""
+    step: Annotated[Positive | None, Carried()] = None
+    """Default step; ``density-sweep`` needs it for every input, the other samplers take none."""
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> SweptInput:
+        low, high = self.range
+        if not low < high:
+            raise ValueError(f"range [{low:g}, {high:g}] is empty; give [lower, upper] with lower < upper")
+        return self
+
+
+class HeldOutSettings(Section):
+    """Random states that no surrogate is trained on; its error is measured there."""
+
+    count: Annotated[int, Field(ge=1, le=MOST_STATES)] = 100
+    """Random states with values that no surrogate is trained on; the surrogate's error is measured there."""
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
+    """Seed of their draw."""
+
+
+class SamplingSettings(Section):
+    """Which states of the cell are solved to learn from."""
+
+    sampler: str = "density-sweep"
+    """Which states are solved; ``porocore plugins`` lists the samplers that are installed."""
+    inputs: Annotated[dict[InputName, SweptInput], Field(min_length=1), ByKey({"p": Dimension("pressure")})]
+    """The components that move, H11 … H33 and p, in the order of the sweeps: the first is swept alone, the next from
+    every value of it."""
+    tolerance: Positive | None = None
+    """Tolerance of the samplers that have one; null leaves it to the sampler."""
+    options: dict[str, Any] = {}
+    """Further options of the sampler."""
+    workers: Literal["auto"] | Annotated[int, Field(ge=1, le=MOST_WORKERS)] = "auto"
+    """Processes; ``auto`` is one for each core; the result does not depend on it."""
+    executor: ExecutorName = "auto"
+    """Where the cells are solved: in this process, in processes of this machine, or by the workers of dask; ``auto`` is
+    ``dask`` with a scheduler, ``serial`` for one worker without a time limit, else ``processes``; the result does not
+    depend on it."""
+    scheduler: Annotated[str, Field(min_length=1, max_length=300)] | None = None
+    """Address of a dask scheduler, such as ``tcp://node:8786``; null: dask starts workers on this machine."""
+    state_seconds: Annotated[Positive | None, Unit("s")] = None
+    """Time limit for the solve of one state, after which its worker is ended; the state is tried once more, then
+    recorded as ``lost``; null: none."""
+    test: HeldOutSettings = HeldOutSettings()
+    """States apart from the training."""
+
+    @model_validator(mode="after")
+    def _executor_fits(self) -> SamplingSettings:
+        if fault := contradiction(self.executor, self.scheduler, self.state_seconds):
+            raise ValueError(fault)
+        return self
+
+    def input_space(self) -> InputSpace:
+        """The inputs and their ranges."""
+        return InputSpace.from_ranges({name: swept.range for name, swept in self.inputs.items()})
+
+    def sampler_options(self) -> dict[str, Any]:
+        """Keyword arguments of the sampler, as far as set: ``step`` by input, ``tolerance``, ``options``."""
+        options: dict[str, Any] = {}
+        steps = {name: swept.step for name, swept in self.inputs.items() if swept.step is not None}
+        if steps:
+            options["step"] = steps
+        if self.tolerance is not None:
+            options["tolerance"] = self.tolerance
+        return options | self.options
+
+    def worker_count(self) -> int:
+        """Number of processes; 'auto' is one for each core that this process may use."""
+        if self.workers != "auto":
+            return self.workers
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+    def pool_options(self) -> dict[str, Any]:
+        """Keyword arguments of :class:`porocore.sampling.execution.CellPool`: who solves the cells."""
+        return {
+            "workers": self.worker_count(),
+            "executor": self.executor,
+            "scheduler": self.scheduler,
+            "state_seconds": self.state_seconds,
+        }
+
+
+class SurrogateSettings(Section):
+    """The surrogate's backend, its seed and its own options."""
+
+    backend: str = "torch"
+    """Which surrogate; ``porocore run --surrogate NAME`` overrides it."""
+    model: Literal["auto", "mlp", "potential"] = "auto"
+    """What is learned: ⟨∇u¹⟩ by the paper's network (``mlp``), or the potential W and all that follows from it
+    (``potential``); ``auto`` is what the closure needs."""
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
+    """Seed of the first weights and of the split into training and validation states."""
+    tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01
+    """Share of the range of what is learned; a state is flagged whose error is estimated to be larger."""
+    options: dict[str, Any] = {}
+    """Options of the surrogate."""
+
+
+class MacroSettings(MacroSetup):
+    """The macroscale set-up and the loads under which it is solved."""
+
+    loads: Annotated[tuple[float, ...], Field(min_length=1, max_length=1000)]
+    """Each, none of them 0, is solved with the cell's law and with linear poroelasticity; it multiplies every
+    prescribed value."""
+    backend: str | None = None
+    """Backend of the macroscale; null: that of ``fem.backend``; ``porocore run --macro NAME`` overrides it."""
+    options: dict[str, Any] = Field(default={})
+    """Options of the backend's macro solver; they change how the equations are solved, not the solution."""
+
+    @field_validator("loads")
+    @classmethod
+    def _useful(cls, loads: tuple[float, ...]) -> tuple[float, ...]:
+        if 0.0 in loads:
+            raise ValueError("a load of 0 moves nothing; remove it")
+        if len(set(loads)) < len(loads):
+            raise ValueError("a load is listed twice; keep one")
+        return loads
+
+    def specification(self) -> dict[str, Any]:
+        """See :meth:`porocore.macro.problem.MacroSetup.specification`; with the backend where it is not the cell's."""
+        said = super().specification()
+        return {name: value for name, value in said.items() if name != "backend" or value is not None}
+
+    def problem(self, load: float) -> MacroProblem:
+        """The problem under one load."""
+        return MacroProblem(load=load, **{name: getattr(self, name) for name in MacroSetup.model_fields})

@@ -1,0 +1,68 @@
+"""What a study needs of the plugins that it names, held against what their classes declare to offer."""
+
+from __future__ import annotations
+
+from porocore.errors import ConfigurationError
+from porocore.interfaces.cell import CellSolver
+from porocore.interfaces.macro import MacroSolver
+from porocore.macro.problem import MacroSetup
+
+
+def offers_conductivity(solver: type[CellSolver], which: str) -> bool:
+    """Return whether a cell solver computes what the law ``which`` of the conductivity needs."""
+    return ("deformed" if which == "deformed" else "piola") in solver.conductivities
+
+
+def require_conductivity(solver: type[CellSolver], name: str, which: str) -> None:
+    """Refuse a cell solver that does not compute a conductivity.
+
+    Parameters
+    ----------
+    solver, name
+        Its class, and what the user calls it.
+    which
+        Law of the conductivity, as the configuration has it; all but ``deformed`` rest on K of the undeformed cell.
+
+    Raises
+    ------
+    ConfigurationError
+        It is not among :attr:`~porocore.CellSolver.conductivities`.
+    """
+    if offers_conductivity(solver, which):
+        return
+    if not solver.conductivities:
+        raise ConfigurationError(
+            f"fem.backend: the cell solver '{name}' computes no conductivity, without which no body can be solved; "
+            "choose another fem.backend"
+        )
+    raise ConfigurationError(
+        f"conductivity: the cell solver '{name}' does not compute that of the deformed pore; choose "
+        f"conductivity: {solver.conductivities[0]} or another fem.backend"
+    )
+
+
+def lacking(solver: type[MacroSolver], problem: MacroSetup) -> str:
+    """Return what a problem needs that a macro solver does not offer, in words; empty: nothing."""
+    kinds = solver.bodies
+    column = kinds is not None and "column" in kinds and problem.is_column
+    if kinds is not None and problem.body.kind not in kinds and not column:
+        other = "a box that is no confined column" if "column" in kinds and problem.body.kind == "box" else ""
+        return f"{other or f'the body {problem.body.kind!r}'} (bodies = {', '.join(kinds)})"
+    missing = sorted(problem.parts - solver.parts)
+    return f"{' and '.join(missing)} (parts = {', '.join(sorted(solver.parts)) or 'none'})" if missing else ""
+
+
+def require_parts(solver: type[MacroSolver], name: str, problem: MacroSetup) -> None:
+    """Refuse a macro solver that does not offer what a problem needs.
+
+    Raises
+    ------
+    ConfigurationError
+        It does not declare the body's kind, or a part of the problem.
+    """
+    missing = lacking(solver, problem)
+    if missing:
+        raise ConfigurationError(
+            f"macro: this problem needs {missing.partition(' (')[0]}, which the macro solver '{name}' does not offer; "
+            "choose another macro.backend, or leave it out"
+        )

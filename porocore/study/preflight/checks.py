@@ -1,0 +1,268 @@
+"""What can be found wrong with a study before anything is solved, and what a run of it would do."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+import numpy as np
+
+from porocore.cell.facts import as_lines, facts_of
+from porocore.core.echo import echo
+from porocore.core.formulas.time_function import Course, Value
+from porocore.core.inputs.possible_states import least_volume
+from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
+from porocore.core.units.results import ResultUnits
+from porocore.errors import ConfigurationError, PluginError
+from porocore.interfaces.surrogate import MORE_STATES, least_states
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.meshed import body_mesh
+from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.boundary.probes import interpolation
+from porocore.macro.drainage import undrained
+from porocore.macro.problem import Boundary, MacroProblem
+from porocore.plugins import registry
+from porocore.plugins.hookspecs import Kind
+from porocore.plugins.kinds import HOOKS
+from porocore.sampling.execution.address import reach
+from porocore.study import backends
+from porocore.study.config.config import RunConfig
+from porocore.study.preflight.symmetry_notes import uncovered
+from porocore.study.preflight.time_functions import check_time_functions
+from porocore.study.preflight.workload import Workload, require_memory
+
+#: Points of a table that are shown.
+MOST_POINTS = 4
+
+
+def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) -> None:
+    """Find everything that can be known to be wrong before the first solve; ``check`` and ``run`` both call this.
+
+    Looks for the backends and tries their options, looks at the sampled box, the scheduler and the workers, evaluates
+    functions of time, and meshes the body with everything on it.
+
+    Parameters
+    ----------
+    config
+        The study.
+    needed
+        Kinds of backends that must be here; another, of a later stage, may be installed elsewhere. None: all.
+
+    Raises
+    ------
+    PluginError
+        A needed backend is unknown, missing or broken.
+    ConfigurationError
+        Options are unusable, the box reaches det F ≤ 0, states are too few or too many, nobody listens at the
+        scheduler's address, a function of time has no value somewhere, there is no such surface, boundary conditions
+        contradict each other or leave the body loose, or a probe lies outside.
+    """
+    needed = HOOKS if needed is None else needed
+    find_backends(config, needed)
+    check_sampling(config, trained="surrogate" in needed)
+    check_time_functions(config.macro)
+    place(config)
+    for kind in HOOKS:
+        try:
+            backends.check(kind, config)
+        except PluginError:
+            if kind in needed:
+                raise
+
+
+def find_backends(config: RunConfig, needed: Collection[Kind]) -> None:
+    """Look for the backends; all that are missing are told at once, each name once.
+
+    Raises
+    ------
+    PluginError
+        Some are unknown, missing or broken; one line for each.
+    """
+    faults: dict[str, str] = {}
+    for kind in needed:
+        name = backends.backend_name(kind, config)
+        try:
+            registry.registry().find(kind, name)
+        except PluginError as error:
+            faults.setdefault(name, str(error))
+    if faults:
+        raise PluginError("\n".join(faults.values()))
+
+
+def check_sampling(config: RunConfig, *, trained: bool) -> None:
+    """Look at the sampled box, at who solves the states, and at whether they are enough where they are learned from.
+
+    Raises
+    ------
+    ConfigurationError
+        As :func:`check_backends`.
+    """
+    sampling = config.sampling
+    inputs = sampling.input_space()
+    for name, swept in sampling.inputs.items():
+        largest = LARGEST_PRESSURE * config.cell.modulus if name == "p" else LARGEST_GRADIENT
+        if max(map(abs, swept.range)) > largest:
+            raise ConfigurationError(
+                f"sampling.inputs.{name}.range: expected at most {largest:g}, got {echo(list(swept.range))}; no cell "
+                "bears more"
+            )
+    J, corner = least_volume(inputs)
+    if J <= 0:
+        at = ", ".join(f"{name} = {value:g}" for name, value in corner.items())
+        raise ConfigurationError(
+            f"sampling.inputs: the ranges reach det F = {J:.4g} at {at}, but a solid has det F > 0 with F = I + H; "
+            "narrow them"
+        )
+    given, least = sampling.options.get("count"), least_states(len(inputs))
+    if trained and type(given) is int and 0 < given < least:
+        raise ConfigurationError(
+            f"sampling.options.count: {given} states are too few to train on, at least {least} are needed: "
+            f"{MORE_STATES}"
+        )
+    require_memory(config)
+    if sampling.scheduler is not None:
+        reach(sampling.scheduler)
+
+
+def place(config: RunConfig) -> BodyMesh:
+    """The body's mesh with boundary conditions and probes on it.
+
+    Raises
+    ------
+    ConfigurationError
+        As :func:`check_backends`.
+    """
+    problem: MacroProblem = config.macro.problem(config.macro.loads[0])
+    mesh = body_mesh(problem)
+    boundary_data(mesh, problem)
+    interpolation(mesh, problem.probes)
+    return mesh
+
+
+def outline(config: RunConfig) -> Iterator[str]:
+    """What a run would do, line by line; the cell is meshed for it.
+
+    Raises
+    ------
+    ConfigurationError
+        The cell cannot be meshed, has no pores or a solid without stiffness, or its regions are not those of
+        ``cell.materials``.
+    """
+    yield config.title or "a study without a title"
+    facts = facts_of(config.cell)
+    yield from (f"cell: {line}" if i == 0 else f"  {line}" for i, line in enumerate(as_lines(facts)))
+    config.cell.require_pores()
+    config.cell.require_stiffness()
+    if config.cell.materials is not None:
+        config.cell.solid.on(config.cell.make_mesh("solid", "whole"))
+    yield f"  {config.cell.solid.description}, viscosity {config.cell.viscosity:g}"
+    yield f"  point group {config.cell.point_group.name} of pores and solid together"
+    yield from _without_contact(config)
+    sampling = config.sampling
+    ranges = ", ".join(f"{name} in [{s.range[0]:g}, {s.range[1]:g}]" for name, s in sampling.inputs.items())
+    count = f", {sampling.options['count']} states" if "count" in sampling.options else ""
+    yield f"samples: {sampling.sampler}{count} over {ranges}; {sampling.test.count} held-out states"
+    yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
+    yield from _body(config)
+    expected = backends.make_backend("sampler", config).expected
+    nodes = facts.solid.nodes if facts.solid else 0
+    yield f"work: {Workload.of(config, expected, len(place(config).cells), nodes).as_line()}"
+    yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))
+    yield from (f"note: {warning}" for warning in _late(config))
+    # What K is nobody knows yet, but along which axes there is any.
+    percolates = np.diag([float(axis not in facts.blocked) for axis in "xyz"])
+    yield from (f"note: {warning}" for warning in undrained(config.macro, percolates))
+
+
+def _without_contact(config: RunConfig) -> Iterator[str]:
+    """A note where the cell solver cannot do what ``cell.contact`` asks for."""
+    name = config.fem.backend
+    try:
+        solver = registry.get("cell solver", name)
+    except PluginError:  # a stage that needs it says so
+        return
+    if config.cell.contact.kind != "none" and not solver.contact:
+        yield (
+            f"note: the cell solver '{name}' does not hold the pore wall against itself; a state whose wall passes "
+            "through itself has no values"
+        )
+
+
+def _body(config: RunConfig) -> Iterator[str]:
+    macro, mesh = config.macro, place(config)
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    units = config.result_units
+    length, time = units.factor("displacement"), units.factor("time")
+    sizes = " × ".join(f"{(b - a) * length:.4g}" for a, b in zip(low, high, strict=True))
+    name_of_length = f" {units.name('displacement')}" if units.given else ""
+    yield (
+        f"body: {macro.body.kind}, {sizes}{name_of_length}, {len(mesh.cells)} {mesh.element.shape} elements, "
+        f"{mesh.size} unknowns"
+    )
+    for name, facets in mesh.surfaces.items():
+        said = _said(macro.boundary.get(name), units)
+        count = f"{len(facets)} {'facet' if len(facets) == 1 else 'facets'}"
+        yield f"  surface {name}, {count}: {said or 'free of traction and impermeable'}"
+    for name, at in macro.probes.items():
+        yield f"  probe {name} at {', '.join(f'{x * length:.4g}' for x in at)}{name_of_length}"
+    loads = ", ".join(f"{load:g}" for load in macro.loads)
+    name_of_time = f" {units.name('time')}" if units.given else ""
+    steps = "steps chosen by their error, at most" if macro.time.tolerance else "in steps of"
+    yield (
+        f"solutions: loads {loads}, each with the cell's law and linearly, up to t = {macro.time.end * time:.4g}"
+        f"{name_of_time}, {steps} {macro.time.step * time:.4g}{name_of_time}"
+    )
+
+
+def _said(boundary: Boundary | None, units: ResultUnits) -> str:
+    """What is prescribed, in words."""
+    if boundary is None:
+        return ""
+    found = [
+        f"u_{i + 1} = {_value(u, 'displacement', units)}"
+        for i, u in enumerate(boundary.displacement)
+        if u is not None
+    ]
+    found += [f"t_{i + 1} = {_value(t, 'stress', units)}" for i, t in enumerate(boundary.traction) if t != 0]
+    for name, quantity, value in (
+        ("normal displacement", "displacement", boundary.normal),
+        ("pressure on the deformed surface", "pressure", boundary.follower or None),
+        ("force on a plate", "force", boundary.plate),
+        ("p", "pressure", boundary.pressure),
+        ("outward flux", "velocity", boundary.flux or None),
+    ):
+        if value is not None:
+            found.append(f"{name} = {_value(value, quantity, units)}")
+    return ", ".join(found)
+
+
+def _value(value: Value, quantity: str, units: ResultUnits) -> str:
+    """A prescribed value in the units of the configuration; of a course, how it goes with time."""
+
+    def at(number: float, of: str) -> str:
+        unit = f" {units.name(of)}" if units.given and number else ""
+        return f"{number * units.factor(of):.4g}{unit}"
+
+    if not isinstance(value, Course):
+        return at(value, quantity)
+    if value.ramp is not None and value.until is not None:
+        return f"0 to {at(value.ramp, quantity)} until t = {at(value.until, 'time')}"
+    if value.expression is not None:
+        return f"{value.expression} with dimensionless t" if units.given else value.expression
+    points = [f"{at(number, quantity)} at t = {at(time, 'time')}" for time, number in value.table]
+    if len(points) > MOST_POINTS:
+        points[MOST_POINTS - 1 : -1] = ["…"]
+    return f"({'; '.join(points)})"
+
+
+def _late(config: RunConfig) -> Iterator[str]:
+    """Courses that the run ends before, most likely for want of a unit."""
+    end, units = config.macro.time.end, config.result_units
+    unit = f" {units.name('time')}" if units.given else ""
+    shown, factor = f"{end * units.factor('time'):.4g}{unit}", units.factor("time")
+    for name, boundary in config.macro.boundary.items():
+        last = max((max(course.corners, default=0.0) for course in boundary.courses), default=0.0)
+        if last > end:
+            yield (
+                f"a course on the surface {name} goes on until t = {last * factor:.4g}{unit}, beyond the end, "
+                f"{shown}, so not all of it is seen; see macro.time.end, and whether the time has its unit"
+            )

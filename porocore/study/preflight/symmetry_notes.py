@@ -1,0 +1,80 @@
+"""What a user ought to know of the symmetry of a cell: shears that are no inputs, a mesh that is too coarse for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.tensors.point_group import PointGroup
+from porocore.states import Array, CellResponse
+from porocore.surrogates.potential.data import STILL, variables
+from porocore.surrogates.stretch.components import PLACES
+from porocore.surrogates.stretch.log_stretch import LogStretch
+from porocore.surrogates.symmetry import acting_across, on_places
+
+#: Of the stiffness at rest: by more a mesh should not break the symmetry of its cell.
+LARGEST_DEFECT = 0.02
+#: States in the box of the inputs that show what they move.
+STATES = 16
+
+
+def uncovered_shears(inputs: InputSpace, group: PointGroup) -> list[str]:
+    """Return shears, such as ``H12``, that are no inputs but on which a cell with this group bears under the inputs.
+
+    Their stress is learned; the stiffness against them is that at rest. A body that gives way leaves what was sampled.
+    """
+    low, high = np.array(inputs.lower), np.array(inputs.upper)
+    states = inputs.scatter(low + (high - low) * np.random.default_rng(0).random((STATES, len(inputs))))
+    y = variables(LogStretch.of(states.grad_u), states.p)
+    moved = np.abs(np.nan_to_num(y)).max(axis=1) > STILL
+    active = tuple(int(a) for a in np.flatnonzero(moved))
+    found = [PLACES[a] for a in acting_across(group, active) if 3 <= a < 6]
+    return sorted(f"H{i + 1}{j + 1}" for i, j in found)
+
+
+def uncovered(inputs: InputSpace, group: PointGroup) -> list[str]:
+    """Return what to say of :func:`uncovered_shears`; nothing where there are none."""
+    shears = uncovered_shears(inputs, group)
+    if not shears:
+        return []
+    names = " and ".join(shears)
+    them, are = ("it", "is no input") if len(shears) == 1 else ("them", "are no inputs")
+    return [
+        f"in a cell of the point group {group.name} {', '.join(inputs.names)} may cause stresses along {names}, which "
+        f"{are}; the stresses are learned, but of the stiffness against {them} only that at rest: where the body gives "
+        f"way to {them}, states are flagged, and Newton's iteration may fail; add {names} (or {_transposed(shears)}, "
+        "where the body moves that) to sampling.inputs, unless the body is held against such shear"
+    ]
+
+
+def _transposed(shears: list[str]) -> str:
+    """Return H21 of H12, and so on; the stretch of a cell knows no difference."""
+    return " and ".join(f"H{name[2]}{name[1]}" for name in shears)
+
+
+def defect(stiffness: Array, group: PointGroup) -> float:
+    """Return by how much ∂P_E/∂H (3, 3, 3, 3) breaks the symmetry of a group, as a share of its largest entry."""
+    action, matrix = on_places(group), stiffness.reshape(9, 9)
+    return float(np.abs(matrix - action.mean(action, matrix)).max() / np.abs(matrix).max())
+
+
+def broken_by_the_mesh(reference: CellResponse, group: PointGroup) -> list[str]:
+    """Return what to say of a free mesh that breaks the symmetry of its cell at rest; nothing where it hardly does.
+
+    Parameters
+    ----------
+    reference
+        Response of the undeformed cell with its tangent, one row.
+    group
+        Point group of the cell.
+    """
+    tangent = reference.tangent
+    if tangent is None or tangent.stress_grad_u is None:
+        return []
+    share = defect(np.asarray(tangent.stress_grad_u[0]), group)
+    if not share > LARGEST_DEFECT:
+        return []
+    return [
+        f"the mesh of the cell breaks its symmetry, {group.name}: the stiffness at rest differs by {share:.1%} of its "
+        "largest entry where it should not; the error of the mesh is at least as large, see cell.mesh.size"
+    ]

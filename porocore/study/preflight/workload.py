@@ -1,0 +1,130 @@
+"""What a study would solve, keep and hold in memory, counted before anything is solved."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from porocore.core.models.bounds import MOST_STATES
+from porocore.errors import ConfigurationError
+from porocore.study.config.config import RunConfig
+
+#: Memory assumed for one process that solves cells, not measured for this purpose: one that had solved a cell of
+#: size 0.2 with scikit-fem held 0.32 GB.
+PROCESS = 2 * 10**8
+#: Bytes of a solved state with its derivatives, and of each node of its field.
+STATE, NODE = 4_000, 24
+#: Numbers of one time step in a history, and of one quadrature point in a kept field.
+STEP, POINT = 60, 30
+#: Quadrature points of a hexahedron.
+POINTS_OF_ELEMENT = 27
+
+
+@dataclass(frozen=True)
+class Workload:
+    """Counts of a study.
+
+    Attributes
+    ----------
+    states
+        That the sampler expects to ask for, and the held-out ones.
+    workers
+        Processes of this machine that solve them at the same time; 0 where others do.
+    steps
+        Time steps of one macro run, at least.
+    runs
+        Macro runs: each load with the cell's law and linearly.
+    elements, profiles
+        Of the body, and times at which fields are kept.
+    nodes
+        Of the cell's solid.
+    """
+
+    states: int
+    workers: int
+    steps: int
+    runs: int
+    elements: int
+    profiles: int
+    nodes: int
+
+    @classmethod
+    def of(cls, config: RunConfig, states: int, elements: int, nodes: int) -> Workload:
+        """Return the counts of ``config``, of which the first three are known from its sampler and meshes."""
+        time = config.macro.time
+        steps = time.ramp_increments + int((time.end - time.ramp_increments * time.ramp_step) / time.step) + 1
+        return cls(
+            states + config.sampling.test.count,
+            workers_here(config),
+            steps,
+            2 * len(config.macro.loads),
+            elements,
+            len(time.profiles) + 1,
+            nodes,
+        )
+
+    @property
+    def disk(self) -> float:
+        """What the run folder holds in the end, about [bytes]."""
+        fields = self.profiles * self.elements * POINTS_OF_ELEMENT * POINT * 8
+        return self.states * (STATE + NODE * self.nodes) + self.runs * (self.steps * STEP * 8 + fields)
+
+    @property
+    def memory(self) -> float:
+        """What the processes that solve cells hold at the same time, about [bytes]."""
+        return max(1, self.workers) * PROCESS
+
+    def as_line(self) -> str:
+        """Return the counts for reading."""
+        return (
+            f"{self.states} states of the cell, {self.runs} macro runs of {self.steps} steps or more; "
+            f"some {self.disk / 1e9:.2g} GB on disk, {self.memory / 1e9:.2g} GB of memory while cells are solved"
+        )
+
+
+def workers_here(config: RunConfig) -> int:
+    """Return how many processes of this machine solve cells; 0 where those of a scheduler do."""
+    sampling = config.sampling
+    if sampling.scheduler is not None:
+        return 0
+    return 1 if sampling.executor == "serial" else sampling.worker_count()
+
+
+def require_memory(config: RunConfig) -> None:
+    """Refuse more processes than this machine has memory for.
+
+    Raises
+    ------
+    ConfigurationError
+        There are too many.
+    """
+    workers, there = workers_here(config), memory_here()
+    if there is not None and workers > 1 and workers * PROCESS > there:
+        raise ConfigurationError(
+            f"sampling.workers: {workers} processes need some {workers * PROCESS / 1e9:.3g} GB of memory, "
+            f"{PROCESS / 1e9:g} GB each, but this machine has {there / 1e9:.3g} GB; take at most "
+            f"{max(1, int(there / PROCESS))}"
+        )
+
+
+def require_states(config: RunConfig, expected: int) -> None:
+    """Refuse a sampler that expects to ask for more states than can be solved.
+
+    Raises
+    ------
+    ConfigurationError
+        They are too many.
+    """
+    if not expected <= MOST_STATES:
+        raise ConfigurationError(
+            f"sampling: sampler '{config.sampling.sampler}' would ask for {float(expected):.3g} states; at most "
+            f"{MOST_STATES} are solved: take fewer or larger steps"
+        )
+
+
+def memory_here() -> float | None:
+    """Return the memory of this machine [bytes]; None where the system does not tell."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return None

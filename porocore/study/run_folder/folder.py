@@ -1,0 +1,210 @@
+"""The folder of one run: who may write there.
+
+A folder belongs to one configuration from the moment it is claimed. It is never taken over by another run,
+and two processes cannot write it at the same time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from porocore.core.files.atomic import RUN_RECORD, atomic_path, open_lock, require_outside_a_run
+from porocore.core.files.reading import read_json
+from porocore.core.unexpected import note_folder
+from porocore.errors import RunFolderError
+from porocore.study.backends import with_closure
+from porocore.study.config.config import RunConfig, differences, load_config
+from porocore.study.run_folder.files import RunFiles
+from porocore.study.run_folder.provenance import versions
+
+if sys.platform != "win32":
+    import fcntl
+
+FORMAT = "porocore-run"
+#: Raised where the identities of configurations change, so that runs of before are told for what they are.
+#: 1: without surrogate.tolerance, and with a conductivity piola that did not turn with the solid.
+VERSION = 2
+CONFIG, RECORD, LOCK = "config.yaml", RUN_RECORD, ".lock"
+#: The temporary names of :func:`porocore.core.files.atomic.atomic_path`.
+_HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
+#: Keys of the configuration that may change when a run goes on.
+NOT_PART_OF_A_RUN = ("title ", "scales", "output_units", "scenarios")
+
+
+class RunFolder(RunFiles):
+    """A claimed run folder; used as a context manager it holds the folder's lock.
+
+    Create one by :meth:`claim` (a new run, or the same run resumed) or :meth:`open` (a later step of a run).
+    """
+
+    @classmethod
+    def claim(cls, path: Path | str, config: RunConfig, *, resume: bool = False) -> RunFolder:
+        """Make the folder and write configuration and versions, or with ``resume`` come back to it.
+
+        Raises
+        ------
+        RunFolderError
+            The folder holds another run or foreign files, or this run while ``resume`` is not set, or it
+            cannot be written. Nothing in it was changed.
+        """
+        path = Path(path)
+        folder = cls(path, config)
+        require_outside_a_run(path.absolute().parent)
+        try:
+            if path.exists() and not path.is_dir():
+                raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
+            present = {entry.name for entry in path.iterdir()} if path.exists() else set()
+            foreign = sorted(name for name in present if not folder._left_by_a_start(name))
+            if RECORD not in present and foreign:
+                raise RunFolderError(
+                    f"{path} is not empty and holds no run of porocore (found {_some(foreign)}); "
+                    "choose another --out"
+                )
+            path.mkdir(parents=True, exist_ok=True)
+            with folder:
+                # Looked for under the lock: another process may have claimed the folder just now.
+                if (path / RECORD).exists():
+                    folder._check_same(cls.open(path), resume)
+                else:
+                    folder._write_record()
+        except OSError as error:
+            raise RunFolderError(
+                f"{path}: the run folder cannot be made: {error.strerror or error}; choose another --out"
+            ) from error
+        return folder
+
+    @classmethod
+    def open(cls, path: Path | str) -> RunFolder:
+        """The run that a folder holds.
+
+        Raises
+        ------
+        RunFolderError
+            It holds none, one of another version, or its configuration was edited after the run began.
+        """
+        path = Path(path)
+        try:
+            record = read_json(path / RECORD)
+            found = (record["format"], record["version"])
+            identity = record["identity"]
+        except (FileNotFoundError, NotADirectoryError) as error:
+            raise RunFolderError(
+                f"{path} is not a run folder (it has no {RECORD}); start one: "
+                f"porocore run CONFIG --out {path}, or porocore sample CONFIG --out {path}"
+            ) from error
+        except OSError as error:
+            raise RunFolderError(f"{path / RECORD} cannot be read: {error.strerror or error}") from error
+        except (ValueError, KeyError, TypeError) as error:
+            raise RunFolderError(
+                f"{path / RECORD} is damaged ({error!r}); start again in another --out"
+            ) from error
+        if found != (FORMAT, VERSION):
+            raise RunFolderError(
+                f"{path / RECORD}: expected {FORMAT} version {VERSION}, got {found[0]} version {found[1]}; "
+                "use the porocore that made it, or start again in another --out"
+            )
+        config = load_config(path / CONFIG)
+        if config.identity != identity:
+            raise RunFolderError(
+                f"{path / CONFIG} was changed after the run began and no longer belongs to the files beside "
+                "it; change it back, or start a new run from it with another --out"
+            )
+        return cls(path, config)
+
+    def __enter__(self) -> Self:
+        """Take the lock; the system releases it when the process ends, however it ends."""
+        if sys.platform == "win32":
+            return self
+        try:
+            self._lock = open_lock(self.path / LOCK)
+        except OSError as error:
+            raise RunFolderError(
+                f"{self.path} cannot be written: {error.strerror or error}; choose another --out"
+            ) from error
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            holder = os.read(self._lock, 32).decode(errors="replace").strip() or "unknown"
+            os.close(self._lock)
+            self._lock = None
+            raise RunFolderError(
+                f"another porocore (process {holder}) is working in {self.path}; "
+                "wait for it, stop it, or choose another --out"
+            ) from error
+        os.truncate(self._lock, 0)
+        os.write(self._lock, f"{os.getpid()}\n".encode())
+        self._remove_half_written()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        note_folder(error, self.path)
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def _remove_half_written(self) -> None:
+        """What processes that were killed left; nobody else writes here while the lock is held."""
+        for path in self.path.rglob(".*.part"):
+            if _HALF_WRITTEN.fullmatch(path.name):
+                with suppress(OSError):
+                    path.unlink()
+
+    def require(self, file: Path, command: str) -> Path:
+        """``file`` if it is there.
+
+        Raises
+        ------
+        RunFolderError
+            It is missing; ``command`` (``sample``, ``train``, ``solve``) makes it.
+        """
+        if not file.exists():
+            raise RunFolderError(f"{file} is missing; make it first: porocore {command} {self.path}")
+        return file
+
+    def _check_same(self, held: RunFolder, resume: bool) -> None:
+        same = with_closure(held.config, self.config.closure)
+        if same.identity != self.config.identity:
+            changed = [d for d in differences(self.config, same) if not d.startswith(NOT_PART_OF_A_RUN)]
+            raise RunFolderError(
+                f"{self.path} holds another run; this one has {_some(changed)}; choose another --out"
+            )
+        if not resume:
+            raise RunFolderError(
+                f"{self.path} already holds this run; add --resume to continue it, or choose another --out"
+            )
+        self.written = held.config
+
+    def _left_by_a_start(self, name: str) -> bool:
+        """Whether a file is what a start of this very run leaves that dies before the record is written."""
+        if name == CONFIG:
+            return (self.path / CONFIG).read_bytes() == self.config.resolved_yaml().encode()
+        part = name.endswith(".part") and name.startswith((f".{CONFIG}.", f".{RECORD}."))
+        return name == LOCK or part
+
+    def _write_record(self) -> None:
+        with atomic_path(self.path / CONFIG) as part:
+            part.write_text(self.config.resolved_yaml(), encoding="utf-8")
+        record = {
+            "format": FORMAT,
+            "version": VERSION,
+            "identity": self.config.identity,
+            "stages": asdict(self.config.stages),
+            "versions": versions(),
+        }
+        with atomic_path(self.path / RECORD) as part:
+            part.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+
+
+def _some(names: list[str]) -> str:
+    shown = ", ".join(names[:4])
+    return f"{shown} and {len(names) - 4} more" if len(names) > 4 else shown

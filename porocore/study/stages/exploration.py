@@ -1,0 +1,124 @@
+"""What a sampler may know of its study: the undeformed cell, what the closure needs, and where macro runs go."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.errors import SolveError
+from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
+from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.sampler import Exploration, Sampler, StudyFacts, StudySampler
+from porocore.interfaces.surrogate import TrainingSet
+from porocore.macro.laws import CLOSURES, ClosedLaw
+from porocore.macro.problem import MacroProblem
+from porocore.macro.reference import CellReference
+from porocore.plugins.border import body_solution_of
+from porocore.states import Array, MacroState
+from porocore.study.backends import make_backend
+from porocore.study.config.config import RunConfig
+from porocore.surrogates.polynomial.committee import judge
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+
+
+def inform(sampler: Sampler, config: RunConfig, reference: CellReference) -> None:
+    """Tell a sampler that wants to know about the study of ``config``; others need nothing."""
+    if isinstance(sampler, StudySampler):
+        needed = CLOSURES[config.closure].responses
+        explorer = MacroExplorer(config, reference)
+        symmetry = config.cell.point_group
+        rest = reference.resting(config.conductivity)
+        sampler.inform(StudyFacts(rest, config.stages.cell, needed, explorer, judge, symmetry))
+
+
+class MacroExplorer:
+    """The macro problem of a study on a coarse mesh with long time steps, under a polynomial fitted to what is known.
+
+    The polynomial stands in for the configured surrogate: it is fitted in milliseconds, provides what every closure
+    needs, and is the same on every machine. Closure, loads, boundary conditions and backend are the configured ones.
+
+    Parameters
+    ----------
+    config
+        The study.
+    reference
+        Its undeformed cell.
+    """
+
+    def __init__(self, config: RunConfig, reference: CellReference) -> None:
+        self.config, self.reference = config, reference
+        self._solver: MacroSolver | None = None
+
+    def __call__(self, data: TrainingSet, *, elements: int, steps: int) -> Exploration:
+        """See :class:`~porocore.interfaces.sampler.Explore`; final settlement and largest pressure of each load, and
+        largest and final force on each surface that is moved.
+        """
+        if self._solver is None:
+            self._solver = make_backend("macro solver", self.config)
+        config = self.config
+        closure = self.reference.closure(config.closure, config.cell.solid, config.conductivity)
+        cells = PolynomialSurrogate().fit(data, seed=0)
+        visited: list[MacroState] = []
+        results: list[float] = []
+        for load in self.config.macro.loads:
+            law = VisitedStates(ClosedLaw(cells, closure))
+            problem = self.config.macro.problem(load)
+            moved = [name for name, boundary in problem.boundary.items() if boundary.is_moved]
+            coarse = coarse_problem(problem, elements, steps)
+            prepared = self._solver.prepare(coarse)
+            try:
+                solution = body_solution_of(self._solver, prepared, law, coarse)
+            except SolveError:
+                results += [np.nan] * (2 + 2 * len(moved))
+            else:
+                history = solution.history
+                results += [float(history.settlement[-1]), float(history.pressure_max.max())]
+                for name in moved:
+                    force = np.abs(solution.reactions[name]).max(axis=1)
+                    results += [float(force.max()), float(force[-1])]
+            visited += law.visited
+        return Exploration(MacroState.concatenate(visited), tuple(results))
+
+
+class VisitedStates(MacroLaw):
+    """A law that notes the states at the quadrature points whenever a time step is accepted.
+
+    Parameters
+    ----------
+    law
+        The law that answers.
+    """
+
+    def __init__(self, law: MacroLaw) -> None:
+        self.law = law
+        self.name, self.identity, self.noise = law.name, law.identity, law.noise
+        #: One batch for each accepted time; first the state at rest.
+        self.visited = [MacroState.zeros(1)]
+
+    def initial(self, n: int) -> LawMemory:
+        """Of the law that answers."""
+        return self.law.initial(n)
+
+    def respond(
+        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+    ) -> MacroResponse:
+        """Of the law that answers."""
+        return self.law.respond(states, grad_p, memory, tangent=tangent)
+
+    def reconsider(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
+        """Asked when a step has converged."""
+        changed = self.law.reconsider(response, memory)
+        if changed is None:
+            self.visited.append(response.memory.states)
+        return changed
+
+
+def coarse_problem(problem: MacroProblem, elements: int, steps: int) -> MacroProblem:
+    """With at most ``elements`` along each axis, and about ``steps`` time steps after the ramp."""
+    time = problem.time
+    after = time.end - time.ramp_increments * time.ramp_step
+    return problem.model_copy(
+        update={
+            "body": problem.body.coarsened(elements),
+            "time": time.model_copy(update={"step": max(time.step, after / steps), "profiles": ()}),
+        }
+    )

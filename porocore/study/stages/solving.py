@@ -1,0 +1,226 @@
+"""The macro stage of a run: every load with every law that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from porocore.core.console import Console
+from porocore.interfaces.law import MacroLaw
+from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.solution import StepReport
+from porocore.macro.laws import ClosedLaw, LearningLaw
+from porocore.macro.laws.direct import DirectCellLaw
+from porocore.macro.laws.direct_record import SolvesCells, noted
+from porocore.macro.laws.fallback import Fallback
+from porocore.macro.laws.linear import LinearPoroelasticity
+from porocore.macro.reference import CellReference
+from porocore.plugins.border import body_solution_of
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool
+from porocore.study.backends import make_backend
+from porocore.study.config.config import RunConfig
+from porocore.study.preflight.abilities import require_parts
+from porocore.study.run_folder.files import LINEAR, direct_law, fallback_law
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder.provenance import versions
+from porocore.study.stages.stage_files import (
+    linear_coefficients,
+    load_reference,
+    load_solution,
+    load_surrogate,
+    prepare_cell,
+    training_set,
+)
+from porocore.study.stages.stage_times import timed
+
+LawKind = Literal["surrogate", "linear", "direct", "fallback"]
+#: What is solved unless something else is asked for.
+USUAL_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
+
+
+@dataclass(frozen=True)
+class RunLaw:
+    """A law of a run, and what solves cells on its way, with the file that says how many."""
+
+    law: MacroLaw
+    cells: SolvesCells | None = None
+    record: Path | None = None
+
+    def noted(self, solution: str) -> AbstractContextManager[None]:
+        """The cells solved during the block are added to the record of ``solution``."""
+        if self.cells is None or self.record is None:
+            return nullcontext()
+        return noted(self.record, solution, self.cells.work)
+
+
+def solve(
+    folder: RunFolder,
+    config: RunConfig,
+    *,
+    console: Console,
+    solver: MacroSolver | None = None,
+    backend: str | None = None,
+    laws: Sequence[LawKind] = USUAL_LAWS,
+    direct_closure: str | None = None,
+) -> list[str]:
+    """Solve the macro problem under every load with each of ``laws``; returns the laws' names.
+
+    With ``solver``, which ``backend`` names, solutions of other backends are replaced; without, the configured one
+    solves what is missing. Where several processes share a solver, all of them call this. ``direct_closure`` closes
+    the cells of direct FE²; by default the closure of ``config`` does.
+    """
+    with ExitStack() as stack:
+        chosen = macro_laws(folder, config, stack, laws, direct_closure or config.closure)
+        if solver is None:
+            solver = make_backend("macro solver", config)
+        for load in config.macro.loads:
+            _solve_load(folder, config, load, chosen, solver, backend, console)
+        return list(chosen)
+
+
+def with_fallback(laws: Sequence[LawKind], fallback: str) -> tuple[LawKind, ...]:
+    """``laws``, and the one that learns on the way unless ``fallback`` is ``none``."""
+    more: tuple[LawKind, ...] = () if fallback == "none" else ("fallback",)
+    return (*laws, *more)
+
+
+def law_names(config: RunConfig, laws: Sequence[LawKind], direct_closure: str) -> list[str]:
+    """Under which names :func:`solve` keeps the solutions."""
+    names = {"surrogate": config.closure, "linear": LINEAR, "direct": direct_law(direct_closure)}
+    names["fallback"] = fallback_law(config.closure)
+    return [names[kind] for kind in dict.fromkeys(laws)]
+
+
+def macro_laws(
+    folder: RunFolder,
+    config: RunConfig,
+    stack: ExitStack,
+    kinds: Sequence[LawKind] = USUAL_LAWS,
+    direct_closure: str = "potential",
+) -> dict[str, RunLaw]:
+    """The laws of a run by name; processes that a law needs end with ``stack``."""
+    reference = load_reference(folder, config)
+    laws: dict[str, RunLaw] = {}
+    for kind in dict.fromkeys(kinds):
+        if kind == "surrogate":
+            law = ClosedLaw(
+                load_surrogate(folder, config),
+                reference.closure(config.closure, config.cell.solid, config.conductivity),
+                identity=config.stages.training,
+            )
+            laws[config.closure] = RunLaw(law)
+        elif kind == "linear":
+            laws[LINEAR] = RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
+        elif kind == "fallback":
+            name = fallback_law(config.closure)
+            laws[name] = _learning(folder, config, stack, reference, name)
+        else:
+            rest = reference.resting(config.conductivity)
+            identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
+            cells = DirectCellLaw(stack.enter_context(_pool(config)), rest, identity)
+            name = direct_law(direct_closure)
+            closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
+            closed = ClosedLaw(cells, closure, name=name)
+            laws[name] = RunLaw(closed, cells, folder.direct_work)
+    return laws
+
+
+def _pool(config: RunConfig) -> CellPool:
+    arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
+    return CellPool(prepare_cell, arguments, **config.sampling.pool_options())
+
+
+def _learning(
+    folder: RunFolder, config: RunConfig, stack: ExitStack, reference: CellReference, name: str
+) -> RunLaw:
+    """The closure of a run with a surrogate that learns where the run takes it."""
+    surrogate = load_surrogate(folder, config)
+    dataset = Dataset.create_or_open(
+        folder.fallback,
+        inputs=config.sampling.input_space(),
+        identity=config.stages.sampling,
+        provenance=versions(),
+    )
+    stack.enter_context(dataset.writing())
+    extend = Fallback(
+        stack.enter_context(_pool(config)),
+        dataset,
+        training_set(folder, config),
+        partial(make_backend, "surrogate", config),
+        config.surrogate.seed,
+        objective=config.surrogate_model == "potential",
+    )
+    law = LearningLaw(
+        extend.known(surrogate),
+        reference.closure(config.closure, config.cell.solid, config.conductivity),
+        extend,
+        identity=f"{config.stages.training} with fallback",
+        name=name,
+    )
+    return RunLaw(law, extend, folder.fallback_work)
+
+
+def _solve_load(
+    folder: RunFolder,
+    config: RunConfig,
+    load: float,
+    laws: dict[str, RunLaw],
+    solver: MacroSolver,
+    backend: str | None,
+    console: Console,
+) -> None:
+    world, prepared = solver.world, None
+    problem = config.macro.problem(load)
+    for name, run in laws.items():
+        path = folder.solution(name, load)
+        if world.first(partial(_is_solved, folder, name, load, backend, console)):
+            continue
+        if prepared is None:
+            require_parts(type(solver), backend or config.macro_backend, problem)
+            prepared = solver.prepare(problem)
+        checkpoint = folder.macro_checkpoint(name, load)
+        with (
+            world.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
+            run.noted(path.stem),
+            console.task(f"column, {name}, load {load:g}", "time") as task,
+        ):
+            reached = [0.0, config.macro.time.end]
+
+            def show(step: StepReport, task: Any = task, reached: list[float] = reached) -> None:
+                reached[:] = round(step.time, 6), step.end
+                task.update(*reached, detail=f"settlement {step.settlement:.4g}")
+
+            if run.cells is not None:
+
+                def say(text: str, task: Any = task, reached: list[float] = reached) -> None:
+                    task.update(*reached, detail=text)
+
+                run.cells.on_work = say
+            solution = body_solution_of(
+                solver, prepared, run.law, problem, checkpoint=checkpoint, on_step=show
+            )
+            solution = replace(solution, backend=backend or config.macro_backend)
+            world.first(partial(solution.save, path))
+        if run.cells is not None:
+            console.note(f"{path.stem}: {run.cells.work.in_words()}")
+        world.first(partial(checkpoint.unlink, missing_ok=True))
+
+
+def _is_solved(folder: RunFolder, law: str, load: float, backend: str | None, console: Console) -> bool:
+    """Whether there is a solution that may stay."""
+    path = folder.solution(law, load)
+    if not path.exists():
+        return False
+    found = load_solution(folder, law, load)
+    if backend is None or found.backend == backend:
+        console.note(f"solving: {path.name} is there already")
+        return True
+    console.note(
+        f"solving: {path.name} is of {found.backend or 'another backend'}; solved again with {backend}"
+    )
+    return False

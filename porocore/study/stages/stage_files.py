@@ -1,0 +1,153 @@
+"""What one stage of a run hands to the next: read from the run folder, and checked to belong to it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.errors import DataError
+from porocore.interfaces.cell import CellSolver
+from porocore.interfaces.sampler import Sampler
+from porocore.interfaces.solution import MacroSolution
+from porocore.interfaces.surrogate import MORE_STATES, Surrogate, TrainingSet, least_states
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.reference import CellReference
+from porocore.plugins.registry import registry
+from porocore.sampling.campaign import is_complete
+from porocore.sampling.datasets.dataset import Dataset, describe
+from porocore.study.backends import make_backend
+from porocore.study.config.config import RunConfig
+from porocore.study.preflight.abilities import require_conductivity
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder.provenance import versions
+from porocore.study.stages.exploration import inform
+
+
+def prepare_cell(
+    backend: str, options: dict[str, Any], cell: Cell, conductivity: str = "piola"
+) -> tuple[CellSolver, Any]:
+    """A cell solver and what it has prepared; worker processes call this once.
+
+    Raises
+    ------
+    ConfigurationError
+        The solver cannot compute the conductivity of a deformed pore, or not of this cell.
+    """
+    solver: CellSolver = registry().get("cell solver", backend)(**options)
+    require_conductivity(type(solver), backend, conductivity)
+    if conductivity != "deformed":
+        return solver, solver.prepare(cell)
+    deformed: Any = solver
+    return solver, deformed.prepare(cell, deformed=True)
+
+
+def load_reference(folder: RunFolder, config: RunConfig) -> CellReference:
+    """The undeformed cell of the run."""
+    return CellReference.load(folder.require(folder.reference, "sample"), config.stages.cell)
+
+
+def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
+    """Of the run's cell."""
+    return LinearCoefficients.from_reference(
+        reference.response, reference.solid_fraction, config.cell.solid, reference.conductivity
+    )
+
+
+def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
+    """The surrogate that the closure of ``config`` needs.
+
+    Raises
+    ------
+    RunFolderError
+        It is not trained yet.
+    DataError
+        The file is damaged, or was trained for another cell or on other inputs.
+    """
+    path = folder.require(folder.surrogate_of(config), train_command(folder, config))
+    surrogate: Surrogate = registry().get("surrogate", config.surrogate.backend).load(path)
+    if surrogate.identity != config.stages.cell:
+        raise DataError(
+            f"{path}: trained for another cell (identity {surrogate.identity}, expected {config.stages.cell}); "
+            f"delete it and run porocore train {folder.path}"
+        )
+    expected = config.sampling.input_space()
+    if surrogate.inputs != expected:
+        raise DataError(
+            f"{path}: trained on other inputs ({describe(surrogate.inputs)}, expected {describe(expected)}); "
+            f"delete it and run porocore train {folder.path}"
+        )
+    return surrogate
+
+
+def train_command(folder: RunFolder, config: RunConfig) -> str:
+    """How to train the surrogate that ``config`` needs, but for the folder."""
+    own = config.closure == folder.written.closure
+    return "train" if own else f"train --closure {config.closure}"
+
+
+def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
+    """A macro solution of the run.
+
+    Raises
+    ------
+    DataError
+        The file is damaged, or holds another law or load than its name says.
+    """
+    path = folder.solution(law, load)
+    solution = MacroSolution.load_file(path)
+    if (solution.law, solution.load) != (law, load):
+        raise DataError(
+            f"{path}: holds the solution of law '{solution.law}' under load {solution.load:g}, expected "
+            f"'{law}' under {load:g}; delete it and run porocore solve {folder.path}"
+        )
+    return solution
+
+
+def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
+    """The stable states of the run, in contact or not.
+
+    Raises
+    ------
+    DataError
+        Sampling is not finished, or there are too few of them.
+    """
+    sampler: Sampler = make_backend("sampler", config)
+    reference = load_reference(folder, config)
+    inform(sampler, folder.written, reference)
+    dataset = finished(folder, folder.dataset, config.stages.sampling, sampler)
+    responses = dataset.responses()
+    good = np.flatnonzero(responses.stable)
+    if len(good) < (least := least_states(len(dataset.inputs))):
+        raise DataError(
+            f"{folder.dataset}: {len(good)} of {len(dataset)} states are stable, too few to train on; at least {least} "
+            f"are needed: {MORE_STATES}"
+        )
+    return TrainingSet(
+        dataset.states()[good],
+        responses[good],
+        dataset.inputs,
+        reference.resting(config.conductivity),
+        config.stages.cell,
+        versions(),
+        config.cell.point_group,
+        config.surrogate.tolerance,
+    )
+
+
+def finished(folder: RunFolder, path: Path, identity: str, sampler: Sampler) -> Dataset:
+    """The dataset at ``path`` if it holds every state that its sampler asks for.
+
+    Raises
+    ------
+    DataError
+        It does not.
+    """
+    dataset = Dataset.open(path, inputs=folder.config.sampling.input_space(), identity=identity)
+    if not is_complete(sampler, dataset):
+        raise DataError(
+            f"{path}: sampling was interrupted and is not finished; run porocore sample {folder.path}"
+        )
+    return dataset

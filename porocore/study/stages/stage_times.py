@@ -1,0 +1,74 @@
+"""How long each stage of a run has taken, and over how many runs: one that is resumed adds to the time before."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from porocore.core.files.atomic import atomic_path, noted_afterwards
+from porocore.core.files.reading import read_json
+from porocore.errors import DataError
+
+
+@contextmanager
+def timed(path: Path, stage: str) -> Iterator[None]:
+    """Add the block's wall time to what ``stage`` has taken so far, also when the block is interrupted.
+
+    Raises
+    ------
+    DataError
+        The record at ``path`` is damaged; the block is not run.
+    RunFolderError
+        The disk is full or read-only.
+    """
+    record = _record(path)
+    began = time.perf_counter()
+
+    def note() -> None:
+        seconds, runs = record.get(stage, (0.0, 0))
+        record[stage] = seconds + time.perf_counter() - began, runs + 1
+        text = json.dumps({name: {"seconds": s, "runs": n} for name, (s, n) in record.items()}, indent=2)
+        with atomic_path(path) as part:
+            part.write_text(text + "\n", encoding="utf-8")
+
+    with noted_afterwards(note):
+        yield
+
+
+def stage_times(path: Path) -> dict[str, float]:
+    """Return the seconds by stage, over all runs that worked on it; empty before the first.
+
+    Raises
+    ------
+    DataError
+        The record is damaged.
+    """
+    return {stage: seconds for stage, (seconds, _) in _record(path).items()}
+
+
+def stage_runs(path: Path) -> dict[str, int]:
+    """Return by stage how many runs its time is of: one, and one more for each time that it was resumed.
+
+    Raises
+    ------
+    DataError
+        The record is damaged.
+    """
+    return {stage: runs for stage, (_, runs) in _record(path).items()}
+
+
+def _record(path: Path) -> dict[str, tuple[float, int]]:
+    if not path.exists():
+        return {}
+    try:
+        record = read_json(path).items()
+        # Folders of porocore 0.1 have the seconds alone.
+        entries = {s: e if isinstance(e, dict) else {"seconds": e, "runs": 1} for s, e in record}
+        return {str(stage): (float(entry["seconds"]), int(entry["runs"])) for stage, entry in entries.items()}
+    except (OSError, ValueError, TypeError, AttributeError, KeyError, OverflowError) as error:
+        raise DataError(
+            f"{path}: not a record of the stages' times ({error}); delete it, it is not needed"
+        ) from error

@@ -1,0 +1,71 @@
+"""Independent tasks in processes of one thread each, results as they come."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import active_children, get_context
+from typing import Any
+
+from porocore.errors import PorocoreError
+from porocore.sampling.execution import THREAD_VARIABLES, end_with_parent
+
+#: Key, and a function at the top level of a module with its first arguments.
+Task = tuple[str, tuple[Callable[..., Any], tuple[Any, ...]]]
+
+_shared: tuple[Any, ...] = ()
+
+
+def run_tasks(tasks: list[Task], shared: tuple[Any, ...], workers: int) -> Iterator[tuple[str, Any]]:
+    """(key, result) of each task, called with its arguments followed by ``shared``, in the order of completion.
+
+    With one worker, or one task, they run in this process. Workers ignore Ctrl-C and end when this generator is
+    left or this process ends.
+
+    Raises
+    ------
+    PorocoreError
+        A worker died; an exception of a task is raised as it is.
+    """
+    workers = min(workers, len(tasks))
+    if workers <= 1:
+        for key, (function, arguments) in tasks:
+            yield key, function(*arguments, *shared)
+        return
+    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    others = set(active_children())
+    executor = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_start, initargs=(shared,))
+    try:
+        os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))  # read by libraries as workers start
+        futures = {executor.submit(_call, function, arguments): key for key, (function, arguments) in tasks}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    except BrokenProcessPool as error:
+        raise PorocoreError(
+            "a worker process ended without a word; if memory ran out, use fewer with --workers"
+        ) from error
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+        executor.shutdown(wait=False, cancel_futures=True)
+        for process in set(active_children()) - others:
+            process.terminate()
+            process.join()
+
+
+def _start(shared: tuple[Any, ...]) -> None:
+    global _shared
+    _shared = shared
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=end_with_parent, daemon=True).start()
+
+
+def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    return function(*arguments, *_shared)

@@ -1,0 +1,1 @@
+"""Estimates of a surrogate's error at a state, and the component that is at fault."""

@@ -1,0 +1,92 @@
+"""How far a surrogate may be from the cell at a state, by polynomials that know the same solved states.
+
+The polynomials are of higher degree than what a surrogate can be trusted with, and are held by a prior where the states
+do not determine them. The surrogate's distance from their mean is what it has left out; their scatter is what the
+states leave open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.states import Array
+from porocore.surrogates.polynomial.monomials import Polynomial
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorEstimate:
+    """Estimated error of a surrogate as a share of the range of what it predicts.
+
+    Attributes
+    ----------
+    tolerance
+        Errors beyond it are flagged.
+    polynomials
+        The mean and the draws, one after the other, each with the same outputs, in some terms.
+    terms
+        Polynomial of the terms in the variables; None where the terms are the variables.
+    judged
+        Of slopes by the variables, those that are judged; empty where the values are.
+    spread : (c,)
+        Ranges of the c quantities that are judged, by which errors are divided.
+    nugget
+        Standard deviation of what no smooth function follows, as a share.
+    safe : (2, v)
+        Box of the variables in which no estimate comes near the tolerance, so that none has to be made there.
+    """
+
+    tolerance: float
+    polynomials: Polynomial
+    terms: Polynomial | None
+    judged: tuple[int, ...]
+    spread: Array
+    nugget: float
+    safe: Array
+
+    def flagged(self, variables: Array, found: Array) -> npt.NDArray[np.bool_]:
+        """Return which of n states have an estimated error beyond the tolerance, or none that is finite, (n,).
+
+        Parameters
+        ----------
+        variables : (v, n)
+            Of the states.
+        found : (c, n)
+            What the surrogate says of the judged quantities there.
+        """
+        low, high = self.safe[:, :, None]
+        there = np.flatnonzero(~((variables >= low) & (variables <= high)).all(axis=0))
+        flagged = np.zeros(variables.shape[1], dtype=bool)
+        if len(there):
+            # NaN compares as false, and is flagged.
+            flagged[there] = ~(self.error(variables[:, there], found[:, there]) <= self.tolerance)
+        return flagged
+
+    def error(self, variables: Array, found: Array) -> Array:
+        """Return the estimate (n,), that of the worst quantity; parameters as in :meth:`flagged`."""
+        answers = self._answers(variables)
+        mean = answers[0]
+        squares = (mean - found) ** 2 + ((answers[1:] - mean) ** 2).mean(axis=0)
+        shares = squares / self.spread[:, None] ** 2 + self.nugget**2
+        worst: Array = np.sqrt(shares.max(axis=0))
+        return worst
+
+    def _answers(self, variables: Array) -> Array:
+        """Return what the mean and the draws say of the judged quantities, (1 + draws, c, n)."""
+        c, n = len(self.spread), variables.shape[1]
+        if self.terms is None:
+            return self.polynomials.evaluate(variables).reshape(-1, c, n)
+        t, by_variables, _ = self.terms.entries(variables, second=False)
+        _, by_terms, _ = self.polynomials.entries(t, second=False)
+        rows: dict[int, list[tuple[int, Array]]] = {}
+        place = {variable: k for k, variable in enumerate(self.judged)}
+        for (term, variable), row in by_variables:
+            if variable in place:
+                rows.setdefault(term, []).append((place[variable], row))
+        answers = np.zeros((len(self.polynomials.coefficients), c, n))
+        for (member, term), slope in by_terms:
+            for k, row in rows.get(term, ()):
+                answers[member, k] += slope * row
+        return answers

@@ -1,0 +1,155 @@
+"""Fitting the polynomials of an error estimate: Bayesian least squares, calibrated by states that were left out.
+
+Coefficients have a normal prior whose width falls by a factor with each degree. This factor, the share of what no
+smooth function follows, and the common scale are those under which states that were left out of a fit are most likely
+(cross-validation; Rasmussen & Williams 2006, ch. 5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+
+from porocore.states import Array
+from porocore.surrogates.error_estimate.estimate import ErrorEstimate
+from porocore.surrogates.polynomial.least_squares import FOLDS
+from porocore.surrogates.polynomial.monomials import IntArray, Polynomial, exponents_up_to
+from porocore.surrogates.polynomial.terms import Terms
+
+#: Widths of the prior from one degree to the next, and standard deviations of the rest, that are tried.
+DECAYS, NUGGETS = (0.3, 0.1, 0.03, 0.01), (1e-4, 1e-3, 1e-2, 1e-1)
+#: Polynomials besides the mean; monomials and weight at most.
+DRAWS, MOST_MONOMIALS, HIGHEST = 6, 400, 8
+#: States at which the safe box is looked for, and the share of the tolerance that the estimate stays below in it.
+PROBES, SAFE = 2048, 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """What n solved states say of o functions.
+
+    Attributes
+    ----------
+    rows : (K, c, n)
+        Of each of K monomials the c quantities that are known at a state, such as its value and its slopes.
+    right : (o, c, n)
+        What the functions have there.
+    degrees : (K,)
+        Weights of the monomials.
+    judged : (c,) bool
+        Quantities by which the fit is calibrated.
+    """
+
+    rows: Array
+    right: Array
+    degrees: IntArray
+    judged: npt.NDArray[np.bool_]
+
+
+def draw(equations: Equations, seed: int = 0) -> tuple[Array, float]:
+    """Return the mean and :data:`DRAWS` draws of the coefficients, (1 + draws, o, K), and the nugget."""
+    rows, right = equations.rows, equations.right
+    K, _, n = rows.shape
+    size = np.sqrt((rows**2).mean(axis=(1, 2)))
+    size[size == 0] = 1.0
+    scaled = rows / size[:, None, None]
+    steps = equations.degrees - equations.degrees.min()
+    fold = np.arange(n) % min(FOLDS, n)
+    parts = [_normal(scaled[:, :, fold == f], right[:, :, fold == f]) for f in range(int(fold.max()) + 1)]
+    gram, moment = sum(part[0] for part in parts), sum(part[1] for part in parts)
+    best, likelihood = (DECAYS[0], NUGGETS[0], 1.0), -np.inf
+    for decay in DECAYS:
+        prior = np.diag(decay ** (-2.0 * steps))
+        for nugget in NUGGETS:
+            left_out = [
+                _left_out(
+                    scaled, equations, fold == f, (gram - A) / nugget**2 + prior, (moment - b) / nugget**2
+                )
+                for f, (A, b) in enumerate(parts)
+            ]
+            squares = np.concatenate([square.ravel() for square, _ in left_out])
+            variances = np.concatenate([np.broadcast_to(v, s.shape).ravel() for s, v in left_out]) + nugget**2
+            variance = max(float((squares / variances).mean()), 1e-300)
+            found = -float((np.log(variances) + np.log(variance)).mean())
+            if found > likelihood:
+                best, likelihood = (decay, nugget, variance), found
+    decay, nugget, variance = best
+    factor = cholesky(gram / nugget**2 + np.diag(decay ** (-2.0 * steps)), lower=True)
+    mean = cho_solve((factor, True), moment / nugget**2)
+    random = np.random.default_rng(seed).standard_normal((K, DRAWS * len(right)))
+    scatter = np.sqrt(variance) * solve_triangular(factor, random, lower=True, trans="T")
+    members = np.concatenate([mean[:, None], mean[:, None] + scatter.reshape(K, DRAWS, -1)], axis=1)
+    return np.moveaxis(members, 0, 2) / size, float(np.sqrt(variance) * nugget)
+
+
+def _normal(rows: Array, right: Array) -> tuple[Array, Array]:
+    """Return the matrix (K, K) and the right-hand sides (K, o) of the normal equations."""
+    A = rows.reshape(len(rows), -1)
+    return A @ A.T, A @ right.reshape(len(right), -1).T
+
+
+def _left_out(
+    scaled: Array, equations: Equations, test: Array, matrix: Array, moment: Array
+) -> tuple[Array, Array]:
+    """Return squared errors (o, …) at the states left out, and the variances (…) that were expected of them."""
+    factor = cholesky(matrix, lower=True)
+    there = scaled[:, equations.judged][:, :, test].reshape(len(scaled), -1)
+    known = equations.right[:, equations.judged][:, :, test].reshape(len(equations.right), -1)
+    wrong = known - cho_solve((factor, True), moment).T @ there
+    half = solve_triangular(factor, there, lower=True)
+    return wrong**2, (half**2).sum(axis=0)
+
+
+def monomials(
+    equations: int,
+    weights: tuple[int, ...],
+    lowest: int,
+    terms: Terms | None = None,
+    count: Callable[[IntArray], int] = len,
+) -> IntArray:
+    """Return exponents up to a weight that is at least one above the lowest.
+
+    It is as high as :data:`MOST_MONOMIALS` and two coefficients for each of the ``equations`` allow; ``count`` says
+    how many coefficients monomials have.
+    """
+    find = terms.monomials if terms is not None else lambda low, high: exponents_up_to(weights, low, high)
+    found = find(lowest, lowest + 1)
+    for highest in range(lowest + 2, HIGHEST + 1):
+        more = find(lowest, highest)
+        if count(more) > min(MOST_MONOMIALS, 2 * equations):
+            break
+        found = more
+    return found
+
+
+def probes(low: Array, high: Array) -> tuple[Array, Array]:
+    """Return points (v, n) of a box, from its middle to its corners, and how far out they are, 0 to 1 (n,)."""
+    from scipy.stats import qmc  # slow to import
+
+    v = len(low)
+    cloud = 2 * qmc.Sobol(v + 2, seed=0).random(PROBES).T - 1
+    # In many variables a box is mostly its corners, but hardly a point of an even cloud lies there.
+    sides = np.where(np.abs(cloud[:v]) > cloud[v], np.sign(cloud[:v]), cloud[:v])
+    radius = np.sqrt((cloud[v + 1] + 1) / 2)
+    surface = sides / np.abs(sides).max(axis=0)
+    return (low + high)[:, None] / 2 + radius * surface * (high - low)[:, None] / 2, radius
+
+
+def safe_box(low: Array, high: Array, radius: Array, error: Array, tolerance: float) -> Array:
+    """Return the largest box (2, v) about the middle in which no probe has an error near the tolerance."""
+    near = radius[~(error <= SAFE * tolerance)]
+    share = float(near.min(initial=1.0))
+    # Without a single good probe around it, it is empty.
+    share = share if (radius < share).sum() >= 10 else -1.0
+    middle, half = (low + high) / 2, (high - low) / 2
+    return np.stack([middle - share * half, middle + share * half])
+
+
+def estimate(coefficients: Array, exponents: IntArray, nugget: float, **how: object) -> ErrorEstimate:
+    """Return an estimate without a safe box from what :func:`draw` returned; ``how`` are its other attributes."""
+    members = Polynomial(exponents, np.ascontiguousarray(coefficients.reshape(-1, len(exponents))))
+    return ErrorEstimate(polynomials=members, nugget=nugget, **how)  # type: ignore[arg-type]

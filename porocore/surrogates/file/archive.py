@@ -1,0 +1,88 @@
+"""Named arrays and a header in one HDF5 file that cannot be mistaken, cut short or edited unnoticed.
+
+Layout: attributes ``format``, ``version``, ``checksum``; ``header``, a text in JSON; every array a dataset of
+float64 under its name. The checksum is the SHA-256 of the header and of all names, shapes and numbers.
+Reading executes nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from porocore.core.hdf5 import atomic_hdf5, opened
+from porocore.errors import DataError
+from porocore.states import Array
+
+
+def write_archive(
+    path: Path, form: str, version: int, header: dict[str, Any], arrays: dict[str, Array]
+) -> None:
+    """Write one file, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        Its folder is made if it does not exist.
+    form, version
+        What kind of file it is.
+    header
+        Anything that JSON can hold; floats are kept to the last bit.
+    arrays
+        Float64 arrays by name; a ``/`` in a name makes a group.
+
+    Raises
+    ------
+    RunFolderError
+        The disk is full or read-only; ``path`` is as it was before.
+    """
+    text = json.dumps(header, ensure_ascii=False)
+    with atomic_hdf5(path) as file:
+        file.attrs.update(format=form, version=version, checksum=_checksum(text, arrays))
+        file.create_dataset("header", data=text, dtype=h5py.string_dtype())
+        for name, array in arrays.items():
+            file[name] = array
+
+
+def read_archive(path: Path, form: str, version: int, advice: str) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Read what :func:`write_archive` wrote: the header and the arrays.
+
+    Raises
+    ------
+    DataError
+        There is no such file, or it is of another kind or version, truncated or edited; the message ends with
+        ``advice``.
+    """
+    with opened(path, f"file of format {form}", advice) as file:
+        found = file.attribute("format", str) if "format" in file.attributes else "another"
+        if found != form:
+            raise DataError(f"{path}: expected a file of format {form}, got {found[:40]}; {advice}")
+        if (number := file.attribute("version", int)) != version:
+            raise DataError(
+                f"{path}: expected version {version} of {form}, got {number}; use the porocore that wrote it,"
+                f" or {advice}"
+            )
+        checksum, text = file.attribute("checksum", str), file.text("header")
+        arrays = {name: file.array_of_any_shape(name) for name in file.arrays_below("") if name != "header"}
+        if checksum != _checksum(text, arrays):
+            raise DataError(
+                f"{path}: its numbers do not match its checksum, so it was damaged or edited; {advice}"
+            )
+        header = json.loads(text)
+        if not isinstance(header, dict):
+            raise ValueError(f"its header is a {type(header).__name__}")
+    return header, arrays
+
+
+def _checksum(text: str, arrays: dict[str, Array]) -> str:
+    digest = hashlib.sha256(text.encode())
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name], dtype=np.float64)
+        digest.update(f"\0{name}\0{arrays[name].shape}\0".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,319 @@
+"""One file for every surrogate: written by any backend, read by any, and by numpy alone.
+
+An archive (:mod:`porocore.surrogates.file.archive`) whose header names the model, the inputs, the cell, who wrote it
+and how good it was; the arrays are weights, scalings, polynomials and the sampled range. Reading executes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from porocore.core.hdf5 import UNREADABLE, damaged
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.tensors.point_group import PointGroup
+from porocore.states import Array
+from porocore.surrogates.conductivity.model import ConductivityModel, triangle
+from porocore.surrogates.file import estimates as estimate_file
+from porocore.surrogates.file.archive import read_archive, write_archive
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.network import Evaluator, Network
+from porocore.surrogates.polynomial.arrays import pack_polynomial, unpack_polynomial
+from porocore.surrogates.polynomial.monomials import Polynomial
+from porocore.surrogates.polynomial.terms import VARIABLES, Terms, plain
+from porocore.surrogates.potential.data import Rest
+from porocore.surrogates.potential.model import NetworkPart, PotentialModel
+from porocore.surrogates.reach import Reach
+
+#: Until version 5 the symmetry of the cell was guessed, and stresses across the sampled components were dropped.
+FORMAT, VERSION = "porocore-surrogate", 6
+ADVICE = "delete it and train the surrogate again"
+
+Model = AnchoredModel | PotentialModel
+#: A network that evaluates as the caller likes, from the numbers of the file.
+MakeEvaluator = Callable[[Network], Evaluator]
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a file says besides the model.
+
+    Attributes
+    ----------
+    backend
+        Who wrote it.
+    options
+        With which options it was trained.
+    identity
+        Hash of cell and material.
+    provenance
+        Versions and configuration.
+    accuracy
+        Named errors, each a share of the range of what was learned.
+    conductivity
+        Model of K_ref of the deformed pore; None where it was not learned.
+    """
+
+    backend: str
+    options: dict[str, Any]
+    identity: str
+    provenance: dict[str, str] = field(default_factory=dict)
+    accuracy: dict[str, float] = field(default_factory=dict)
+    conductivity: ConductivityModel | None = None
+
+
+def write(path: Path, model: Model, record: Record) -> None:
+    """One HDF5 file, whole or not at all.
+
+    Raises
+    ------
+    RunFolderError
+        The disk is full or read-only.
+    """
+    header: dict[str, Any] = {
+        "model": "mlp" if isinstance(model, AnchoredModel) else "potential",
+        "backend": record.backend,
+        "options": record.options,
+        "identity": record.identity,
+        "provenance": record.provenance,
+        "accuracy": record.accuracy,
+        "inputs": model.sampled.inputs.names,
+    }
+    arrays = {
+        "inputs/lower": np.array(model.sampled.inputs.lower),
+        "inputs/upper": np.array(model.sampled.inputs.upper),
+        "range/normals": model.sampled.normals,
+        "range/offsets": model.sampled.offsets,
+    }
+    pack = _pack_anchored if isinstance(model, AnchoredModel) else _pack_potential
+    pack(model, header, arrays)  # type: ignore[arg-type]
+    if model.estimate is not None:
+        estimate_file.pack(model.estimate, header, arrays)
+    if record.conductivity is not None:
+        _pack_conductivity(record.conductivity, header, arrays)
+    write_archive(path, FORMAT, VERSION, header, arrays)
+
+
+def read(path: Path) -> tuple[Model, Record]:
+    """What :func:`write` wrote; its network, if there is one, evaluates in numpy.
+
+    Raises
+    ------
+    DataError
+        The file is truncated, edited, foreign or of another version.
+    """
+    header, arrays = read_archive(path, FORMAT, VERSION, ADVICE)
+    try:
+        for name, array in arrays.items():
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name} holds numbers that are not finite")
+        inputs = InputSpace(
+            tuple(header["inputs"]), *(tuple(arrays[f"inputs/{end}"].tolist()) for end in ("lower", "upper"))
+        )
+        sampled = _unpack_range(arrays, "range", inputs)
+        unpack: dict[str, Callable[..., Model]] = {"mlp": _unpack_anchored, "potential": _unpack_potential}
+        model = unpack[header["model"]](header, arrays, sampled)
+        if "estimate" in header:
+            model = replace(model, estimate=estimate_file.unpack(header, arrays, model))
+        record = _unpack_record(header, arrays, inputs)
+    except UNREADABLE as error:
+        raise damaged(path, "surrogate", error, ADVICE) from error
+    return model, record
+
+
+def _unpack_range(arrays: dict[str, Array], name: str, inputs: InputSpace) -> SampledRange:
+    normals, offsets = arrays[f"{name}/normals"], arrays[f"{name}/offsets"]
+    if offsets.ndim != 1 or not len(offsets) or normals.shape != (len(offsets), len(inputs)):
+        raise ValueError(f"{name} has normals of shape {normals.shape} and offsets of shape {offsets.shape}")
+    if (np.abs(normals).max(axis=1) == 0).any():
+        raise ValueError(f"{name}/normals has one of length zero")
+    return SampledRange(inputs, normals, offsets)
+
+
+def _unpack_record(header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace) -> Record:
+    kinds = {"backend": str, "options": dict, "identity": str, "provenance": dict, "accuracy": dict}
+    for name, kind in kinds.items():
+        if not isinstance(header[name], kind):
+            raise ValueError(f"its header says '{name}': {str(header[name])[:40]}")
+    if not all(isinstance(text, str) for text in header["provenance"].values()):
+        raise ValueError("its header has a provenance that is no text")
+    if not all(isinstance(x, float | int) for x in header["accuracy"].values()):
+        raise ValueError("its header has an accuracy that is no number")
+    conductivity = _unpack_conductivity(header, arrays, inputs) if "conductivity" in header else None
+    return Record(conductivity=conductivity, **{name: header[name] for name in kinds})
+
+
+def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:
+    """The model of a file with a network that evaluates as the caller likes."""
+    if isinstance(model, AnchoredModel):
+        return replace(model, network=make_evaluator(cast(Network, model.network)))
+    if model.network is None:
+        return model
+    part = model.network
+    return replace(model, network=replace(part, network=make_evaluator(cast(Network, part.network))))
+
+
+def _pack_network(network: Any, header: dict[str, Any], arrays: dict[str, Array]) -> None:
+    network = getattr(
+        network, "network", network
+    )  # an evaluator of a backend keeps the numbers it was made of
+    header["activation"], header["layers"] = network.activation, len(network.weights)
+    for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
+        arrays |= {f"network/{i}/weights": W, f"network/{i}/biases": b}
+
+
+def _unpack_network(header: dict[str, Any], arrays: dict[str, Array], inputs: int, outputs: int) -> Network:
+    layers = range(int(header["layers"]))
+    network = Network(
+        header["activation"],
+        tuple(arrays[f"network/{i}/weights"] for i in layers),
+        tuple(arrays[f"network/{i}/biases"] for i in layers),
+    )
+    if network.weights and (network.weights[0].shape[1], len(network.weights[-1])) != (inputs, outputs):
+        raise ValueError(f"expected a network of {inputs} inputs and {outputs} outputs")
+    if not network.weights and outputs:
+        raise ValueError("a network without layers")
+    return network
+
+
+def _pack_anchored(model: AnchoredModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
+    header["components"] = model.components
+    arrays |= {
+        "reference/M": model.linear[:, :9].reshape(3, 3, 3, 3),
+        "reference/Q": model.linear[:, 9].reshape(3, 3),
+        "network/output_scale": model.output_scale,
+    }
+    _pack_network(model.network, header, arrays)
+
+
+def _unpack_anchored(
+    header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange
+) -> AnchoredModel:
+    M, Q = arrays["reference/M"].reshape(9, 9), arrays["reference/Q"].reshape(9, 1)
+    components = tuple(int(c) for c in header["components"])
+    if any(c not in range(9) for c in components):
+        raise ValueError(f"components {components}")
+    return AnchoredModel(
+        np.concatenate([M, Q], axis=1),
+        components,
+        arrays["network/output_scale"].reshape(len(components)),
+        _unpack_network(header, arrays, len(sampled.inputs), len(components)),
+        sampled,
+    )
+
+
+def _pack_terms(terms: Terms, name: str, arrays: dict[str, Array]) -> None:
+    pack_polynomial(terms.polynomial, name, arrays)
+    arrays[f"{name}/weights"] = np.array(terms.weights, dtype=float)
+
+
+def _unpack_terms(kind: str, name: str, arrays: dict[str, Array]) -> Terms:
+    weights = tuple(int(w) for w in arrays[f"{name}/weights"].reshape(-1))
+    polynomial = unpack_polynomial(arrays, name, VARIABLES, len(weights))
+    if kind == "plain":
+        if not (polynomial.exponents.sum(axis=1) == 1).all():
+            raise ValueError(f"{name}: a term that is no variable")
+        return plain(tuple(int(row.argmax()) for row in polynomial.exponents))
+    if kind != "invariant":
+        raise ValueError(f"terms of the kind {kind!r}")
+    return Terms(kind, polynomial, weights)
+
+
+def _pack_conductivity(model: ConductivityModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
+    header["conductivity"] = {"active": model.active, "closing": model.closing}
+    pack_polynomial(model.polynomial, "conductivity/polynomial", arrays)
+    arrays |= {
+        "conductivity/basis": model.basis,
+        "conductivity/log_rest": model.log_rest,
+        "conductivity/reach/low": model.reach.low,
+        "conductivity/reach/high": model.reach.high,
+        "conductivity/range/normals": model.sampled.normals,
+        "conductivity/range/offsets": model.sampled.offsets,
+    }
+    if model.estimate is not None:
+        estimate_file.pack(model.estimate, header["conductivity"], arrays, "conductivity/estimate")
+
+
+def _unpack_conductivity(
+    header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace
+) -> ConductivityModel:
+    said = header["conductivity"]
+    active = tuple(int(a) for a in said["active"])
+    if any(a not in range(VARIABLES) for a in active):
+        raise ValueError(f"active variables {active}")
+    basis, log_rest = arrays["conductivity/basis"], arrays["conductivity/log_rest"]
+    r = len(log_rest)
+    if r not in (1, 2, 3) or log_rest.shape != (r, r) or basis.shape != (3, r):
+        raise ValueError(f"a conductivity of the shapes {basis.shape} and {log_rest.shape}")
+    sampled = _unpack_range(arrays, "conductivity/range", inputs)
+    v, outputs, estimate = len(active), len(triangle(3)), None
+    if "estimate" in said:
+        estimate = estimate_file.unpack_values(said, arrays, "conductivity/estimate", v, outputs)
+    return ConductivityModel(
+        basis,
+        log_rest,
+        unpack_polynomial(arrays, "conductivity/polynomial", v, outputs),
+        active,
+        Reach(active, *(arrays[f"conductivity/reach/{end}"].reshape(v) for end in ("low", "high"))),
+        sampled,
+        estimate,
+        bool(said["closing"]),
+    )
+
+
+def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
+    header |= {
+        "active": model.active,
+        "symmetry": model.rest.symmetry.rotations,
+        "porosity": model.rest.porosity,
+        "terms": model.terms.name if model.terms else None,
+        "network": model.network is not None,
+    }
+    arrays |= {"rest/matrix": model.rest.matrix, "rest/mean_grad": model.rest.mean_grad}
+    pack_polynomial(model.mean_grad, "mean_grad", arrays)
+    arrays |= {"reach/low": model.reach.low, "reach/high": model.reach.high}
+    if model.terms is not None:
+        _pack_terms(model.terms, "terms", arrays)
+    header["polynomials"] = []
+    for name, polynomial in (("polynomial", model.polynomial), ("refinement", model.refinement)):
+        if model.terms is not None and polynomial is not None:
+            header["polynomials"].append(name)
+            pack_polynomial(polynomial, name, arrays)
+    if model.network is not None:
+        part = model.network
+        header["network_terms"] = part.terms.name
+        _pack_terms(part.terms, "network/terms", arrays)
+        _pack_network(part.network, header, arrays)
+
+
+def _unpack_potential(
+    header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange
+) -> PotentialModel:
+    rest = Rest(
+        float(header["porosity"]),
+        arrays["rest/matrix"].reshape(7, 7),
+        arrays["rest/mean_grad"].reshape(9, 7),
+        PointGroup.generated([np.reshape(Q, (3, 3)) for Q in header["symmetry"]]),
+    )
+    active = tuple(int(a) for a in header["active"])
+    if any(a not in range(VARIABLES) for a in active):
+        raise ValueError(f"active variables {active}")
+    terms: Terms | None = None
+    polynomials: dict[str, Polynomial] = {}
+    if header["terms"] is not None:
+        terms = _unpack_terms(header["terms"], "terms", arrays)
+        for name in header["polynomials"]:
+            polynomials[name] = unpack_polynomial(arrays, name, len(terms.weights), 1)
+    part = None
+    if header["network"]:
+        own = _unpack_terms(header["network_terms"], "network/terms", arrays)
+        part = NetworkPart(_unpack_network(header, arrays, len(own.weights), 1), own)
+    mean_grad = unpack_polynomial(arrays, "mean_grad", len(active), 9)
+    reach = Reach(active, *(arrays[f"reach/{end}"].reshape(len(active)) for end in ("low", "high")))
+    coarse, fine = polynomials.get("polynomial"), polynomials.get("refinement")
+    return PotentialModel(rest, terms, coarse, part, mean_grad, active, sampled, reach, fine)

@@ -1,0 +1,1 @@
+"""Feed-forward networks in numpy, and their training whichever library differentiates."""

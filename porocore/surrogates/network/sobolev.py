@@ -1,0 +1,274 @@
+"""Training the network of a potential on values and slopes together, in whatever library differentiates.
+
+The loss is written once, in operations that torch and jax.numpy share; a backend compiles it with its own
+automatic differentiation, and scipy's L-BFGS minimises it. The network enters as it is used: what it says at rest
+up to second order is subtracted, so that training does not spend itself on what is known exactly.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.optimize import minimize
+
+from porocore.interfaces.surrogate import TrainingProgress
+from porocore.states import Array
+from porocore.surrogates.network.network import Network
+from porocore.surrogates.polynomial.terms import Terms
+from porocore.surrogates.potential.data import PotentialData
+from porocore.surrogates.potential.model import low_orders
+
+#: L-BFGS keeps this many steps.
+MEMORY = 50
+REPORT_INTERVAL = 25
+
+#: Loss of the flat parameters, in the arrays of a library.
+Loss = Callable[[Any, Any], Any]
+
+
+class Autodiff(Protocol):
+    """How a backend differentiates."""
+
+    def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
+        """``loss(θ, constants)`` → a function of θ (numpy, float64) that returns the loss and its gradient.
+
+        ``constants`` reach the loss as arrays of the library.
+        """
+
+    #: The library's namespace, with ``tanh``, ``exp``, ``log1p``, ``abs``, ``stack`` and ``einsum``.
+    xp: Any
+
+
+@dataclass(frozen=True, eq=False)
+class SobolevProblem:
+    """What the network is to learn: the remainder that ``W₂`` (and a polynomial) leave over, in k terms.
+
+    Attributes
+    ----------
+    terms
+        t, those that some state moves.
+    middle, half : (k,)
+        Of their ranges.
+    scale
+        Of what is learned.
+    x : (n, k)
+        Scaled terms (t − middle)/half.
+    rest : (1, k)
+        Scaled terms at rest.
+    jacobian : (k, d, n)
+        ∂x/∂y for the d variables y by which some term has a slope.
+    value : (n,), slopes : (d, n)
+        Targets, divided by the scale.
+    value_weight, slope_weight : float, (d,)
+        1/variance.
+    """
+
+    terms: Terms
+    middle: Array
+    half: Array
+    scale: float
+    x: Array
+    rest: Array
+    jacobian: Array
+    value: Array
+    slopes: Array
+    value_weight: float
+    slope_weight: Array
+
+    @classmethod
+    def of(
+        cls, data: PotentialData, value: Array, gradient: Array, terms: Terms, *, slopes: bool = True
+    ) -> SobolevProblem:
+        """From what is left over of W (n,) and of ∂W/∂y (7, n); without ``slopes`` only values are learned.
+
+        Terms that no state moves are left out.
+        """
+        active = list(data.active)
+        y = np.zeros_like(data.y)
+        y[active] = data.y[active]
+        kept = np.flatnonzero(np.ptp(terms.polynomial.evaluate(y), axis=1))
+        terms = terms.subset(tuple(int(k) for k in kept))
+        t, jacobian, _ = terms.polynomial.derivatives(y, second=False)
+        low, high = t.min(axis=1), t.max(axis=1)
+        middle, half = (low + high) / 2, (high - low) / 2
+        reach = np.ptp(y[active], axis=1) / 2
+        scale = float(np.sqrt((gradient[active] ** 2 * reach[:, None] ** 2).mean())) or 1.0
+        # Combinations of variables have slopes by those too that no state moves.
+        told = np.flatnonzero(jacobian.any(axis=(0, 2)))
+        errors = data.scales[1:][told]
+        return cls(
+            terms,
+            middle,
+            half,
+            scale,
+            ((t - middle[:, None]) / half[:, None]).T,
+            -(middle / half)[None],
+            jacobian[:, told] / half[:, None, None],
+            value / scale,
+            gradient[told] / scale,
+            float((scale / data.scales[0]) ** 2),
+            (scale / errors) ** 2 if slopes else np.zeros(len(told)),
+        )
+
+    def loss(self, xp: Any, shapes: list[tuple[int, int]], activation: str) -> Loss:
+        """Weighted mean square of the errors of value and slopes."""
+
+        def evaluate(theta: Any, constants: Any) -> Any:
+            layers = unpack_layers(theta, shapes)
+            value, slope = _forward(xp, layers, activation, constants["x"])
+            v0, g0, h0 = _second_order(xp, layers, activation, constants["rest"])
+            g0, h0 = g0 * constants["first"], h0 * constants["second"]
+            away = constants["x"] - constants["rest"]
+            bent = away @ h0
+            value = value - v0 - away @ g0 - (away * bent).sum(1) / 2
+            slope = xp.einsum("nk,kdn->dn", slope - g0 - bent, constants["jacobian"])
+            off = (value - constants["value"]) ** 2 * self.value_weight
+            tilted = (slope - constants["slopes"]) ** 2 * constants["slope_weight"][:, None]
+            return off.mean() + tilted.sum(0).mean()
+
+        return evaluate
+
+    def unscaled(self, network: Network) -> Network:
+        """The function of t, in units of W, that a network says of x in units of the scale."""
+        first, *others = network.weights
+        weights, biases = [first / self.half, *others], list(network.biases)
+        biases[0] = biases[0] - weights[0] @ self.middle
+        return Network(
+            network.activation,
+            (*weights[:-1], weights[-1] * self.scale),
+            (*biases[:-1], biases[-1] * self.scale),
+        )
+
+    def constants(self) -> dict[str, Array]:
+        """The arrays that the loss needs."""
+        first, second = low_orders(self.terms)
+        return {
+            "x": self.x,
+            "rest": self.rest,
+            "jacobian": self.jacobian,
+            "first": first,
+            "second": second,
+            "value": self.value,
+            "slopes": self.slopes,
+            "slope_weight": self.slope_weight,
+        }
+
+
+def train(
+    problem: SobolevProblem,
+    autodiff: Autodiff,
+    *,
+    hidden: tuple[int, ...],
+    activation: str,
+    seed: int,
+    iterations: int,
+    on_progress: Callable[[TrainingProgress], None] | None = None,
+) -> Network:
+    """The network after L-BFGS; the first weights depend on ``seed`` only, and are the same in every library."""
+    d = problem.x.shape[1]
+    widths = [d, *hidden, 1]
+    shapes = [(b, a) for a, b in itertools.pairwise(widths)]
+    theta = _first_weights(shapes, activation, seed)
+    function = autodiff.compile(problem.loss(autodiff.xp, shapes, activation), problem.constants())
+    done = 0
+
+    def report(state: Any) -> None:
+        nonlocal done
+        done += 1
+        if on_progress is not None and done % REPORT_INTERVAL == 0:
+            loss = float(function(state)[0])
+            on_progress(TrainingProgress(done, iterations, loss, loss))
+
+    # What a polynomial leaves over may be so small that L-BFGS, whose limits are absolute, would not begin.
+    unit = function(theta)[0] or 1.0
+
+    def scaled(parameters: Array) -> tuple[float, Array]:
+        loss, gradient = function(parameters)
+        return loss / unit, gradient / unit
+
+    found = minimize(
+        scaled,
+        theta,
+        jac=True,
+        method="L-BFGS-B",
+        callback=report,
+        options={
+            "maxcor": MEMORY,
+            "maxiter": iterations,
+            "maxfun": 2 * iterations,
+            "ftol": 1e-14,
+            "gtol": 1e-9,
+        },
+    )
+    if on_progress is not None:
+        on_progress(TrainingProgress(done, iterations, unit * float(found.fun), unit * float(found.fun)))
+    layers = unpack_layers(found.x, shapes)
+    return Network(activation, tuple(W.copy() for W, _ in layers), tuple(b.copy() for _, b in layers))
+
+
+def _first_weights(shapes: list[tuple[int, int]], activation: str, seed: int) -> Array:
+    """Normal with the variance that keeps the size of the signal (Glorot & Bengio 2010); biases uniform in ± ½."""
+    random = np.random.default_rng(seed)
+    gain = 4.0 if activation == "sigmoid" else 1.0
+    parts = []
+    for rows, columns in shapes:
+        parts.append(random.normal(size=rows * columns) * gain * np.sqrt(2 / (rows + columns)))
+        parts.append(random.uniform(-0.5, 0.5, size=rows))
+    return np.concatenate(parts)
+
+
+def unpack_layers(theta: Any, shapes: list[tuple[int, int]]) -> list[tuple[Any, Any]]:
+    """Weights and biases of each layer, from one vector of parameters."""
+    layers, at = [], 0
+    for rows, columns in shapes:
+        W = theta[at : at + rows * columns].reshape(rows, columns)
+        at += rows * columns
+        layers.append((W, theta[at : at + rows]))
+        at += rows
+    return layers
+
+
+def activate(xp: Any, name: str, z: Any) -> tuple[Any, Any, Any]:
+    """σ, σ′ and σ″."""
+    if name == "tanh":
+        a = xp.tanh(z)
+        slope = 1 - a * a
+        return a, slope, -2 * a * slope
+    s = (1 + xp.tanh(z / 2)) / 2
+    slope = s * (1 - s)
+    if name == "sigmoid":
+        return s, slope, slope * (1 - 2 * s)
+    return xp.log1p(xp.exp(-xp.abs(z))) + (z + xp.abs(z)) / 2, s, slope
+
+
+def _forward(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: Any) -> tuple[Any, Any]:
+    """Values (m,) and slopes (m, d) of a network with one output."""
+    a, J = x, None
+    for i, (W, b) in enumerate(layers):
+        z = a @ W.T + b
+        J = W[None] if J is None else xp.einsum("oi,mid->mod", W, J)
+        if i == len(layers) - 1:
+            return z[:, 0], J[:, 0, :]
+        a, slope, _ = activate(xp, activation, z)
+        J = slope[:, :, None] * J
+    raise AssertionError("a network has at least one layer")
+
+
+def _second_order(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: Any) -> tuple[Any, Any, Any]:
+    """Value, slope (d,) and Hessian (d, d) at one point (1, d), pushed forward."""
+    a, J, H = x[0], None, None
+    for i, (W, b) in enumerate(layers):
+        z = W @ a + b
+        J = W if J is None else W @ J
+        H = None if H is None else xp.einsum("oi,icd->ocd", W, H)
+        if i == len(layers) - 1:
+            return z[0], J[0], J[0][:, None] * 0 * J[0][None, :] if H is None else H[0]
+        a, slope, curvature = activate(xp, activation, z)
+        bent = curvature[:, None, None] * J[:, :, None] * J[:, None, :]
+        H = bent if H is None else slope[:, None, None] * H + bent
+        J = slope[:, None] * J
+    raise AssertionError("a network has at least one layer")

@@ -1,0 +1,125 @@
+"""A surrogate whose networks some library trains: what is the same whichever library it is."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
+
+from porocore.core.inputs.sampled_range import SampledRange
+from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
+from porocore.surrogates.error_estimate.models import with_mean_gradient_error
+from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.options import MlpOptions, PotentialOptions
+from porocore.surrogates.network.sobolev import Autodiff
+from porocore.surrogates.potential.training import train_potential
+from porocore.surrogates.stored import ModelSurrogate
+
+
+class NetworkSurrogate(ModelSurrogate):
+    """Two models, each exact at rest to the order that small loads feel.
+
+    ``mlp`` is the paper's: a sigmoid network (three layers of 40) for <∇u¹>_s, trained with Adam on the mean
+    squared error. It follows Dehghani & Zilian but for the anchor: the linear limit M:H + Q p of the cell is added
+    exactly and the network describes only what goes beyond it
+    (:class:`porocore.surrogates.mean_gradient.model.AnchoredModel`). A component of H that was not
+    sampled enters through M only, and a state that moves such a component is flagged as ``outside``.
+
+    ``potential`` is a network for W(ln U, p), trained with L-BFGS on W and its first derivatives; stress, fluid volume
+    and all tangents are its derivatives (:class:`porocore.surrogates.potential.model.PotentialModel`).
+
+    Parameters
+    ----------
+    model
+        ``mlp`` (the default) or ``potential``.
+    **options
+        See :class:`porocore.surrogates.network.options.MlpOptions` and
+        :class:`~porocore.surrogates.network.options.PotentialOptions`.
+
+    Raises
+    ------
+    ConfigurationError
+        An option is unknown or has a value that cannot be used.
+    """
+
+    def __init__(self, *, model: str | None = None, **options: Any) -> None:
+        super().__init__(model=model, **options)
+        kind = MlpOptions if self.model == "mlp" else PotentialOptions
+        self.options: Any = kind.parse(options, self.backend)
+        self.settings = self.options.model_dump(mode="json")
+
+    @abstractmethod
+    def autodiff(self) -> Autodiff:
+        """How the library differentiates, on the device of the options.
+
+        Raises
+        ------
+        ConfigurationError
+            The device is a GPU and there is none.
+        """
+
+    @abstractmethod
+    def train_mlp(
+        self,
+        data: ScaledData,
+        seed: int,
+        checkpoint: Path | None,
+        on_progress: Callable[[TrainingProgress], None] | None,
+    ) -> Network:
+        """The network of ``mlp``, by Adam; see :meth:`fit`."""
+
+    def fit(
+        self,
+        data: TrainingSet,
+        *,
+        seed: int,
+        checkpoint: Path | None = None,
+        on_progress: Callable[[TrainingProgress], None] | None = None,
+    ) -> Self:
+        """Train on ``data`` and return self.
+
+        The same data, options and seed give the same weights, bit by bit, on the same machine. The random numbers
+        are the training's own, and no global setting of the library is left changed.
+
+        Parameters
+        ----------
+        data
+            At least two states, all with values, that move the inputs only.
+        seed
+            Of the split into training and validation part (``mlp``) and of the first weights.
+        checkpoint
+            Of ``mlp``: written every two seconds and at the end. If it exists, the training continues from it. It is
+            left for the caller to remove. A ``potential`` takes seconds and begins anew.
+        on_progress
+            Called from time to time. The losses of ``mlp`` are mean squares of the scaled outputs: 1 is the linear
+            limit.
+
+        Raises
+        ------
+        ConfigurationError
+            The device is a GPU and there is none.
+        DataError
+            The data cannot be used, or the checkpoint is damaged or belongs to another training.
+        RunFolderError
+            The checkpoint cannot be written.
+        """
+        if self.model == "potential":
+            model, errors = train_potential(
+                data, self.options, int(seed), self.autodiff(), self.evaluator, on_progress
+            )
+            return self._with(model, data, errors)
+        scaled = ScaledData.of(data)
+        if scaled.components:
+            network = self.train_mlp(scaled, int(seed), checkpoint, on_progress)
+        else:
+            network = Network(self.options.activation, (), ())
+        sampled = SampledRange.around(data.inputs, data.inputs.gather(data.states))
+        anchored = AnchoredModel(
+            scaled.linear, scaled.components, scaled.output_scale, self.evaluator(network), sampled
+        )
+        self._become(with_mean_gradient_error(anchored, data), data.identity, data.provenance)
+        self.learn_conductivity(data)
+        return self

@@ -1,0 +1,104 @@
+"""Where a training by Adam stands: the weights, the moments, the best weights, and the epoch.
+
+The learning rate follows from the epoch, so there is no scheduler to keep.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from porocore.core.hdf5 import damaged
+from porocore.errors import DataError
+from porocore.states import Array
+from porocore.surrogates.file.archive import read_archive, write_archive
+
+FORMAT, VERSION = "porocore-surrogate-training", 1
+ADVICE = "remove it to train from the beginning"
+#: Constants of Kingma & Ba (2015).
+BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-8
+
+
+@dataclass
+class TrainingState:
+    """State after ``epoch`` epochs; all arrays (parameters,) float64."""
+
+    theta: Array
+    moment: Array
+    square: Array
+    best_theta: Array
+    epoch: int = 0
+    best_epoch: int = 0
+    best_loss: float = math.inf
+    validation_loss: float = math.inf
+
+    @classmethod
+    def first(cls, theta: Array) -> TrainingState:
+        """Before the first epoch."""
+        return cls(theta.copy(), np.zeros_like(theta), np.zeros_like(theta), theta.copy())
+
+    def step(self, gradient: Array, rate: float) -> None:
+        """One step of Adam."""
+        self.epoch += 1
+        self.moment = BETA1 * self.moment + (1 - BETA1) * gradient
+        self.square = BETA2 * self.square + (1 - BETA2) * gradient * gradient
+        size = np.sqrt(self.square / (1 - BETA2**self.epoch)) + EPSILON
+        self.theta = self.theta - rate / (1 - BETA1**self.epoch) * self.moment / size
+
+    def look(self, validation_loss: float) -> None:
+        """Keep the weights if their validation loss is the smallest so far."""
+        self.validation_loss = validation_loss
+        if validation_loss < self.best_loss:
+            self.best_loss, self.best_epoch = validation_loss, self.epoch
+            self.best_theta = self.theta.copy()
+
+    def write(self, path: Path, belongs_to: str) -> None:
+        """Write atomically; ``belongs_to`` is a hash of the data, the options and the seed.
+
+        Raises
+        ------
+        RunFolderError
+            The disk is full or read-only.
+        """
+        header = {
+            "belongs_to": belongs_to,
+            "epoch": self.epoch,
+            "best_epoch": self.best_epoch,
+            "best_loss": self.best_loss,
+            "validation_loss": self.validation_loss,
+        }
+        arrays = {
+            "theta": self.theta,
+            "moment": self.moment,
+            "square": self.square,
+            "best_theta": self.best_theta,
+        }
+        write_archive(path, FORMAT, VERSION, header, arrays)
+
+    @classmethod
+    def read(cls, path: Path, belongs_to: str) -> TrainingState:
+        """Read what :meth:`write` wrote.
+
+        Raises
+        ------
+        DataError
+            The file is damaged, foreign, or belongs to another training.
+        """
+        header, arrays = read_archive(path, FORMAT, VERSION, ADVICE)
+        if header.get("belongs_to") != belongs_to:
+            raise DataError(
+                f"{path}: this checkpoint belongs to a training with other data, options or seed; {ADVICE}"
+            )
+        try:
+            weights = [arrays[name] for name in ("theta", "moment", "square", "best_theta")]
+            if any(w.ndim != 1 or w.shape != weights[0].shape for w in weights):
+                raise ValueError(f"arrays of shapes {[w.shape for w in weights]}")
+            epoch, best_epoch = int(header["epoch"]), int(header["best_epoch"])
+            best_loss, validation_loss = float(header["best_loss"]), float(header["validation_loss"])
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise damaged(path, f"file of format {FORMAT}", error, ADVICE) from error
+        theta, moment, square, best_theta = weights
+        return cls(theta, moment, square, best_theta, epoch, best_epoch, best_loss, validation_loss)

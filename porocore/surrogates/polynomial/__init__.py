@@ -1,0 +1,1 @@
+"""Least-squares polynomials: monomials, invariants of the point group, fits, committees."""

@@ -1,0 +1,251 @@
+"""A committee of polynomials: where its members disagree, what was sampled does not settle the response.
+
+The members are least-squares polynomials of neighbouring degrees, each fitted to all but a fifth of the states (query
+by committee, Seung, Opper & Sompolinsky 1992; Krogh & Vedelsby 1995). All of one degree share the equations of their
+states, so that the whole committee costs one pass over the data and a few dozen small linear systems.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.interfaces.surrogate import TrainingSet
+from porocore.states import Array, IntArray, MacroState
+from porocore.surrogates.polynomial.fit import terms_for
+from porocore.surrogates.polynomial.least_squares import EQUATIONS_PER_TERM, FOLDS, RIDGE
+from porocore.surrogates.polynomial.monomials import Polynomial
+from porocore.surrogates.polynomial.terms import Terms
+from porocore.surrogates.potential.data import PotentialData, variables
+from porocore.surrogates.potential.model import mean_grad_terms
+from porocore.surrogates.stretch.log_stretch import LogStretch
+
+#: By so much more than values may slopes of <∇u¹> be missed.
+SLOPE_TOLERANCE = 5.0
+#: Of higher degree are no members; and none has more coefficients than this.
+HIGHEST_DEGREE, MOST_TERMS = 8, 160
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """What the members learn: o quantities, each with its value and its slopes by the variables.
+
+    Attributes
+    ----------
+    terms, lowest
+        Monomials of which terms, from which weight on.
+    rows : (1 + 7,)
+        Divisors of the value and of the seven slopes; infinite where one is not learned.
+    right : (o, 1 + 7, n)
+        Value and slopes at the n states, not divided.
+    spread : (o, 1 + 7)
+        Ranges by which disagreements are divided; infinite where one does not matter.
+    """
+
+    terms: Terms
+    lowest: int
+    rows: Array
+    right: Array
+    spread: Array
+
+
+def potential_target(data: PotentialData) -> Target:
+    """W beyond second order; disagreements are those of stress and fluid volume, the slopes of W."""
+    terms = terms_for(data)
+    value, slopes = data.remainder
+    rows = data.scales.copy()
+    if terms.name == "plain":
+        rows[1:][[a for a in range(7) if a not in terms.variables]] = np.inf
+    ranges = np.ptp(data.gradient, axis=1)
+    spread = np.full((1, 8), np.inf)
+    spread[0, 1:7] = ranges[:6].max() or np.inf
+    spread[0, 7] = ranges[6] or np.inf
+    return Target(terms, 3, rows, np.concatenate([value[None], slopes])[None], spread)
+
+
+def mean_gradient_target(data: PotentialData) -> Target:
+    """<∇u¹>_s in the frame of the stretch, beyond first order; disagreements are those of its values."""
+    value = data.mean_grad - data.rest.mean_grad @ data.y
+    slopes = data.mean_grad_slopes - data.rest.mean_grad[:, :, None]
+    learned = np.flatnonzero(np.abs(value).max(axis=1) > 1e-12)
+    value, slopes = value[learned], slopes[learned]
+    rows = np.full(8, np.inf)
+    # One divisor for all quantities, so that they share their equations.
+    rows[0] = value.std(axis=1).max(initial=0.0) or 1.0
+    active = list(data.active)
+    # The slopes of <∇u¹> jump where the pore wall begins to touch itself, so they count for less.
+    spread_of_slopes = slopes.std(axis=(0, 2))[active] + 1e-3 * np.abs(slopes).max(initial=1e-300)
+    rows[1:][active] = SLOPE_TOLERANCE * spread_of_slopes
+    spread = np.full((len(learned), 8), np.inf)
+    spread[:, 0] = np.ptp(data.mean_grad, axis=1).max() or np.inf
+    return Target(
+        mean_grad_terms(data.active), 2, rows, np.concatenate([value[:, None], slopes], axis=1), spread
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Committee:
+    """Fitted members of one target.
+
+    Attributes
+    ----------
+    target
+        What they learned.
+    exponents : (K, k)
+        Monomials, ascending in weight.
+    members
+        Coefficients (o, K) of each, zero for monomials beyond its degree.
+    degree
+        That of the smallest cross-validated error.
+    covariance : (K', K')
+        Of the coefficients up to this degree, for equations with errors of variance one.
+    """
+
+    target: Target
+    exponents: IntArray
+    members: tuple[Array, ...]
+    degree: int
+    covariance: Array
+
+    def judge(self, states: MacroState) -> PolynomialJudgement:
+        """Return what the members say of m candidates."""
+        m, K = len(states), len(self.covariance)
+        if len(self.members) < 2:
+            return PolynomialJudgement(np.zeros(m), *(np.zeros((1, 1, m)) for _ in range(3)))
+        y = variables(LogStretch.of(states.grad_u), states.p)
+        design = _design(self.target.terms, self.exponents, y)
+        spread, told = self.target.spread, np.isfinite(self.target.rows)
+        counted = np.isfinite(spread).any(axis=0)
+        answers = np.stack([np.einsum("ok,kcm->ocm", c, design[:, counted]) for c in self.members])
+        disagreement: Array = (answers.std(axis=0) / spread[:, counted, None]).max(axis=(0, 1))
+        goal = design[:K, counted] / spread.min(axis=0)[counted, None]
+        goal = (goal * disagreement).reshape(K, -1)
+        rows = design[:K, told] / self.target.rows[told, None]
+        known = np.einsum("kl,lcm->kcm", self.covariance, rows)
+        return PolynomialJudgement(disagreement, rows, known, np.einsum("kl,lcm->kcm", goal @ goal.T, known))
+
+
+class PolynomialJudgement:
+    """How much the members disagree at m candidates, and what solving each of them is worth.
+
+    A candidate's worth is the variance that solving it is expected to take from the fit at all candidates together,
+    each weighted by the square of the disagreement there: Bayesian linear regression, as in I-optimal designs.
+
+    Attributes
+    ----------
+    disagreement : (m,)
+        Standard deviation among the members, the worst quantity's, as a share of its range.
+    """
+
+    def __init__(self, disagreement: Array, rows: Array, known: Array, reach: Array) -> None:
+        self.disagreement = disagreement
+        # Equations of each candidate (K, c, m); the covariance of the coefficients times these; and the weights of the
+        # goal times that.
+        self._rows, self._known, self._reach = rows, known, reach
+
+    def worth(self) -> Array:
+        """Of each candidate, (m,), after those that were taken."""
+        taken = _each(self._known, self._reach)
+        worth: Array = np.trace(np.linalg.solve(self._own(slice(None)), taken), axis1=1, axis2=2)
+        return worth
+
+    def take(self, candidate: int) -> None:
+        """Count with a solution there."""
+        own = self._own(slice(candidate, candidate + 1))[0]
+        known, reach = self._known[:, :, candidate].copy(), self._reach[:, :, candidate].copy()
+        # As products of matrices: einsum would take ten times as long.
+        shared = np.linalg.solve(own, known.T @ self._rows.reshape(len(known), -1))
+        self._known -= (known @ shared).reshape(self._known.shape)
+        self._reach -= (reach @ shared).reshape(self._reach.shape)
+
+    def _own(self, which: slice) -> Array:
+        rows, known = self._rows[:, :, which], self._known[:, :, which]
+        return _each(rows, known) + np.eye(rows.shape[1])
+
+
+def _each(a: Array, b: Array) -> Array:
+    """Σ_k a_kcm b_kdm for each candidate, (m, c, d); as products of matrices, several times as fast as einsum."""
+    product: Array = np.ascontiguousarray(a.transpose(2, 1, 0)) @ np.ascontiguousarray(b.transpose(2, 0, 1))
+    return product
+
+
+def committee(data: TrainingSet, responses: tuple[str, ...]) -> Committee:
+    """Fitted to the stable states of ``data``, for a closure that asks for ``responses``.
+
+    With too few states for two members, nobody disagrees.
+
+    Raises
+    ------
+    DataError
+        A response is missing, or fewer than two states are stable.
+    """
+    known = PotentialData.of(data)
+    target = potential_target(known) if "stress" in responses else mean_gradient_target(known)
+    return _fitted(target, known.y)
+
+
+def judge(data: TrainingSet, responses: tuple[str, ...], candidates: MacroState) -> PolynomialJudgement:
+    """Return the judgement of the ``candidates`` by a committee that is fitted to ``data``."""
+    return committee(data, responses).judge(candidates)
+
+
+def _fitted(target: Target, y: Array) -> Committee:
+    n = y.shape[1]
+    folds = np.arange(n) % min(FOLDS, n)
+    count = int(folds.max()) + 1
+    counted = np.flatnonzero(np.isfinite(target.rows))
+    divisors = target.rows[counted]
+    # A degree is judged by what is asked for, as disagreements are.
+    asked = np.isfinite(target.spread).any(axis=0)[counted]
+    exponents, sizes = _monomials(target, n - int(np.ceil(n / count)), len(counted))
+    if not sizes:
+        return Committee(target, exponents[:0], (), target.lowest - 1, np.empty((0, 0)))
+    design = _design(target.terms, exponents, y)[:, counted] / divisors[:, None]
+    right = target.right[:, counted] / divisors[:, None]
+    length = np.sqrt((design**2).sum(axis=(1, 2)))
+    length[length == 0] = 1.0
+    design /= length[:, None, None]
+    grams, moments = [], []
+    for fold in range(count):
+        A = design[:, :, folds == fold].reshape(len(exponents), -1)
+        grams.append(A @ A.T)
+        moments.append(A @ right[:, :, folds == fold].reshape(len(right), -1).T)
+    whole, moment = sum(grams), sum(moments)
+    errors: dict[int, float] = {}
+    fits: dict[int, list[Array]] = {}
+    for degree, K in sizes.items():
+        fits[degree], squares = [], 0.0
+        for fold in range(count):
+            left = (whole - grams[fold])[:K, :K] + RIDGE * np.eye(K)
+            found = np.linalg.solve(left, (moment - moments[fold])[:K])
+            wrong = np.einsum("ko,kcn->ocn", found, design[:K, :, folds == fold]) - right[:, :, folds == fold]
+            squares += float((wrong[:, asked] ** 2).sum())
+            coefficients = np.zeros((len(right), len(exponents)))
+            coefficients[:, :K] = found.T
+            fits[degree].append(coefficients / length)
+        errors[degree] = squares
+    best = min(errors, key=lambda degree: errors[degree])
+    members = [c for degree in fits if abs(degree - best) <= 1 for c in fits[degree]]
+    K = sizes[best]
+    scale = length[:K, None] * length[:K]
+    covariance = np.linalg.inv(whole[:K, :K] + RIDGE * np.eye(K)) / scale
+    return Committee(target, exponents, tuple(members), best, covariance)
+
+
+def _monomials(target: Target, states: int, equations: int) -> tuple[IntArray, dict[int, int]]:
+    """Those of all degrees that so many states determine, and how many there are up to each degree."""
+    exponents, sizes = target.terms.monomials(target.lowest, target.lowest), {}
+    for degree in range(target.lowest, HIGHEST_DEGREE + 1):
+        candidates = target.terms.monomials(target.lowest, degree)
+        if len(candidates) > MOST_TERMS or len(candidates) * EQUATIONS_PER_TERM > states * equations:
+            break
+        exponents, sizes[degree] = candidates, len(candidates)
+    return exponents, sizes
+
+
+def _design(terms: Terms, exponents: IntArray, y: Array) -> Array:
+    """Values and slopes by the variables of each monomial, (K, 1 + 7, n)."""
+    t, J, _ = terms.polynomial.derivatives(y, second=False)
+    value, by_t, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
+    return np.concatenate([value[:, None], np.einsum("ktn,tan->kan", by_t, J)], axis=1)

@@ -1,0 +1,155 @@
+"""Fitting the polynomial parts of a potential model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.tensors.point_group import PointGroup
+from porocore.interfaces.surrogate import TrainingSet
+from porocore.states import Array, IntArray
+from porocore.surrogates.polynomial.composition import composed
+from porocore.surrogates.polynomial.least_squares import LARGEST_DEGREE, Fit, Samples, fit
+from porocore.surrogates.polynomial.monomials import Polynomial
+from porocore.surrogates.polynomial.terms import Terms, invariant, plain
+from porocore.surrogates.potential.data import PotentialData
+from porocore.surrogates.potential.model import PotentialModel, mean_grad_terms
+from porocore.surrogates.reach import Reach
+from porocore.surrogates.symmetry import (
+    Equivariance,
+    acting_across,
+    on_one,
+    on_places,
+    on_variables,
+    stabiliser,
+)
+
+#: More variables than this are combined by the cell's symmetry, where it has one.
+MOST_PLAIN = 3
+#: What is of higher weight is not continued beyond the sampled states.
+ANCHOR_DEGREE = 4
+#: A stress across the directions that were sampled is learned where W₂ misses it by more than this [E].
+SMALLEST_SLOPE = 1e-9
+#: A component of <∇u¹>_s whose remainder stays below this share of the largest one is not learned.
+SMALLEST_SHARE = 1e-6
+
+
+def terms_for(data: PotentialData) -> Terms:
+    """The variables of a problem with few, else combinations that the operations of the cell leave alone.
+
+    Variables that no state moves are there too, to first order, where something acts along them: a shear stress of a
+    cell without mirrors, say. Without them it would be lost.
+    """
+    group = data.rest.symmetry
+    if len(data.active) > MOST_PLAIN and len(group) > 1:
+        return invariant(group, data.active)
+    _, slopes = data.remainder
+    to = on_variables(stabiliser(group, data.active)).to
+    acting = [a for a in acting_across(group, data.active) if np.abs(slopes[a]).max() > SMALLEST_SLOPE]
+    return plain(data.active, tuple(sorted({int(b) for a in acting for b in to[:, a]})))
+
+
+def tied(terms: Terms, group: PointGroup) -> Equivariance | None:
+    """Return what a potential in plain terms has to obey; None of invariant ones, which obey by themselves."""
+    if terms.name != "plain":
+        return None
+    own = stabiliser(group, terms.active)
+    return Equivariance(on_variables(own).on(list(terms.variables)), on_one(own)) if len(own) > 1 else None
+
+
+def fit_potential(
+    data: PotentialData,
+    terms: Terms,
+    *,
+    degree: int | None = None,
+    beyond: Polynomial | None = None,
+    highest: int = LARGEST_DEGREE,
+) -> Fit:
+    """What W₂, and a polynomial ``beyond`` it, leave over of W, from third order on."""
+    value, gradient = remainder(data, terms, beyond)
+    scale = data.scales[1:].copy()
+    _, slopes, _ = terms.polynomial.derivatives(data.y, second=False)
+    scale[~slopes.any(axis=(0, 2))] = np.inf
+    samples = Samples(data.y, value[None], gradient[None], data.scales[:1], scale[None])
+    return fit(samples, terms, 3, degree=degree, highest=highest, tied=tied(terms, data.rest.symmetry))
+
+
+def remainder(data: PotentialData, terms: Terms, polynomial: Polynomial | None) -> tuple[Array, Array]:
+    """What W₂ and a polynomial in terms leave over of W (n,) and of ∂W/∂y (7, n)."""
+    value, gradient = data.remainder
+    if polynomial is None:
+        return value, gradient
+    fitted, slopes, _ = composed(terms, polynomial, data.y)
+    return value - fitted[0], gradient - slopes[0]
+
+
+def fit_mean_grad(data: PotentialData) -> Polynomial:
+    """What the linear limit leaves over of Rᵀ<∇u¹>_s, from second order on, (9 outputs)."""
+    value = data.mean_grad - data.rest.mean_grad @ data.y
+    slopes = data.mean_grad_slopes - data.rest.mean_grad[:, :, None]
+    largest = np.abs(value).max(axis=1)
+    images = on_places(stabiliser(data.rest.symmetry, data.active)).to
+    learned = np.unique(images[:, largest > max(SMALLEST_SHARE * largest.max(), 1e-12)])
+    terms = mean_grad_terms(data.active)
+    still = [a for a in range(7) if a not in data.active]
+    scale = np.maximum(slopes.std(axis=2), 1e-3 * np.abs(slopes).max())
+    scale[:, still] = np.inf
+    if not len(learned):
+        return Polynomial(np.zeros((0, len(data.active)), dtype=np.int64), np.zeros((9, 0)))
+    size = value.std(axis=1) + 1e-300
+    for together in on_places(stabiliser(data.rest.symmetry, data.active)).orbits():
+        # What the cell does not tell apart weighs the same.
+        size[together], scale[together] = size[together].max(), scale[together].max(axis=0)
+    samples = Samples(data.y, value[learned], slopes[learned], size[learned], scale[learned])
+    part = fit(samples, terms, 2, tied=_turning(data, learned)).polynomial
+    coefficients = np.zeros((9, len(part.exponents)))
+    coefficients[learned] = part.coefficients
+    return Polynomial(part.exponents, coefficients)
+
+
+def _turning(data: PotentialData, places: IntArray) -> Equivariance | None:
+    """What <∇u¹>_s has to obey: it turns with the cell."""
+    group = stabiliser(data.rest.symmetry, data.active)
+    if len(group) == 1:
+        return None
+    return Equivariance(
+        on_variables(group).on(list(data.active)), on_places(group).on([int(k) for k in places])
+    )
+
+
+def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[PotentialModel, Fit]:
+    """A potential without a network.
+
+    Raises
+    ------
+    DataError
+        A response is missing, or too few states are stable.
+    """
+    data = PotentialData.of(training)
+    terms = terms_for(data)
+    # The stable states of few variables fill no box: in its empty corners a high degree would be worse than none.
+    highest = LARGEST_DEGREE if degree is not None or len(data.active) > MOST_PLAIN else ANCHOR_DEGREE
+    found = fit_potential(data, terms, degree=degree, highest=highest)
+    coarse, refinement = found, None
+    if found.degree > ANCHOR_DEGREE:
+        # Together they span what was found, but only the first part is continued beyond the sampled states.
+        coarse = fit_potential(data, terms, degree=ANCHOR_DEGREE)
+        refinement = fit_potential(data, terms, degree=found.degree, beyond=coarse.polynomial).polynomial
+    model = PotentialModel(
+        data.rest,
+        terms,
+        coarse.polynomial,
+        None,
+        fit_mean_grad(data),
+        data.active,
+        sampled_range(training),
+        Reach.of(data.y, data.active, data.rest.symmetry),
+        refinement,
+    )
+    return model, found
+
+
+def sampled_range(training: TrainingSet) -> SampledRange:
+    """Hull of the states that a potential learns from."""
+    stable = np.flatnonzero(training.responses.stable)
+    return SampledRange.around(training.inputs, training.inputs.gather(training.states[stable]))

@@ -1,0 +1,199 @@
+"""Polynomials fitted to values and slopes together, their degree chosen by cross-validation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.states import Array
+from porocore.surrogates.polynomial.monomials import IntArray, Polynomial
+from porocore.surrogates.polynomial.terms import Terms
+from porocore.surrogates.symmetry import Equivariance
+
+#: A fit with fewer equations for each coefficient than this can go astray without a sign in its residual.
+EQUATIONS_PER_TERM = 2
+RIDGE = 1e-10
+LARGEST_DEGREE = 12
+FOLDS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """What is to be fitted, o quantities at n states.
+
+    Attributes
+    ----------
+    y : (7, n)
+        Variables.
+    value : (o, n), slopes : (o, 7, n)
+        Quantities and derivatives.
+    value_scale : (o,), slope_scale : (o, 7)
+        What errors are divided by; infinite for a derivative that is not to be fitted.
+    """
+
+    y: Array
+    value: Array
+    slopes: Array
+    value_scale: Array
+    slope_scale: Array
+
+    def subset(self, rows: IntArray) -> Samples:
+        """Some of the states."""
+        return Samples(
+            self.y[:, rows], self.value[:, rows], self.slopes[:, :, rows], self.value_scale, self.slope_scale
+        )
+
+    @property
+    def fitted(self) -> Array:
+        """Which derivatives count, (7,) bool."""
+        finite: Array = np.isfinite(self.slope_scale).any(axis=0)
+        return finite
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted polynomial in terms.
+
+    Attributes
+    ----------
+    polynomial
+        In the terms; o outputs.
+    degree
+        Largest weight of a monomial.
+    errors
+        Cross-validated error of each degree that was tried: root mean square of the scaled slopes' errors.
+    """
+
+    polynomial: Polynomial
+    degree: int
+    errors: dict[int, float]
+
+
+def fit(
+    samples: Samples,
+    terms: Terms,
+    lowest: int,
+    *,
+    degree: int | None = None,
+    highest: int = LARGEST_DEGREE,
+    tied: Equivariance | None = None,
+) -> Fit:
+    """Monomials of weight ``lowest`` … degree; without ``degree`` that of the smallest cross-validated error.
+
+    With ``tied`` the polynomials have that symmetry exactly.
+
+    No more monomials are tried than leave two equations for each. With too few equations for any, the
+    polynomial is zero (degree ``lowest`` − 1).
+    """
+    n = samples.value.shape[1]
+    equations = n * (1 + int(samples.fitted.sum()))
+    degrees = [lowest - 1]
+    for candidate in range(lowest, highest + 1):
+        if len(terms.monomials(lowest, candidate)) * EQUATIONS_PER_TERM > equations:
+            break
+        degrees.append(candidate)
+    if degree is not None:
+        degrees = [degree] if degree in degrees else [degrees[-1]]
+    errors: dict[int, float] = {}
+    if len(degrees) > 1:
+        folds = np.arange(n) % min(FOLDS, n)
+        for candidate in degrees:
+            exponents = terms.monomials(lowest, candidate)
+            if len(exponents) * EQUATIONS_PER_TERM > equations * (1 - 1 / FOLDS):
+                break
+            squares = 0.0
+            for fold in range(int(folds.max()) + 1):
+                test = samples.subset(np.flatnonzero(folds == fold))
+                trained = _solve(samples.subset(np.flatnonzero(folds != fold)), terms, exponents, tied)
+                squares += _error(test, terms, trained)
+            errors[candidate] = float(np.sqrt(squares / n))
+        best = min(errors, key=lambda d: errors[d])
+    else:
+        best = degrees[0]
+    return Fit(_solve(samples, terms, terms.monomials(lowest, best), tied), best, errors)
+
+
+def _design(samples: Samples, terms: Terms, exponents: IntArray) -> tuple[Array, Array]:
+    """Values (K, n) and slopes (K, 7, n) of each monomial."""
+    t, J, _ = terms.polynomial.derivatives(samples.y, second=False)
+    value, by_t, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
+    return value, np.einsum("ktn,tan->kan", by_t, J)
+
+
+def _solve(samples: Samples, terms: Terms, exponents: IntArray, tied: Equivariance | None) -> Polynomial:
+    outputs = len(samples.value)
+    if not len(exponents):
+        return Polynomial(exponents, np.zeros((outputs, 0)))
+    value, slopes = _design(samples, terms, exponents)
+    equations = []
+    for o in range(outputs):
+        kept = np.isfinite(samples.slope_scale[o])
+        scale = samples.slope_scale[o, kept][:, None]
+        rows = np.concatenate(
+            [value / samples.value_scale[o], (slopes[:, kept] / scale).reshape(len(exponents), -1)], axis=1
+        ).T
+        right = np.concatenate(
+            [samples.value[o] / samples.value_scale[o], (samples.slopes[o, kept] / scale).ravel()]
+        )
+        equations.append((rows, right))
+    return Polynomial(exponents, tied_least_squares(equations, exponents, tied))
+
+
+def tied_least_squares(
+    equations: list[tuple[Array, Array]], exponents: IntArray, tied: Equivariance | None
+) -> Array:
+    """Return coefficients (o, K) of the monomials (K, v) that come closest to equations, one list for each output.
+
+    Parameters
+    ----------
+    equations
+        Rows (m, K) and right-hand sides (m,).
+    tied
+        The symmetry that the polynomials have exactly; None: none.
+    """
+    if tied is None:
+        return np.stack([_least_squares(rows, right) for rows, right in equations])
+    ties = tied.ties(exponents)
+    coefficients = np.zeros((len(equations), len(exponents)))
+    for together in tied.outputs.orbits():
+        free = np.unique(ties.number[together])
+        free = free[free >= 0]
+        if not len(free):
+            continue
+        blocks = []
+        for o in together:
+            selection = np.zeros((len(exponents), len(free)))
+            used = np.flatnonzero(ties.number[o] >= 0)
+            selection[used, np.searchsorted(free, ties.number[o, used])] = ties.sign[o, used]
+            blocks.append((equations[o][0] @ selection, selection))
+        found = _least_squares(
+            np.concatenate([rows for rows, _ in blocks]),
+            np.concatenate([equations[o][1] for o in together]),
+        )
+        for o, (_, selection) in zip(together, blocks, strict=True):
+            coefficients[o] = selection @ found
+    return coefficients
+
+
+def _least_squares(rows: Array, right: Array) -> Array:
+    size = np.sqrt((rows**2).sum(axis=0))
+    size[size == 0] = 1.0
+    # A ridge, as further equations: columns that the samples do not move stay small.
+    ridge = np.sqrt(RIDGE) * np.eye(len(size))
+    solution = np.linalg.lstsq(
+        np.concatenate([rows / size, ridge]), np.concatenate([right, np.zeros(len(size))]), rcond=None
+    )[0]
+    found: Array = solution / size
+    return found
+
+
+def _error(samples: Samples, terms: Terms, polynomial: Polynomial) -> float:
+    """Sum over the states of the mean square of the scaled errors of the slopes."""
+    t, J, _ = terms.polynomial.derivatives(samples.y, second=False)
+    _, by_t, _ = polynomial.derivatives(t, second=False)
+    wrong = np.einsum("otn,tan->oan", by_t, J) - samples.slopes
+    scaled = np.where(
+        np.isfinite(samples.slope_scale)[:, :, None], wrong / samples.slope_scale[:, :, None], 0.0
+    )
+    return float((scaled**2).sum() / max(np.isfinite(samples.slope_scale).sum(), 1))

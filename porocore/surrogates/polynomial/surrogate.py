@@ -1,0 +1,71 @@
+"""The built-in surrogate: a least-squares polynomial for the potential, with nothing but numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
+
+from porocore.core.echo import cut, echo
+from porocore.errors import ConfigurationError
+from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
+from porocore.surrogates.polynomial.fit import polynomial_model
+from porocore.surrogates.stored import ModelSurrogate
+
+
+class PolynomialSurrogate(ModelSurrogate):
+    """W as a polynomial in (ln U, p), fitted to W and its first derivatives in milliseconds.
+
+    It has the symmetry of the cell: in a problem of up to three variables by coefficients that are the same, in more
+    because the variables are combined to terms that the cell's operations leave alone.
+
+    Parameters
+    ----------
+    model
+        ``potential``, the only one.
+    degree : int, 2 to 12
+        Largest weight of a monomial, which leaves two equations for each coefficient; null: the one with the smallest
+        cross-validated error, and at most 4 in up to three variables: what is finer is not continued beyond the sampled
+        states, whose hull is no box.
+    """
+
+    backend = "polynomial"
+    models = ("potential",)
+
+    def __init__(self, *, model: str | None = None, degree: int | None = None, **unknown: Any) -> None:
+        if unknown:
+            raise ConfigurationError(
+                f"surrogate.options.{cut(min(unknown))}: the polynomial surrogate has no such option; "
+                "its option is degree"
+            )
+        if degree is not None and (
+            isinstance(degree, bool) or not isinstance(degree, int) or not 2 <= degree <= 12
+        ):
+            raise ConfigurationError(
+                f"surrogate.options.degree: expected a whole number from 2 to 12, got {echo(degree)}"
+            )
+        super().__init__(model=model, degree=degree)
+        self.degree = degree
+
+    def fit(
+        self,
+        data: TrainingSet,
+        *,
+        seed: int,
+        checkpoint: Path | None = None,
+        on_progress: Callable[[TrainingProgress], None] | None = None,
+    ) -> Self:
+        """Fit to the stable states of ``data``; nothing is random, and nothing takes long enough to be resumed.
+
+        Raises
+        ------
+        DataError
+            A response is missing, or too few states are stable.
+        """
+        model, found = polynomial_model(data, self.degree)
+        errors = {"cross-validated slopes of W": found.errors[found.degree]} if found.errors else {}
+        if on_progress is not None:
+            loss = found.errors.get(found.degree, float("nan")) ** 2
+            on_progress(TrainingProgress(1, 1, loss, loss))
+        self.settings = {"degree": found.degree}
+        return self._with(model, data, errors)

@@ -1,0 +1,1 @@
+"""The effective potential W(ln U, p) as a model: its data, its evaluation, its training."""

@@ -1,0 +1,216 @@
+"""What solved cells say of W as a function of L = ln U and p, in the variables in which potentials are learned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from porocore.core.tensors.point_group import PointGroup
+from porocore.errors import DataError
+from porocore.interfaces.surrogate import TrainingSet
+from porocore.states import Array, CellResponse, MacroState
+from porocore.surrogates.stretch.components import PLACES
+from porocore.surrogates.stretch.log_stretch import LogStretch
+from porocore.surrogates.symmetry import on_places, on_variables
+
+#: A variable that stays within this of zero in all states has not been sampled.
+STILL = 1e-9
+
+
+def variables(stretch: LogStretch, p: Array) -> Array:
+    """y (7, n): six components of ln U, and p."""
+    return np.concatenate([stretch.L, p[None]])
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """The second-order expansion of W at rest, W₂(y) = −φ_f p + ½ y·A y: exact in the limit of small loads.
+
+    Attributes
+    ----------
+    porosity
+        φ_f.
+    matrix : (7, 7)
+        A: the drained stiffness, minus Biot's coupling, minus the inverse of the Biot modulus.
+    mean_grad : (9, 7)
+        ∂<∇u¹>_s/∂y.
+    symmetry
+        The cell's point group, which both matrices have exactly.
+    """
+
+    porosity: float
+    matrix: Array
+    mean_grad: Array
+    symmetry: PointGroup
+
+    @classmethod
+    def of(cls, reference: CellResponse, symmetry: PointGroup) -> Rest:
+        """From the response of the undeformed cell (one row) with its tangent.
+
+        What breaks the cell's symmetry there is the error of a free mesh, and is averaged out.
+
+        Raises
+        ------
+        DataError
+            A derivative is missing.
+        """
+        t = reference.tangent
+        if (
+            t is None
+            or reference.fluid_volume is None
+            or t.stress_grad_u is None
+            or t.stress_p is None
+            or t.fluid_volume_p is None
+            or t.mean_grad_grad_u is None
+            or t.mean_grad_p is None
+        ):
+            raise DataError(
+                "a potential needs stress, fluid volume and all derivatives of the undeformed cell; "
+                "solve it with tangent=True"
+            )
+        A = np.zeros((7, 7))
+        m = np.zeros((9, 7))
+        for a, (i, j) in enumerate(PLACES):
+            column = _symmetric(t.stress_grad_u[0], i, j)
+            for b, (k, l) in enumerate(PLACES):
+                A[b, a] = column[k, l] if k == l else column[k, l] + column[l, k]
+            A[6, a] = A[a, 6] = t.stress_p[0, i, j] if i == j else t.stress_p[0, i, j] + t.stress_p[0, j, i]
+            m[:, a] = _symmetric(t.mean_grad_grad_u[0], i, j).ravel()
+        A[6, 6] = -t.fluid_volume_p[0]
+        m[:, 6] = t.mean_grad_p[0].ravel()
+        y, places = on_variables(symmetry), on_places(symmetry)
+        return cls(float(reference.fluid_volume[0]), y.mean(y, (A + A.T) / 2), places.mean(y, m), symmetry)
+
+    def potential(self, y: Array) -> tuple[Array, Array]:
+        """W₂ (n,) and ∂W₂/∂y (7, n); the Hessian is ``matrix``."""
+        gradient = self.matrix @ y
+        value = (y * gradient).sum(axis=0) / 2 - self.porosity * y[6]
+        gradient[6] -= self.porosity
+        return value, gradient
+
+
+def _symmetric(tensor: Array, i: int, j: int) -> Array:
+    """∂(3, 3)/∂ one component of a symmetric argument."""
+    column: Array = tensor[:, :, i, j] if i == j else tensor[:, :, i, j] + tensor[:, :, j, i]
+    return column
+
+
+@dataclass(frozen=True, eq=False)
+class PotentialData:
+    """n states in the variables y.
+
+    Attributes
+    ----------
+    rest
+        The undeformed cell.
+    y : (7, n)
+        Variables.
+    active
+        Those that were sampled.
+    value : (n,), gradient : (7, n)
+        W and ∂W/∂y. Only the rows of ``active`` are used by those who learn in these alone.
+    mean_grad : (9, n), mean_grad_slopes : (9, 7, n)
+        Rᵀ<∇u¹>_s, which depends on U and p only, and its derivatives.
+    """
+
+    rest: Rest
+    y: Array
+    active: tuple[int, ...]
+    value: Array
+    gradient: Array
+    mean_grad: Array
+    mean_grad_slopes: Array
+
+    @classmethod
+    def of(cls, data: TrainingSet) -> PotentialData:
+        """Of the states that are stable; what lies behind an instability would mislead a potential.
+
+        Raises
+        ------
+        DataError
+            A response or a derivative is missing, or fewer than two states are left.
+        """
+        kept = np.flatnonzero(data.responses.stable)
+        states, responses = data.states[kept], data.responses[kept]
+        missing = [
+            name
+            for name in ("potential", "stress", "fluid_volume", "tangent")
+            if getattr(responses, name) is None
+        ]
+        if missing:
+            raise DataError(
+                f"a potential is learned from {', '.join(missing)}, which these states lack; sample again"
+            )
+        if len(kept) < 2:
+            raise DataError(f"expected at least two stable training states, got {len(kept)}; sample more")
+        return cls._of(Rest.of(data.reference, data.symmetry), states, responses)
+
+    @classmethod
+    def _of(cls, rest: Rest, states: MacroState, responses: CellResponse) -> PotentialData:
+        assert responses.potential is not None
+        assert responses.stress is not None
+        assert responses.fluid_volume is not None
+        stretch = LogStretch.of(states.grad_u)
+        y = variables(stretch, states.p)
+        gradient = np.concatenate(
+            [stretch.pull(np.moveaxis(responses.stress, 0, -1)), -responses.fluid_volume[None]]
+        )
+        active = tuple(int(a) for a in np.flatnonzero(np.abs(y).max(axis=1) > STILL))
+        mean_grad, slopes = _unrotated(stretch, responses)
+        return cls(rest, y, active, responses.potential.copy(), gradient, mean_grad, slopes)
+
+    def __len__(self) -> int:
+        return self.y.shape[1]
+
+    def subset(self, rows: Array) -> PotentialData:
+        """Some of the states."""
+        return PotentialData(
+            self.rest,
+            self.y[:, rows],
+            self.active,
+            self.value[rows],
+            self.gradient[:, rows],
+            self.mean_grad[:, rows],
+            self.mean_grad_slopes[:, :, rows],
+        )
+
+    @cached_property
+    def remainder(self) -> tuple[Array, Array]:
+        """What the expansion at rest leaves over of W (n,) and of ∂W/∂y (7, n)."""
+        value, gradient = self.rest.potential(self.y)
+        return self.value - value, self.gradient - gradient
+
+    @cached_property
+    def scales(self) -> Array:
+        """Root mean square of W and of each ∂W/∂y about their means, (8,): what errors are weighted by.
+
+        The means of variables that were not sampled count as much as the largest of the others.
+        """
+        spread = np.concatenate([[self.value.std()], self.gradient.std(axis=1)])
+        floor = 1e-3 * spread[1:7].max(initial=0.0)
+        spread[1:7] = np.maximum(spread[1:7], floor)
+        return np.where(spread > 0, spread, 1.0)
+
+
+def _unrotated(stretch: LogStretch, responses: CellResponse) -> tuple[Array, Array]:
+    """Rᵀ m (9, n) and its derivatives with respect to y (9, 7, n); along pure stretches R does not change."""
+    t = responses.tangent
+    assert t is not None
+    if t.mean_grad_grad_u is None or t.mean_grad_p is None:
+        raise DataError("the derivatives of <∇u¹> are missing; solve the states with tangent=True")
+    n = len(responses)
+    R = None if stretch.rotation is None else np.moveaxis(stretch.rotation, -1, 0)
+
+    def back(tensor: Array) -> Array:
+        turned = tensor if R is None else R.swapaxes(1, 2) @ tensor
+        return np.moveaxis(turned.reshape(n, 9), 0, -1)
+
+    M = t.mean_grad_grad_u.reshape(n, 9, 9)
+    slopes = np.empty((9, 7, n))
+    for component in range(6):
+        direction = np.moveaxis(stretch.pull_direction(component), -1, 0).reshape(n, 9, 1)
+        slopes[:, component] = back((M @ direction).reshape(n, 3, 3))
+    slopes[:, 6] = back(t.mean_grad_p)
+    return back(responses.mean_grad), slopes

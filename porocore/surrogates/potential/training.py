@@ -1,0 +1,89 @@
+"""A potential whose third and higher orders are a network, trained by a library's automatic differentiation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from porocore.core.tensors.point_group import CUBIC
+from porocore.errors import ConfigurationError
+from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
+from porocore.surrogates.network.network import Evaluator, Network
+from porocore.surrogates.network.options import PotentialOptions
+from porocore.surrogates.network.sobolev import Autodiff, SobolevProblem, train
+from porocore.surrogates.polynomial.fit import (
+    ANCHOR_DEGREE,
+    fit_mean_grad,
+    fit_potential,
+    remainder,
+    sampled_range,
+    terms_for,
+)
+from porocore.surrogates.polynomial.terms import Terms, invariant, plain
+from porocore.surrogates.potential.data import PotentialData
+from porocore.surrogates.potential.model import NetworkPart, PotentialModel
+from porocore.surrogates.reach import Reach
+from porocore.surrogates.symmetry import stabiliser
+
+
+def coordinates_for(data: PotentialData) -> Terms:
+    """Return what a network sees: combinations of the sampled variables that the cell's operations leave alone."""
+    terms = terms_for(data)
+    if terms.name == "plain":
+        terms = invariant(stabiliser(data.rest.symmetry, data.active), data.active)
+    found = terms.subset(tuple(k for k in range(len(terms.weights)) if k not in terms.once))
+    variables = plain(data.active)
+    return found if variables.rows_of(found) is None else variables
+
+
+def train_potential(
+    training: TrainingSet,
+    options: PotentialOptions,
+    seed: int,
+    autodiff: Autodiff,
+    make_evaluator: Callable[[Network], Evaluator],
+    on_progress: Callable[[TrainingProgress], None] | None = None,
+) -> tuple[PotentialModel, dict[str, float]]:
+    """The model, and the errors of ∂W/∂y that are left on the training states, as shares of their ranges.
+
+    Raises
+    ------
+    DataError
+        A response is missing, or too few states are stable.
+    ConfigurationError
+        Cubic symmetry is asked for and the cell has none.
+    """
+    data = PotentialData.of(training)
+    if options.symmetry == "cubic" and data.rest.symmetry != CUBIC:
+        raise ConfigurationError(
+            f"surrogate.options.symmetry: this cell is not cubic, its group is {data.rest.symmetry.name}; choose auto "
+            "or none"
+        )
+    coordinates = plain(data.active) if options.symmetry == "none" else coordinates_for(data)
+    terms, polynomial = terms_for(data), None
+    # What acts across the sampled variables no network of these can say.
+    anchor = terms if options.anchor == "polynomial" else terms.across()
+    if options.anchor == "polynomial" or terms.once:
+        polynomial = fit_potential(data, anchor, highest=ANCHOR_DEGREE).polynomial
+    value, gradient = remainder(data, terms, polynomial)
+    problem = SobolevProblem.of(data, value, gradient, coordinates, slopes=options.derivatives)
+    network = train(
+        problem,
+        autodiff,
+        hidden=options.hidden,
+        activation=options.activation,
+        seed=seed,
+        iterations=options.iterations,
+        on_progress=on_progress,
+    )
+    part = NetworkPart(make_evaluator(problem.unscaled(network)), problem.terms)
+    reach = Reach.of(data.y, data.active, data.rest.symmetry)
+    model = PotentialModel(
+        data.rest, terms, polynomial, part, fit_mean_grad(data), data.active, sampled_range(training), reach
+    )
+    active = list(data.active)
+    wrong = model.potential(data.y)[1][active] - data.gradient[active]
+    spread = np.ptp(data.gradient[active], axis=1)
+    share = np.sqrt((wrong**2).mean(axis=1)) / np.where(spread > 0, spread, 1.0)
+    return model, {"slopes of W on the training states": float(share.max())}

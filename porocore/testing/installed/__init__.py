@@ -1,0 +1,1 @@
+"""The kit against an installed plugin, in a process of its own."""

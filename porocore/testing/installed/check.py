@@ -1,0 +1,313 @@
+"""Holding an installed plugin to the laws of its interface, in a process of its own.
+
+The process runs pytest on the suites that the plugin's offer names and tells each result in a line of a file, so that
+a plugin that kills its process, or changes how pytest works, does no harm here.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal, get_args
+
+from porocore.errors import PluginError
+from porocore.plugins.discovery import Offered
+from porocore.plugins.hookspecs import Kind
+from porocore.plugins.kinds import FIRST_PARTY, HOOKS
+from porocore.plugins.registry import registry
+
+Result = Literal["passed", "failed", "expected failure", "skipped"]
+#: Seconds between two looks at what the process has told.
+INTERVAL = 0.1
+#: Lines of what a process said before it died that are shown.
+LAST = 6
+
+
+class UnknownLaw(PluginError):
+    """The suites of a plugin have no law of a name.
+
+    Attributes
+    ----------
+    laws
+        Those that they have, in words.
+    """
+
+    def __init__(self, name: str, laws: Sequence[str]) -> None:
+        close = difflib.get_close_matches(in_words(name), laws, n=3, cutoff=0.4)
+        near = f"did you mean {' or '.join(map(repr, close))}?" if close else f"there are {', '.join(laws)}"
+        super().__init__(f"--only: there is no law '{in_words(name)}'; {near}")
+        self.laws = laws
+
+
+def in_words(law: str) -> str:
+    """Return the name of a law as a reader reads it."""
+    return law.removeprefix("test_").replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Law:
+    """One law, in one case, and whether the plugin obeys it.
+
+    Attributes
+    ----------
+    kind, plugin
+        Of the plugin.
+    suite, law, case
+        Class, test and parameters; the case is empty where there is one only.
+    result, reason
+        Why it failed, was expected to, or was left out; empty where it passed.
+    details
+        pytest's account of a failure.
+    seconds
+        How long it took.
+    """
+
+    kind: Kind
+    plugin: str
+    suite: str
+    law: str
+    case: str
+    result: Result
+    reason: str
+    details: str
+    seconds: float
+
+    @property
+    def words(self) -> str:
+        """The law as a reader reads it."""
+        text = in_words(self.law)
+        return f"{text} [{self.case}]" if self.case else text
+
+
+def offers_of(name: str, kind: Kind | None = None) -> list[Offered]:
+    """What is offered under a name, of every kind or of one.
+
+    Raises
+    ------
+    PluginError
+        Nothing is, or it is offered twice or lacks a module.
+    """
+    known = registry()
+    kinds = [k for k in HOOKS if name in known.names(k)]
+    if kind is not None:
+        return [known.find(kind, name)]
+    if not kinds and name in FIRST_PARTY:
+        return [known.find(FIRST_PARTY[name][1][0], name)]
+    if not kinds:
+        everything = sorted({offered.offer.name for offered in known.offers})
+        faults = "".join(f"; the plugin of {b.source}: {b.reason}" for b in known.broken)
+        raise PluginError(
+            f"expected the name of an installed plugin, got '{name}'; there are {', '.join(everything)}{faults}"
+        )
+    return [known.find(k, name) for k in kinds]
+
+
+def check_plugin(
+    offered: Offered,
+    on_law: Callable[[Law, int], None] | None = None,
+    *,
+    only: str = "",
+    on_start: Callable[[str, int], None] | None = None,
+) -> list[Law]:
+    """Run the suites of one offer.
+
+    Parameters
+    ----------
+    offered
+        From :func:`offers_of`.
+    on_law
+        Called with each result and the number of all.
+    only
+        The one law to hold it to, by its name or in words; empty: all.
+    on_start
+        Called with each law in words before it is tested, and the number of all.
+
+    Raises
+    ------
+    UnknownLaw
+        There is no law ``only``.
+    PluginError
+        pytest is missing, the class or its suites cannot be loaded, or the process died.
+    """
+    if find_spec("pytest") is None:
+        raise PluginError("checking a plugin needs pytest, which is not installed here: pip install pytest")
+    kind, name = offered.kind, offered.offer.name
+    with TemporaryDirectory(prefix="porocore-check-") as folder:
+        here = Path(folder)
+        report, log = here / "report", here / "log"
+        report.touch()
+        environment = {k: v for k, v in os.environ.items() if k != "PYTEST_ADDOPTS"}
+        environment["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
+        command = [sys.executable, "-m", "porocore.testing.installed.check", kind, name, folder, only]
+        with (
+            log.open("wb") as said,
+            subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=environment) as process,
+        ):
+            try:
+                lines = _follow(process, report, on_law, on_start)
+            except BaseException:
+                process.terminate()
+                raise
+        if lines and "fault" in lines[-1]:
+            raise PluginError(str(lines[-1]["fault"]))
+        if lines and "unknown" in lines[-1]:
+            raise UnknownLaw(only, lines[-1]["unknown"])
+        laws = [Law(**line["law"]) for line in lines if "law" in line]
+        if not lines or "end" not in lines[-1] or not laws:
+            said_last = " | ".join(log.read_text("utf-8", "replace").split("\n")[-LAST:]).strip(" |")
+            raise PluginError(
+                f"the check of {kind} '{name}' of {offered.source} ended after {len(laws)} laws with exit status "
+                f"{process.returncode}: {said_last or 'it said nothing'}; report this to its authors"
+            )
+    return laws
+
+
+def _follow(
+    process: subprocess.Popen[bytes],
+    report: Path,
+    on_law: Callable[[Law, int], None] | None,
+    on_start: Callable[[str, int], None] | None,
+) -> list[dict[str, Any]]:
+    """The lines of a growing file, until the process ends."""
+    lines: list[dict[str, Any]] = []
+    total = 0
+    with report.open(encoding="utf-8") as file:
+        part = ""
+        while True:
+            ended = process.poll() is not None
+            *whole, part = (part + file.read()).split("\n")
+            for text in whole:
+                line = json.loads(text)
+                lines.append(line)
+                total = line.get("total", total)
+                if "start" in line and on_start is not None:
+                    on_start(line["start"], total)
+                if "law" in line and on_law is not None:
+                    on_law(Law(**line["law"]), total)
+            if ended:
+                return lines
+            time.sleep(INTERVAL)
+
+
+# ---- in the process of the check ------------------------------------------------------------------
+
+
+def collected(kind: Kind, name: str) -> dict[str, type[Any]]:
+    """The suites of a plugin, by names that pytest collects."""
+    from porocore.testing.installed.suites import suites_of
+
+    offered = registry().find(kind, name)
+    suites = suites_of(kind, offered.offer, registry().get(kind, name))
+    if offered.offer.suites is None:
+        suites[0].recipe = ("porocore.testing.installed.check:default_suite", kind, name)
+    return {s.__name__ if s.__name__.startswith("Test") else f"Test{s.__name__}": s for s in suites}
+
+
+def default_suite(kind: Kind, name: str) -> type[Any]:
+    """Return the suite of a plugin that has none of its own."""
+    (suite,) = collected(kind, name).values()
+    return suite
+
+
+class _Reporter:
+    """A pytest plugin that writes a line for each law."""
+
+    def __init__(self, kind: Kind, name: str, path: Path, only: str) -> None:
+        self.kind, self.name, self.only = kind, name, in_words(only)
+        self._unknown: list[str] = []
+        self._file = path.open("a", encoding="utf-8")
+        self._fault = ""
+
+    def write(self, **line: Any) -> None:
+        self._file.write(json.dumps(line) + "\n")
+        self._file.flush()
+
+    def pytest_collectreport(self, report: Any) -> None:
+        if report.failed:
+            text = str(getattr(getattr(report.longrepr, "reprcrash", None), "message", report.longrepr))
+            text = next((part for part in reversed(text.splitlines()) if part.strip()), text)
+            self._fault = text.removeprefix("E").strip().removeprefix("porocore.errors.PluginError: ")
+
+    def pytest_collection_modifyitems(self, items: list[Any]) -> None:
+        if not self.only:
+            return
+        laws = {in_words(item.originalname): None for item in items}
+        if self.only not in laws and not self._fault:
+            self._unknown = list(laws)
+        items[:] = [item for item in items if in_words(item.originalname) == self.only]
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        law, _, case = nodeid.rpartition("::")[2].partition("[")
+        self.write(start=in_words(law) + (f" [{case}" if case else ""))
+
+    def pytest_collection_finish(self, session: Any) -> None:
+        self.write(total=len(session.items))
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        # A law is told when it was called, or when its set-up did not let it be called.
+        if report.when != "call" and not (report.when == "setup" and not report.passed) and not report.failed:
+            return
+        _, suite, law = report.nodeid.split("::")
+        law, _, case = law.partition("[")
+        result, reason, details = _outcome(report)
+        told = Law(
+            self.kind, self.name, suite, law, case.removesuffix("]"), result, reason, details, report.duration
+        )
+        self.write(law=asdict(told))
+
+    def close(self, status: int) -> None:
+        if self._fault:
+            self.write(fault=self._fault)
+        elif self._unknown:
+            self.write(unknown=self._unknown)
+        else:
+            self.write(end=status)
+        self._file.close()
+
+
+def _outcome(report: Any) -> tuple[Result, str, str]:
+    if report.passed:
+        return "passed", "", ""
+    if report.skipped:
+        if hasattr(report, "wasxfail"):
+            return "expected failure", str(report.wasxfail).removeprefix("reason: "), ""
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        return "skipped", reason.removeprefix("Skipped: "), ""
+    crash = getattr(report.longrepr, "reprcrash", None)
+    message = str(crash.message if crash else report.longrepr)
+    first = " ".join(message.splitlines()[0].split()) if message.strip() else "failed without a message"
+    return "failed", first.removeprefix("Failed: ").removeprefix("AssertionError: "), report.longreprtext
+
+
+def _main(arguments: Sequence[str]) -> int:
+    """Run pytest; the results go into the folder's ``report``."""
+    import pytest
+
+    kind, name, folder, only = arguments
+    assert kind in get_args(Kind)
+    here = Path(folder)
+    module = here / "test_laws.py"
+    module.write_text(
+        f"from porocore.testing.installed.check import collected\n\nglobals().update(collected({kind!r}, {name!r}))\n",
+        encoding="utf-8",
+    )
+    (here / "pytest.ini").write_text("[pytest]\n", encoding="utf-8")
+    reporter = _Reporter(kind, name, here / "report", only)  # type: ignore[arg-type]
+    options = ["-p", "no:cacheprovider", "--import-mode=importlib", f"--rootdir={folder}"]
+    options += ["-c", str(here / "pytest.ini"), f"--basetemp={here / 'files'}", str(module)]
+    status = int(pytest.main(options, plugins=[reporter]))
+    reporter.close(status)
+    return status
+
+
+if __name__ == "__main__":
+    raise SystemExit(_main(sys.argv[1:]))

@@ -1,0 +1,71 @@
+"""The suites that an installed plugin is held to by ``porocore plugin check``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from porocore.errors import PluginError
+from porocore.plugins.hookspecs import Kind, Offer
+from porocore.plugins.kit_version import KIT_VERSION
+from porocore.testing.cell_laws.base import CellSolverSuite
+from porocore.testing.macro_laws.base import MacroSolverSuite
+from porocore.testing.sampler_laws.base import SamplerSuite
+from porocore.testing.suite import Suite
+from porocore.testing.surrogate_laws.base import SurrogateSuite
+
+SUITES: dict[Kind, type[Suite]] = {
+    "cell solver": CellSolverSuite,
+    "macro solver": MacroSolverSuite,
+    "surrogate": SurrogateSuite,
+    "sampler": SamplerSuite,
+}
+MAKERS: dict[Kind, str] = {
+    "cell solver": "make_solver",
+    "macro solver": "make_solver",
+    "surrogate": "make_surrogate",
+    "sampler": "make_sampler",
+}
+
+
+def suites_of(kind: Kind, offer: Offer, implementation: type[Any]) -> list[type[Suite]]:
+    """The suites that an offer names; where it names none, that of its kind with default options.
+
+    Raises
+    ------
+    PluginError
+        They cannot be loaded, are no suites, or are suites of another kind only.
+    """
+    if offer.suites is None:
+        return [_default(kind, offer.name, implementation)]
+    try:
+        found = list(offer.suites())
+    except Exception as error:  # foreign code; its reason goes into the message
+        raise PluginError(
+            f"the suites of {kind} '{offer.name}' cannot be loaded: {type(error).__name__}: {error}; "
+            "report this to its authors"
+        ) from error
+    for suite in found:
+        if not (isinstance(suite, type) and issubclass(suite, Suite)):
+            raise PluginError(
+                f"the suites of {kind} '{offer.name}': expected suites of porocore.testing, got {suite!r}; "
+                "report this to its authors"
+            )
+    if not any(issubclass(suite, SUITES[kind]) for suite in found):
+        raise PluginError(
+            f"the suites of {kind} '{offer.name}': expected a subclass of porocore.testing.{SUITES[kind].__name__}, "
+            f"got {', '.join(suite.__name__ for suite in found) or 'none'}; report this to its authors"
+        )
+    return found
+
+
+def _default(kind: Kind, name: str, implementation: type[Any]) -> type[Suite]:
+    """Return the suite of a plugin without suites of its own: with default options, of the present version."""
+
+    def make(cls: Any, *inputs: Any, **options: Any) -> Any:
+        return implementation(*inputs, **options)
+
+    members: dict[str, Any] = {MAKERS[kind]: classmethod(make), "kit_version": KIT_VERSION}
+    if kind == "surrogate":
+        members["resumable"] = members["random"] = None
+    words = "".join(word.capitalize() for word in name.replace("-", "_").split("_"))
+    return type(f"Test{words}", (SUITES[kind],), members)

@@ -1,0 +1,1 @@
+"""Laws that every macro solver obeys."""

@@ -1,0 +1,27 @@
+"""The laws that every macro solver obeys, as tests that a plugin author subclasses.
+
+.. code-block:: python
+
+    class TestMyMacroSolver(MacroSolverSuite):
+        kit_version = "3"
+
+        @classmethod
+        def make_solver(cls, **options):
+            return MyMacroSolver(**options)
+"""
+
+from __future__ import annotations
+
+from porocore.testing.macro_laws.bodies import Bodies
+from porocore.testing.macro_laws.histories import Histories
+from porocore.testing.macro_laws.plates import Plates
+from porocore.testing.macro_laws.runs import Runs
+from porocore.testing.macro_laws.states import KnownStates
+
+
+class MacroSolverSuite(KnownStates, Plates, Bodies, Histories, Runs):
+    """Subclass it, name the class ``Test…`` and give it ``make_solver``.
+
+    It expects that :meth:`~porocore.MacroSolver.prepare` returns a ``porocore.macro`` discretisation, that the
+    solver runs on one process, and that it takes the option ``checkpoint_seconds``.
+    """

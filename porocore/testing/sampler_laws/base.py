@@ -1,0 +1,211 @@
+"""The laws that every sampler obeys, as tests that a plugin author subclasses.
+
+.. code-block:: python
+
+    class TestMySampler(SamplerSuite):
+        kit_version = "3"
+
+        @classmethod
+        def make_sampler(cls, inputs, **options):
+            return MySampler(inputs, **options)
+
+The cell that is sampled is :mod:`porocore.testing.synthetic.cell`, without a solution where it is squeezed hard.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+
+from porocore.core.inputs.input_space import InputSpace
+from porocore.errors import ConfigurationError
+from porocore.interfaces.sampler import Request, Sampler
+from porocore.testing import elsewhere
+from porocore.testing.compare import global_random_state
+from porocore.testing.expect import holds, options, refused, same
+from porocore.testing.sampler_laws.sampling import FAILED, INPUTS, Outcome, inform, run, solve
+from porocore.testing.suite import Suite
+
+#: Boxes of other numbers of inputs.
+BOXES = {
+    "one input": InputSpace(("H22",), (-0.12,), (0.04,)),
+    "three inputs": InputSpace(("H11", "H22", "p"), (-0.05, -0.1, 0.0), (0.05, 0.02, 0.1)),
+}
+
+
+class SamplerSuite(Suite):
+    """Subclass it, name the class ``Test…`` and give it ``make_sampler``."""
+
+    #: With which a sampling takes some ten to sixty states.
+    options: ClassVar[Mapping[str, Any]] = {}
+    #: Most states that it may ask for with these; None: it decides by itself when it knows enough.
+    budget: ClassVar[int | None] = None
+    #: Options that the constructor must refuse by name, one after the other.
+    invalid_options: ClassVar[tuple[dict[str, Any], ...]] = ({"no_such_option": 1},)
+
+    @classmethod
+    def make_sampler(cls, inputs: InputSpace, **options: Any) -> Sampler:
+        """A new sampler of the box."""
+        raise cls.undefined(
+            "make_sampler(cls, inputs, **options)",
+            "MySampler(inputs, **options)",
+            "a new porocore.Sampler of the box of the inputs",
+        )
+
+    @classmethod
+    def ready(cls, inputs: InputSpace = INPUTS, **options: Any) -> Sampler:
+        """A new sampler with :attr:`options`, told what it may know of the study."""
+        return inform(cls.make_sampler(inputs, **{**cls.options, **options}))
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def whole(cls) -> Outcome:
+        """A sampling from its beginning to its end. Not to be changed."""
+        return run(cls.ready())
+
+    def test_requests_are_what_they_should_be(self, whole: Outcome) -> None:
+        """Unique keys, finite numbers within the box, no state twice."""
+        asked, state = whole.asked, "all requests"
+        holds(asked, state, "at least one", "none")
+        for request in asked:
+            holds(isinstance(request, Request), state, "a porocore.Request", repr(request))
+            is_text = isinstance(request.key, str) and request.key
+            holds(is_text, state, "a text as key", repr(request.key))
+            _is_inside(request, INPUTS)
+        for what, values in (("keys", [r.key for r in asked]), ("states", [r.x for r in asked])):
+            count = len(set(values))
+            holds(count == len(asked), state, f"{len(asked)} different {what}", f"{count}")
+
+    def test_it_keeps_to_its_budget(self, whole: Outcome) -> None:
+        if self.budget is None:
+            pytest.skip("budget = None: it decides by itself when it knows enough")
+        count = len(whole.asked)
+        holds(count <= self.budget, "a whole sampling", f"at most {self.budget} states", f"{count} states")
+
+    def test_it_says_when_it_is_done(self, whole: Outcome) -> None:
+        holds(whole.ended, "nothing is left to ask or to wait for", "done = True", "done = False")
+        state = "while states were being solved"
+        holds(
+            not whole.early,
+            state,
+            "done = False",
+            f"it was done while {whole.early} states were being solved",
+        )
+        count = len(whole.asked)
+        holds(whole.expected == count, "at the end", f"expected = {count}", whole.expected)
+
+    def test_starts_are_solved_states(self, whole: Outcome) -> None:
+        """A field to start from must exist when the state is asked for."""
+        bad = whole.bad_starts
+        holds(
+            not bad,
+            "all requests",
+            "starts that were solved before",
+            f"{', '.join(bad[:3])} start from others",
+        )
+
+    def test_it_is_deterministic(self, whole: Outcome) -> None:
+        """Without drawing from a global random number generator."""
+        before = global_random_state()
+        _same_states(run(self.ready()).asked, whole.asked, "sampled twice")
+        untouched = before == global_random_state()
+        holds(untouched, "a whole sampling", "no draw from a global random number generator", "one")
+
+    def test_another_process_asks_for_the_same_states(self, whole: Outcome, tmp_path: Path) -> None:
+        """With another PYTHONHASHSEED, as a resumed run has it; else the states that were solved are solved again."""
+        question = "porocore.testing.sampler_laws.sampling:asked"
+        state = "in another process, with another PYTHONHASHSEED"
+        rows = elsewhere.ask(type(self), question, state, tmp_path)
+        _same_states([Request(key, tuple(x), start) for key, x, start in rows], whole.asked, state)
+
+    def test_the_seed_decides(self, whole: Outcome) -> None:
+        """Another seed gives other states, where the class declares ``seeded``."""
+        self.needs(type(self.ready()).seeded, "seeded = False: nothing in this sampler is random")
+        other = run(self.ready(seed=7)).states
+        holds(other != whole.states, "seed=7, seeded = True", "other states", "the same states")
+
+    @pytest.mark.parametrize("order", [1, 2])
+    def test_the_same_states_whatever_the_order_of_completion(self, whole: Outcome, order: int) -> None:
+        """Under the same keys, from the same starts; workers finish in any order."""
+        found = run(self.ready(), order=order).asked
+        _same_states(found, whole.asked, f"told in another order ({order})", ordered=False)
+
+    def test_an_interrupted_sampling_goes_on_by_telling_again(self, whole: Outcome) -> None:
+        """A new sampler is told what is known as it asks for it, in another order."""
+        half = run(self.ready(), most=(len(whole.asked) + 1) // 2)
+        known = {request.key: request for request in half.told}
+        resumed = run(self.ready(), order=3)
+        again = [request for request in resumed.asked if request.key in known]
+        state = "interrupted half-way, and told again in another order"
+        _same_states(again, list(known.values()), state, ordered=False)
+        _same_states(resumed.asked, whole.asked, state, ordered=False)
+
+    def test_asking_again_gives_nothing_twice(self) -> None:
+        sampler = self.ready()
+        first = {request.key for request in sampler.ask()}
+        twice = sorted(first & {request.key for request in sampler.ask()})
+        holds(not twice, "asked twice, with nothing told between", "no key again", twice)
+
+    def test_what_was_not_asked_for_cannot_be_told(self) -> None:
+        sampler = self.ready()
+        first = sampler.ask()[0]
+        sampler.tell(first.key, solve(INPUTS, first))
+        for key in (first.key, "never asked for"):
+            state = "told twice" if key == first.key else f"told '{key}'"
+            with refused(ValueError, state=state):
+                sampler.tell(key, solve(INPUTS, first))
+
+    def test_a_cell_without_any_solution_ends_the_sampling(self) -> None:
+        """Failed states are outcomes like others; a sampler must not ask for ever."""
+        outcome = run(self.ready(), answer=lambda inputs, request: FAILED, most=2000)
+        state = "no state can be solved"
+        holds(outcome.ended, state, "an end", f"{len(outcome.asked)} requests and no end")
+
+    def test_outcomes_are_not_changed(self) -> None:
+        sampler = self.ready()
+        for request in sampler.ask():
+            response = solve(INPUTS, request)
+            kept = [array.copy() for array in (response.mean_grad, response.status)]
+            sampler.tell(request.key, response)
+            same("mean_grad", response.mean_grad, kept[0], f"told {request.key}")
+            same("status", response.status, kept[1], f"told {request.key}")
+
+    @pytest.mark.parametrize("box", BOXES)
+    def test_any_number_of_inputs(self, box: str) -> None:
+        inputs = BOXES[box]
+        asked = self.ready(inputs).ask()
+        holds(asked, f"a box of {box}", "at least one request", "none")
+        for request in asked:
+            _is_inside(request, inputs)
+
+    def test_invalid_options_are_refused(self) -> None:
+        for given in self.invalid_options:
+            with refused(ConfigurationError, state=options(given), naming=(next(iter(given)),)):
+                self.make_sampler(INPUTS, **{**self.options, **given})
+
+
+def _is_inside(request: Request, inputs: InputSpace) -> None:
+    """One finite float for each input, within its range but for round-off."""
+    state, n = f"the request {request.key!r}", len(inputs)
+    floats = isinstance(request.x, tuple) and all(isinstance(value, float) for value in request.x)
+    holds(floats and len(request.x) == n, state, f"a tuple of {n} floats", repr(request.x))
+    for name, value, low, high in zip(inputs.names, request.x, inputs.lower, inputs.upper, strict=True):
+        slack = 1e-12 * (high - low)
+        inside = low - slack <= value <= high + slack
+        holds(inside, state, f"{name} from {low:g} to {high:g}", value)
+
+
+def _same_states(found: list[Request], expected: list[Request], state: str, *, ordered: bool = True) -> None:
+    """The same keys with the same inputs and starts; in the same order if so."""
+    known, asked = {r.key: r for r in expected}, {r.key: r for r in found}
+    new = [r.key for r in found if r.key not in known]
+    what = f"the same {len(expected)} states"
+    holds(not new, state, what, f"{len(new)} other keys, such as {', '.join(map(repr, new[:2]))}")
+    for key, request in known.items():
+        holds(
+            asked.get(key) == request, state, f"{what}, such as {request}", asked.get(key, "none of that key")
+        )
+    holds(not ordered or found == expected, state, f"{what} in the same order", "another order")

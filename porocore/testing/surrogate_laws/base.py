@@ -1,0 +1,217 @@
+"""The laws that every surrogate obeys, as tests that a plugin author subclasses.
+
+.. code-block:: python
+
+    class TestMySurrogate(SurrogateSuite):
+        kit_version = "3"
+
+        @classmethod
+        def make_surrogate(cls):
+            return MySurrogate(epochs=500)
+
+The cell that is learned is :mod:`porocore.testing.synthetic.cell`, known in closed form. A surrogate that derives
+stress and fluid volume from a potential subclasses
+:class:`porocore.testing.surrogate_laws.potential.PotentialSuite`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.errors import ConfigurationError
+from porocore.interfaces.surrogate import Surrogate, TrainingSet
+from porocore.states import Array, CellResponse, MacroState
+from porocore.testing.compare import RESPONSES, assert_identical, moved, provided
+from porocore.testing.expect import holds, near, options, refused, same, there, these, words
+from porocore.testing.surrogate_laws.files import Files
+from porocore.testing.surrogate_laws.training import Trainings
+from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
+
+__all__ = ["SurrogateSuite", "synthetic_training_set"]
+
+
+class SurrogateSuite(Files, Trainings):
+    """Subclass it, name the class ``Test…`` and give it ``make_surrogate``."""
+
+    def test_shapes(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        """The batch axis leads, an empty batch included; each response comes with its slopes."""
+        response = fitted.predict(unseen.states)
+        n, state = len(unseen.states), these(unseen.states)
+        same("status", response.status, np.zeros(n), state)
+        shapes = {"outside": (n,), "mean_grad": (n, 3, 3)}
+        for name, slopes in provided(response):
+            value = getattr(response, name)
+            for what, slope, shape in (("H", slopes[0], (*value.shape, 3, 3)), ("p", slopes[1], value.shape)):
+                holds(
+                    slope.shape == shape, state, f"d{name}/d{what} of shape {shape}", f"shape {slope.shape}"
+                )
+        for name, shape in shapes.items():
+            found = np.shape(there(name, getattr(response, name), state))
+            holds(found == shape, state, f"{name} of shape {shape}", f"shape {found}")
+        none = len(fitted.predict(MacroState.zeros(0)).mean_grad)
+        holds(none == 0, "an empty batch", "no rows", f"{none} rows")
+
+    def test_learns_the_map(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        """Within the declared accuracy of a cell that is known in closed form, on states that it has not seen."""
+        predicted = fitted.predict(unseen.states, tangent=False)
+        for name in RESPONSES:
+            values, truth = getattr(predicted, name), getattr(unseen.responses, name)
+            if values is not None:
+                if name == "stress":  # a potential over the inputs knows the stress that works on them
+                    values, truth = values[:, 1, 1], truth[:, 1, 1]
+                self._compare(name, values, truth, self.accuracy(fitted))
+
+    def test_learns_the_slopes(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        """Within ten times the declared accuracy, on states that it has not seen."""
+        predicted = fitted.predict(unseen.states)
+        known = dict(provided(unseen.responses))
+        for name, (by_H, by_p) in provided(predicted):
+            H22 = (..., 1, 1)
+            pairs = ((f"d{name}/dH22", by_H[H22], known[name][0][H22]), (f"d{name}/dp", by_p, known[name][1]))
+            for what, slopes, truth in pairs:
+                if name == "stress":
+                    slopes, truth = slopes[:, 1, 1], truth[:, 1, 1]
+                self._compare(what, slopes, truth, self.slope_accuracy(fitted))
+
+    @staticmethod
+    def _compare(what: str, values: Array, truth: Array, accuracy: float) -> None:
+        """A component that does not vary must be right to a thousandth of what the largest may be wrong by.
+
+        Where none varies, their size takes the place of the range.
+        """
+        values, truth = values.reshape(len(values), -1), truth.reshape(len(truth), -1)
+        error = np.sqrt(((values - truth) ** 2).mean(axis=0))
+        extent = np.ptp(truth, axis=0)
+        if extent.max() < 1e-9 * np.abs(truth).max():
+            extent = np.abs(truth).max(axis=0)
+        allowed = accuracy * np.maximum(extent, 1e-3 * extent.max())
+        worst = int(np.argmax(error / allowed))
+        holds(
+            (error <= allowed).all(),
+            f"{len(values)} unseen states",
+            f"a root mean square error of {what}, component {worst}, of at most {allowed[worst]:.2e}",
+            f"{error[worst]:.2e}",
+        )
+
+    def test_derivatives_are_the_slopes(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        """In all ten directions, those that were not sampled included.
+
+        At states that the differences do not carry across the end of the range, where a surrogate may change its
+        ways as long as its derivatives go on.
+        """
+        x = INPUTS.gather(unseen.states)
+        inside = ((x > np.array(INPUTS.lower) + 0.01) & (x < np.array(INPUTS.upper) - 0.01)).all(axis=1)
+        states = unseen.states[np.flatnonzero(inside)[:40]]
+        response = fitted.predict(states)
+        slopes = dict(provided(response))
+        holds(slopes, these(states), "a response with its derivatives", "none")
+        if (
+            response.potential is not None
+            and response.stress is not None
+            and response.fluid_volume is not None
+        ):
+            slopes["potential"] = response.stress, -response.fluid_volume
+        h = 1e-3
+        for column in range(10):
+            values = [fitted.predict(moved(states, column, k * h), tangent=False) for k in (-2, -1, 1, 2)]
+            for name, (by_H, by_p) in slopes.items():
+                m2, m1, p1, p2 = (getattr(value, name) for value in values)
+                difference = (m2 - 8 * m1 + 8 * p1 - p2) / (12 * h)
+                slope = by_p if column == 9 else by_H[..., column // 3, column % 3]
+                variable = "p" if column == 9 else f"H{column // 3 + 1}{column % 3 + 1}"
+                within = 1e-6 * max(np.abs(slope).max(), 1e-3)
+                near(f"d{name}/d{variable} by differences,", slope, difference, these(states), within=within)
+
+    def test_rows_do_not_depend_on_the_batch_or_its_order(
+        self, fitted: Surrogate, unseen: TrainingSet
+    ) -> None:
+        states = unseen.states[:20]
+        together = fitted.predict(states)
+        backwards = fitted.predict(states[::-1])[::-1]
+        _same_rows(backwards, together, f"{these(states)}, backwards")
+        for row in range(20):
+            alone = states[row : row + 1]
+            _same_rows(fitted.predict(alone), together[row : row + 1], f"{these(alone)}, alone")
+
+    def test_two_calls_give_the_same_to_the_last_bit(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        one, two = fitted.predict(unseen.states), fitted.predict(unseen.states)
+        assert_identical(two, one, f"{these(unseen.states)}, predicted twice")
+
+    def test_derivatives_only_where_they_are_wanted(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        states = unseen.states[:20]
+        plain, whole = fitted.predict(states, tangent=False), fitted.predict(states)
+        state = f"{these(states)}, tangent=False"
+        holds(plain.tangent is None, state, "no derivatives", "derivatives")
+        for name in RESPONSES:
+            if getattr(whole, name) is not None:
+                near(name, getattr(plain, name), getattr(whole, name), state, within=1e-12)
+
+    def test_inputs_are_not_changed(self, fitted: Surrogate, data: TrainingSet, unseen: TrainingSet) -> None:
+        """Neither the states that it predicts nor those that it was trained on."""
+        states = unseen.states[:20]
+        H, p = states.grad_u.copy(), states.p.copy()
+        fitted.predict(states)
+        same("H", states.grad_u, H, "after the prediction")
+        same("p", states.p, p, "after the prediction")
+        original = self.training_data()
+        for name in ("grad_u", "p"):
+            same(name, getattr(data.states, name), getattr(original.states, name), "after the training")
+        for name in RESPONSES:
+            before = getattr(original.responses, name)
+            same(name, getattr(data.responses, name), before, "after the training")
+
+    def test_it_provides_what_it_says(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+        """``provides``, unless it is None, lists the responses that are there, each with its derivatives."""
+        response = fitted.predict(unseen.states[:3])
+        found = {name for name in RESPONSES if getattr(response, name) is not None}
+        says, state = fitted.provides, these(unseen.states[:3])
+        if says is not None:
+            declared = set(says) & set(RESPONSES)
+            holds(declared == found, state, f"the responses of provides, {sorted(declared)}", sorted(found))
+        with_slopes = dict(provided(response))
+        for name in found & {"mean_grad", "stress", "fluid_volume"}:
+            empty = np.isnan(getattr(response, name)).all()
+            holds(name in with_slopes or empty, state, f"derivatives of {name}", "None")
+
+    def test_reference_state_is_exact(self, fitted: Surrogate, data: TrainingSet) -> None:
+        """With its derivatives; where ``exact_at_rest`` is False, within the declared accuracy and without them."""
+        at_rest = fitted.predict(MacroState.zeros(1))
+        known = dict(provided(data.reference))
+        exact = type(fitted).exact_at_rest
+        for name, slopes in provided(at_rest):
+            span = float(np.ptp(getattr(data.responses, name), axis=0).max())
+            within = 1e-12 if exact else type(fitted).expected_error * span
+            near(name, getattr(at_rest, name), getattr(data.reference, name), "at rest", within=within)
+            if exact:
+                for what, slope, expected in zip(("H", "p"), slopes, known[name], strict=True):
+                    near(f"d{name}/d{what}", slope, expected, "at rest", within=1e-11)
+
+    def test_outside_is_flagged(self, fitted: Surrogate, data: TrainingSet) -> None:
+        x = np.array([[-0.1, 0.1], [-0.2001, 0.1], [-0.1, 0.2401], [0.0, 0.0], [0.1, 0.3]])
+        states = INPUTS.scatter(x)
+        states.grad_u[3, 0, 1] = 0.01
+        outside = there("outside", fitted.predict(states, tangent=False).outside, these(states))
+        for row, flagged in enumerate([False, True, True, True, True]):
+            state = words(states.grad_u[row], states.p[row])
+            holds(bool(outside[row]) == flagged, state, f"outside = {flagged}", bool(outside[row]))
+        trained = fitted.predict(data.states, tangent=False).outside
+        count = int(there("outside", trained, "the states of the training").sum())
+        holds(not count, "the states of the training", "none outside", f"{count} outside")
+
+    def test_invalid_options_are_refused(self) -> None:
+        for given in self.invalid_options:
+            with refused(ConfigurationError, state=options(given), naming=(next(iter(given)),)):
+                self.make_invalid(given)
+
+
+def _same_rows(found: CellResponse, expected: CellResponse, state: str) -> None:
+    """Alike but for round-off, derivatives and flags included."""
+    same("status", found.status, expected.status, state)
+    same("outside", there("outside", found.outside, state), there("outside", expected.outside, state), state)
+    for name in RESPONSES:
+        if getattr(expected, name) is not None:
+            near(name, getattr(found, name), getattr(expected, name), state, within=1e-12)
+    others = dict(provided(found))
+    for name, slopes in provided(expected):
+        for what, one, other in zip(("H", "p"), others[name], slopes, strict=True):
+            near(f"d{name}/d{what}", one, other, state, within=1e-10)

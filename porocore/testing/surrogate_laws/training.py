@@ -1,0 +1,130 @@
+"""Training a surrogate: by a seed alone, interrupted and resumed."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from porocore.errors import DataError
+from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
+from porocore.testing.compare import assert_identical, global_random_state
+from porocore.testing.expect import holds, refused
+from porocore.testing.surrogate_laws.fitting import Fitting
+
+
+class _Stop(Exception):
+    """Interrupts a training."""
+
+
+class Trainings(Fitting):
+    """Part of :class:`porocore.testing.surrogate_laws.base.SurrogateSuite`."""
+
+    def test_training_is_seeded(self, fitted: Surrogate, data: TrainingSet, unseen: TrainingSet) -> None:
+        before = global_random_state()
+        again = self.make_surrogate().fit(data, seed=self.seed)
+        other = self.make_surrogate().fit(data, seed=self.seed + 1)
+        untouched = before == global_random_state()
+        holds(untouched, f"seed {self.seed}", "no draw from a global random number generator", "one")
+        one, two = fitted.predict(unseen.states), other.predict(unseen.states)
+        assert_identical(again.predict(unseen.states), one, f"trained twice with seed {self.seed}")
+        if self.random is None:
+            return
+        state = f"seeds {self.seed} and {self.seed + 1}"
+        if not self.random:
+            assert_identical(two, one, f"{state}, random = False")
+            return
+        learned = "mean_grad" if one.potential is None else "potential"
+        differ = (getattr(one, learned) != getattr(two, learned)).any()
+        holds(differ, f"{state}, random = True", f"another {learned}", "the same")
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def interruption(
+        cls, data: TrainingSet, tmp_path_factory: pytest.TempPathFactory
+    ) -> tuple[Path, TrainingProgress]:
+        """The checkpoint of a training that was stopped, and its last report. Not to be changed."""
+        if not cls.resumable:
+            pytest.skip("this training is short and begins anew")
+        path = tmp_path_factory.mktemp("interrupted") / "training.h5"
+        last, count = TrainingProgress(0, 0, 0.0, 0.0), 0
+
+        def stop(progress: TrainingProgress) -> None:
+            nonlocal last, count
+            last, count = progress, count + 1
+            deadline = time.monotonic() + (0.5 if not path.exists() else 0.0)
+            while time.monotonic() < deadline:
+                time.sleep(0.05)
+            if path.exists() and count >= 3:
+                raise _Stop
+
+        with pytest.MonkeyPatch.context() as patch:
+            cls().checkpoint_often(patch)
+            with suppress(_Stop):
+                cls.make_surrogate().fit(data, seed=cls.seed, checkpoint=path, on_progress=stop)
+        state = "interrupted after three reports of progress"
+        holds(path.exists(), state, "a checkpoint, since resumable = True", "none")
+        holds(count >= 3, state, "at least three reports of progress", count)
+        return path, last
+
+    @pytest.fixture
+    def interrupted(
+        self, interruption: tuple[Path, TrainingProgress], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> tuple[Path, TrainingProgress]:
+        """A copy, for a training that writes checkpoints as often."""
+        kept, last = interruption
+        self.checkpoint_often(monkeypatch)
+        return Path(shutil.copy(kept, tmp_path)), last
+
+    def test_resumed_training_equals_an_uninterrupted_one(
+        self,
+        fitted: Surrogate,
+        interrupted: tuple[Path, TrainingProgress],
+        data: TrainingSet,
+        unseen: TrainingSet,
+        tmp_path: Path,
+    ) -> None:
+        checkpoint, last = interrupted
+        epochs: list[int] = []
+
+        def report(progress: TrainingProgress) -> None:
+            epochs.append(progress.epoch)
+
+        resumed = self.make_surrogate().fit(data, seed=self.seed, checkpoint=checkpoint, on_progress=report)
+        state = f"interrupted at epoch {last.epoch} and resumed"
+        first = epochs[0] if epochs else None
+        holds(first is not None and first >= last.epoch, state, f"to go on at epoch {last.epoch}", first)
+        assert_identical(resumed.predict(unseen.states), fitted.predict(unseen.states), state)
+
+    def test_a_checkpoint_of_another_training_is_refused(
+        self, interrupted: tuple[Path, TrainingProgress], data: TrainingSet, tmp_path: Path
+    ) -> None:
+        checkpoint, _ = interrupted
+        kept = shutil.copy(checkpoint, tmp_path / "kept.h5")
+        changed = replace(data, states=data.states[:-1], responses=data.responses[:-1])
+        for other, seed in ((changed, self.seed), (data, self.seed + 1)):
+            state = f"the checkpoint of seed {self.seed}, for seed {seed} and {len(other.states)} states"
+            with refused(DataError, state=state, naming=(checkpoint.name, "remove")):
+                self.make_surrogate().fit(other, seed=seed, checkpoint=checkpoint)
+        before, after = Path(kept).read_bytes(), checkpoint.read_bytes()
+        holds(after == before, "a refused checkpoint", "the file as it was", "another content")
+
+    def test_a_truncated_checkpoint_is_refused(
+        self, interrupted: tuple[Path, TrainingProgress], data: TrainingSet
+    ) -> None:
+        checkpoint, _ = interrupted
+        whole = checkpoint.read_bytes()
+        checkpoint.write_bytes(whole[: len(whole) // 2])
+        with refused(DataError, state="half of a checkpoint", naming=(checkpoint.name, "remove")):
+            self.make_surrogate().fit(data, seed=self.seed, checkpoint=checkpoint)
+
+    def test_what_is_not_resumable_leaves_no_checkpoint(self, data: TrainingSet, tmp_path: Path) -> None:
+        if self.resumable is not False:
+            pytest.skip("this training writes checkpoints, or may do so")
+        self.make_surrogate().fit(data, seed=self.seed, checkpoint=tmp_path / "training.h5")
+        left = [path.name for path in tmp_path.iterdir()]
+        holds(not left, "resumable = False", "no file left behind", left)

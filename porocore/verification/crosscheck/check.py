@@ -1,0 +1,111 @@
+"""A whole crosscheck, part by part: cell solvers → samples → surrogates → macro solvers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from porocore.core.console import Console
+from porocore.interfaces.law import MacroLaw
+from porocore.study.config.config import RunConfig
+from porocore.verification.crosscheck.attempt import attempt
+from porocore.verification.crosscheck.bodies import BodyRun, compare_bodies, make_laws, run_body
+from porocore.verification.crosscheck.cells import CellRun, compare_cells, make_meshes, run_cell
+from porocore.verification.crosscheck.comparison import Comparison
+from porocore.verification.crosscheck.contestants import Contestants
+from porocore.verification.crosscheck.surrogates import (
+    Samples,
+    SurrogateRun,
+    compare_surrogates,
+    load_libraries,
+    solve_samples,
+    train,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class CrossCheck:
+    """All that was compared, and what it was compared from.
+
+    Attributes
+    ----------
+    config
+        The case.
+    contestants
+        Who took part.
+    comparisons
+        Line by line, failures first within each part.
+    cells, samples, surrogates, bodies
+        The results; ``samples`` is None where no cell solver could solve them.
+    """
+
+    config: RunConfig
+    contestants: Contestants
+    comparisons: tuple[Comparison, ...]
+    cells: tuple[CellRun, ...]
+    samples: Samples | None
+    surrogates: tuple[SurrogateRun, ...]
+    bodies: tuple[BodyRun, ...]
+
+    @property
+    def failed(self) -> tuple[Comparison, ...]:
+        """Lines that did not pass."""
+        return tuple(line for line in self.comparisons if not line.passed)
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything agrees."""
+        return not self.failed
+
+    @property
+    def worst(self) -> Comparison:
+        """The line that exceeds its tolerance most, or is nearest to it; of several failures the first."""
+        return max(self.comparisons, key=lambda line: line.excess)
+
+
+def crosscheck(config: RunConfig, who: Contestants, *, console: Console) -> CrossCheck:
+    """Run every backend on the case and compare all pairs.
+
+    A backend that fails is a line of the result; the others go on.
+
+    Raises
+    ------
+    PorocoreError
+        The case itself cannot be used: its cell cannot be meshed.
+    """
+    load_libraries(who.surrogates)
+    found = list(who.broken)
+    make_meshes(config)
+    cells = []
+    for name in who.cells:
+        with console.task(f"cell, {name}", "solves") as task:
+            cells.append(run_cell(config, name, task))
+    found += compare_cells(cells)
+
+    samples, failures = _samples(config, cells, console)
+    found += failures
+    surrogates: list[SurrogateRun] = []
+    bodies: list[BodyRun] = []
+    if samples is not None:
+        surrogates = [train(config, name, samples, console) for name in who.surrogates]
+        found += compare_surrogates(surrogates, samples, config.sampling.test.seed)
+        for name, law in make_laws(config, samples, surrogates).items():
+            if not isinstance(law, MacroLaw):
+                found.append(Comparison.failure("body", f"law {name}", "closure", name, law))
+                continue
+            bodies += [run_body(config, backend, name, law, console) for backend in who.bodies]
+        found += compare_bodies(bodies)
+    return CrossCheck(config, who, tuple(found), tuple(cells), samples, tuple(surrogates), tuple(bodies))
+
+
+def _samples(
+    config: RunConfig, cells: list[CellRun], console: Console
+) -> tuple[Samples | None, list[Comparison]]:
+    """From the configured backend if it takes part, else from the first that can."""
+    names = sorted((run.backend for run in cells), key=lambda name: name != config.fem.backend)
+    failures: list[Comparison] = []
+    for name in names:
+        outcome = attempt(solve_samples, config, name, console)
+        if outcome.value is not None:
+            return outcome.value, failures
+        failures.append(Comparison.failure("cell", "", "samples", name, outcome.reason))
+    return None, failures

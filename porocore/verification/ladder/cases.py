@@ -1,0 +1,186 @@
+"""All cases in order, and climbing them with every backend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from porocore.core.echo import echo
+from porocore.errors import ConfigurationError, PluginError
+from porocore.plugins.hookspecs import Kind
+from porocore.plugins.registry import registry
+from porocore.verification.crosscheck.attempt import attempt
+from porocore.verification.ladder import (
+    cell_cases,
+    consolidation,
+    permeability,
+    small_strain,
+    unconfined,
+    xie_leo,
+)
+from porocore.verification.ladder.case import Case, Check, Solve
+
+CASES: dict[str, Case] = {
+    case.name: case
+    for case in (
+        permeability.CHANNEL,
+        permeability.SPHERE_ARRAY,
+        permeability.CYLINDER_ARRAY,
+        cell_cases.HOMOGENEOUS,
+        cell_cases.IDENTITIES,
+        consolidation.TERZAGHI_CASE,
+        consolidation.MANDEL_CASE,
+        unconfined.CASE,
+        xie_leo.CASE,
+        small_strain.CASE,
+    )
+}
+KINDS: tuple[Kind, ...] = ("cell solver", "macro solver")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: a check, or the reason why there is none, which is a failure.
+
+    Attributes
+    ----------
+    case, item, backend
+        By name; a plugin that cannot be used has neither case nor item.
+    check
+        None where the backend raised an exception.
+    reason
+        What it said; else empty.
+    seconds
+        Wall time of the item.
+    """
+
+    case: str
+    item: str
+    backend: str
+    check: Check | None
+    reason: str = ""
+    seconds: float = 0.0
+
+    @property
+    def passed(self) -> bool:
+        """Whether there is a number, and within what is allowed."""
+        return self.check is not None and self.check.passed
+
+    def describe(self) -> str:
+        """The line in words."""
+        where = ", ".join(part for part in (self.case, self.item, self.backend) if part)
+        if self.check is None:
+            return f"{where}: {self.reason}"
+        return (
+            f"{where}: {self.check.quantity}: error {self.check.error:.2e}, allowed {self.check.allowed:.2g}"
+        )
+
+
+@dataclass(frozen=True)
+class Backends:
+    """Who climbs.
+
+    Attributes
+    ----------
+    names
+        Of the solvers of each kind.
+    broken
+        One failure for each plugin that is installed and cannot be used.
+    absent
+        Installed plugins whose requirements are not, with what installs those.
+    """
+
+    names: dict[Kind, tuple[str, ...]]
+    broken: tuple[Row, ...] = ()
+    absent: tuple[str, ...] = ()
+
+
+def find_backends(fem: Sequence[str] = ()) -> Backends:
+    """The installed finite-element backends, or those that are named.
+
+    Raises
+    ------
+    PluginError
+        A name is unknown or cannot be used, or there is none.
+    """
+    table = registry().table()
+    ready: dict[Kind, list[str]] = {
+        kind: sorted({row.name for row in table if (row.kind, row.state) == (kind, "ready")})
+        for kind in KINDS
+    }
+    if fem:
+        for name in fem:
+            if not any(name in ready[kind] for kind in KINDS):
+                registry().find("cell solver", name)
+        chosen = {kind: tuple(n for n in dict.fromkeys(fem) if n in ready[kind]) for kind in KINDS}
+        return Backends(chosen)
+    if not any(ready.values()):
+        why = [f"{row.name} ({row.state}): {row.advice}" for row in table if row.kind in (*KINDS, "")]
+        raise PluginError(f"there is no finite-element backend; install one: {'; '.join(dict.fromkeys(why))}")
+    broken = [
+        Row("", "", row.distribution, None, f"{row.state}: {row.advice}")
+        for row in table
+        if row.state in ("broken", "offered twice") and row.kind in (*KINDS, "")
+    ]
+    absent = [
+        f"{row.name} ({row.state}): {row.advice}"
+        for row in table
+        if row.state == "missing dependency" and row.kind in KINDS
+    ]
+    names = {kind: tuple(found) for kind, found in ready.items()}
+    return Backends(names, tuple(dict.fromkeys(broken)), tuple(dict.fromkeys(absent)))
+
+
+def find_cases(names: Sequence[str] = ()) -> list[Case]:
+    """Those that are named, all if none is, in the order of the ladder.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no case of that name.
+    """
+    unknown = [name for name in names if name not in CASES]
+    if unknown:
+        raise ConfigurationError(f"--case: unknown case {echo(unknown[0])}; the cases are {', '.join(CASES)}")
+    return [case for name, case in CASES.items() if not names or name in names]
+
+
+def climb(
+    cases: Sequence[Case],
+    backends: Backends,
+    *,
+    long: bool = False,
+    on_item: Callable[[str, int, int], None] | None = None,
+) -> list[Row]:
+    """Solve every item of every case with every backend; what raises is a failed row, and the others go on.
+
+    ``on_item`` is told what comes next, how many items are done and how many there are.
+    """
+    todo = [
+        (case, item, backend)
+        for case in cases
+        for item in case.items
+        for backend in backends.names[case.kind]
+    ]
+    rows = list(backends.broken)
+    for done, (case, item, backend) in enumerate(todo):
+        if on_item is not None:
+            on_item(f"{case.name}, {item}, {backend}", done, len(todo))
+        rows += solve_item(case, item, backend, long=long)
+    if on_item is not None:
+        on_item("", len(todo), len(todo))
+    return rows
+
+
+def solve_item(case: Case, item: str, backend: str, *, long: bool = False) -> list[Row]:
+    """The rows of one item with one backend."""
+    outcome = attempt(_solve, case.items[item], case.kind, backend, long)
+    if outcome.value is None:
+        return [Row(case.name, item, backend, None, outcome.reason, outcome.seconds)]
+    return [Row(case.name, item, backend, check, "", outcome.seconds) for check in outcome.value]
+
+
+def _solve(solve: Solve, kind: Kind, backend: str, long: bool) -> Sequence[Check]:
+    solver: Any = registry().get(kind, backend)()
+    return solve(solver, long)

@@ -1,0 +1,56 @@
+"""What ``porocore verify`` found, as a document for other programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import porocore.verification.ladder.cases as ladder
+from porocore.core.files.atomic import atomic_path
+
+FORMAT, VERSION = "porocore-verification", 1
+
+
+def document(rows: Sequence[ladder.Row], *, long: bool) -> dict[str, Any]:
+    """Everything in the table; a number that is none is null."""
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "form": "long" if long else "short",
+        "passed": all(row.passed for row in rows),
+        "rows": [_row(row) for row in rows],
+    }
+
+
+def text(rows: Sequence[ladder.Row], *, long: bool) -> str:
+    """The document as JSON."""
+    return json.dumps(document(rows, long=long), indent=1, ensure_ascii=False) + "\n"
+
+
+def write(path: Path, rows: Sequence[ladder.Row], *, long: bool) -> None:
+    """The document into a file, atomically."""
+    with atomic_path(path) as part:
+        part.write_text(text(rows, long=long), encoding="utf-8")
+
+
+def _row(row: ladder.Row) -> dict[str, Any]:
+    case = ladder.CASES.get(row.case)
+    found: dict[str, Any] = {
+        "case": row.case,
+        "item": row.item,
+        "backend": row.backend,
+        "passed": row.passed,
+        "seconds": round(row.seconds, 3),
+        "source": case.source if case else "",
+    }
+    if row.check is None:
+        return found | {"reason": row.reason}
+    names = ("quantity", "reference", "ours", "error", "allowed", "order", "note")
+    return found | {name: _plain(getattr(row.check, name)) for name in names}
+
+
+def _plain(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,160 @@
+"""One state of the cell, solved and written with its local fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.core.echo import cut
+from porocore.core.inputs.input_space import NAMES
+from porocore.core.inputs.possible_states import require_possible
+from porocore.errors import ConfigurationError, PorocoreError
+from porocore.plugins.border import solution_of
+from porocore.report.words import MEANINGS
+from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.study.config.sections import FemSettings
+from porocore.study.stages.stage_files import prepare_cell
+from porocore.verification.local_fields.nodal import NodalFields
+from porocore.verification.local_fields.points import PointFields
+from porocore.verification.local_fields.vtu import write_vtu
+
+#: The loads of the paper's figures disp_pressure to energy_shear. It does not give their magnitudes; these lie within
+#: the ranges that it samples, in equilibrium without contact.
+PAPER_STATES: dict[str, dict[str, float]] = {
+    "pressure": {"p": 0.5},
+    "uni": {"H11": 0.4},
+    "shear": {"H12": 0.4},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LocalFields:
+    """A solved state and its files.
+
+    Attributes
+    ----------
+    response
+        One row, with peaks and without tangent.
+    points, nodal
+        The fields at the quadrature points and at the nodes.
+    vtu
+        For ParaView.
+    pictures
+        Paths by ``"disp"`` and ``"energy"``; empty where none were asked for.
+    """
+
+    response: CellResponse
+    points: PointFields
+    nodal: NodalFields
+    vtu: Path
+    pictures: dict[str, Path]
+
+
+def solve_and_write(
+    cell: Cell,
+    fem: FemSettings,
+    folder: Path,
+    state: Mapping[str, float],
+    *,
+    name: str = "fields",
+    pictures: bool = True,
+) -> LocalFields:
+    """Solve one state and write ``<name>.vtu``, ``disp_<name>.png`` and ``energy_<name>.png``.
+
+    Parameters
+    ----------
+    cell, fem
+        The cell and the backend that solves it.
+    folder
+        Created if it does not exist; files of the same name are replaced.
+    state
+        Inputs H11 … H33 and p that are not zero.
+    pictures
+        Whether they are drawn, which needs pyvista.
+
+    Raises
+    ------
+    ConfigurationError
+        An input is unknown or not finite, or the backend returns no fields.
+    PorocoreError
+        The state has no values, or the pictures cannot be drawn; the .vtu file is written by then.
+    RunFolderError
+        A file cannot be written.
+    """
+    response, points = solve_fields(cell, fem, state)
+    nodal = NodalFields(points)
+    vtu = write_vtu(folder / f"{name}.vtu", nodal)
+    drawn: dict[str, Path] = {}
+    if pictures:
+        from porocore.verification.local_fields.pictures import render
+
+        status = Status(int(response.status[0]))
+        title = in_words(state, mathtext=True) + ("" if status is Status.converged else f" ({status.name})")
+        drawn = render(vtu, nodal, folder, name, title)
+    return LocalFields(response, points, nodal, vtu, drawn)
+
+
+def state_row(cell: Cell, state: Mapping[str, float]) -> Array:
+    """Return the ten components of a state of ``cell``.
+
+    Raises
+    ------
+    ConfigurationError
+        An input is unknown or not finite, or no cell can be in the state.
+    """
+    row = np.zeros(10)
+    for name, value in state.items():
+        if name not in NAMES or not np.isfinite(value):
+            raise ConfigurationError(
+                f"expected finite values of some of {', '.join(NAMES)}, got {cut(name)} = {value:g}"
+            )
+        row[NAMES.index(name)] = value
+    require_possible(row[:9], row[9], cell.modulus, in_words(state))
+    return row
+
+
+def solve_fields(
+    cell: Cell, fem: FemSettings, state: Mapping[str, float]
+) -> tuple[CellResponse, PointFields]:
+    """Response and fields of one state; errors as of :func:`solve_and_write`."""
+    row = state_row(cell, state)
+    solver, prepared = prepare_cell(fem.backend, fem.options, cell)
+    asked = MacroState.single(row[:9], row[9])
+    solution = solution_of(solver, prepared, asked, tangent=False, fields=True)
+    if solution.fields is None:
+        raise ConfigurationError(
+            f"--fem: backend '{fem.backend}' gives no fields of its cell; choose one that does, such as skfem"
+        )
+    field = solution.fields[0]
+    if field is None:
+        status = Status(int(solution.response.status[0]))
+        raise PorocoreError(
+            f"{in_words(state)} has no local fields to write, its status is {status.name}: {MEANINGS[status]}"
+        )
+    return solution.response, PointFields.of(cell, field)
+
+
+def write_paper_states(
+    cell: Cell, fem: FemSettings, folder: Path, *, pictures: bool = True
+) -> dict[str, LocalFields]:
+    """Figures disp_pressure, energy_pressure, disp_uni, energy_uni, disp_shear and energy_shear of the paper.
+
+    By the names of :data:`PAPER_STATES`; errors as of :func:`solve_and_write`.
+    """
+    return {
+        name: solve_and_write(cell, fem, folder, state, name=name, pictures=pictures)
+        for name, state in PAPER_STATES.items()
+    }
+
+
+def in_words(state: Mapping[str, float], *, mathtext: bool = False) -> str:
+    """``H22 = −0.2, p = 0.1``, for a figure with indices."""
+    moved = {name: value for name, value in state.items() if value}
+    if mathtext:
+        moved = {f"${name[0]}$" if name == "p" else f"$H_{{{name[1:]}}}$": v for name, v in moved.items()}
+    parts = [f"{name} = {value:g}" for name, value in moved.items()]
+    return ", ".join(parts).replace("-", "−") if parts else "the undeformed state"

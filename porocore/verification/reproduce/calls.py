@@ -1,0 +1,58 @@
+"""What a call of the surrogate takes, measured once and kept."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from porocore.core.files.atomic import atomic_path
+from porocore.core.files.reading import read_json
+from porocore.errors import DataError
+from porocore.interfaces.surrogate import Surrogate
+from porocore.states import MacroState
+
+#: Calls in one time increment of the paper's example.
+POINTS = 2250
+REPEATS = 30
+
+
+@dataclass(frozen=True)
+class CallTimes:
+    """Seconds that the responses with all derivatives of so many states take at once, the best of several times."""
+
+    points: int
+    seconds: float
+
+
+def call_times(path: Path, surrogate: Surrogate, states: MacroState) -> CallTimes:
+    """As ``path`` holds them, or measured and written there.
+
+    Parameters
+    ----------
+    states
+        Some in the sampled range; they are repeated until there are :data:`POINTS`.
+
+    Raises
+    ------
+    DataError
+        The file is damaged.
+    """
+    if path.exists():
+        try:
+            return CallTimes(**read_json(path))
+        except (OSError, ValueError, TypeError) as error:
+            raise DataError(f"{path}: not a record of call times ({error}); delete it") from error
+    asked = states[np.resize(np.arange(len(states)), POINTS)]
+    best = np.inf
+    for _ in range(REPEATS):
+        began = time.perf_counter()
+        surrogate.predict(asked)
+        best = min(best, time.perf_counter() - began)
+    found = CallTimes(POINTS, best)
+    with atomic_path(path) as part:
+        part.write_text(json.dumps(asdict(found), indent=1) + "\n", encoding="utf-8")
+    return found

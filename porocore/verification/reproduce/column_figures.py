@@ -1,0 +1,157 @@
+"""The paper's figures of the column: histories, profiles, and the test of the network."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from porocore.interfaces.solution import MacroSolution, Profile
+from porocore.report.figures.history import OTHERS
+from porocore.report.figures.profiles import QUANTITIES, Quantity, profile_figure
+from porocore.report.figures.style import DASHED, LINEAR, NONLINEAR, legend_above, new_figure, styled
+from porocore.report.figures.surrogate import parity_figure
+from porocore.states import Array
+from porocore.verification.reproduce.column import LARGE
+from porocore.verification.reproduce.study import Results
+
+HISTORIES = {
+    "settlement": r"largest settlement $\max(-u_2)$ [–]",
+    "pressure_max": r"largest pore pressure $p\,/E$ [–]",
+    "drained": r"drained volume $\int\!\!\int (1/\det\bar F)\,\nabla\cdot(\bar G w)\,dV\,dt$ [–]",
+}
+
+
+def paper_velocity(profile: Profile) -> Array:
+    """Return the paper's w (elements, 3) = −K F̄⁻ᵀ ∇_X p = F̄ q/det F̄; the reports push q forward with F₀ instead."""
+    volume_ratio = np.linalg.det(profile.deformation)[:, None]
+    w: Array = np.einsum("eij,ej->ei", profile.deformation, profile.flux) / volume_ratio
+    return w
+
+
+VELOCITY = Quantity(
+    r"relative fluid velocity $w_2$ [–]", "relative fluid velocity", False, lambda f: paper_velocity(f)[:, 1]
+)
+#: Label, and field and component of the tangent, of M and Q in the paper's figures; its M_2211 is M_1122 of ours, see
+#: :mod:`porocore.verification.reproduce.claims_profiles`.
+TANGENTS: dict[str, tuple[str, str, tuple[int, ...]]] = {
+    "M_2222": (
+        r"$\partial\langle\nabla_Y u^1\rangle_{22}/\partial H_{22}$ [–]",
+        "mean_grad_grad_u",
+        (1, 1, 1, 1),
+    ),
+    "M_2211": (
+        r"$\partial\langle\nabla_Y u^1\rangle_{11}/\partial H_{22}$ [–]",
+        "mean_grad_grad_u",
+        (0, 0, 1, 1),
+    ),
+    "Q_22": ("$Q_{22}$ [$1/E$]", "mean_grad_p", (1, 1)),
+    "Q_11": ("$Q_{11}$ [$1/E$]", "mean_grad_p", (0, 0)),
+}
+
+
+def history(results: Results, name: str, load: float) -> Figure:
+    """A scalar against time: the nonlinear laws and the linear one."""
+    case = results.column.case(load)
+    return _history(name, case.nonlinear, case.others, case.linear)
+
+
+@styled
+def _history(
+    name: str, nonlinear: MacroSolution, others: tuple[MacroSolution, ...], linear: MacroSolution
+) -> Figure:
+    figure = new_figure(5.4, 3.9)
+    axes = figure.add_subplot()
+    curves: list[tuple[MacroSolution, str, Any, str]] = [
+        (nonlinear, NONLINEAR, "-", f"nonlinear, closure {nonlinear.law}")
+    ]
+    curves += [(o, *look, f"nonlinear, closure {o.law}") for o, look in zip(others, OTHERS, strict=False)]
+    curves.append((linear, LINEAR, DASHED, "linear"))
+    for solution, colour, stroke, label in curves:
+        axes.plot(
+            solution.history.time,
+            getattr(solution.history, name),
+            color=colour,
+            ls=stroke,
+            label=label,
+        )
+    axes.set(xlabel="time $t$ [–]", ylabel=HISTORIES[name])
+    axes.set_xlim(left=0)
+    axes.set_ylim(bottom=0)
+    legend_above(figure, axes, columns=2)
+    return figure
+
+
+def along_column(results: Results, quantity: str, load: float = LARGE, *, linear: bool = True) -> Figure:
+    """A field along the column at the early, middle and late time, with both closures."""
+    case = results.column.case(load)
+    return profile_figure(
+        case.nonlinear,
+        case.linear if linear else None,
+        quantity,
+        others=case.others,
+        times=results.column.times,
+    )
+
+
+def conductivity(results: Results, component: str) -> Figure:
+    """K_t along the column, with its value in the undeformed cell, which is that of the linear law."""
+    case = results.column.case(LARGE)
+    i = int(component[0]) - 1
+    return profile_figure(
+        case.nonlinear,
+        None,
+        f"K{component}",
+        others=case.others,
+        times=results.column.times,
+        rest=float(results.reference.conductivity[i, i]),
+    )
+
+
+def velocity(results: Results, *, transformed: bool) -> Figure:
+    """w against the linear one, or w against the transformed Ḡw."""
+    case = results.column.case(LARGE)
+    if not transformed:
+        return profile_figure(case.nonlinear, case.linear, VELOCITY, times=results.column.times)
+    return _transformed(case.nonlinear, results.column.times)
+
+
+@styled
+def _transformed(solution: MacroSolution, times: tuple[float, ...]) -> Figure:
+    from porocore.report.figures.profiles import Line, profile_at
+    from porocore.report.figures.style import TIME_COLOURS
+
+    figure = new_figure(5.4, 4.0)
+    axes = figure.add_subplot()
+    line = Line.of(solution)
+    for time, colour in zip(times, TIME_COLOURS, strict=False):
+        here = profile_at(solution, time)
+        for what, stroke in ((VELOCITY, "-"), (QUANTITIES["flux"], DASHED)):
+            y, value, _ = line.series(here, what)
+            axes.plot(y, value, color=colour, ls=stroke, label=f"$t$ = {time:g}" if stroke == "-" else None)
+    axes.plot([], [], color="0.35", label="$w$")
+    axes.plot([], [], color="0.35", ls=DASHED, label=r"$w^{tr} = \bar G w$")
+    axes.set(xlabel="position along the column $X_2$ [–]", ylabel="relative fluid velocity, component 2 [–]")
+    axes.margins(x=0.02)
+    legend_above(figure, axes, columns=3)
+    return figure
+
+
+def tangent(results: Results, name: str) -> Figure:
+    """M or Q of the surrogate at the states along the column."""
+    label, field, at = TANGENTS[name]
+    column = results.column
+
+    def take(profile: Profile) -> Array:
+        values: Array = getattr(column.tangent(profile), field)[:, *at]
+        return values
+
+    rest = float(getattr(results.linear, field)[at])
+    quantity = Quantity(label, name, False, take)
+    return profile_figure(column.case(LARGE).nonlinear, None, quantity, times=column.times, rest=rest)
+
+
+def network_test(results: Results) -> Figure:
+    """Predicted against solved held-out states."""
+    return parity_figure(results.column.context.surrogate.outputs)

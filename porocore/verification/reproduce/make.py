@@ -1,0 +1,117 @@
+"""A reproduction as a whole: figures, claims and pages from the results."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from porocore.core.files.atomic import atomic_path
+from porocore.core.files.reading import read_json
+from porocore.errors import DataError, RunFolderError
+from porocore.report.figures.style import png_bytes
+from porocore.study.stages.stage_times import stage_times, timed
+from porocore.verification.reproduce import claims_cell, claims_cost, claims_history, claims_profiles
+from porocore.verification.reproduce.catalogue import PaperFigure, Stage
+from porocore.verification.reproduce.claims import Row, rows
+from porocore.verification.reproduce.page import html, markdown
+from porocore.verification.reproduce.study import Results
+from porocore.verification.sensitivity.figures import write_figures
+
+RECORD = "reproduction.json"
+#: What computes each stage.
+STAGES: dict[Stage, Callable[[Results], object]] = {
+    "fields": lambda results: results.fields,
+    "sensitivity": lambda results: results.sensitivity,
+    "column": lambda results: (results.column, results.reference),
+}
+CLAIMS = {
+    "cell": claims_cell.CLAIMS,
+    "cost": claims_cost.CLAIMS,
+    "column": (*claims_history.CLAIMS, *claims_profiles.CLAIMS),
+}
+
+
+def claim_folder(results: Results, *, resume: bool) -> None:
+    """Bind the folder to these configurations.
+
+    Raises
+    ------
+    RunFolderError
+        It holds another reproduction, this one without ``resume``, or something else.
+    DataError
+        Its record is damaged.
+    """
+    record = results.folder / RECORD
+    identity = {"column": results.config.identity, "as stated": results.as_stated_config.identity}
+    if record.exists():
+        try:
+            held = read_json(record)["identity"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise DataError(
+                f"{record}: not the record of a reproduction ({error}); choose another --out"
+            ) from error
+        if held != identity:
+            raise RunFolderError(
+                f"{results.folder} holds a reproduction with other backends or of another version; choose another --out"
+            )
+        if not resume:
+            raise RunFolderError(
+                f"{results.folder} already holds a reproduction; add --resume to continue it, or choose another --out"
+            )
+        return
+    if results.folder.exists() and any(results.folder.iterdir()):
+        raise RunFolderError(f"{results.folder} is not empty; choose another --out")
+    with atomic_path(record) as part:
+        part.write_text(json.dumps({"identity": identity}, indent=1) + "\n", encoding="utf-8")
+
+
+def draw(results: Results, figures: Sequence[PaperFigure]) -> list[Path]:
+    """Write ``figures/figure-NNp.png`` for each; computes what they need."""
+    for stage in dict.fromkeys(figure.stage for figure in figures):
+        STAGES[stage](results)
+    folder = results.folder / "figures"
+    paths = []
+    with timed(results.timings, "figures"), results.console.task("figures", "figures") as task:
+        for i, figure in enumerate(figures):
+            task.update(i, len(figures), detail=f"figure {figure.name}")
+            if figure.stage != "fields" or results.pictures:
+                paths.append(folder / figure.file)
+                _write(results, figure, paths[-1])
+        task.update(len(figures), len(figures))
+    return paths
+
+
+def _write(results: Results, figure: PaperFigure, path: Path) -> None:
+    source = results.folder / figure.stage / f"{figure.source}.png"
+    if figure.stage == "sensitivity":
+        write_figures(source.parent, results.sensitivity, [figure.source])
+    with atomic_path(path) as part:
+        if figure.draw is None:
+            shutil.copyfile(source, part)
+        else:
+            part.write_bytes(png_bytes(figure.draw(results)))
+
+
+def write_pages(results: Results, figures: Sequence[PaperFigure], command: str) -> Path:
+    """Check every claim and write ``reproduction.json``, ``reproduction.md`` and ``index.html``; returns the last."""
+    for needed in STAGES.values():
+        needed(results)
+    _ = results.as_stated, results.calls
+    with timed(results.timings, "claims"):
+        found: dict[str, list[Row]] = {key: rows(claims, results) for key, claims in CLAIMS.items()}
+    timings = stage_times(results.timings)
+    record = results.folder / RECORD
+    document = read_json(record)
+    document["claims"] = {key: [asdict(row) for row in part] for key, part in found.items()}
+    page = results.folder / "index.html"
+    for path, text in (
+        (record, json.dumps(document, indent=1, ensure_ascii=False) + "\n"),
+        (results.folder / "reproduction.md", markdown(found, command, timings)),
+        (page, html(found, figures, timings)),
+    ):
+        with atomic_path(path) as part:
+            part.write_text(text, encoding="utf-8")
+    return page

@@ -1,0 +1,180 @@
+"""What a reproduction computes, each part when it is first asked for, and where it keeps it."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from porocore.core.console import Console
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.reference import CellReference
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.study.backends import with_closure
+from porocore.study.config.config import RunConfig
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.stages import pipeline
+from porocore.study.stages.stage_files import (
+    linear_coefficients,
+    load_reference,
+    load_surrogate,
+    prepare_cell,
+)
+from porocore.study.stages.stage_times import stage_runs, stage_times, timed
+from porocore.study.stages.summary import gather
+from porocore.verification.local_fields.solve import PAPER_STATES, LocalFields, solve_and_write
+from porocore.verification.reproduce.calls import CallTimes, call_times
+from porocore.verification.reproduce.column import Column
+from porocore.verification.sensitivity.results import Sensitivity
+from porocore.verification.sensitivity.study import Progress, run_study
+from porocore.verification.sensitivity.tables import write_table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+#: The paper's closure first; the report is about it.
+CLOSURES = ("mean-gradient", "potential")
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Everything that the figures and claims are made of; what the folder holds already is not computed again.
+
+    Attributes
+    ----------
+    folder
+        Of the reproduction.
+    config
+        The benchmark, with the cell that the published values fit.
+    as_stated_config
+        The same with the radius of the paper's text.
+    workers
+        Processes of the sensitivity study.
+    console
+        Shows the progress.
+    pictures
+        Whether local fields are drawn.
+    """
+
+    folder: Path
+    config: RunConfig
+    as_stated_config: RunConfig
+    workers: int
+    console: Console
+    pictures: bool = True
+
+    @cached_property
+    def column(self) -> Column:
+        """The consolidation benchmark with both closures and linearly."""
+        first, second = (with_closure(self.config, closure) for closure in CLOSURES)
+        run = RunFolder.claim(self.folder / "column", first, resume=True)
+        with run:
+            with self._stage("column"):
+                pipeline.sample(run, first, console=self.console)
+                for config in (first, second):
+                    pipeline.train(run, config, console=self.console)
+                    pipeline.solve(run, config, console=self.console)
+                if not run.report.exists():
+                    pipeline.report(run, first, console=self.console)
+            reference, timings = load_reference(run, first), stage_times(run.timings)
+            surrogates = {c.closure: load_surrogate(run, c) for c in (first, second)}
+            coefficients = linear_coefficients(reference, first)
+            context, metrics = gather(
+                run, first, reference, coefficients, surrogates, timings, stage_runs(run.timings)
+            )
+        return Column(
+            config=first,
+            context=context,
+            metrics=metrics,
+            dataset=Dataset.open(run.dataset, identity=first.stages.sampling),
+            held_out=Dataset.open(run.test_dataset, identity=first.stages.test),
+            surrogate=surrogates[first.closure],
+            timings=timings,
+        )
+
+    @cached_property
+    def sensitivity(self) -> Sensitivity:
+        """One load of the cell at a time."""
+        folder = self.folder / "sensitivity"
+        with self._stage("sensitivity"), self.console.task("sensitivity", "states") as task:
+
+            def show(progress: Progress) -> None:
+                detail = f"{progress.load} {progress.value:g} {progress.status.name.replace('_', ' ')}"
+                task.update(progress.done, progress.expected, detail=detail)
+
+            study = run_study(
+                self.config.cell,
+                self.config.fem,
+                folder,
+                workers=self.workers,
+                on_state=show,
+                provenance={"config": self.config.resolved_yaml()},
+            )
+            write_table(folder, study)
+        return study
+
+    @cached_property
+    def fields(self) -> dict[str, LocalFields]:
+        """Local fields under the loads of figures 2 to 4."""
+        found = {}
+        with self._stage("local fields"), self.console.task("local fields", "states") as task:
+            for i, (name, state) in enumerate(PAPER_STATES.items()):
+                task.update(i, len(PAPER_STATES), detail=name)
+                folder = self.folder / "fields"
+                drawn = all((folder / f"{kind}_{name}.png").exists() for kind in ("disp", "energy"))
+                found[name] = solve_and_write(
+                    self.config.cell,
+                    self.config.fem,
+                    folder,
+                    state,
+                    name=name,
+                    pictures=self.pictures and not drawn,
+                )
+            task.update(len(PAPER_STATES), len(PAPER_STATES))
+        return found
+
+    @cached_property
+    def reference(self) -> CellReference:
+        """The undeformed cell of the benchmark."""
+        return self._cell(self.config, "cell.json")
+
+    @cached_property
+    def as_stated(self) -> CellReference:
+        """That of the paper's text."""
+        return self._cell(self.as_stated_config, "cell-as-stated.json")
+
+    @property
+    def linear(self) -> LinearCoefficients:
+        """Linear poroelasticity of the benchmark's cell."""
+        return linear_coefficients(self.reference, self.config)
+
+    @property
+    def linear_as_stated(self) -> LinearCoefficients:
+        """That of the paper's text."""
+        return linear_coefficients(self.as_stated, self.as_stated_config)
+
+    @cached_property
+    def calls(self) -> CallTimes:
+        """What a call of the surrogate takes."""
+        column = self.column
+        return call_times(self.folder / "calls.json", column.surrogate, column.held_out.states())
+
+    @property
+    def timings(self) -> Path:
+        """Seconds that each part took."""
+        return self.folder / "timings.json"
+
+    def _cell(self, config: RunConfig, name: str) -> CellReference:
+        path = self.folder / name
+        if not path.exists():
+            with self._stage(f"undeformed cell, {name}"):
+                solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
+                CellReference.compute(solver, prepared, config.cell, config.stages.cell).save(path)
+        return CellReference.load(path, config.stages.cell)
+
+    @contextmanager
+    def _stage(self, name: str) -> Iterator[None]:
+        with timed(self.timings, name):
+            yield

@@ -1,0 +1,294 @@
+"""A sensitivity study as the figures of the paper's section "RVE numerical tests", one for each of its panels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from porocore.core.files.atomic import atomic_path
+from porocore.report.figures.style import (
+    BLACK,
+    BLUE,
+    DASHED,
+    DOTTED,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    new_figure,
+    png_bytes,
+    styled,
+)
+from porocore.states import Status
+from porocore.verification.sensitivity.results import Along, Sensitivity
+
+TITLES = {
+    "uniaxial": "uniaxial, $H_{11}$",
+    "volumetric": "volumetric, $H_{11} = H_{22} = H_{33}$",
+    "shear": "shear, $H_{12}$",
+    "pressure": "pore pressure $p$",
+}
+AXES = {
+    "uniaxial": "$H_{11}$ [–]",
+    "volumetric": "$H_{11} = H_{22} = H_{33}$ [–]",
+    "shear": "$H_{12}$ [–]",
+    "pressure": "$p$ [$E$]",
+}
+ALL_LOADS = "load: components of $H$ [–], or $p$ [$E$]"
+COLOURS = {"uniaxial": BLUE, "volumetric": VERMILLION, "shear": GREEN, "pressure": PURPLE}
+SEVERAL = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+STROKES = ("-", DASHED, DOTTED, (0, (5, 1.5, 1, 1.5)))
+
+#: Of each load the quantities to draw, with the name and the stroke of each.
+Curves: TypeAlias = dict[str, tuple[tuple[str, str, Any], ...]]
+
+#: Components of ∇u¹ with the indices of the load; under p, which has none, those of the diagonal are alike.
+CORRESPONDING = {"uniaxial": ("11",), "volumetric": ("11",), "shear": ("12",), "pressure": ("11",)}
+#: The others, but for those that symmetry makes equal to one of them.
+OTHERS = {
+    "uniaxial": ("22", "12", "21", "23"),
+    "volumetric": ("12",),
+    "shear": ("21", "11", "22", "33"),
+    "pressure": ("12",),
+}
+#: Components of M. The ones with 12 at the end couple shear with the diagonal, and vanish in linear poroelasticity.
+FOURTH = {
+    "uniaxial": ("1111", "2222", "1122", "2211", "2233", "1212"),
+    "volumetric": ("1111", "1122", "1212", "1221"),
+    "shear": ("1111", "2222", "1122", "1212", "1221", "1112", "2212"),
+    "pressure": ("1111", "1122", "1212", "1221"),
+}
+SECOND = {
+    "uniaxial": ("11", "22"),
+    "volumetric": ("11",),
+    "shear": ("11", "22", "33", "12"),
+    "pressure": ("11",),
+}
+
+
+def figures(study: Sensitivity) -> dict[str, Figure]:
+    """Name → figure; the names are those that the paper's source gives to its figures.
+
+    ``dyu1_Av_1``, ``dyu1_Av_2``: average of ∇u¹ in the solid, components with the indices of the load, and others;
+    ``dyu1_max_1``, ``dyu1_max_2``: largest magnitude, likewise; ``psi_Av``, ``psi_max``; ``K11``, ``K22``;
+    ``Mijkl_reference``, ``Mijkl_deformed``; ``Q_11``; ``Biot_Modulus``. Those of largest values and of Ψ are left out
+    where the cell solver does not provide them.
+    """
+    return {name: MAKERS[name](study) for name in _known(study)}
+
+
+def write_figures(folder: Path, study: Sensitivity, names: Sequence[str] | None = None) -> dict[str, Path]:
+    """Name → path of the PNG ``folder/<name>.png``; all of :func:`figures` unless names are given.
+
+    Raises
+    ------
+    RunFolderError
+        A file cannot be written.
+    """
+    paths = {}
+    for name in _known(study) if names is None else names:
+        paths[name] = folder / f"{name}.png"
+        with atomic_path(paths[name]) as part:
+            part.write_bytes(png_bytes(MAKERS[name](study)))
+    return paths
+
+
+def _known(study: Sensitivity) -> list[str]:
+    """Names of the figures of what the cell solver provides."""
+    return [name for name in MAKERS if study.rest.peaks is not None or name not in OF_PEAKS]
+
+
+def _together(study: Sensitivity, label: str, curves: Curves) -> Figure:
+    """All loads in one panel: for each the quantities with their names and strokes."""
+    figure = new_figure(7.0, 4.7)
+    axes = figure.subplots()
+    for load, along in study.loads.items():
+        for quantity, name, stroke in curves[load]:
+            title = f"{TITLES[load]}: {name}" if name else TITLES[load]
+            _curve(axes, study, along, quantity, {"color": COLOURS[load], "ls": stroke, "label": title})
+    axes.set(xlabel=ALL_LOADS, ylabel=label)
+    _finish(figure, [axes], study)
+    figure.legend(loc="outside upper left", ncols=2, handlelength=2.6, columnspacing=1.4)
+    return figure
+
+
+def _panels(
+    study: Sensitivity, label: str, quantity: str, symbol: str, components: dict[str, tuple[str, ...]]
+) -> Figure:
+    """Each load in its own panel, several components in each."""
+    count = len(study.loads)
+    rows, columns = (count + 1) // 2, min(count, 2)
+    figure = new_figure(8.8 if columns > 1 else 5.4, 0.5 + 3.6 * rows)
+    panels = list(np.ravel(figure.subplots(rows, columns, squeeze=False)))
+    for spare in panels[count:]:
+        spare.set_axis_off()
+    for axes, (load, along) in zip(panels, study.loads.items(), strict=False):
+        for k, component in enumerate(components[load]):
+            look = {
+                "color": SEVERAL[k],
+                "ls": STROKES[k % len(STROKES)],
+                "label": symbol.format(*component),
+            }
+            _curve(axes, study, along, f"{quantity}_{component}", look)
+        axes.set_title(TITLES[load])
+        axes.set(xlabel=AXES[load], ylabel=label)
+        wide = min(4, len(components[load]))
+        axes.legend(
+            loc="upper center", bbox_to_anchor=(0.5, -0.17), ncols=wide, handlelength=2.6, columnspacing=1.2
+        )
+    _finish(figure, panels[:count], study)
+    return figure
+
+
+def _curve(axes: Axes, study: Sensitivity, along: Along, quantity: str, look: dict[str, Any]) -> None:
+    """The states with values, those in contact or unstable marked, and where a line ends before its goal."""
+    y = along.quantities[quantity]
+    y = np.where(np.abs(y) < 1e-9, 0.0, y)  # what is zero by symmetry, up to the tolerance of the solves
+    axes.plot(along.values, y, **look)
+    for status, marker in _MARKS.items():
+        here = along.status == status
+        axes.plot(along.values[here], y[here], ls="", color=look["color"], **marker)
+    solved = np.flatnonzero(np.isfinite(along.values) & np.isin(along.status, _WITH_VALUES))
+    for sign, last in ((1, solved[-1]), (-1, solved[0])):
+        if (
+            f"{along.load}{'+' if sign > 0 else '-'}" in study.lines
+            and study.end(along.load, sign) is not None
+        ):
+            axes.plot(along.values[last], y[last], ls="", color=look["color"], **_END)
+
+
+_WITH_VALUES = [status for status in Status if status.has_values]
+_MARKS: dict[Status, dict[str, Any]] = {
+    Status.contact: {"marker": "o", "ms": 4.0},
+    Status.unstable: {"marker": "o", "ms": 6.5, "mfc": "white", "mew": 1.4},
+}
+_END: dict[str, Any] = {"marker": "x", "ms": 8.0, "mew": 1.8}
+
+
+def _finish(figure: Figure, panels: Sequence[Axes], study: Sensitivity) -> None:
+    """Zero lines, and what the marks mean, below."""
+    for axes in panels:
+        axes.axvline(0.0, color=GREY, lw=0.8)
+        axes.margins(x=0.03)
+    found = np.concatenate([along.status for along in study.loads.values()])
+    meanings = [
+        ("in contact", Status.contact in found, _MARKS[Status.contact]),
+        ("unstable", Status.unstable in found, _MARKS[Status.unstable]),
+        ("not solved beyond", not np.isin(found, _WITH_VALUES).all(), _END),
+    ]
+    handles = [
+        Line2D([], [], ls="", color=BLACK, label=name, **mark) for name, there, mark in meanings if there
+    ]
+    if handles:
+        figure.legend(handles=handles, loc="outside lower right", ncols=len(handles), columnspacing=1.4)
+
+
+def _each(quantity: str, name: str = "", stroke: Any = "-") -> Curves:
+    return {load: ((quantity, name, stroke),) for load in TITLES}
+
+
+def _gradient(quantity: str, symbol: str) -> Curves:
+    return {
+        load: tuple((f"{quantity}_{ij}", symbol.format(*ij), "-") for ij in components)
+        for load, components in CORRESPONDING.items()
+    }
+
+
+_AVERAGE = r"$\overline{{\partial u^1_{0}/\partial Y_{1}}}$"
+_LARGEST = r"$|\partial u^1_{0}/\partial Y_{1}|$"
+_M = "$M_{{{0}{1}{2}{3}}}$"
+_M_HAT = r"$\hat J M_{{{0}{1}{2}{3}}}$"
+
+
+@styled
+def _average_1(study: Sensitivity) -> Figure:
+    label = r"average $\overline{\nabla_Y u^1}$ [–], component of the load"
+    return _together(study, label, _gradient("avg_grad", _AVERAGE))
+
+
+@styled
+def _average_2(study: Sensitivity) -> Figure:
+    return _panels(study, r"average $\overline{\nabla_Y u^1}$ [–]", "avg_grad", _AVERAGE, OTHERS)
+
+
+@styled
+def _largest_1(study: Sensitivity) -> Figure:
+    label = r"maximum of $|\nabla_Y u^1|$ [–], component of the load"
+    return _together(study, label, _gradient("max_grad", _LARGEST))
+
+
+@styled
+def _largest_2(study: Sensitivity) -> Figure:
+    return _panels(study, r"maximum of $|\nabla_Y u^1|$ [–]", "max_grad", _LARGEST, OTHERS)
+
+
+@styled
+def _energy_average(study: Sensitivity) -> Figure:
+    return _together(study, r"average $\overline{\Psi}$ [$E$]", _each("avg_energy"))
+
+
+@styled
+def _energy_largest(study: Sensitivity) -> Figure:
+    return _together(study, r"maximum of $\Psi$ [$E$]", _each("max_energy"))
+
+
+@styled
+def _conductivity_11(study: Sensitivity) -> Figure:
+    return _together(study, "$(K_t)_{11} / K_{11}$ [–]", _each("Kt_11"))
+
+
+@styled
+def _conductivity_22(study: Sensitivity) -> Figure:
+    return _together(study, "$(K_t)_{22} / K_{22}$ [–]", _each("Kt_22"))
+
+
+@styled
+def _fourth(study: Sensitivity) -> Figure:
+    return _panels(study, r"$\langle M \rangle_s$ [–]", "M", _M, FOURTH)
+
+
+@styled
+def _fourth_deformed(study: Sensitivity) -> Figure:
+    return _panels(study, r"$\hat J\,\langle M \rangle_s$ [–]", "M_hat", _M_HAT, FOURTH)
+
+
+@styled
+def _second(study: Sensitivity) -> Figure:
+    curves: Curves = {
+        load: (*((f"Q_{ij}", f"$Q_{{{ij}}}$", STROKES[k]) for k, ij in enumerate(components)),)
+        for load, components in SECOND.items()
+    }
+    return _together(study, r"$\langle Q \rangle_s$ [$1/E$]", curves)
+
+
+@styled
+def _biot(study: Sensitivity) -> Figure:
+    curves: Curves = {load: (("biot", r"$M$", "-"), ("biot_hat", r"$\tilde M$", DASHED)) for load in TITLES}
+    label = r"$M = -1/\mathrm{tr}\,Q$ and $\tilde M = M/\hat J$ [$E$]"
+    return _together(study, label, curves)
+
+
+MAKERS: dict[str, Callable[[Sensitivity], Figure]] = {
+    "dyu1_Av_1": _average_1,
+    "dyu1_Av_2": _average_2,
+    "dyu1_max_1": _largest_1,
+    "dyu1_max_2": _largest_2,
+    "psi_Av": _energy_average,
+    "psi_max": _energy_largest,
+    "K11": _conductivity_11,
+    "K22": _conductivity_22,
+    "Mijkl_reference": _fourth,
+    "Mijkl_deformed": _fourth_deformed,
+    "Q_11": _second,
+    "Biot_Modulus": _biot,
+}
+#: Figures of what is optional for a cell solver.
+OF_PEAKS = ("dyu1_max_1", "dyu1_max_2", "psi_Av", "psi_max")

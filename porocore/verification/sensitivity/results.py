@@ -1,0 +1,109 @@
+"""The half lines of a study together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from porocore.macro.laws.pull_back import ConductivityLaw
+from porocore.states import Array, CellResponse, IntArray, Status
+from porocore.verification.sensitivity.line import HalfLine
+from porocore.verification.sensitivity.plan import LOADS, StudyPlan, states_of
+from porocore.verification.sensitivity.quantities import quantities
+
+
+def line_name(load: str, sign: int) -> str:
+    """``shear+`` or ``shear-``."""
+    return f"{load}{'+' if sign > 0 else '-'}"
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """Both half lines of one load, n states by ascending value, the undeformed one once.
+
+    Attributes
+    ----------
+    load
+        Its name.
+    values : (n,)
+        Of the load.
+    status : (n,)
+        See :class:`~porocore.states.Status`.
+    seconds : (n,)
+        Wall time of each solve.
+    quantities
+        Name → (n,), see :func:`porocore.verification.sensitivity.quantities.quantities`.
+    """
+
+    load: str
+    values: Array
+    status: IntArray
+    seconds: Array
+    quantities: dict[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """What a study has found, all of it or the half lines that are finished.
+
+    Attributes
+    ----------
+    plan
+        What was asked for.
+    identity
+        Of cell, backend and plan.
+    rest
+        Response of the undeformed cell, one row with tangent.
+    conductivity : (3, 3)
+        K of the undeformed cell.
+    lines
+        By their names, such as ``shear+``.
+    provenance
+        Texts.
+    law
+        Of which K_t is told.
+    """
+
+    plan: StudyPlan
+    identity: str
+    rest: CellResponse
+    conductivity: Array
+    lines: dict[str, HalfLine]
+    provenance: dict[str, str]
+    law: ConductivityLaw = "piola-unrotated"
+
+    @property
+    def porosity(self) -> float:
+        """φ_f of the undeformed cell."""
+        assert self.rest.fluid_volume is not None
+        return float(self.rest.fluid_volume[0])
+
+    @property
+    def complete(self) -> bool:
+        """Whether every half line of the plan is there."""
+        return all(line_name(name, sign) in self.lines for name, sign, _ in self.plan.half_lines())
+
+    @cached_property
+    def loads(self) -> dict[str, Along]:
+        """Every load of the plan with what its half lines hold; ask when the study is complete."""
+        return {name: self._along(name) for name in LOADS if name in self.plan.sweeps}
+
+    def _along(self, load: str) -> Along:
+        values, responses, seconds = [np.zeros(1)], [self.rest], [np.zeros(1)]
+        for sign in (1, -1):
+            line = self.lines.get(line_name(load, sign))
+            if line is not None:
+                values.append(line.values[1:])
+                responses.append(line.response[1:])
+                seconds.append(line.seconds[1:])
+        at = np.concatenate(values)
+        order = np.argsort(at)
+        response = CellResponse.concatenate(responses)[order]
+        found = quantities(states_of(load, at[order]), response, self.porosity, self.conductivity, self.law)
+        return Along(load, at[order], response.status, np.concatenate(seconds)[order], found)
+
+    def end(self, load: str, sign: int) -> Status | None:
+        """Why a half line ended before its goal; None where it reached it."""
+        return self.lines[line_name(load, sign)].end
