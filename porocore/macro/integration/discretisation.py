@@ -16,7 +16,8 @@ import numpy as np
 from porocore.core.parallel import World
 from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.boundary.conditions import BoundaryData, followers
+from porocore.macro.boundary import followers
+from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array, IntArray, MacroState
 
