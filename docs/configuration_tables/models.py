@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from configuration_tables.words import codes, default_words, type_words
-from porocore.core.formulas.time_function import Course
+from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.units.dimensions import MULTIPLES, ByKey
 from porocore.study.config.config import RunConfig
 from porocore.study.config.schema import field_docstrings, unit_of
@@ -57,7 +57,7 @@ def sections_of(annotation: Any) -> tuple[list[type[BaseModel]], str]:
         return sections_of(arguments[1])[0], "mapping"
     if origin is tuple and arguments[-1] is Ellipsis:
         return sections_of(arguments[0])[0], "list"
-    if annotation is Course:  # the page has one table for all values
+    if annotation is TimeFunction:  # the page has one table for all values
         return [], ""
     return (
         ([annotation], "") if isinstance(annotation, type) and issubclass(annotation, BaseModel) else ([], "")

@@ -14,10 +14,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from porocore.core.formulas.time_function import Course
+from porocore.core.formulas.time_function import TimeFunction
 
 COUNTS, TOGETHER = {2: "two", 3: "three"}, {2: "pairs", 3: "triples"}
-NOUNS = {float: "number", int: "whole number", str: "text", Course: "value"}
+NOUNS = {float: "number", int: "whole number", str: "text", TimeFunction: "value"}
 
 
 def type_words(field: FieldInfo, name: str) -> str:
@@ -78,7 +78,7 @@ def _words(annotation: Any, metadata: Iterable[Any], name: str, plural: bool = F
         return codes(choice[1].split("|"))
     if annotation is str and "max_length" in limits:
         return f"text, at most {limits['max_length']:,} characters"
-    if _is_section(annotation) and annotation is not Course:
+    if _is_section(annotation) and annotation is not TimeFunction:
         return f"`{{{', '.join(annotation.model_fields)}}}`"
     low, high = limits.get("gt", limits.get("ge")), limits.get("lt", limits.get("le"))
     noun = NOUNS[annotation] + ("s" if plural else "")
@@ -87,8 +87,8 @@ def _words(annotation: Any, metadata: Iterable[Any], name: str, plural: bool = F
 
 def _union(arguments: tuple[Any, ...], metadata: Iterable[Any], name: str, plural: bool) -> str:
     given = [part for part in arguments if part is not type(None)]
-    if any(_bare(part) is Course for part in given):  # a number, or a course in time of its own
-        given = [Course]
+    if any(_bare(part) is TimeFunction for part in given):  # a number, or a course in time of its own
+        given = [TimeFunction]
     found = " or ".join(_words(part, metadata, name, plural) for part in given)
     return f"{found}, any of them null" if len(given) < len(arguments) and type(None) in arguments else found
 

@@ -1,6 +1,6 @@
 """Several processes at one macro problem: what the launcher says, and how the processes act together.
 
-The core knows no MPI. A backend that distributes its work derives its own :class:`World`.
+The core knows no MPI. A backend that distributes its work derives its own :class:`Communicator`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def let_the_first_speak() -> None:
         time.sleep(_LONGEST_WAIT)
 
 
-class World:
+class Communicator:
     """The processes that solve one problem together; this one stands for a single process.
 
     Every method is called by all processes, in the same order.

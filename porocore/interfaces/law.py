@@ -94,7 +94,7 @@ class MacroLaw(ABC):
     ) -> MacroResponse:
         """Response at n points; ``grad_p`` is ∇_X p (n, 3)."""
 
-    def reconsider(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
+    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """Asked with the response of a converged step, and the memory that it began from, before it is accepted.
 
         None accepts it, as every law does that does not change. A law that has changed returns the memory of the last

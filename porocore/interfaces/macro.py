@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
-from porocore.core.parallel import World
+from porocore.core.parallel import Communicator
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.solution import MacroSolution, StepReport
 
@@ -47,7 +47,7 @@ class MacroSolver(ABC):
     #: Whether several MPI processes can share one problem; those that can set :attr:`world` too.
     distributed: ClassVar[bool] = False
     #: The processes that solve together, all of which call :meth:`prepare` and :meth:`solve`.
-    world: World = World()
+    world: Communicator = Communicator()
 
     def __init__(self, **options: Any) -> None:
         if options:

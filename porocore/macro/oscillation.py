@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.core.formulas.time_function import Course
+from porocore.core.formulas.time_function import TimeFunction
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.meshed import body_mesh
 from porocore.macro.body.surfaces import Facets
@@ -92,6 +92,6 @@ def _prescribed(problem: MacroProblem, time: float) -> float:
     """The largest pressure that is prescribed anywhere."""
     values = [b.pressure for b in problem.boundary.values() if b.pressure is not None]
     factors = [
-        value.at(time) if isinstance(value, Course) else value * problem.ramp(time) for value in values
+        value.at(time) if isinstance(value, TimeFunction) else value * problem.ramp(time) for value in values
     ]
     return float(max((problem.load * factor for factor in factors), default=0.0))

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from porocore.core.formulas.time_function import Course, Value
+from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.core.models.bounds import MOST_STEPS, MOST_TIMES
 from porocore.core.units.dimensions import Dimension
 from porocore.interfaces.macro import Part
@@ -29,7 +29,7 @@ class Boundary(_Strict):
     """What is prescribed on one surface; what is left out is free of traction and impermeable.
 
     A number is multiplied by the load and by the ramp of the time plan, a function of time
-    (:class:`~porocore.core.formulas.time_function.Course`) by the load alone.
+    (:class:`~porocore.core.formulas.time_function.TimeFunction`) by the load alone.
     """
 
     displacement: Annotated[tuple[Value | None, Value | None, Value | None], Dimension("displacement")] = (
@@ -73,7 +73,7 @@ class Boundary(_Strict):
         return any(u is not None and u != 0 for u in (*self.displacement, self.normal))
 
     @property
-    def courses(self) -> Iterator[Course]:
+    def courses(self) -> Iterator[TimeFunction]:
         """Those of its values that have one."""
         values = (
             *self.displacement,
@@ -84,7 +84,7 @@ class Boundary(_Strict):
             self.pressure,
             self.flux,
         )
-        return (value for value in values if isinstance(value, Course))
+        return (value for value in values if isinstance(value, TimeFunction))
 
 
 class TimePlan(_Strict):
@@ -233,7 +233,7 @@ class MacroSetup(_Strict):
     def corners(self) -> tuple[float, ...]:
         """Times at which a prescribed value bends."""
         courses = [course for boundary in self.boundary.values() for course in boundary.courses]
-        courses += [value for value in self.body_force if isinstance(value, Course)]
+        courses += [value for value in self.body_force if isinstance(value, TimeFunction)]
         times = {t for course in courses for t in course.corners} | {t for t, _ in self.time.load_curve}
         return tuple(sorted(t for t in times if 0 < t <= self.time.end))
 
@@ -247,7 +247,7 @@ class MacroSetup(_Strict):
 
     def factor(self, value: Value, time: float) -> float:
         """Of a prescribed value at ``time``, without the load: a number's is the ramp, a course's its own value."""
-        return value.at(time) if isinstance(value, Course) else self.ramp(time)
+        return value.at(time) if isinstance(value, TimeFunction) else self.ramp(time)
 
 
 class MacroProblem(MacroSetup):

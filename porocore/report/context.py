@@ -15,7 +15,7 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.macro.closure_error import ClosureError
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.laws.pull_back import ConductivityLaw
-from porocore.report.drive import Drive
+from porocore.report.loading_mode import LoadingMode
 from porocore.states import Array, IntArray
 
 
@@ -352,7 +352,7 @@ class ReportContext:
     scenarios: Mapping[str, Scales] = field(default_factory=dict)
     fallbacks: tuple[FallbackDone, ...] = ()
     units: ResultUnits = field(default_factory=ResultUnits)
-    drive: Drive = field(default_factory=Drive)
+    drive: LoadingMode = field(default_factory=LoadingMode)
 
     @property
     def result_units(self) -> dict[str, ResultUnits]:

@@ -11,8 +11,8 @@ import numpy as np
 from porocore.core.units.results import ResultUnits
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.series import all_series
-from porocore.report.drive import Drive, reactions
 from porocore.report.format import number, plain
+from porocore.report.loading_mode import LoadingMode, reactions
 from porocore.states import Array
 
 
@@ -41,7 +41,7 @@ def dimensional_rows(
     solution: MacroSolution,
     conductivity: float,
     units: Mapping[str, ResultUnits],
-    drive: Drive,
+    drive: LoadingMode,
 ) -> list[DimensionalRow]:
     """Of one case, as :func:`porocore.report.metrics.case_metrics` describes it.
 

@@ -14,15 +14,15 @@ from porocore.core.units.results import ResultUnits
 from porocore.report import figures
 from porocore.report.context import Case, ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.dimensional import dimensional_rows
-from porocore.report.drive import reactions
 from porocore.report.figures.profiles import chosen_times, is_column, profile_at
 from porocore.report.figures.series import panels
 from porocore.report.format import plain
-from porocore.report.gaps import COMPARED, case_gaps
+from porocore.report.law_differences import COMPARED, case_gaps
+from porocore.report.loading_mode import reactions
 from porocore.report.metrics import case_metrics, rms_percent, worst_percent
 from porocore.report.page import Picture, environment, png_picture, svg_picture
 from porocore.report.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
-from porocore.report.words import (
+from porocore.report.text import (
     MEANINGS,
     all_warnings,
     benchmark_rows,

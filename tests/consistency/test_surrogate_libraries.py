@@ -16,7 +16,7 @@ from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import ACTIVATIONS, Network
-from porocore.surrogates.stored import NumpySurrogate
+from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.compare import RESPONSES, provided
 from porocore.testing.symmetry import breaks
 from porocore.testing.synthetic.cell import respond, synthetic_training_set

@@ -14,7 +14,7 @@ import numpy as np
 from porocore.core.hdf5.seal import seal_of
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.inputs.sampled_range import SampledRange
-from porocore.core.parallel import World
+from porocore.core.parallel import Communicator
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.law import LawMemory
 from porocore.interfaces.records import Record
@@ -82,7 +82,7 @@ def _discretisation() -> Any:
     """As much of one as a checkpoint asks for."""
     mesh = SimpleNamespace(size=UNKNOWNS, weights=np.ones((1, POINTS)), element=None, n_u=6)
     return SimpleNamespace(
-        world=World(), mesh=mesh, problem=SimpleNamespace(probes={}), unknowns=np.arange(UNKNOWNS),
+        world=Communicator(), mesh=mesh, problem=SimpleNamespace(probes={}), unknowns=np.arange(UNKNOWNS),
         boundary=SimpleNamespace(supports={}, drains={}), n_points=POINTS, gathered=np.copy,
         points_to_mesh=np.copy, points_from_mesh=np.copy,
     )  # fmt: skip

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from porocore.core.formulas.time_function import Course
+from porocore.core.formulas.time_function import TimeFunction
 from porocore.errors import ConfigurationError
 from porocore.macro.body.element import HEXAHEDRON, TETRAHEDRON
 from porocore.macro.body.kinds import Box, make_body
@@ -280,11 +280,11 @@ def test_two_plates_of_one_axis_with_a_common_edge_are_refused():
 
 
 def test_courses_have_their_values_and_corners():
-    table = Course(table=((0, 1.0), (2, 3.0)))
+    table = TimeFunction(table=((0, 1.0), (2, 3.0)))
     assert [table.at(t) for t in (0, 1, 2, 9)] == [1, 2, 3, 3]
-    ramp = Course(ramp=-2.0, until=4.0)
+    ramp = TimeFunction(ramp=-2.0, until=4.0)
     assert [ramp.at(t) for t in (0, 1, 4, 9)] == [0, -0.5, -2, -2]
-    assert Course(expression="2*t + sin(pi*t)").at(0.5) == pytest.approx(2.0)
+    assert TimeFunction(expression="2*t + sin(pi*t)").at(0.5) == pytest.approx(2.0)
     assert (table.corners, ramp.corners) == ((0.0, 2.0), (4.0,))
     for wrong in (
         {},
@@ -293,9 +293,9 @@ def test_courses_have_their_values_and_corners():
         {"ramp": 1.0, "until": 1.0, "expression": "t"},
     ):
         with pytest.raises(ValidationError):
-            Course.model_validate(wrong)
+            TimeFunction.model_validate(wrong)
     with pytest.raises(ValidationError, match="unknown name"):
-        Course(expression="2*x")
+        TimeFunction(expression="2*x")
 
 
 def test_a_follower_is_the_slope_of_the_volume_that_it_encloses():

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from porocore.cell.cell import Cell
-from porocore.cell.facts import as_lines, facts_of
+from porocore.cell.mesh_quality import as_lines, facts_of
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cli import main
 from porocore.study.benchmark import benchmark_path

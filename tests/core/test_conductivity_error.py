@@ -16,7 +16,7 @@ from porocore.core.tensors.symmetric_functions import logarithm
 from porocore.states import MacroState
 from porocore.surrogates.conductivity.fit import fit_conductivity
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.surrogates.stored import NumpySurrogate
+from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.synthetic.potential_cell import potential_training_set
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -16,7 +16,7 @@ from porocore.macro.laws import CLOSURES, ClosedLaw
 from porocore.states import MacroState
 from porocore.surrogates.conductivity.fit import fit_conductivity
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.surrogates.stored import NumpySurrogate
+from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.synthetic.cell import SOLID_FRACTION, synthetic_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set
 

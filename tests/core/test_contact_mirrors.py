@@ -6,8 +6,8 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.contact.mirrors import MirrorContact
 from porocore.cell.contact.model import DEEPEST, contact_of, facet_edge
+from porocore.cell.contact.pore_surface import wall_of
 from porocore.cell.contact.settings import ContactSettings
-from porocore.cell.contact.wall import wall_of
 from porocore.cell.meshing.mesh import CellMesh, MeshSettings
 
 H = np.diag([0.02, -0.25, 0.01])

@@ -6,7 +6,7 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.contact.pairs import Pairs, nearest_only
 from porocore.cell.contact.triangles import FACE, VERTEX, distance_derivatives, nearest
-from porocore.cell.contact.walls import WallContact
+from porocore.cell.contact.wall_contact import WallContact
 
 
 def random_pairs(n=3000, seed=0):

@@ -7,7 +7,7 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.contact.model import facet_edge
-from porocore.cell.contact.wall import shape_functions, wall_of
+from porocore.cell.contact.pore_surface import shape_functions, wall_of
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.meshing.quadrature import LARGEST_DEGREE, triangle_rule

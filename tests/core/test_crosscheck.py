@@ -19,7 +19,7 @@ from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.study.benchmark import crosscheck_path
 from porocore.study.config.config import load_config
-from porocore.verification.crosscheck import find_contestants
+from porocore.verification.crosscheck import select_backends
 from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES, STATES
 
 pytest.importorskip("skfem")
@@ -294,11 +294,11 @@ def test_when_the_first_backend_cannot_sample_the_next_one_does(crosscheck, case
 def test_a_broken_plugin_is_a_failure(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(distribution(tmp_path, "bad", "no_such_module_at_all"))
     fresh = registry.Registry.discover()
-    monkeypatch.setattr("porocore.verification.crosscheck.contestants.registry", lambda: fresh)
-    (line,) = find_contestants(fem=["skfem", "twin"]).broken
+    monkeypatch.setattr("porocore.verification.crosscheck.backend_selection.registry", lambda: fresh)
+    (line,) = select_backends(fem=["skfem", "twin"]).broken
     assert (line.passed, line.quantity) == (False, "bad")
     assert "porocore-bad 1.0 is broken: ModuleNotFoundError" in line.reason
-    assert not find_contestants(fem=["skfem", "twin"], surrogates=["cubic"]).broken
+    assert not select_backends(fem=["skfem", "twin"], surrogates=["cubic"]).broken
 
 
 def refused(result):
@@ -330,7 +330,7 @@ def test_what_to_install_when_there_is_nothing_to_compare(crosscheck, monkeypatc
         )
     ]
     monkeypatch.setattr(
-        "porocore.verification.crosscheck.contestants.registry", lambda: registry.Registry(offers, [])
+        "porocore.verification.crosscheck.backend_selection.registry", lambda: registry.Registry(offers, [])
     )
     message = refused(crosscheck())
     assert "only skfem and torch" in message

@@ -18,7 +18,7 @@ from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.surrogates.stored import NumpySurrogate
+from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.synthetic.potential_cell import potential_training_set, respond
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -120,7 +120,7 @@ def test_a_macro_run_that_fails_gives_what_it_visited(config: RunConfig, referen
             H = np.zeros((2, 3, 3))
             H[:, 1, 1] = -0.01
             response = law.respond(MacroState(H, np.zeros(2)), np.zeros((2, 3)), memory)
-            assert law.reconsider(response, memory) is None
+            assert law.before_accept(response, memory) is None
             raise SolveError("no step is small enough")
 
     explore = MacroExplorer(config, reference)

@@ -167,7 +167,7 @@ def test_a_law_that_changes_moves_no_fluid(fallback):
     memory = law.initial(1)
     response = law.respond(states, np.zeros((1, 3)), memory)
     assert response.outside.all()
-    memory = law.reconsider(response, response.memory)
+    memory = law.before_accept(response, response.memory)
     assert memory is not None
     still = law.respond(states, np.zeros((1, 3)), memory)
     assert still.storage == pytest.approx(0, abs=1e-15)

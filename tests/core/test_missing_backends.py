@@ -9,7 +9,7 @@ from porocore.study.benchmark import benchmark_path
 from porocore.study.config.config import load_config
 from porocore.study.preflight import checks as preflight
 from porocore.testing.installed import check as plugin_check
-from porocore.verification.crosscheck import contestants
+from porocore.verification.crosscheck import backend_selection
 from porocore.verification.ladder import cases as ladder
 
 SKFEM = "'skfem' is not installed; install it: pip install porocore-fem-skfem"
@@ -21,7 +21,7 @@ def bare(monkeypatch):
     """What the core alone offers."""
     offers = [offered for offered in Registry.discover().offers if offered.source.distribution == "porocore"]
     assert offers
-    for module in (preflight.registry, contestants, ladder, plugin_check):
+    for module in (preflight.registry, backend_selection, ladder, plugin_check):
         monkeypatch.setattr(module, "registry", lambda: Registry(offers, []))
 
 
@@ -52,7 +52,9 @@ def test_two_finite_element_backends_are_two_names():
 
 
 def test_what_needs_any_backend_names_them_all():
-    assert message(contestants.find_contestants).endswith(f"no cell solver takes part; install one: {FEM}")
+    assert message(backend_selection.select_backends).endswith(
+        f"no cell solver takes part; install one: {FEM}"
+    )
     assert message(ladder.find_backends) == f"there is no finite-element backend; install one: {FEM}"
 
 

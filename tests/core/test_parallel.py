@@ -2,7 +2,7 @@
 
 import pytest
 
-from porocore.core.parallel import World, launched
+from porocore.core.parallel import Communicator, launched
 
 NAMES = (
     "OMPI_COMM_WORLD_RANK",
@@ -51,7 +51,7 @@ class Resource:
 
 
 def test_one_process_is_the_first_and_all():
-    world, resource = World(), Resource()
+    world, resource = Communicator(), Resource()
     assert (world.rank, world.size) == (0, 1)
     assert world.first(lambda: 7) == world.total(7) == world.largest(7) == 7
     with world.holding(resource):

@@ -32,9 +32,9 @@ from porocore.report.context import (
     SurrogateSummary,
     TrainingCurve,
 )
-from porocore.report.drive import Drive
 from porocore.report.html import render, write_report
-from porocore.report.words import all_warnings, conductivity_sentence
+from porocore.report.loading_mode import LoadingMode
+from porocore.report.text import all_warnings, conductivity_sentence
 from porocore.states import CellResponse, CellTangent, Status
 
 VOID = {"meta", "img", "br"}
@@ -259,7 +259,7 @@ def test_forces_are_shown_where_a_surface_is_moved(context, unpictured):
     case = context.cases[0]
     pushed = replace(
         context,
-        drive=Drive(("y+",), stressed=False),
+        drive=LoadingMode(("y+",), stressed=False),
         cases=(replace(case, nonlinear=replace(case.nonlinear, reactions={"a": force, "y+": force})),),
     )
     when = f"{case.nonlinear.history.time[3]:.3f}"

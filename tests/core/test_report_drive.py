@@ -8,19 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.core.formulas.time_function import Course
+from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
 from porocore.macro.problem import Boundary, MacroSetup
 from porocore.report.context import Case
 from porocore.report.dimensional import dimensional_rows
-from porocore.report.drive import Drive, reactions
+from porocore.report.loading_mode import LoadingMode, reactions
 from porocore.report.metrics import case_metrics
 
 UNITS = ResultUnits(
     Scales(modulus=2e3, length=0.01, pore=1e-6, viscosity=1e-3), OutputUnits(length="mm", force="mN")
 )
-RAMP = Course(ramp=-0.2, until=1.0)
+RAMP = TimeFunction(ramp=-0.2, until=1.0)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ RAMP = Course(ramp=-0.2, until=1.0)
 )
 def test_what_drives_a_body(top, displaced, stressed):
     held = {"y-": Boundary(displacement=(0, 0, 0)), "y+": Boundary(**top)}
-    assert Drive.of(MacroSetup(boundary=held)) == Drive(displaced, stressed)
+    assert LoadingMode.of(MacroSetup(boundary=held)) == LoadingMode(displaced, stressed)
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def test_rows_with_units_are_those_of_the_drive(plug, column):
         rows = dimensional_rows(case_metrics(case), plug, 1.0, {"this study": UNITS}, drive)
         return {row.name: row.values[0] for row in rows}
 
-    stressed, moved = names(Drive()), names(Drive(("y+",), stressed=False))
+    stressed, moved = names(LoadingMode()), names(LoadingMode(("y+",), stressed=False))
     assert "load times E" in stressed
     assert not [name for name in stressed if "force" in name]
     assert "load times E" not in moved

@@ -10,7 +10,7 @@ import pytest
 
 from porocore.report.context import Case, DirectCost
 from porocore.report.figures import history_figure
-from porocore.report.gaps import case_gaps, gap
+from porocore.report.law_differences import case_gaps, gap
 from porocore.report.metrics import case_metrics
 
 

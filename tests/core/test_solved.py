@@ -10,8 +10,8 @@ from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError, PluginError
 from porocore.report.dimensional import dimensional_metrics, dimensional_rows
-from porocore.report.drive import Drive
 from porocore.report.figures import body_figure, history_figure, series_figure
+from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import case_metrics
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
 from porocore.study.api.study import Study
@@ -111,7 +111,7 @@ def test_figures_and_metrics_have_the_units(solution):
 
 
 def test_the_table_of_the_report_has_the_units_of_the_study(case):
-    rows = dimensional_rows(case_metrics(case), case.nonlinear, 1.0, {"this study": UNITS}, Drive())
+    rows = dimensional_rows(case_metrics(case), case.nonlinear, 1.0, {"this study": UNITS}, LoadingMode())
     by_name = {row.name: row for row in rows}
     final = case.nonlinear.history.settlement[-1]
     text = by_name["final settlement"].values[0]

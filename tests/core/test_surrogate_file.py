@@ -25,9 +25,9 @@ from porocore.surrogates.polynomial.fit import polynomial_model
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.polynomial.terms import invariant, plain
+from porocore.surrogates.portable import NumpySurrogate
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
-from porocore.surrogates.reach import Reach
-from porocore.surrogates.stored import NumpySurrogate
+from porocore.surrogates.training_box import TrainingBox
 from porocore.testing.compare import assert_identical
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set
@@ -303,7 +303,7 @@ def test_the_documentation_lists_the_file(tmp_path):
         np.zeros((3, 3)),
         Polynomial(np.eye(2, dtype=np.int64), np.ones((6, 2))),
         (1, 6),
-        Reach((1, 6), np.zeros(2), np.ones(2)),
+        TrainingBox((1, 6), np.zeros(2), np.ones(2)),
         sampled,
         ErrorEstimate(
             0.01,

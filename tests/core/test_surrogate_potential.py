@@ -13,8 +13,8 @@ from porocore.surrogates.polynomial.fit import fit_mean_grad, polynomial_model, 
 from porocore.surrogates.polynomial.terms import invariant, plain
 from porocore.surrogates.potential.data import PotentialData, variables
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
-from porocore.surrogates.reach import Reach
 from porocore.surrogates.stretch.log_stretch import LogStretch
+from porocore.surrogates.training_box import TrainingBox
 from porocore.testing.symmetry import cube_group
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import (
@@ -47,11 +47,11 @@ def models():
     training = potential_training_set(40, seed=1)
     with_polynomial = polynomial_model(training)[0]
     # Wherever these tests go; what happens beyond the sampled states has tests of its own.
-    with_polynomial = replace(with_polynomial, reach=Reach(SEVEN, np.full(7, -1.0), np.full(7, 1.0)))
+    with_polynomial = replace(with_polynomial, reach=TrainingBox(SEVEN, np.full(7, -1.0), np.full(7, 1.0)))
     nothing = {"terms": None, "polynomial": None, "refinement": None}
     alone = replace(with_polynomial, **nothing, network=part(invariant(CUBIC)))
     two = polynomial_model(synthetic_training_set(60, seed=1))[0]
-    two = replace(two, reach=Reach((1, 6), np.full(2, -1.0), np.full(2, 1.0)))
+    two = replace(two, reach=TrainingBox((1, 6), np.full(2, -1.0), np.full(2, 1.0)))
     return {
         "polynomial": with_polynomial,
         "network": alone,
@@ -277,7 +277,7 @@ def test_words_for_a_reference_without_derivatives():
 def test_mean_grad_is_fitted_in_what_rotates_with_the_solid():
     training, unseen = potential_training_set(60, seed=4), potential_training_set(100, seed=5)
     data = PotentialData.of(training)
-    reach = Reach.of(data.y, data.active, TRIVIAL)
+    reach = TrainingBox.of(data.y, data.active, TRIVIAL)
     model = PotentialModel(
         data.rest, None, None, None, fit_mean_grad(data), data.active, sampled_range(training), reach
     )

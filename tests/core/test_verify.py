@@ -13,7 +13,7 @@ from porocore.plugins.table import PluginRow
 from porocore.verification.ladder import cases as ladder
 from porocore.verification.ladder import document
 from porocore.verification.ladder.case import Case, Check, number, observed_order
-from porocore.verification.ladder.cases import Backends, Row, climb, find_backends, find_cases
+from porocore.verification.ladder.cases import Backends, Row, find_backends, find_cases, run_cases
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_what_passes():
 
 def test_an_item_that_raises_is_a_failed_row_and_the_others_go_on(fakes):
     told = []
-    rows = climb(
+    rows = run_cases(
         find_cases(),
         ladder.find_backends(()),
         on_item=lambda what, done, count: told.append((what, done, count)),
@@ -104,11 +104,11 @@ def test_an_item_that_raises_is_a_failed_row_and_the_others_go_on(fakes):
 
 
 def test_the_long_form_is_asked_for(fakes):
-    assert not climb(find_cases(["good"]), ladder.find_backends(()), long=True)[0].passed
+    assert not run_cases(find_cases(["good"]), ladder.find_backends(()), long=True)[0].passed
 
 
 def test_the_document_is_json_without_nan(fakes):
-    rows = climb(find_cases(), ladder.find_backends(()))
+    rows = run_cases(find_cases(), ladder.find_backends(()))
     data = json.loads(document.text(rows, long=False), parse_constant=pytest.fail)
     assert (data["format"], data["form"], data["passed"]) == ("porocore-verification", "short", False)
     assert data["rows"][0]["ours"] == 2.001

@@ -132,15 +132,15 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
         values=lambda plan: plan.values[:1],
         line=lambda plan: LineSettings(1, 0.1, plan.line.eigenvalues),
     )
-    find = porocore.verification.crosscheck.find_contestants
+    find = porocore.verification.crosscheck.select_backends
     patch.setattr(
         porocore.verification.crosscheck,
-        "find_contestants",
+        "select_backends",
         lambda fem, names: find(fem, names or SURROGATES),
     )
-    climb, find_cases = ladder.climb, ladder.find_cases
+    run_cases, find_cases = ladder.run_cases, ladder.find_cases
     patch.setattr(ladder, "find_cases", lambda names: find_cases(names or CASES))
-    patch.setattr(ladder, "climb", lambda *words, long, **named: climb(*words, long=False, **named))
+    patch.setattr(ladder, "run_cases", lambda *words, long, **named: run_cases(*words, long=False, **named))
     # What is on them is tested with the reports and the local fields, and takes most of the time of a small study.
     patch.setattr(matplotlib.figure.Figure, "draw", lambda figure, renderer: None)
     for module in (pictures, geometry):

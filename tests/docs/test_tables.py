@@ -5,7 +5,7 @@ from __future__ import annotations
 from pages import page, rows
 
 from porocore.plugins.kinds import HOOKS
-from porocore.report.words import MEANINGS
+from porocore.report.text import MEANINGS
 from porocore.states import Status
 
 

@@ -25,7 +25,7 @@ from porocore.plugins.discovery import Broken, Offered, Source
 from porocore.plugins.hookspecs import INTERFACES, Offer
 from porocore.plugins.registry import Registry
 from porocore.report.metrics import case_warnings
-from porocore.report.words import MEANINGS
+from porocore.report.text import MEANINGS
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
 from porocore.study.config.config import load_config

@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from typing import Any
 
 from porocore.core.echo import echo
-from porocore.core.parallel import World
+from porocore.core.parallel import Communicator
 from porocore.errors import ConfigurationError
 from porocore.macro.body.meshed import body_mesh
 from porocore.macro.boundary.conditions import boundary_data
-from porocore.macro.integration.solver import MarchingMacroSolver
+from porocore.macro.integration.solver import TimeSteppingMacroSolver
 from porocore.macro.problem import MacroProblem
 from porocore_fem_dolfinx import compat  # noqa: F401 - h5py before everything that brings MPI and PETSc
 from porocore_fem_dolfinx.macro_assembly import Assembler
 from porocore_fem_dolfinx.macro_world import MPI, MpiWorld
 
 
-class DolfinxMacroSolver(MarchingMacroSolver):
+class DolfinxMacroSolver(TimeSteppingMacroSolver):
     """Triquadratic hexahedra or quadratic tetrahedra with linear pressure, as UFL forms.
 
     The processes of MPI's world share the elements among them.
@@ -47,7 +47,7 @@ class DolfinxMacroSolver(MarchingMacroSolver):
         super().__init__(checkpoint_seconds=checkpoint_seconds)
         self.petsc = dict(petsc or {})
         self._comm = MPI.COMM_WORLD
-        self.world = MpiWorld(self._comm) if self._comm.size > 1 else World()
+        self.world = MpiWorld(self._comm) if self._comm.size > 1 else Communicator()
 
     def prepare(self, problem: MacroProblem) -> Assembler:
         """Mesh, forms and linear solver; the solver is tried, so that wrong options are told at once.

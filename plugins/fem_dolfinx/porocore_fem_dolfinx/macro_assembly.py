@@ -10,7 +10,7 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from porocore.core.parallel import World
+from porocore.core.parallel import Communicator
 from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData
@@ -32,7 +32,7 @@ class Assembler(Discretisation):
         mesh: BodyMesh,
         boundary: BoundaryData,
         comm: Any,
-        world: World,
+        world: Communicator,
         petsc: Mapping[str, Any],
     ) -> None:
         self.space = space = make_space(mesh, comm)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from porocore.core.parallel import T, World
+from porocore.core.parallel import Communicator, T
 from porocore.core.unexpected import describe
 from porocore.errors import PorocoreError, SolveError
 
@@ -19,7 +19,7 @@ from porocore.errors import PorocoreError, SolveError
 PATIENCE = 10.0
 
 
-class MpiWorld(World):
+class MpiWorld(Communicator):
     """All processes of a communicator."""
 
     def __init__(self, comm: Any) -> None:

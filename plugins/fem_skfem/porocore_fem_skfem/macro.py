@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from porocore.macro.body.meshed import body_mesh
 from porocore.macro.boundary.conditions import boundary_data
-from porocore.macro.integration.solver import MarchingMacroSolver
+from porocore.macro.integration.solver import TimeSteppingMacroSolver
 from porocore.macro.problem import MacroProblem
 from porocore_fem_skfem.macro_assembly import Assembler
 
 
-class SkfemMacroSolver(MarchingMacroSolver):
+class SkfemMacroSolver(TimeSteppingMacroSolver):
     """Triquadratic hexahedra or quadratic tetrahedra with linear pressure, solved by PARDISO or SuperLU.
 
     Parameters

@@ -20,7 +20,7 @@ from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions
 from porocore.surrogates.network.sobolev import unpack_layers
 from porocore.surrogates.network.training_state import FORMAT as TRAINING_FORMAT
-from porocore.surrogates.stored import NumpySurrogate
+from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.surrogate_laws.base import synthetic_training_set
 from porocore_surrogate_jax import hooks
 from porocore_surrogate_jax.autodiff import JaxAutodiff
@@ -169,7 +169,7 @@ def test_its_file_needs_no_jax(data, tmp_path):
         sys.modules["jax"] = None
         from pathlib import Path
         from porocore import MacroState
-        from porocore.surrogates.stored import NumpySurrogate
+        from porocore.surrogates.portable import NumpySurrogate
         surrogate = NumpySurrogate.load(Path({str(path)!r}))
         print(surrogate.predict(MacroState.zeros(1)).tangent.mean_grad_p[0, 1, 1])
     """

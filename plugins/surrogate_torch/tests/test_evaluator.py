@@ -11,7 +11,7 @@ import torch
 
 from porocore.errors import ConfigurationError
 from porocore.surrogates.network.network import ACTIVATIONS, Network
-from porocore.surrogates.stored import NumpySurrogate
+from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.compare import provided
 from porocore.testing.synthetic.potential_cell import potential_training_set
 from porocore_surrogate_torch.autodiff import TorchAutodiff, choose_device

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import splu
 
-from porocore.cell.conductivity.wall import wall_interpolation
+from porocore.cell.conductivity.wall_displacement import wall_interpolation
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.tetrahedra import EDGES
 from porocore.states import Array, IntArray

@@ -5,7 +5,7 @@ stay, those at X_a = ½ move to (1 + H_aa)/2. Under loads that keep the planes m
 
 A perturbation that is odd under the mirror of a plane does not move the wall and its image alike: they slide over each
 other while their common surface tilts. There the wall is held against its reflection, triangle by triangle, as the
-whole cell's wall is (:mod:`porocore.cell.contact.walls`), of which nothing but the second derivatives is needed.
+whole cell's wall is (:mod:`porocore.cell.contact.wall_contact`), of which nothing but the second derivatives is needed.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from functools import cached_property
 
 import numpy as np
 
+from porocore.cell.contact.contact_state import ContactState
 from porocore.cell.contact.forces import Blocks, Forces, joined
 from porocore.cell.contact.pairs import REACH, Image, find_pairs
-from porocore.cell.contact.passed import Passed, motion_of
-from porocore.cell.contact.touching import Touching
+from porocore.cell.contact.penetration import PenetratingPoints, motion_of
+from porocore.cell.contact.pore_surface import Wall, wall_of
 from porocore.cell.contact.triangles import height
-from porocore.cell.contact.wall import Wall, wall_of
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import odd_axes
 from porocore.states import Array, IntArray
@@ -44,7 +44,7 @@ class MirrorContact:
         self.mesh, self.stiffness, self.deepest = mesh, stiffness, deepest
         self.wall: Wall = wall_of(mesh)
 
-    def at(self, H: Array, u: Array, like: Touching | None = None) -> MirrorState:
+    def at(self, H: Array, u: Array, like: ContactState | None = None) -> MirrorState:
         """At u (nodes, 3) under a diagonal H; planes and points are always the same pairs."""
         return MirrorState(self, H, u)
 
@@ -151,7 +151,9 @@ class MirrorState:
         nodes = np.concatenate([own, other, np.full((m, 1), -1)], axis=1)
         places = np.concatenate([X[own], X[other], np.broadcast_to(period, (m, 1, 3))], axis=1)
         weights = contact.stiffness / 4 * pairs.weights[rows]
-        return Passed(points[rows], corners[rows], pairs.where[rows], weights, motion, nodes, places).blocks
+        return PenetratingPoints(
+            points[rows], corners[rows], pairs.where[rows], weights, motion, nodes, places
+        ).blocks
 
     def _nodes(self, facets: IntArray) -> IntArray:
         nodes = self.contact.wall.facets[facets]

@@ -6,11 +6,11 @@ from typing import Protocol
 
 import numpy as np
 
+from porocore.cell.contact.contact_state import ContactState
 from porocore.cell.contact.mirrors import MirrorContact
+from porocore.cell.contact.pore_surface import wall_of
 from porocore.cell.contact.settings import ContactSettings
-from porocore.cell.contact.touching import Touching
-from porocore.cell.contact.wall import wall_of
-from porocore.cell.contact.walls import WallContact
+from porocore.cell.contact.wall_contact import WallContact
 from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.states import Array, IntArray
@@ -30,7 +30,7 @@ class ContactModel(Protocol):
     deepest: float
     pairs_move: bool
 
-    def at(self, H: Array, u: Array, like: Touching | None = None) -> Touching:
+    def at(self, H: Array, u: Array, like: ContactState | None = None) -> ContactState:
         """At u (nodes, 3) under H.
 
         What touches what is taken over from ``like`` where it is given: between iterates with the same pairs the

@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.spatial import cKDTree
 
+from porocore.cell.contact.pore_surface import Wall
 from porocore.cell.contact.triangles import nearest
-from porocore.cell.contact.wall import Wall
 from porocore.states import Array, IntArray
 
 #: The triangles of a facet (VTK order of its six nodes).

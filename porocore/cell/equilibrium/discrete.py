@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from porocore.cell.contact.contact_state import ContactState
 from porocore.cell.contact.model import ContactModel
-from porocore.cell.contact.touching import Touching
 from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mass import lumped_mass
 from porocore.cell.meshing.mesh import CellMesh
@@ -49,16 +49,16 @@ class Iterate(ABC):
     #: What the solid touches; None where there is no contact.
     contact: ContactModel | None = None
 
-    _like: Touching | None = None
+    _like: ContactState | None = None
 
     @cached_property
-    def _contact(self) -> Touching | None:
+    def _contact(self) -> ContactState | None:
         if self.contact is None:
             return None
         return self.contact.at(self.H, self.displacement, self._like)
 
     @property
-    def touching(self) -> Touching | None:
+    def touching(self) -> ContactState | None:
         """Contact at this iterate, None where nothing touches."""
         return self._contact if self._contact is not None and self._contact.active else None
 

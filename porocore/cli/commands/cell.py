@@ -153,7 +153,7 @@ def show(
     """
     path, settings = read_config(config, None)
     with interruptible(), located(path):
-        from porocore.cell.facts import as_lines, facts_of
+        from porocore.cell.mesh_quality import as_lines, facts_of
         from porocore.core.files.atomic import new_folder
         from porocore.verification.local_fields.geometry import render_phases, write_phases
 
@@ -218,7 +218,7 @@ def as_text(result: Mapping[str, Any]) -> str:
 
 def _described(status: str) -> str:
     """Its name, and what it means unless all is well."""
-    from porocore.report.words import MEANINGS
+    from porocore.report.text import MEANINGS
     from porocore.states import Status
 
     known = Status[status]

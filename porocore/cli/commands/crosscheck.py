@@ -49,10 +49,10 @@ def crosscheck(
     with interruptible():
         from porocore.core.files.atomic import new_folder
         from porocore.verification.crosscheck import crosscheck as check
-        from porocore.verification.crosscheck import find_contestants
+        from porocore.verification.crosscheck import select_backends
         from porocore.verification.crosscheck.files import write
 
-        who = find_contestants(fem or (), surrogate or ())
+        who = select_backends(fem or (), surrogate or ())
         new_folder(out)
         console = Console()
         for text in who.absent:

@@ -151,7 +151,7 @@ def print_ends(study: Sensitivity) -> None:
     from rich.console import Console as RichConsole
     from rich.table import Table
 
-    from porocore.report.words import MEANINGS
+    from porocore.report.text import MEANINGS
     from porocore.states import Status
     from porocore.verification.sensitivity.results import line_name
 

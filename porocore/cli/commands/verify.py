@@ -45,7 +45,7 @@ def verify(
     with interruptible():
         from porocore.core.files.atomic import place_for
         from porocore.verification.ladder import document
-        from porocore.verification.ladder.cases import climb, find_backends, find_cases
+        from porocore.verification.ladder.cases import find_backends, find_cases, run_cases
 
         cases, backends = find_cases(case or ()), find_backends(fem or ())
         if out is not None:
@@ -54,7 +54,7 @@ def verify(
         for text in backends.absent:
             console.note(f"takes no part: {text}")
         with console.task("verifying", "items") as task:
-            rows = climb(
+            rows = run_cases(
                 cases,
                 backends,
                 long=long,

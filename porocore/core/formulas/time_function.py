@@ -16,7 +16,7 @@ from porocore.errors import ConfigurationError
 Positive = Annotated[float, Field(gt=0)]
 
 
-class Course(BaseModel):
+class TimeFunction(BaseModel):
     """A function of time of its own, instead of the common ramp: one of ``table``, ``ramp``, ``expression``."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -34,7 +34,7 @@ class Course(BaseModel):
     """A formula of t such as ``0.1*sin(2*pi*t)``; t and the result are dimensionless, also where there are scales."""
 
     @model_validator(mode="after")
-    def _one_of_them(self) -> Course:
+    def _one_of_them(self) -> TimeFunction:
         given = [bool(self.table), self.ramp is not None, self.expression is not None]
         if sum(given) != 1:
             raise ValueError("expected exactly one of table, ramp (with until) and expression")
@@ -73,11 +73,11 @@ class Course(BaseModel):
 
 
 def _form(value: Any) -> str:
-    return "course" if isinstance(value, dict | Course) else "number"
+    return "course" if isinstance(value, dict | TimeFunction) else "number"
 
 
 #: A number follows the common ramp of the time plan; a course has its own.
 Value = Annotated[
-    Annotated[float, Tag("number")] | Annotated[Course, Tag("course")],
+    Annotated[float, Tag("number")] | Annotated[TimeFunction, Tag("course")],
     Discriminator(_form),
 ]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.formulas.time_function import Course, Value
+from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.surfaces import Facets
@@ -37,7 +37,7 @@ class BoundaryData:
     plates
         Unknowns that are one, ascending, for each rigid plate.
     followers
-        Course, its factor and the facets of each pressure that follows the surface.
+        TimeFunction, its factor and the facets of each pressure that follows the surface.
     rotation
         (unknowns, unknowns) orthogonal matrix Q from Cartesian unknowns to those that are solved for, which differ
         at nodes of oblique surfaces; None where all are Cartesian.
@@ -87,7 +87,7 @@ class _Collector:
     def __init__(self, mesh: BodyMesh, problem: MacroProblem) -> None:
         self.mesh, self.problem = mesh, problem
         self.courses: list[Value] = [1.0]
-        #: Course and factor of each prescribed unknown; −1 where nothing is.
+        #: TimeFunction and factor of each prescribed unknown; −1 where nothing is.
         self.course = np.full(mesh.size, -1)
         self.factor = np.zeros(mesh.size)
         self.external: dict[int, Array] = {}
@@ -132,7 +132,7 @@ class _Collector:
 
     def split(self, value: Value) -> tuple[int, float]:
         """Number of its course, and the factor on that."""
-        if not isinstance(value, Course):
+        if not isinstance(value, TimeFunction):
             return 0, float(value)
         if value not in self.courses:
             self.courses.append(value)
@@ -311,7 +311,7 @@ class _Surface:
 
 
 def _opposite(value: Value, key: str) -> Value:
-    if isinstance(value, Course):
+    if isinstance(value, TimeFunction):
         raise ConfigurationError(
             f"{key}.normal: the outward normal is against an axis here, and a course cannot be turned round; "
             "prescribe the component of the displacement"
@@ -320,4 +320,4 @@ def _opposite(value: Value, key: str) -> Value:
 
 
 def _show(value: Value) -> str:
-    return "a function of time" if isinstance(value, Course) else f"{value:g}"
+    return "a function of time" if isinstance(value, TimeFunction) else f"{value:g}"

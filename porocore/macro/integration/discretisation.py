@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.parallel import World
+from porocore.core.parallel import Communicator
 from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary import followers
@@ -110,10 +110,10 @@ class Discretisation(ABC):
         owned: int,
         elements: IntArray,
         dofs: IntArray,
-        world: World | None = None,
+        world: Communicator | None = None,
     ) -> None:
         self.problem, self.mesh, self.boundary = problem, mesh, boundary
-        self.world = World() if world is None else world
+        self.world = Communicator() if world is None else world
         self.unknowns, self.owned, self.elements, self.dofs = unknowns, owned, elements, dofs
         self.is_force = unknowns < mesh.n_u
         place = np.full(mesh.size, -1)

@@ -12,10 +12,10 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import MacroSolution, StepReport
-from porocore.macro.integration.march import march
+from porocore.macro.integration.time_integration import integrate_in_time
 
 
-class MarchingMacroSolver(MacroSolver):
+class TimeSteppingMacroSolver(MacroSolver):
     """What ``prepare`` returns is a :class:`~porocore.macro.integration.discretisation.Discretisation`.
 
     Parameters
@@ -49,7 +49,7 @@ class MarchingMacroSolver(MacroSolver):
         on_step: Callable[[StepReport], None] | None = None,
     ) -> MacroSolution:
         """See :class:`porocore.MacroSolver`; ``prepared`` is what :meth:`prepare` returned."""
-        return march(
+        return integrate_in_time(
             prepared,
             law,
             checkpoint=checkpoint,

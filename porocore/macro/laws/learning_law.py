@@ -51,7 +51,7 @@ class LearningLaw(ClosedLaw):
         super().__init__(cell_law, closure, identity=identity, name=name)
         self.extend, self._rounds, self._round = extend, rounds, 0
 
-    def reconsider(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
+    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """See :class:`~porocore.interfaces.law.MacroLaw`."""
         outside = np.flatnonzero(response.outside)
         if not len(outside) or self._round >= self._rounds:

@@ -6,9 +6,9 @@ import signal
 from typing import Literal
 
 from porocore.errors import ConfigurationError
-from porocore.sampling.execution.crew import Crew, SerialCrew
 from porocore.sampling.execution.futures import FuturesCrew, SubmitsFutures
 from porocore.sampling.execution.processes import ProcessCrew
+from porocore.sampling.execution.worker_backend import SerialCrew, WorkerBackend
 
 ExecutorName = Literal["auto", "serial", "processes", "dask"]
 #: ``auto`` is dask where a scheduler is named, this process for one worker without time limit, else processes.
@@ -56,7 +56,7 @@ def check_choice(
 
 def make_crew(
     executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None, token: str
-) -> Crew:
+) -> WorkerBackend:
     """The workers of a pool, of a choice that was checked; see :class:`porocore.sampling.execution.CellPool`."""
     if not isinstance(executor, str):
         return FuturesCrew(executor, workers, token)

@@ -20,9 +20,9 @@ from urllib.parse import urlsplit
 
 from porocore.errors import PluginError, PorocoreError
 from porocore.sampling.execution.address import reach
-from porocore.sampling.execution.crew import Crew, Worker
 from porocore.sampling.execution.tasks import Ready
 from porocore.sampling.execution.threads import THREAD_VARIABLES, interrupts_blocked, one_thread
+from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 #: Seconds between two looks at which workers are there.
 LOOK = 0.5
@@ -32,7 +32,7 @@ REACH = 20
 FAREWELL = 10
 
 
-class DaskCrew(Crew):
+class DaskCrew(WorkerBackend):
     """All workers of a scheduler, those that join later included.
 
     Parameters

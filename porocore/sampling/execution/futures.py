@@ -7,8 +7,8 @@ from concurrent.futures import Future
 from typing import Any, Protocol
 
 from porocore.errors import PorocoreError
-from porocore.sampling.execution.crew import Crew, Worker
 from porocore.sampling.execution.tasks import forget
+from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 
 class SubmitsFutures(Protocol):
@@ -18,7 +18,7 @@ class SubmitsFutures(Protocol):
         """Begin a call."""
 
 
-class FuturesCrew(Crew):
+class FuturesCrew(WorkerBackend):
     """A given executor with a number of calls at a time; it is neither replaced nor shut down here.
 
     Its workers cannot be told apart, so the recipe of the cell goes with every state, and each of its threads

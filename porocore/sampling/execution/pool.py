@@ -18,8 +18,8 @@ from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import failed_response, flatten_response
 from porocore.sampling.execution import tasks
 from porocore.sampling.execution.choice import ExecutorChoice, check_choice, make_crew
-from porocore.sampling.execution.crew import Crew, Worker
 from porocore.sampling.execution.tasks import Factory, Failure, Outcome, Ready, Recipe, Unprepared
+from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 from porocore.states import CellResponse, MacroState, Status
 
 #: Seconds between two looks at workers and interrupts while nothing is finished.
@@ -98,10 +98,10 @@ class CellPool:
         self._finishing = False
         check_choice(executor, workers, scheduler, state_seconds)
         self._make_crew = partial(make_crew, executor, workers, scheduler, state_seconds, self._recipe.token)
-        self._made: Crew | None = None
+        self._made: WorkerBackend | None = None
 
     @property
-    def _crew(self) -> Crew:
+    def _crew(self) -> WorkerBackend:
         """Called together when there is something to do."""
         if self._made is None:
             self._made = self._make_crew()

@@ -11,11 +11,11 @@ from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from porocore.sampling.execution.crew import Crew, Worker
 from porocore.sampling.execution.threads import interrupts_blocked, one_thread
+from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 
-class ProcessCrew(Crew):
+class ProcessCrew(WorkerBackend):
     """Processes started afresh (spawned), each an executor of its own, so that one that dies takes none along.
 
     They ignore Ctrl-C, which the parent handles, and end when the parent has gone, however it went.

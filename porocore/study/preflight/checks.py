@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from porocore.cell.facts import as_lines, facts_of
+from porocore.cell.mesh_quality import as_lines, facts_of
 from porocore.core.echo import echo
-from porocore.core.formulas.time_function import Course, Value
+from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.core.inputs.possible_states import least_volume
 from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
 from porocore.core.units.results import ResultUnits
@@ -242,7 +242,7 @@ def _value(value: Value, quantity: str, units: ResultUnits) -> str:
         unit = f" {units.name(of)}" if units.given and number else ""
         return f"{number * units.factor(of):.4g}{unit}"
 
-    if not isinstance(value, Course):
+    if not isinstance(value, TimeFunction):
         return at(value, quantity)
     if value.ramp is not None and value.until is not None:
         return f"0 to {at(value.ramp, quantity)} until t = {at(value.until, 'time')}"

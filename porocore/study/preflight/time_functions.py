@@ -9,7 +9,7 @@ import numpy as np
 from porocore.core.echo import echo
 from porocore.core.formulas.domain import first_fault
 from porocore.core.formulas.expressions import Expression
-from porocore.core.formulas.time_function import Course
+from porocore.core.formulas.time_function import TimeFunction
 from porocore.errors import ConfigurationError
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroSetup
@@ -53,15 +53,15 @@ def run_times(setup: MacroSetup) -> Array:
     return found
 
 
-def _courses(setup: MacroSetup) -> Iterator[tuple[str, Course]]:
+def _courses(setup: MacroSetup) -> Iterator[tuple[str, TimeFunction]]:
     for name, boundary in setup.boundary.items():
         for field in type(boundary).model_fields:
             yield from _within(f"macro.boundary.{name}.{field}", getattr(boundary, field))
     yield from _within("macro.body_force", setup.body_force)
 
 
-def _within(key: str, value: object) -> Iterator[tuple[str, Course]]:
-    if isinstance(value, Course):
+def _within(key: str, value: object) -> Iterator[tuple[str, TimeFunction]]:
+    if isinstance(value, TimeFunction):
         yield key, value
     elif isinstance(value, tuple):
         for i, part in enumerate(value):

@@ -104,9 +104,9 @@ class VisitedStates(MacroLaw):
         """Of the law that answers."""
         return self.law.respond(states, grad_p, memory, tangent=tangent)
 
-    def reconsider(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
+    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """Asked when a step has converged."""
-        changed = self.law.reconsider(response, memory)
+        changed = self.law.before_accept(response, memory)
         if changed is None:
             self.visited.append(response.memory.states)
         return changed

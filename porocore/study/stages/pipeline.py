@@ -143,8 +143,8 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     """
     from porocore.macro.series import write_series
     from porocore.report.html import write_report
+    from porocore.report.text import all_warnings
     from porocore.report.vtk import write_vtu_series
-    from porocore.report.words import all_warnings
     from porocore.study.stages.summary import gather
 
     finished(folder, folder.test_dataset, config.stages.test, _held_out(config))

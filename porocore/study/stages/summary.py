@@ -36,8 +36,8 @@ from porocore.report.context import (
     TrainingCurve,
 )
 from porocore.report.dimensional import dimensional_metrics
-from porocore.report.drive import Drive, reactions
-from porocore.report.gaps import case_gaps
+from porocore.report.law_differences import case_gaps
+from porocore.report.loading_mode import LoadingMode, reactions
 from porocore.report.metrics import report_metrics, rms_percent, worst_percent
 from porocore.report.statuses import solved_shares, visited_shares
 from porocore.sampling.datasets.dataset import Dataset
@@ -113,7 +113,7 @@ def gather(
         scenarios=config.scenarios,
         fallbacks=(fallbacks := fallbacks_done(folder, config)),
         units=config.result_units,
-        drive=(drive := Drive.of(config.macro)),
+        drive=(drive := LoadingMode.of(config.macro)),
     )
     metrics = {
         "cell": {

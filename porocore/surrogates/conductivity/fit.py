@@ -15,7 +15,6 @@ from porocore.surrogates.polynomial.least_squares import EQUATIONS_PER_TERM, FOL
 from porocore.surrogates.polynomial.monomials import IntArray, Polynomial
 from porocore.surrogates.polynomial.terms import plain
 from porocore.surrogates.potential.data import STILL, variables
-from porocore.surrogates.reach import Reach
 from porocore.surrogates.stretch.log_stretch import LogStretch
 from porocore.surrogates.symmetry import (
     Equivariance,
@@ -25,6 +24,7 @@ from porocore.surrogates.symmetry import (
     on_variables,
     stabiliser,
 )
+from porocore.surrogates.training_box import TrainingBox
 
 LARGEST_DEGREE = 6
 
@@ -73,7 +73,7 @@ def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | Non
         log_rest,
         polynomial,
         active,
-        Reach.of(y, active, data.symmetry),
+        TrainingBox.of(y, active, data.symmetry),
         SampledRange.around(data.inputs, data.inputs.gather(states)),
         closing=len(kept) < int(data.responses.stable.sum()),
     )

@@ -19,8 +19,8 @@ from porocore.states import Array, MacroState
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.potential.data import variables
-from porocore.surrogates.reach import Reach
 from porocore.surrogates.stretch.log_stretch import LogStretch
+from porocore.surrogates.training_box import TrainingBox
 
 #: A direction in which the undeformed pore conducts less than this share of the largest is one that it is closed to.
 CLOSED = 1e-6
@@ -55,7 +55,7 @@ class ConductivityModel:
     log_rest: Array
     polynomial: Polynomial
     active: tuple[int, ...]
-    reach: Reach
+    reach: TrainingBox
     sampled: SampledRange
     estimate: ErrorEstimate | None = None
     closing: bool = False

@@ -28,7 +28,7 @@ from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms, plain
 from porocore.surrogates.potential.data import Rest
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
-from porocore.surrogates.reach import Reach
+from porocore.surrogates.training_box import TrainingBox
 
 #: Until version 5 the symmetry of the cell was guessed, and stresses across the sampled components were dropped.
 FORMAT, VERSION = "porocore-surrogate", 6
@@ -259,7 +259,7 @@ def _unpack_conductivity(
         log_rest,
         unpack_polynomial(arrays, "conductivity/polynomial", v, outputs),
         active,
-        Reach(active, *(arrays[f"conductivity/reach/{end}"].reshape(v) for end in ("low", "high"))),
+        TrainingBox(active, *(arrays[f"conductivity/reach/{end}"].reshape(v) for end in ("low", "high"))),
         sampled,
         estimate,
         bool(said["closing"]),
@@ -314,6 +314,6 @@ def _unpack_potential(
         own = _unpack_terms(header["network_terms"], "network/terms", arrays)
         part = NetworkPart(_unpack_network(header, arrays, len(own.weights), 1), own)
     mean_grad = unpack_polynomial(arrays, "mean_grad", len(active), 9)
-    reach = Reach(active, *(arrays[f"reach/{end}"].reshape(len(active)) for end in ("low", "high")))
+    reach = TrainingBox(active, *(arrays[f"reach/{end}"].reshape(len(active)) for end in ("low", "high")))
     coarse, fine = polynomials.get("polynomial"), polynomials.get("refinement")
     return PotentialModel(rest, terms, coarse, part, mean_grad, active, sampled, reach, fine)

@@ -15,8 +15,8 @@ from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
 from porocore.surrogates.network.sobolev import Autodiff
+from porocore.surrogates.portable import ModelSurrogate
 from porocore.surrogates.potential.training import train_potential
-from porocore.surrogates.stored import ModelSurrogate
 
 
 class NetworkSurrogate(ModelSurrogate):

@@ -14,7 +14,6 @@ from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, invariant, plain
 from porocore.surrogates.potential.data import PotentialData
 from porocore.surrogates.potential.model import PotentialModel, mean_grad_terms
-from porocore.surrogates.reach import Reach
 from porocore.surrogates.symmetry import (
     Equivariance,
     acting_across,
@@ -23,6 +22,7 @@ from porocore.surrogates.symmetry import (
     on_variables,
     stabiliser,
 )
+from porocore.surrogates.training_box import TrainingBox
 
 #: More variables than this are combined by the cell's symmetry, where it has one.
 MOST_PLAIN = 3
@@ -143,7 +143,7 @@ def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[
         fit_mean_grad(data),
         data.active,
         sampled_range(training),
-        Reach.of(data.y, data.active, data.rest.symmetry),
+        TrainingBox.of(data.y, data.active, data.rest.symmetry),
         refinement,
     )
     return model, found

@@ -10,7 +10,7 @@ from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
 from porocore.surrogates.polynomial.fit import polynomial_model
-from porocore.surrogates.stored import ModelSurrogate
+from porocore.surrogates.portable import ModelSurrogate
 
 
 class PolynomialSurrogate(ModelSurrogate):

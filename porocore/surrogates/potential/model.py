@@ -23,8 +23,8 @@ from porocore.surrogates.polynomial.composition import Derivatives, Sum
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, plain
 from porocore.surrogates.potential.data import Rest, variables
-from porocore.surrogates.reach import Reach
 from porocore.surrogates.stretch.log_stretch import LogStretch
+from porocore.surrogates.training_box import TrainingBox
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class PotentialModel:
     mean_grad: Polynomial
     active: tuple[int, ...]
     sampled: SampledRange
-    reach: Reach
+    reach: TrainingBox
     refinement: Polynomial | None = None
     estimate: ErrorEstimate | None = None
 

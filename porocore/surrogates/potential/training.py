@@ -23,8 +23,8 @@ from porocore.surrogates.polynomial.fit import (
 from porocore.surrogates.polynomial.terms import Terms, invariant, plain
 from porocore.surrogates.potential.data import PotentialData
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
-from porocore.surrogates.reach import Reach
 from porocore.surrogates.symmetry import stabiliser
+from porocore.surrogates.training_box import TrainingBox
 
 
 def coordinates_for(data: PotentialData) -> Terms:
@@ -78,7 +78,7 @@ def train_potential(
         on_progress=on_progress,
     )
     part = NetworkPart(make_evaluator(problem.unscaled(network)), problem.terms)
-    reach = Reach.of(data.y, data.active, data.rest.symmetry)
+    reach = TrainingBox.of(data.y, data.active, data.rest.symmetry)
     model = PotentialModel(
         data.rest, terms, polynomial, part, fit_mean_grad(data), data.active, sampled_range(training), reach
     )

@@ -20,8 +20,8 @@ from porocore.surrogates.polynomial.monomials import IntArray, Polynomial, expon
 from porocore.surrogates.polynomial.terms import invariant
 from porocore.surrogates.potential.data import Rest
 from porocore.surrogates.potential.model import PotentialModel
-from porocore.surrogates.reach import Reach
 from porocore.surrogates.symmetry import Action, Equivariance, on_places, on_triangle, on_variables
+from porocore.surrogates.training_box import TrainingBox
 
 #: All nine components of H and p.
 INPUTS = InputSpace.from_ranges(
@@ -63,7 +63,7 @@ class GroupedCell:
         rest = Rest(POROSITY, A, places.mean(y, random.normal(size=(9, 7))), group)
         terms = invariant(group)
         exponents = terms.monomials(3, degree)
-        everywhere = Reach(SEVEN, np.full(7, -9.0), np.full(7, 9.0))
+        everywhere = TrainingBox(SEVEN, np.full(7, -9.0), np.full(7, 9.0))
         sampled = SampledRange.around(INPUTS, np.array([INPUTS.lower, INPUTS.upper]))
         potential = PotentialModel(
             rest,

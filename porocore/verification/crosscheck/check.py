@@ -8,10 +8,10 @@ from porocore.core.console import Console
 from porocore.interfaces.law import MacroLaw
 from porocore.study.config.config import RunConfig
 from porocore.verification.crosscheck.attempt import attempt
+from porocore.verification.crosscheck.backend_selection import BackendSelection
 from porocore.verification.crosscheck.bodies import BodyRun, compare_bodies, make_laws, run_body
 from porocore.verification.crosscheck.cells import CellRun, compare_cells, make_meshes, run_cell
 from porocore.verification.crosscheck.comparison import Comparison
-from porocore.verification.crosscheck.contestants import Contestants
 from porocore.verification.crosscheck.surrogates import (
     Samples,
     SurrogateRun,
@@ -39,7 +39,7 @@ class CrossCheck:
     """
 
     config: RunConfig
-    contestants: Contestants
+    contestants: BackendSelection
     comparisons: tuple[Comparison, ...]
     cells: tuple[CellRun, ...]
     samples: Samples | None
@@ -62,7 +62,7 @@ class CrossCheck:
         return max(self.comparisons, key=lambda line: line.excess)
 
 
-def crosscheck(config: RunConfig, who: Contestants, *, console: Console) -> CrossCheck:
+def crosscheck(config: RunConfig, who: BackendSelection, *, console: Console) -> CrossCheck:
     """Run every backend on the case and compare all pairs.
 
     A backend that fails is a line of the result; the others go on.

@@ -146,7 +146,7 @@ def find_cases(names: Sequence[str] = ()) -> list[Case]:
     return [case for name, case in CASES.items() if not names or name in names]
 
 
-def climb(
+def run_cases(
     cases: Sequence[Case],
     backends: Backends,
     *,

@@ -14,7 +14,7 @@ from porocore.core.inputs.input_space import NAMES
 from porocore.core.inputs.possible_states import require_possible
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.plugins.border import solution_of
-from porocore.report.words import MEANINGS
+from porocore.report.text import MEANINGS
 from porocore.states import Array, CellResponse, MacroState, Status
 from porocore.study.config.sections import FemSettings
 from porocore.study.stages.stage_files import prepare_cell

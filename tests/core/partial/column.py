@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.core.formulas.time_function import Course
+from porocore.core.formulas.time_function import TimeFunction
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import History, MacroSolution, Profile, StepReport
 from porocore.macro.body.meshed import body_mesh
@@ -54,7 +54,7 @@ class Column:
     def value(self, value, time):
         """A prescribed value at a time."""
         share = self.problem.factor(value, time) * self.problem.load
-        return share if isinstance(value, Course) else value * share
+        return share if isinstance(value, TimeFunction) else value * share
 
     def states(self, x, time):
         """At the points of the law, and the gradients of the pressure there."""

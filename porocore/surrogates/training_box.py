@@ -24,7 +24,7 @@ EXTENSION, MANY = 0.1, 4
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class TrainingBox:
     """The box of the training states in the variables y.
 
     Attributes
@@ -40,7 +40,7 @@ class Reach:
     high: Array
 
     @classmethod
-    def of(cls, y: Array, active: tuple[int, ...], group: PointGroup) -> Reach:
+    def of(cls, y: Array, active: tuple[int, ...], group: PointGroup) -> TrainingBox:
         """Return the box around the states y (7, n), with the symmetry of a group as far as it leads to no other."""
         low, high = np.minimum(y.min(axis=1), 0.0), np.maximum(y.max(axis=1), 0.0)
         action, ends = on_variables(stabiliser(group, active)), np.stack([low, high])

@@ -13,7 +13,7 @@ from porocore.states import Array, IntArray
 
 
 @dataclass(frozen=True, eq=False)
-class Passed:
+class PenetratingPoints:
     """The points that have passed their triangle, m of them, and how it moves with the nodes.
 
     Attributes

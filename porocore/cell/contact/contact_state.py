@@ -7,7 +7,7 @@ from typing import Protocol
 from porocore.cell.contact.forces import Blocks, Forces
 
 
-class Touching(Protocol):
+class ContactState(Protocol):
     """Contact at one iterate."""
 
     @property

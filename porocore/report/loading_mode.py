@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.formulas.time_function import Course, Value
+from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.problem import Boundary, MacroSetup
 
@@ -19,7 +19,7 @@ SAME = 1e-3
 
 
 @dataclass(frozen=True)
-class Drive:
+class LoadingMode:
     """What is prescribed on the surfaces of a body.
 
     Attributes
@@ -34,7 +34,7 @@ class Drive:
     stressed: bool = True
 
     @classmethod
-    def of(cls, macro: MacroSetup) -> Drive:
+    def of(cls, macro: MacroSetup) -> LoadingMode:
         """By the boundary conditions that are not zero."""
         faces = macro.boundary.items()
         return cls(
@@ -48,7 +48,7 @@ def _stresses(boundary: Boundary) -> tuple[Value | None, ...]:
 
 
 def _any(values: Iterable[Value | None]) -> bool:
-    return any(isinstance(value, Course) or bool(value) for value in values if value is not None)
+    return any(isinstance(value, TimeFunction) or bool(value) for value in values if value is not None)
 
 
 def reactions(solution: MacroSolution) -> dict[str, dict[str, Any]]:

@@ -15,7 +15,7 @@ KINDS: tuple[Kind, ...] = (*FEM, "surrogate")
 
 
 @dataclass(frozen=True)
-class Contestants:
+class BackendSelection:
     """Names of the backends of each kind.
 
     Attributes
@@ -35,7 +35,7 @@ class Contestants:
     absent: tuple[str, ...] = ()
 
 
-def find_contestants(fem: Sequence[str] = (), surrogates: Sequence[str] = ()) -> Contestants:
+def select_backends(fem: Sequence[str] = (), surrogates: Sequence[str] = ()) -> BackendSelection:
     """The installed backends, or those that are named.
 
     A backend whose requirements are not installed stays out; a plugin that is broken is a failure, unless
@@ -61,7 +61,7 @@ def find_contestants(fem: Sequence[str] = (), surrogates: Sequence[str] = ()) ->
             advice.setdefault(row.name, f"{row.name} ({row.state}): {row.advice}")
             if row.state == "missing dependency":
                 absent.append(advice[row.name])
-    chosen = Contestants(
+    chosen = BackendSelection(
         _chosen("cell solver", FEM, fem, ready),
         _chosen("macro solver", FEM, fem, ready),
         _chosen("surrogate", ("surrogate",), surrogates, ready),

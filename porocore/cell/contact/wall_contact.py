@@ -13,12 +13,12 @@ from itertools import product
 
 import numpy as np
 
+from porocore.cell.contact.contact_state import ContactState
 from porocore.cell.contact.forces import Blocks, Forces, joined
 from porocore.cell.contact.pairs import REACH, Image, Pairs, find_pairs, nearest_only
-from porocore.cell.contact.passed import Passed, motion_of
-from porocore.cell.contact.touching import Touching
+from porocore.cell.contact.penetration import PenetratingPoints, motion_of
+from porocore.cell.contact.pore_surface import wall_of
 from porocore.cell.contact.triangles import height
-from porocore.cell.contact.wall import wall_of
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.states import Array
 
@@ -42,7 +42,7 @@ class WallContact:
         self.mesh, self.stiffness, self.deepest = mesh, stiffness / 4, 2 * deepest
         self.wall = wall_of(mesh)
 
-    def at(self, H: Array, u: Array, like: Touching | None = None) -> WallState:
+    def at(self, H: Array, u: Array, like: ContactState | None = None) -> WallState:
         """At u (nodes, 3) under H, with the pairs of ``like`` or new ones."""
         F0 = np.eye(3) + H
         x = self.mesh.points @ F0.T + u
@@ -70,12 +70,12 @@ class WallState:
         self.contact, self.pairs = contact, pairs
         self._passed = [self._of(F0, x, shift, some) for shift, some in pairs]
 
-    def _of(self, F0: Array, x: Array, shift: Array, pairs: Pairs) -> Passed:
+    def _of(self, F0: Array, x: Array, shift: Array, pairs: Pairs) -> PenetratingPoints:
         points = np.einsum("ma,mai->mi", pairs.N, x[pairs.own])
         corners = x[pairs.other] + F0 @ shift
         rows = np.flatnonzero(height(points, corners) < 0)
         X, own, other = self.contact.mesh.points, pairs.own[rows], pairs.other[rows]
-        return Passed(
+        return PenetratingPoints(
             points[rows],
             corners[rows],
             pairs.where[rows],

@@ -30,7 +30,7 @@ class Worker(ABC):
         """Begin a call."""
 
 
-class Crew(ABC):
+class WorkerBackend(ABC):
     """Some workers, which may come and go.
 
     Attributes
@@ -96,7 +96,7 @@ class Crew(ABC):
         """Let go of the workers at once; what runs is lost."""
 
 
-class SerialCrew(Crew):
+class SerialCrew(WorkerBackend):
     """This process, with whatever number of threads it has; a state is solved when it is waited for."""
 
     ahead = 0

@@ -21,7 +21,7 @@ from porocore.macro.integration.stepping import Stepper
 from porocore.states import Array
 
 
-def march(
+def integrate_in_time(
     d: Discretisation,
     law: MacroLaw,
     *,
@@ -56,7 +56,7 @@ def march(
         finer = None
         try:
             step = newton_step(d, law, memory, x, dt, d.loads(amplitudes), problem.newton)
-            changed = law.reconsider(step.response, memory)
+            changed = law.before_accept(step.response, memory)
             if changed is None and reached is not None and control.rate is None:
                 finer = _halved(d, law, memory, x, stepper.time, time)
         except StepFailed as failure:
