@@ -23,7 +23,7 @@ from porocore.states import (
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class SolvedState:
     """One finished solve.
 
     Attributes
@@ -122,7 +122,7 @@ def failed_response(
     )
 
 
-def check_record(record: Record, provided: frozenset[str] | None) -> frozenset[str]:
+def check_record(record: SolvedState, provided: frozenset[str] | None) -> frozenset[str]:
     """Return the names of the responses in ``record``, after checking what a cell solver returned.
 
     Parameters

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import FrameType
 
 from porocore.errors import DataError, PluginError
-from porocore.interfaces.records import Record
+from porocore.interfaces.records import SolvedState
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.plugins.border import CheckedSampler, origin_of
 from porocore.sampling.datasets.dataset import Dataset
@@ -175,7 +175,7 @@ class _Campaign:
         request = self.running.pop(outcome.key)
         state = self.dataset.inputs.scatter(request.x)
         self.dataset.append(
-            Record(
+            SolvedState(
                 request.key,
                 request.x,
                 state,

@@ -17,7 +17,7 @@ from porocore.core.inputs.sampled_range import SampledRange
 from porocore.core.parallel import Communicator
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.law import LawMemory
-from porocore.interfaces.records import Record
+from porocore.interfaces.records import SolvedState
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.integration import checkpoint
 from porocore.macro.integration.adaptive import ErrorControl
@@ -43,7 +43,9 @@ def write_dataset(path: Path) -> None:
     for i, status in enumerate((Status.converged, Status.overlap, Status.unstable)):
         x = (0.05 * i, -0.1 * i)
         value = random.standard_normal((3, 3)) if status.has_values else np.full((3, 3), np.nan)
-        record = Record(f"state {i}", x, INPUTS.scatter(x), response(value, value[0, 0], status), 0.5, None)
+        record = SolvedState(
+            f"state {i}", x, INPUTS.scatter(x), response(value, value[0, 0], status), 0.5, None
+        )
         rows.append((Block.of_record(path, record), 0))
         kept.append(
             CellField(np.zeros((3, 3)), x[0], "eighth", random.standard_normal((4, 3))) if i else None

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from porocore.cli.commands.data import data
 from porocore.errors import ConfigurationError, DataError, PluginError, RunFolderError
 from porocore.interfaces.cell import CellField
-from porocore.interfaces.records import Record, flatten_response
+from porocore.interfaces.records import SolvedState, flatten_response
 from porocore.sampling.datasets.check import check_file
 from porocore.sampling.datasets.dataset import Dataset, parts_folder
 from porocore.sampling.datasets.export import table
@@ -38,18 +38,18 @@ def tangent() -> CellTangent:
     return CellTangent(A.reshape(1, 3, 3, 3, 3), by_H + 1, stiffness, -by_H, by_H, np.array([-0.3]))
 
 
-def lawful(key: str, p: float, status: Status = Status.converged, start: str | None = None) -> Record:
+def lawful(key: str, p: float, status: Status = Status.converged, start: str | None = None) -> SolvedState:
     x = (p, -0.1)
     state = INPUTS.scatter(x)
     if not status.has_values:
         empty = response(np.full((3, 3), np.nan), np.nan, status)
-        return Record(key, x, state, empty, 0.25, start)
+        return SolvedState(key, x, state, empty, 0.25, start)
     answer = replace(response(np.full((3, 3), p), 0.2, status), tangent=tangent())
     field = CellField(state.grad_u[0], p, "eighth", np.full((4, 3), p))
-    return Record(key, x, state, answer, 0.5, start, field)
+    return SolvedState(key, x, state, answer, 0.5, start, field)
 
 
-def make(path: Path, records: list[Record], **how: Any) -> Dataset:
+def make(path: Path, records: list[SolvedState], **how: Any) -> Dataset:
     dataset = Dataset.create(
         path, **{"inputs": INPUTS, "identity": IDENTITY, "provenance": {"numpy": "1", "config": "a\nb"}} | how
     )
@@ -59,7 +59,7 @@ def make(path: Path, records: list[Record], **how: Any) -> Dataset:
     return dataset
 
 
-def with_part(dataset: Dataset, record: Record) -> Path:
+def with_part(dataset: Dataset, record: SolvedState) -> Path:
     """The file, with a solve beside it that no data set would take."""
     block = Block.of_record(parts_folder(dataset.path) / "wrong.h5", record)
     write_block(block.path, Header(dataset.inputs, dataset.identity, {}), block, [record.field])
@@ -116,7 +116,7 @@ def test_a_sound_file(dataset: Dataset) -> None:
     assert all(finding.holds for finding in check_file(dataset.path, tolerance=1e-15))
 
 
-def broken(record: Record, **parts: Any) -> Record:
+def broken(record: SolvedState, **parts: Any) -> SolvedState:
     change = {name: value for name, value in parts.items() if name in ("tangent", "stress", "peaks")}
     rest = {name: value for name, value in parts.items() if name not in change}
     return replace(record, response=replace(record.response, **change), **rest)

@@ -20,7 +20,7 @@ import pytest
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import DataError, PluginError, RunFolderError
 from porocore.interfaces.cell import CellField
-from porocore.interfaces.records import Record, build_response, flatten_response
+from porocore.interfaces.records import SolvedState, build_response, flatten_response
 from porocore.sampling.datasets import dataset as dataset_module
 from porocore.sampling.datasets.dataset import Dataset, parts_folder
 from porocore.sampling.datasets.layout import Block, Header, write_block
@@ -33,7 +33,7 @@ INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))
 PROVENANCE = {"configuration": "title: ∇u¹\n" * 9000, "numpy": np.__version__}
 
 
-def record(i: int, *, field: str | None = "eighth", status: Status = Status.converged) -> Record:
+def record(i: int, *, field: str | None = "eighth", status: Status = Status.converged) -> SolvedState:
     """A solve whose numbers use all bits."""
     random = np.random.default_rng(i)
     x = (float(random.uniform(-0.1, 0.2)), float(random.uniform(-0.4, 0.1)))
@@ -44,10 +44,12 @@ def record(i: int, *, field: str | None = "eighth", status: Status = Status.conv
         nodes = 5 if field == "eighth" else 40
         kept = CellField(state.grad_u[0], x[0], field, random.standard_normal((nodes, 3)))
     start = None if i == 0 else f"state {i - 1}"
-    return Record(f"state {i}", x, state, response(value, value[0, 0], status), random.random(), start, kept)
+    return SolvedState(
+        f"state {i}", x, state, response(value, value[0, 0], status), random.random(), start, kept
+    )
 
 
-def records() -> list[Record]:
+def records() -> list[SolvedState]:
     """Out of order, with a failed one, one without a field, and fields of two sizes."""
     return [
         record(4, field="whole"),
@@ -67,7 +69,7 @@ def dataset(tmp_path: Path) -> Dataset:
     return made
 
 
-def assert_holds(dataset: Dataset, expected: list[Record]) -> None:
+def assert_holds(dataset: Dataset, expected: list[SolvedState]) -> None:
     """Every bit of ``expected``, sorted by key."""
     expected = sorted(expected, key=lambda one: one.key)
     assert len(dataset) == len(expected)

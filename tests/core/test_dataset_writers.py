@@ -13,7 +13,7 @@ import pytest
 
 import porocore.sampling.datasets.dataset as dataset_module
 from porocore.errors import DataError, RunFolderError
-from porocore.interfaces.records import Record
+from porocore.interfaces.records import SolvedState
 from porocore.sampling.datasets.dataset import Dataset, parts_folder
 from porocore.states import Status
 
@@ -22,10 +22,10 @@ from campaigns import SCRIPT, sample, solves
 from fake_cell import IDENTITY, INPUTS, mean_gradient, response
 
 
-def record(key: str, p: float = 0.0) -> Record:
+def record(key: str, p: float = 0.0) -> SolvedState:
     x = (p, -0.1)
     answer = response(mean_gradient(-0.1, p), 0.1, Status.converged)
-    return Record(key, x, INPUTS.scatter(x), answer, 0.5)
+    return SolvedState(key, x, INPUTS.scatter(x), answer, 0.5)
 
 
 def create(path: Path) -> Dataset:

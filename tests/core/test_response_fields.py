@@ -11,7 +11,7 @@ from porocore.core.fields.check import response_fault
 from porocore.core.fields.declaration import declared_fields, documented, row, rows_of
 from porocore.errors import PluginError
 from porocore.interfaces.records import (
-    Record,
+    SolvedState,
     build_response,
     check_record,
     failed_response,
@@ -113,7 +113,7 @@ def test_a_wrong_response_is_told_by_field_and_row(fault):
 def test_what_has_no_values_is_not_kept_as_a_result():
     """A row of NaN with status converged was accepted before."""
     wrong = replace(right(1), stress=np.full((1, 3, 3), np.nan))
-    record = Record("a", (0.0,), MacroState.zeros(1), wrong, 1.0)
+    record = SolvedState("a", (0.0,), MacroState.zeros(1), wrong, 1.0)
     with pytest.raises(PluginError, match=r"for state 'a': stress: row 0, with status 'converged', holds"):
         check_record(record, None)
 

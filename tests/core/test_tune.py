@@ -20,7 +20,7 @@ import yaml
 from porocore.cli import main
 from porocore.core.inputs.input_space import NAMES
 from porocore.errors import ConfigurationError, DataError
-from porocore.interfaces.records import Record
+from porocore.interfaces.records import SolvedState
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.reference import CellReference
 from porocore.plugins import registry
@@ -83,7 +83,7 @@ def folder(tmp_path):
             for request in requests:
                 state = inputs.scatter([request.x])
                 response = respond(state)
-                dataset.append(Record(request.key, request.x, state, response, 0.1, request.start, None))
+                dataset.append(SolvedState(request.key, request.x, state, response, 0.1, request.start, None))
                 sampler.tell(request.key, response)
         dataset.consolidate()
     CellReference(stages.cell, respond(MacroState.zeros(1)), np.eye(3), {}).save(folder.reference)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from porocore.interfaces.records import Record
+from porocore.interfaces.records import SolvedState
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
@@ -186,7 +186,7 @@ class Fallback:
         x = self._asked.pop(outcome.key)
         state = self.dataset.inputs.scatter(x)
         self.dataset.append(
-            Record(outcome.key, x, state, outcome.response, outcome.seconds, None, outcome.field)
+            SolvedState(outcome.key, x, state, outcome.response, outcome.seconds, None, outcome.field)
         )
         status = Status(int(outcome.response.status[0]))
         self.work.counts[status] += 1

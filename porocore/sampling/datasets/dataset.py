@@ -13,7 +13,7 @@ import numpy as np
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.cell import CellField
-from porocore.interfaces.records import Record, check_record, flatten_response
+from porocore.interfaces.records import SolvedState, check_record, flatten_response
 from porocore.sampling.datasets.layout import Block, Header, read_block, read_fields, write_block
 from porocore.sampling.datasets.lock import sole_writer
 from porocore.states import Array, CellResponse, MacroState, Status
@@ -170,7 +170,7 @@ class Dataset:
                 self._writing = False
                 self._seen = _stamp(self.path)
 
-    def append(self, record: Record) -> None:
+    def append(self, record: SolvedState) -> None:
         """Keep one finished solve; when this returns it is on disk.
 
         Raises

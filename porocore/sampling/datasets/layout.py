@@ -24,7 +24,7 @@ from porocore.core.hdf5 import Contents, atomic_hdf5, opened
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import DataError
 from porocore.interfaces.cell import CellField
-from porocore.interfaces.records import Record, build_response, flatten_response
+from porocore.interfaces.records import SolvedState, build_response, flatten_response
 from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
 
 FORMAT, VERSION = "porocore-dataset", 1
@@ -60,7 +60,7 @@ class Block:
         return cls(path, [], [], np.zeros((0, d)), MacroState.zeros(0), np.zeros(0), response)
 
     @classmethod
-    def of_record(cls, path: Path, record: Record) -> Block:
+    def of_record(cls, path: Path, record: SolvedState) -> Block:
         """One row."""
         x, seconds = np.array([record.x], dtype=float), np.array([record.seconds])
         return cls(path, [record.key], [record.start or ""], x, record.state, seconds, record.response)
