@@ -58,15 +58,15 @@ class Communicator:
     #: How many there are.
     size: int = 1
 
-    def first(self, action: Callable[[], T]) -> T:
+    def on_root(self, action: Callable[[], T]) -> T:
         """Do something on process 0 only; its value, or the exception that it raised, reaches all."""
         return action()
 
-    def total(self, value: Any) -> Any:
+    def sum(self, value: Any) -> Any:
         """Sum of a number, or of an array entry by entry, over the processes."""
         return value
 
-    def largest(self, value: float) -> float:
+    def max(self, value: float) -> float:
         """Over the processes."""
         return value
 
@@ -79,7 +79,7 @@ class Communicator:
     def holding(self, resource: Any) -> Iterator[None]:
         """Within a context manager such as a locked folder, which process 0 alone enters and leaves."""
         with self.united(), ExitStack() as stack:
-            self.first(partial(_enter, stack, resource))
+            self.on_root(partial(_enter, stack, resource))
             yield
 
 

@@ -44,10 +44,10 @@ class MacroSolver(ABC):
     #: Largest relative error of histories and fields on a column of ten elements; of a solver on the core's mesh the
     #: difference from others on it, which the tolerance of Newton's iteration decides.
     accuracy: ClassVar[float] = 1e-6
-    #: Whether several MPI processes can share one problem; those that can set :attr:`world` too.
+    #: Whether several MPI processes can share one problem; those that can set :attr:`communicator` too.
     distributed: ClassVar[bool] = False
     #: The processes that solve together, all of which call :meth:`prepare` and :meth:`solve`.
-    world: Communicator = Communicator()
+    communicator: Communicator = Communicator()
 
     def __init__(self, **options: Any) -> None:
         if options:

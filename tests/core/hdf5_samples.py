@@ -84,7 +84,7 @@ def _discretisation() -> Any:
     """As much of one as a checkpoint asks for."""
     mesh = SimpleNamespace(size=UNKNOWNS, weights=np.ones((1, POINTS)), element=None, n_u=6)
     return SimpleNamespace(
-        world=Communicator(), mesh=mesh, problem=SimpleNamespace(probes={}), unknowns=np.arange(UNKNOWNS),
+        communicator=Communicator(), mesh=mesh, problem=SimpleNamespace(probes={}), unknowns=np.arange(UNKNOWNS),
         boundary=SimpleNamespace(supports={}, drains={}), n_points=POINTS, gathered=np.copy,
         points_to_mesh=np.copy, points_from_mesh=np.copy,
     )  # fmt: skip

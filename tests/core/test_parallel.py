@@ -51,13 +51,13 @@ class Resource:
 
 
 def test_one_process_is_the_first_and_all():
-    world, resource = Communicator(), Resource()
-    assert (world.rank, world.size) == (0, 1)
-    assert world.first(lambda: 7) == world.total(7) == world.largest(7) == 7
-    with world.holding(resource):
+    communicator, resource = Communicator(), Resource()
+    assert (communicator.rank, communicator.size) == (0, 1)
+    assert communicator.on_root(lambda: 7) == communicator.sum(7) == communicator.max(7) == 7
+    with communicator.holding(resource):
         assert resource.seen == ["enter"]
     assert resource.seen == ["enter", ("exit", None)]
     resource.seen.clear()
-    with pytest.raises(ZeroDivisionError), world.holding(resource):
+    with pytest.raises(ZeroDivisionError), communicator.holding(resource):
         _ = 1 / 0
     assert resource.seen == ["enter", ("exit", ZeroDivisionError)]

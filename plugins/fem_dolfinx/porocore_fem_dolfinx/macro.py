@@ -14,7 +14,7 @@ from porocore.macro.integration.solver import TimeSteppingMacroSolver
 from porocore.macro.problem import MacroProblem
 from porocore_fem_dolfinx import compat  # noqa: F401 - h5py before everything that brings MPI and PETSc
 from porocore_fem_dolfinx.macro_assembly import Assembler
-from porocore_fem_dolfinx.macro_world import MPI, MpiWorld
+from porocore_fem_dolfinx.macro_communicator import MPI, MpiCommunicator
 
 
 class DolfinxMacroSolver(TimeSteppingMacroSolver):
@@ -47,7 +47,7 @@ class DolfinxMacroSolver(TimeSteppingMacroSolver):
         super().__init__(checkpoint_seconds=checkpoint_seconds)
         self.petsc = dict(petsc or {})
         self._comm = MPI.COMM_WORLD
-        self.world = MpiWorld(self._comm) if self._comm.size > 1 else Communicator()
+        self.communicator = MpiCommunicator(self._comm) if self._comm.size > 1 else Communicator()
 
     def prepare(self, problem: MacroProblem) -> Assembler:
         """Mesh, forms and linear solver; the solver is tried, so that wrong options are told at once.
@@ -59,4 +59,6 @@ class DolfinxMacroSolver(TimeSteppingMacroSolver):
             fewer elements than processes, or PETSc cannot use the options.
         """
         mesh = body_mesh(problem)
-        return Assembler(problem, mesh, boundary_data(mesh, problem), self._comm, self.world, self.petsc)
+        return Assembler(
+            problem, mesh, boundary_data(mesh, problem), self._comm, self.communicator, self.petsc
+        )

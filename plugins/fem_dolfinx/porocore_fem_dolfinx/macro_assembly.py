@@ -32,7 +32,7 @@ class Assembler(Discretisation):
         mesh: BodyMesh,
         boundary: BoundaryData,
         comm: Any,
-        world: Communicator,
+        communicator: Communicator,
         petsc: Mapping[str, Any],
     ) -> None:
         self.space = space = make_space(mesh, comm)
@@ -44,7 +44,7 @@ class Assembler(Discretisation):
             owned=space.owned_u + space.owned_p,
             elements=space.elements,
             dofs=space.dofs,
-            world=world,
+            communicator=communicator,
         )
         self._u, self._p = fem.Function(space.V), fem.Function(space.Q)
         self._forms = Forms(space)
@@ -68,7 +68,7 @@ class Assembler(Discretisation):
         column[self.leading] = first + np.arange(columns)
         for places in self.plates:
             own = column[places[self.leading[places]]]
-            column[places] = self.world.total(int(own.sum()))  # one process has it, the others nothing
+            column[places] = self.communicator.sum(int(own.sum()))  # one process has it, the others nothing
         expansion = PETSc.Mat().createAIJ(
             ((rows, None), (columns, None)),
             csr=(np.arange(rows + 1, dtype=PETSc.IntType), column.astype(PETSc.IntType), np.ones(rows)),
@@ -151,7 +151,7 @@ class Assembler(Discretisation):
         first = self._comm.scan(self.owned) - self.owned
         number = np.zeros(self.mesh.size)
         number[self.unknowns[: self.owned]] = first + np.arange(self.owned)
-        number = np.rint(self.world.total(number)).astype(PETSc.IntType)
+        number = np.rint(self.communicator.sum(number)).astype(PETSc.IntType)
         for row in self.unknowns[: self.owned]:
             if row < self.mesh.n_u and follower.indptr[row] < follower.indptr[row + 1]:
                 part = slice(follower.indptr[row], follower.indptr[row + 1])
@@ -174,7 +174,7 @@ class Assembler(Discretisation):
         """By the configured solver, on the free unknowns."""
         change = np.zeros(len(self.unknowns))
         change[self.prescribed] = jump
-        if self.world.largest(float(jump.any())):
+        if self.communicator.max(float(jump.any())):
             moved, forces = system.createVecs()
             moved.array = change[: self.owned]
             system.mult(moved, forces)

@@ -53,21 +53,21 @@ INTERRUPTED = """
 """
 CONTINUED = """
     solution = solver.solve(prepared, TIMID, checkpoint=folder / "macro.h5")
-    if solver.world.rank == 0:
+    if solver.communicator.rank == 0:
         solution.save(folder / "solution.h5")
 """
 ALONE = """
-    import porocore_fem_dolfinx.macro_world as macro_world
-    macro_world.PATIENCE = 0.5
+    import porocore_fem_dolfinx.macro_communicator as macro_communicator
+    macro_communicator.PATIENCE = 0.5
 
     class Faulty(type(TIMID)):
         def respond(self, *arguments, **how):
-            if solver.world.rank == 1:
+            if solver.communicator.rank == 1:
                 raise RuntimeError("only me")
             return super().respond(*arguments, **how)
 
     TIMID.__class__ = Faulty
-    with solver.world.united():
+    with solver.communicator.united():
         solver.solve(prepared, TIMID)
 """
 
@@ -142,7 +142,7 @@ def test_more_processes_than_elements_can_be_shared_among_are_refused(tmp_path):
         try:
             solver.prepare(confined_column(1))
         except ConfigurationError as error:
-            if solver.world.rank == 0:
+            if solver.communicator.rank == 0:
                 (folder / "message").write_text(str(error))
     """
     done = run(2, part, tmp_path)
@@ -161,7 +161,7 @@ def test_two_processes_share_a_plate(tmp_path):
         prepared = solver.prepare(squeezed({"plate": 1}))
         assert len(prepared.plates[0])
         solution = solver.solve(prepared, NONLINEAR)
-        if solver.world.rank == 0:
+        if solver.communicator.rank == 0:
             solution.save(folder / "solution.h5")
     """
     solver = registry().get("macro solver", "dolfinx")()
@@ -194,7 +194,7 @@ def test_two_processes_share_an_oblique_plane_and_a_pressure_that_follows(tmp_pa
         + """
 from porocore.testing.macro_laws.solving import NONLINEAR
 solution = solver.solve(solver.prepare(problem), NONLINEAR)
-if solver.world.rank == 0:
+if solver.communicator.rank == 0:
     solution.save(folder / "solution.h5")
 """
     )
@@ -238,7 +238,7 @@ def test_two_processes_share_a_plate_beside_an_oblique_plane(tmp_path, elements)
         from porocore.macro.problem import MacroProblem
         from porocore.testing.macro_laws.solving import NONLINEAR
         solution = solver.solve(solver.prepare(MacroProblem.model_validate({problem!r})), NONLINEAR)
-        if solver.world.rank == 0:
+        if solver.communicator.rank == 0:
             solution.save(folder / "solution.h5")
     """
     solver = registry().get("macro solver", "dolfinx")()

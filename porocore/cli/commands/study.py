@@ -239,10 +239,10 @@ def solve(
             "--law direct and --fallback direct share their cells among processes themselves; start it without mpirun"
         )
     solver = backends.make_backend("macro solver", config)
-    if solver.world.size != size:
+    if solver.communicator.size != size:
         raise PluginError(
             f"{size} processes were started, but the MPI of macro solver '{config.macro_backend}' knows of "
-            f"{solver.world.size}; start them with the mpirun of that MPI"
+            f"{solver.communicator.size}; start them with the mpirun of that MPI"
         )
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
         console = Console(nowhere if rank else None)
@@ -253,7 +253,7 @@ def solve(
         with (
             interruptible(command("solve", run, *again)),
             located(folder.path / CONFIG),
-            solver.world.holding(folder),
+            solver.communicator.holding(folder),
         ):
             from porocore.study.stages import pipeline
 

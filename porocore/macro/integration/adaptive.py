@@ -59,7 +59,7 @@ class ErrorControl:
         """
         own = np.arange(len(new)) < d.owned
         blocks = (d.is_force & own, ~d.is_force & own)
-        u, p = (d.world.largest(float(np.abs(new[block]).max(initial=0.0))) for block in blocks)
+        u, p = (d.communicator.max(float(np.abs(new[block]).max(initial=0.0))) for block in blocks)
         self._found = (max(self.scales[0], u), max(self.scales[1], p))
         if self.rate is not None:
             change = np.abs((new - old) / dt - self.rate) * dt**2 / (dt + self.length)
@@ -68,7 +68,7 @@ class ErrorControl:
         else:
             return None
         errors = [
-            reached * d.world.largest(float(change[block].max(initial=0.0))) / scale if scale > 0 else 0.0
+            reached * d.communicator.max(float(change[block].max(initial=0.0))) / scale if scale > 0 else 0.0
             for block, scale in zip(blocks, self._found, strict=True)
         ]
         return max(errors)

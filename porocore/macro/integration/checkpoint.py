@@ -69,7 +69,7 @@ def save(
                 for name in PROFILE:
                     file[f"profiles/{i}/{name}"] = getattr(profile, name)
 
-    d.world.first(write)
+    d.communicator.on_root(write)
 
 
 def load(
@@ -109,7 +109,9 @@ def load(
             profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
             return whole, memories, rows, profiles, step, rate, before
 
-    whole, memories, rows, profiles, step, rate, (control.length, control.scales) = d.world.first(read)
+    whole, memories, rows, profiles, step, rate, (control.length, control.scales) = d.communicator.on_root(
+        read
+    )
     control.rate = None if rate is None else rate[d.unknowns]
     for name, value in step.items():
         setattr(stepper, name, value)
@@ -117,7 +119,7 @@ def load(
     answer = law.respond(memory.states, np.zeros((d.n_points, 3)), memory, tangent=False).memory.mean_grad
     scale = max(float(np.abs(memories["memory/mean_grad"]).max()), 1.0)
     moved = float(np.abs(answer - memory.mean_grad).max(initial=0.0))
-    if not d.world.largest(np.inf if np.isnan(moved) else moved) <= SAME_LAW * scale:
+    if not d.communicator.max(np.inf if np.isnan(moved) else moved) <= SAME_LAW * scale:
         raise DataError(
             f"{path}: the law '{law.name}' answers differently from when this was written; {again}"
         )

@@ -78,7 +78,7 @@ class Discretisation(ABC):
         Number of each in the mesh's order; an element belongs to one process.
     dofs : (local elements, 81 + 8 or 30 + 4)
         Local unknowns of each element in the order of :meth:`contributions`.
-    world
+    communicator
         The processes.
 
     Attributes
@@ -110,10 +110,10 @@ class Discretisation(ABC):
         owned: int,
         elements: IntArray,
         dofs: IntArray,
-        world: Communicator | None = None,
+        communicator: Communicator | None = None,
     ) -> None:
         self.problem, self.mesh, self.boundary = problem, mesh, boundary
-        self.world = Communicator() if world is None else world
+        self.communicator = Communicator() if communicator is None else communicator
         self.unknowns, self.owned, self.elements, self.dofs = unknowns, owned, elements, dofs
         self.is_force = unknowns < mesh.n_u
         place = np.full(mesh.size, -1)
@@ -211,7 +211,7 @@ class Discretisation(ABC):
         scales = self._gather(np.abs(forces), np.abs(stored) + np.abs(moved)) + np.abs(external)
         own = np.arange(len(scales)) < self.owned
         force_scale, volume_scale = (
-            self.world.largest(float(scales[rows & own].max(initial=0.0)))
+            self.communicator.max(float(scales[rows & own].max(initial=0.0)))
             for rows in (self.is_force, ~self.is_force)
         )
         return Residual(values, force_scale, volume_scale)
@@ -245,7 +245,7 @@ class Discretisation(ABC):
         """
         values = values[self.free].copy()
         for places in self.plates:
-            total = self.world.total(float(values[places].sum()))
+            total = self.communicator.sum(float(values[places].sum()))
             values[places[self.leading[places]]] = total
         found: Array = values[self.leading]
         return found
@@ -268,13 +268,13 @@ class Discretisation(ABC):
         """(mesh.size,) values of all local unknowns in the mesh's order, as they are, on every process."""
         whole = np.zeros(self.mesh.size)
         whole[self.unknowns[: self.owned]] = values[: self.owned]
-        return np.asarray(self.world.total(whole))
+        return np.asarray(self.communicator.sum(whole))
 
     def points_to_mesh(self, values: Array) -> Array:
         """Values at all quadrature points (all points, ...), from those of this process (points, ...)."""
         whole = np.zeros((*self.mesh.weights.shape, *values.shape[1:]))
         whole[self.elements] = self._by_element(values)
-        return np.asarray(self.world.total(whole)).reshape(-1, *values.shape[1:])
+        return np.asarray(self.communicator.sum(whole)).reshape(-1, *values.shape[1:])
 
     def points_from_mesh(self, whole: Array) -> Array:
         """Those of this process from values at all quadrature points."""
@@ -292,7 +292,7 @@ class Discretisation(ABC):
         means = self.means(values)
         whole = np.zeros((len(self.mesh.cells), *means.shape[1:]))
         whole[self.elements] = means
-        return np.asarray(self.world.total(whole))
+        return np.asarray(self.communicator.sum(whole))
 
     def _by_element(self, values: Array) -> Array:
         return values.reshape(len(self.elements), -1, *values.shape[1:])

@@ -16,18 +16,18 @@ def flagged(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array) -> st
     """
     states, grad_p = d.states(x)
     outside = law.respond(states, grad_p, memory, tangent=False).outside
-    count, points = (int(n) for n in d.world.total(np.array([outside.sum(), len(outside)])))
+    count, points = (int(n) for n in d.communicator.sum(np.array([outside.sum(), len(outside)])))
     if not count:
         return ""
     size = np.where(outside, np.abs(states.grad_u).max(axis=(1, 2)), -1.0)
-    largest = d.world.largest(float(size.max(initial=-1.0)))
+    largest = d.communicator.max(float(size.max(initial=-1.0)))
     # Of processes that have one as large, the first.
     own = float(size.max(initial=-1.0)) == largest
-    first = -d.world.largest(-float(d.world.rank) if own else -np.inf)
+    first = -d.communicator.max(-float(d.communicator.rank) if own else -np.inf)
     row = np.zeros(10)
-    if first == d.world.rank:
+    if first == d.communicator.rank:
         worst = int(size.argmax())
         row = np.append(states.grad_u[worst].ravel(), states.p[worst])
-    row = d.world.total(row)
+    row = d.communicator.sum(row)
     (why,) = law.reasons(MacroState.single(row[:9].reshape(3, 3), float(row[9])))
     return f"; before it {count} of {points} points are flagged" + (why and f", one of them for {why}")

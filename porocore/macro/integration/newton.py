@@ -64,7 +64,7 @@ def newton_step(
     misfits: list[float] = []
     for iteration in range(settings.iterations + 1):
         jump = loads.values - x[d.prescribed]
-        moving = d.world.largest(float(jump.any())) > 0
+        moving = d.communicator.max(float(jump.any())) > 0
         states, grad_p = d.states(x)
         response = law.respond(states, grad_p, memory)
         _refuse_missing_values(d, response)
@@ -93,7 +93,7 @@ def _refuse_missing_values(d: Discretisation, response: MacroResponse) -> None:
     bad = np.zeros(d.n_points, bool)
     for part in parts:
         bad |= ~np.isfinite(part.reshape(d.n_points, -1)).all(axis=1)
-    count, points = d.world.total(np.array([bad.sum(), len(bad)]))
+    count, points = d.communicator.sum(np.array([bad.sum(), len(bad)]))
     if count:
         which = f"{int(count)} of {int(points)} points"
         raise StepFailed(f"the law has no values at {which} (det F̄ ≤ 0, or a cell without solution)")
@@ -112,7 +112,7 @@ def _largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
     """Of the forces and of the volumes, over all processes."""
     magnitude, is_force = np.abs(d.equations(values)), d.is_force[d.free[d.leading]]
     blocks = (magnitude[is_force], magnitude[~is_force])
-    force, volume = (d.world.largest(float(block.max(initial=0.0))) for block in blocks)
+    force, volume = (d.communicator.max(float(block.max(initial=0.0))) for block in blocks)
     return force, volume
 
 
@@ -125,5 +125,5 @@ def _round_off(
     """
     assert response.tangent is not None
     force, volume = _largest_free(d, d.magnitudes(system, x))
-    stiffest = d.world.largest(float(np.abs(response.tangent.stress_grad_u).max(initial=0.0)))
+    stiffest = d.communicator.max(float(np.abs(response.tangent.stress_grad_u).max(initial=0.0)))
     return share * (force + stiffest * d.stretch), share * volume

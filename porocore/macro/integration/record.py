@@ -66,9 +66,9 @@ class Record:
         last = dict(zip(HISTORY, self.rows[-1], strict=False))
         # In the rows of prescribed pressure the residual is what has flowed in through the boundary.
         held = d.prescribed[~d.is_force[d.prescribed] & (d.prescribed < d.owned)]
-        inflow = float(d.world.total(float(step.residual.values[held].sum())))
+        inflow = float(d.communicator.sum(float(step.residual.values[held].sum())))
         outflow = dt * d.outflow(amplitudes) - inflow
-        squeezed = -float(d.world.total(float(d.weights @ (response.storage / response.volume_ratio))))
+        squeezed = -float(d.communicator.sum(float(d.weights @ (response.storage / response.volume_ratio))))
         x = d.to_mesh(step.x)
         row = {
             "time": time,
@@ -141,13 +141,13 @@ class Record:
 
 
 def _outside(d: Discretisation, response: MacroResponse) -> float:
-    volume, outside = d.world.total(np.array([d.weights.sum(), d.weights[response.outside].sum()]))
+    volume, outside = d.communicator.sum(np.array([d.weights.sum(), d.weights[response.outside].sum()]))
     return float(outside / volume)
 
 
 def _spread(d: Discretisation, response: MacroResponse) -> float:
     """Largest deviation of the element means of P_E,22 from the body's mean."""
     means, volumes = d.means(response.stress[:, 1, 1]), d.mesh.weights[d.elements].sum(axis=1)
-    weighted, volume = d.world.total(np.array([volumes @ means, volumes.sum()]))
+    weighted, volume = d.communicator.sum(np.array([volumes @ means, volumes.sum()]))
     mean = weighted / volume
-    return d.world.largest(float(np.abs(means - mean).max(initial=0.0)))
+    return d.communicator.max(float(np.abs(means - mean).max(initial=0.0)))

@@ -41,11 +41,11 @@ def integrate_in_time(
     DataError
         The checkpoint is damaged, or belongs to another problem or law.
     """
-    world, problem = d.world, d.problem
+    communicator, problem = d.communicator, d.problem
     stepper, control = Stepper(problem.time, problem.corners), ErrorControl()
     reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
     owner = checkpoints.identity(problem, law)
-    if checkpoint is not None and world.first(checkpoint.exists):
+    if checkpoint is not None and communicator.on_root(checkpoint.exists):
         x, memory, record = checkpoints.load(checkpoint, owner, stepper, control, d, law)
     else:
         x, memory, record = _at_rest(d, law)
@@ -78,7 +78,7 @@ def integrate_in_time(
             control.forget()
         if checkpoint is not None:
             # The clocks of two processes differ, so one of them decides.
-            late = world.first(partial(_is_late, written + checkpoint_seconds))
+            late = communicator.on_root(partial(_is_late, written + checkpoint_seconds))
             if stepper.done or late:
                 checkpoints.save(checkpoint, owner, stepper, control, d, x, memory, record)
                 written = monotonic()

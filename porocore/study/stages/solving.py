@@ -174,18 +174,18 @@ def _solve_load(
     backend: str | None,
     console: Console,
 ) -> None:
-    world, prepared = solver.world, None
+    communicator, prepared = solver.communicator, None
     problem = config.macro.problem(load)
     for name, run in laws.items():
         path = folder.solution(name, load)
-        if world.first(partial(_is_solved, folder, name, load, backend, console)):
+        if communicator.on_root(partial(_is_solved, folder, name, load, backend, console)):
             continue
         if prepared is None:
             require_parts(type(solver), backend or config.macro_backend, problem)
             prepared = solver.prepare(problem)
         checkpoint = folder.macro_checkpoint(name, load)
         with (
-            world.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
+            communicator.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
             run.noted(path.stem),
             console.task(f"column, {name}, load {load:g}", "time") as task,
         ):
@@ -205,10 +205,10 @@ def _solve_load(
                 solver, prepared, run.law, problem, checkpoint=checkpoint, on_step=show
             )
             solution = replace(solution, backend=backend or config.macro_backend)
-            world.first(partial(solution.save, path))
+            communicator.on_root(partial(solution.save, path))
         if run.cells is not None:
             console.note(f"{path.stem}: {run.cells.work.in_words()}")
-        world.first(partial(checkpoint.unlink, missing_ok=True))
+        communicator.on_root(partial(checkpoint.unlink, missing_ok=True))
 
 
 def _is_solved(folder: RunFolder, law: str, load: float, backend: str | None, console: Console) -> bool:

@@ -19,7 +19,7 @@ from porocore.errors import PorocoreError, SolveError
 PATIENCE = 10.0
 
 
-class MpiWorld(Communicator):
+class MpiCommunicator(Communicator):
     """All processes of a communicator."""
 
     def __init__(self, comm: Any) -> None:
@@ -27,7 +27,7 @@ class MpiWorld(Communicator):
         # Of its own, since a process may come here while another one is still at work together.
         self._meetings = comm.Dup()
 
-    def first(self, action: Callable[[], T]) -> T:
+    def on_root(self, action: Callable[[], T]) -> T:
         """On process 0; the value or the exception is sent to all."""
         outcome: Any = None
         if self.rank == 0:
@@ -40,7 +40,7 @@ class MpiWorld(Communicator):
             raise error
         return value
 
-    def total(self, value: Any) -> Any:
+    def sum(self, value: Any) -> Any:
         """Sum over the processes."""
         if not isinstance(value, np.ndarray):
             return self.comm.allreduce(value, op=MPI.SUM)
@@ -49,7 +49,7 @@ class MpiWorld(Communicator):
         self.comm.Allreduce(mine, whole, op=MPI.SUM)
         return whole
 
-    def largest(self, value: float) -> float:
+    def max(self, value: float) -> float:
         """Over the processes."""
         return float(self.comm.allreduce(value, op=MPI.MAX))
 
