@@ -25,7 +25,7 @@ from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.cell_laws import identities
 from porocore.verification.local_fields.points import PointFields
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
-from porocore_fem_skfem.solid import SolidProblem
+from porocore_fem_skfem.solid import SkfemSolid
 
 make = TypeAdapter(AnyMaterial).validate_python
 MESH = MeshSettings(size=0.3, fluid_size=0.3, element="linear")
@@ -234,7 +234,7 @@ def laminate(one, other):
     upper = mesh.points[mesh.cells[:, :4]].mean(axis=1)[:, 2] > 0
     mesh = replace(mesh, regions=upper.astype(np.int64), region_names=("lower", "upper"))
     placed = Composite({"lower": one, "upper": other}).on(mesh)
-    problem = SolidProblem(mesh, placed, degree=mesh.quadrature_degree, solver="auto")
+    problem = SkfemSolid(mesh, placed, degree=mesh.quadrature_degree, solver="auto")
     return respond(problem, problem.iterate(ZERO, 0.0), tangent=True)
 
 
@@ -278,7 +278,7 @@ def test_two_regions_of_one_material_are_one_material():
     split = replace(mesh, regions=upper.astype(np.int64), region_names=("lower", "upper"))
     placed = Composite({"lower": OGDEN, "upper": OGDEN}).on(split)
     one, several = (
-        SolidProblem(m, material, degree=1, solver="auto").iterate(H, 0.1)
+        SkfemSolid(m, material, degree=1, solver="auto").iterate(H, 0.1)
         for m, material in ((mesh, OGDEN), (split, placed))
     )
     np.testing.assert_allclose(several.residual, one.residual, rtol=0, atol=1e-14)

@@ -24,7 +24,7 @@ from porocore.states import Status
 sys.path.insert(0, str(Path(__file__).parent))
 from stability_blocks import block
 
-SolidProblem = pytest.importorskip("porocore_fem_skfem.solid").SolidProblem
+SkfemSolid = pytest.importorskip("porocore_fem_skfem.solid").SkfemSolid
 
 
 def cell_of(radius):
@@ -45,7 +45,7 @@ STATES = {
 
 
 def solid_of(mesh):
-    return SolidProblem(mesh, NeoHookean(), degree=1, solver="auto")
+    return SkfemSolid(mesh, NeoHookean(), degree=1, solver="auto")
 
 
 @pytest.fixture(scope="module")
@@ -233,7 +233,7 @@ def test_the_lowest_eigenvalue_hardly_depends_on_the_mesh():
     values = {}
     for name, settings in meshes.items():
         mesh = Cell(mesh=settings).make_mesh("solid", "eighth")
-        solid = SolidProblem(mesh, NeoHookean(), degree=mesh.quadrature_degree, solver="auto")
+        solid = SkfemSolid(mesh, NeoHookean(), degree=mesh.quadrature_degree, solver="auto")
         values[name] = lowest_of_class(solid, solid.iterate(np.zeros((3, 3)), 0.0), "|xy").value
     exact = values["fine"]
     assert values["coarse"] == pytest.approx(exact, rel=0.01)

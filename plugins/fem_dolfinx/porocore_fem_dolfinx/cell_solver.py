@@ -12,8 +12,8 @@ from porocore.cell.meshing.quadrature import LARGEST_DEGREE
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore_fem_dolfinx.linalg import choose
-from porocore_fem_dolfinx.solid import SolidProblem
-from porocore_fem_dolfinx.stokes import StokesProblem
+from porocore_fem_dolfinx.solid import DolfinxSolid
+from porocore_fem_dolfinx.stokes import DolfinxStokes
 
 
 class DolfinxCellSolver(EquilibriumCellSolver):
@@ -55,9 +55,9 @@ class DolfinxCellSolver(EquilibriumCellSolver):
         choose(solver, 0)
         self.quadrature_degree, self.solver, self.petsc = quadrature_degree, solver, dict(petsc or {})
 
-    def solid(self, cell: Cell, mesh: CellMesh) -> SolidProblem:
+    def solid(self, cell: Cell, mesh: CellMesh) -> DolfinxSolid:
         degree = self.quadrature_degree or mesh.quadrature_degree
-        return SolidProblem(cell, mesh, degree=degree, solver=self.solver, petsc=self.petsc)
+        return DolfinxSolid(cell, mesh, degree=degree, solver=self.solver, petsc=self.petsc)
 
-    def fluid(self, mesh: CellMesh) -> StokesProblem:
-        return StokesProblem(mesh)
+    def fluid(self, mesh: CellMesh) -> DolfinxStokes:
+        return DolfinxStokes(mesh)

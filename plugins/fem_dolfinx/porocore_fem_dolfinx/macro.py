@@ -13,7 +13,7 @@ from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.solver import TimeSteppingMacroSolver
 from porocore.macro.problem import MacroProblem
 from porocore_fem_dolfinx import compat  # noqa: F401 - h5py before everything that brings MPI and PETSc
-from porocore_fem_dolfinx.macro_assembly import Assembler
+from porocore_fem_dolfinx.macro_assembly import DolfinxDiscretisation
 from porocore_fem_dolfinx.macro_communicator import MPI, MpiCommunicator
 
 
@@ -49,7 +49,7 @@ class DolfinxMacroSolver(TimeSteppingMacroSolver):
         self._comm = MPI.COMM_WORLD
         self.communicator = MpiCommunicator(self._comm) if self._comm.size > 1 else Communicator()
 
-    def prepare(self, problem: MacroProblem) -> Assembler:
+    def prepare(self, problem: MacroProblem) -> DolfinxDiscretisation:
         """Mesh, forms and linear solver; the solver is tried, so that wrong options are told at once.
 
         Raises
@@ -59,6 +59,6 @@ class DolfinxMacroSolver(TimeSteppingMacroSolver):
             fewer elements than processes, or PETSc cannot use the options.
         """
         mesh = body_mesh(problem)
-        return Assembler(
+        return DolfinxDiscretisation(
             problem, mesh, boundary_data(mesh, problem), self._comm, self.communicator, self.petsc
         )

@@ -18,13 +18,13 @@ from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
 from porocore_fem_dolfinx import compat
-from porocore_fem_dolfinx.macro_forms import Forms
-from porocore_fem_dolfinx.macro_linear import LinearSolver
+from porocore_fem_dolfinx.macro_forms import MacroForms
+from porocore_fem_dolfinx.macro_linear import PetscLinearSolver
 from porocore_fem_dolfinx.macro_space import make_space
 
 
-class Assembler(Discretisation):
-    """Forms, matrix and linear solver of one problem."""
+class DolfinxDiscretisation(Discretisation):
+    """MacroForms, matrix and linear solver of one problem."""
 
     def __init__(
         self,
@@ -47,11 +47,11 @@ class Assembler(Discretisation):
             communicator=communicator,
         )
         self._u, self._p = fem.Function(space.V), fem.Function(space.Q)
-        self._forms = Forms(space)
+        self._forms = MacroForms(space)
         self._matrix = self._forms.new_matrix()
         self._comm, self._in_frames = comm, None
         self._to_frames = self._rotation(comm)
-        self._solver = LinearSolver(
+        self._solver = PetscLinearSolver(
             comm, petsc, self.free, self.is_force[self.free[self.leading]], self._expansion(comm)
         )
         if comm.size == 1:  # else it would have to happen on all processes together, which garbage is not
@@ -183,7 +183,7 @@ class Assembler(Discretisation):
         return self._with_copies(change)
 
 
-def _free(matrix: Any, solver: LinearSolver) -> None:
+def _free(matrix: Any, solver: PetscLinearSolver) -> None:
     """At once: dolfinx leaves its matrices to the caller, petsc4py all others to PETSc's collection of garbage."""
     solver.destroy()
     matrix.destroy()

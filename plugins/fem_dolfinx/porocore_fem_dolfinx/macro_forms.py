@@ -12,7 +12,7 @@ from dolfinx import fem
 from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.states import MacroState
 from porocore_fem_dolfinx import compat
-from porocore_fem_dolfinx.macro_space import Space
+from porocore_fem_dolfinx.macro_space import MacroSpace
 
 _RESPONSE = {"stress": (3, 3), "storage": (), "flux": (3,)}
 _TANGENT: dict[str, tuple[int, ...]] = {
@@ -27,10 +27,10 @@ _TANGENT: dict[str, tuple[int, ...]] = {
 assert tuple(_TANGENT) == tuple(f.name for f in fields(MacroTangent))
 
 
-class Forms:
+class MacroForms:
     """Built and compiled once; what changes are the functions' values and the constant Δt."""
 
-    def __init__(self, space: Space) -> None:
+    def __init__(self, space: MacroSpace) -> None:
         self._space, domain = space, space.domain
         self._slots = None
         self._functions = {name: self._at_points(shape) for name, shape in {**_RESPONSE, **_TANGENT}.items()}

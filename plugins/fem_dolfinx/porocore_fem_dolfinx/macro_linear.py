@@ -29,7 +29,7 @@ OUT_OF_MEMORY = (-8, -9, -11, -13, -19)
 LARGEST_RESIDUAL = 1e-5
 
 
-class LinearSolver:
+class PetscLinearSolver:
     """Solves the equations that the free rows and columns of matrices of one pattern amount to.
 
     Parameters

@@ -15,7 +15,7 @@ from porocore_fem_dolfinx import compat
 
 
 @dataclass(frozen=True, eq=False)
-class Space:
+class MacroSpace:
     """What one process holds of the discrete problem.
 
     Local unknowns are the owned displacements and pressures, then the copies of displacements and pressures.
@@ -57,7 +57,7 @@ class Space:
     order: Any
 
 
-def make_space(mesh: BodyMesh, comm: Any) -> Space:
+def make_space(mesh: BodyMesh, comm: Any) -> MacroSpace:
     """Distribute the core's mesh over the processes.
 
     Raises
@@ -100,7 +100,7 @@ def make_space(mesh: BodyMesh, comm: Any) -> Space:
     )
     middles = domain.geometry.x[compat.geometry_dofs(domain)[:count, :corners]].mean(axis=1)
     theirs = cKDTree(mesh.points[mesh.cells[:, :corners]].mean(axis=1))
-    return Space(
+    return MacroSpace(
         element,
         domain,
         np.arange(count, dtype=np.int32),

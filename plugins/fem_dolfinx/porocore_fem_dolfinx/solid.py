@@ -39,10 +39,10 @@ PATIENCE = 18
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
 
 
-class State(Iterate):
+class DolfinxIterate(Iterate):
     """u¹ as the values ``u`` of the function space's dofs, flat; everything else is computed when it is asked for."""
 
-    def __init__(self, problem: SolidProblem, H: Any, p: float, u: Any) -> None:
+    def __init__(self, problem: DolfinxSolid, H: Any, p: float, u: Any) -> None:
         self.problem, self.H, self.p, self.u = problem, H, p, u
         self.contact = problem.contact
 
@@ -74,10 +74,10 @@ class State(Iterate):
         return self.problem.to_nodes(self.u)
 
 
-class TangentFactor(Factor):
+class DolfinxTangentFactor(Factor):
     """What a solid's solver of one class holds until another matrix needs it."""
 
-    def __init__(self, problem: SolidProblem, here: State, odd: str, shift: float) -> None:
+    def __init__(self, problem: DolfinxSolid, here: DolfinxIterate, odd: str, shift: float) -> None:
         self.problem, self.here, self.odd, self.shift = problem, here, odd, shift
         self.token = object()
         self.negative = problem.make(self)
@@ -88,7 +88,7 @@ class TangentFactor(Factor):
         return np.stack([self.problem.divided(self, column) for column in rhs.T], axis=1)
 
 
-class SolidProblem(DiscreteSolid):
+class DolfinxSolid(DiscreteSolid):
     """Π and its derivatives on one mesh."""
 
     def __init__(
@@ -115,12 +115,12 @@ class SolidProblem(DiscreteSolid):
         self._base: SymmetricSolver | None = None
         self._kept: SymmetricSolver | None = None
         self._full: Any = None
-        self._full_of: Callable[[], State | None] = lambda: None
+        self._full_of: Callable[[], DolfinxIterate | None] = lambda: None
         self._shift = 0.0
 
     # ---- what a state is ------------------------------------------------------------------------
 
-    def loaded(self, here: State) -> SolidForms:
+    def loaded(self, here: DolfinxIterate) -> SolidForms:
         """The forms, of a state."""
         self._forms.load(here)
         return self._forms
@@ -147,12 +147,12 @@ class SolidProblem(DiscreteSolid):
 
     # ---- the discrete solid ---------------------------------------------------------------------
 
-    def iterate(self, H: Any, p: float, displacement: Any = None) -> State:
+    def iterate(self, H: Any, p: float, displacement: Any = None) -> DolfinxIterate:
         u = np.zeros((len(self.mesh.points), 3)) if displacement is None else displacement
-        return State(self, H, p, self.to_dofs(u))
+        return DolfinxIterate(self, H, p, self.to_dofs(u))
 
-    def moved(self, here: Any, change: Any, H: Any, p: float) -> State:
-        return State(self, H, p, here.u + self.free("").expand(change))
+    def moved(self, here: Any, change: Any, H: Any, p: float) -> DolfinxIterate:
+        return DolfinxIterate(self, H, p, here.u + self.free("").expand(change))
 
     def force_scale(self, here: Any) -> float:
         size = np.linalg.norm(here.values[:, :, 9:18], axis=2)
@@ -167,7 +167,7 @@ class SolidProblem(DiscreteSolid):
     def load_change(self, here: Any, dH: Any, dp: float) -> Any:
         return self.free("").reduce(self._load_vector(here, "", dH, dp))
 
-    def _load_vector(self, here: State, odd: str, dH: Any, dp: float) -> Any:
+    def _load_vector(self, here: DolfinxIterate, odd: str, dH: Any, dp: float) -> Any:
         forces = self.loaded(here).load_change(dH, dp)
         if here.touching is not None:
             forces += self.to_dofs(here.touching.blocks(odd).load_change(len(self.mesh.points), dH))
@@ -204,7 +204,7 @@ class SolidProblem(DiscreteSolid):
         except FactorError as error:
             raise StepFailed(Status.not_converged) from error
 
-    def _matrix(self, here: State, odd: str) -> Any:
+    def _matrix(self, here: DolfinxIterate, odd: str) -> Any:
         """The tangent for the free unknowns of a class; the next call for this class changes it."""
         self._in_use.pop(odd, None)
         if self._full_of() is not here:
@@ -220,7 +220,7 @@ class SolidProblem(DiscreteSolid):
         return self.free(odd).matrix(self._full, (rows, columns, values))
 
     def _factor(
-        self, here: State, odd: str, accuracy: float = 1e-12, shift: float = 0.0, below: float = 0.0
+        self, here: DolfinxIterate, odd: str, accuracy: float = 1e-12, shift: float = 0.0, below: float = 0.0
     ) -> int:
         """Make the tangent of a class, with ``shift`` added to its diagonal, the solver's; its negative pivots.
 
@@ -242,7 +242,7 @@ class SolidProblem(DiscreteSolid):
             self._kept = solver
         return solver.negative
 
-    def _shifted(self, here: State, rhs: Any) -> Any:
+    def _shifted(self, here: DolfinxIterate, rhs: Any) -> Any:
         # Neighbouring iterates need about the same shift, and less of it brings them on faster.
         shift = max(self._shift / 4, SMALLEST_SHIFT)
         while shift < LARGEST_SHIFT:
@@ -257,16 +257,16 @@ class SolidProblem(DiscreteSolid):
             shift *= 4
         raise StepFailed(Status.not_converged)
 
-    def factor(self, here: Any, odd: str, shift: float = 0.0) -> TangentFactor:
-        return TangentFactor(self, here, odd, shift)
+    def factor(self, here: Any, odd: str, shift: float = 0.0) -> DolfinxTangentFactor:
+        return DolfinxTangentFactor(self, here, odd, shift)
 
-    def divided(self, factor: TangentFactor, rhs: Any) -> Any:
+    def divided(self, factor: DolfinxTangentFactor, rhs: Any) -> Any:
         """x with (K − shift·M) x = rhs, (n,); factorised again where the solver of the class serves another matrix."""
         if self._in_use.get(factor.odd) is not factor.token:
             self.make(factor)
         return self._solvers[factor.odd].solve(rhs)
 
-    def make(self, factor: TangentFactor) -> int:
+    def make(self, factor: DolfinxTangentFactor) -> int:
         """Let the solver of its class hold the factor; its negative pivots."""
         negative = self._factor(factor.here, factor.odd, below=factor.shift)
         self._in_use[factor.odd] = factor.token

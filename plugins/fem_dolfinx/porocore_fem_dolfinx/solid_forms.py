@@ -43,7 +43,7 @@ class SolidForms(ABC):
 
     @property
     def here(self) -> Any:
-        """State that was put in, None where it is gone."""
+        """Iterate that was put in, None where it is gone."""
         return self._here()
 
     @abstractmethod

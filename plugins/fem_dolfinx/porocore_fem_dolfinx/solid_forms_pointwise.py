@@ -15,7 +15,7 @@ from porocore_fem_dolfinx.cell_mesh import CellDomain
 from porocore_fem_dolfinx.solid_forms import SolidForms, flat
 
 
-class Response:
+class PointwiseResponse:
     """The material at one state; components last, cells in dolfinx's order.
 
     Parameters
@@ -81,20 +81,20 @@ class PointwiseForms(SolidForms):
         change = ufl.dot(self._moduli, grad_du)
         self._residual = compat.form(ufl.inner(self._stress, grad_v) * dx)
         self._tangent = compat.form(ufl.dot(change, ufl.as_vector(flat(grad_v))) * dx)
-        self._response: Response | None = None
+        self._response: PointwiseResponse | None = None
 
     def changed(self) -> None:
         """See :class:`SolidForms`."""
         self._response = None
 
     @property
-    def response(self) -> Response:
+    def response(self) -> PointwiseResponse:
         """At the state that was put in."""
         if self._response is None:
             grad = self.domain.evaluate(self._grad)
             grad = grad.reshape(*grad.shape[:2], 3, 3)
             here = self.here
-            self._response = Response(self._material, grad, here.H, here.p, self.domain.elements)
+            self._response = PointwiseResponse(self._material, grad, here.H, here.p, self.domain.elements)
         return self._response
 
     def values(self) -> Any:

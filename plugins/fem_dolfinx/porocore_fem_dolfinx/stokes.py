@@ -24,7 +24,7 @@ from porocore_fem_dolfinx.linalg import SymmetricSolver
 QUADRATURE_DEGREE = 4
 
 
-class StokesProblem(DiscreteFluid):
+class DolfinxStokes(DiscreteFluid):
     """∫ ∇w:∇v − p̃ ∇·v − q ∇·w = ∫ e_j·v on the eighth or the whole of the fluid, with unit viscosity."""
 
     def __init__(self, mesh: CellMesh) -> None:

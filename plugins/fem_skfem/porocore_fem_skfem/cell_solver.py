@@ -11,8 +11,8 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import LARGEST_DEGREE
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
-from porocore_fem_skfem.solid import SolidProblem
-from porocore_fem_skfem.stokes import StokesProblem
+from porocore_fem_skfem.solid import SkfemSolid
+from porocore_fem_skfem.stokes import SkfemStokes
 
 
 class SkfemCellSolver(EquilibriumCellSolver):
@@ -39,11 +39,11 @@ class SkfemCellSolver(EquilibriumCellSolver):
             )
         self.quadrature_degree, self.solver = quadrature_degree, solver
 
-    def solid(self, cell: Cell, mesh: CellMesh) -> SolidProblem:
+    def solid(self, cell: Cell, mesh: CellMesh) -> SkfemSolid:
         degree = self.quadrature_degree or mesh.quadrature_degree
         material = cell.solid.on(mesh)
         contact = contact_of(mesh, cell.contact, material)
-        return SolidProblem(mesh, material, degree=degree, solver=self.solver, contact=contact)
+        return SkfemSolid(mesh, material, degree=degree, solver=self.solver, contact=contact)
 
-    def fluid(self, mesh: CellMesh) -> StokesProblem:
-        return StokesProblem(mesh, self.solver)
+    def fluid(self, mesh: CellMesh) -> SkfemStokes:
+        return SkfemStokes(mesh, self.solver)

@@ -75,7 +75,7 @@ class Constraints:
         return self.active.solve(rhs)
 
 
-class TangentFactor(Factor):
+class SkfemTangentFactor(Factor):
     """A class's factor of ``entries`` (nnz), made anew where the class has used its place for others since."""
 
     def __init__(self, here: Iterate, odd: str, shift: float, constraints: Constraints, entries: Any) -> None:

@@ -23,7 +23,7 @@ class OutOfMemoryError(FactorError):
     """The factor does not fit into memory."""
 
 
-class Factor(ABC):
+class SparseFactor(ABC):
     """An approximate inverse of a square matrix in CSR whose pattern is fixed.
 
     Parameters
@@ -85,7 +85,7 @@ class Factor(ABC):
         """Apply to right-hand sides that are checked."""
 
 
-class SymmetricFactor(Factor):
+class SymmetricFactor(SparseFactor):
     """An approximate inverse of a symmetric matrix, given by its upper triangle."""
 
     check = staticmethod(check_upper)

@@ -6,7 +6,7 @@ from porocore.macro.body.meshed import body_mesh
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.solver import TimeSteppingMacroSolver
 from porocore.macro.problem import MacroProblem
-from porocore_fem_skfem.macro_assembly import Assembler
+from porocore_fem_skfem.macro_assembly import SkfemDiscretisation
 
 
 class SkfemMacroSolver(TimeSteppingMacroSolver):
@@ -18,7 +18,7 @@ class SkfemMacroSolver(TimeSteppingMacroSolver):
         Wall time between two checkpoints, in seconds; 0 writes one after every step.
     """
 
-    def prepare(self, problem: MacroProblem) -> Assembler:
+    def prepare(self, problem: MacroProblem) -> SkfemDiscretisation:
         """Mesh, boundary data, shape functions and sparsity.
 
         Raises
@@ -27,4 +27,4 @@ class SkfemMacroSolver(TimeSteppingMacroSolver):
             Two surfaces contradict each other, a translation is not held, or the body cannot be meshed.
         """
         mesh = body_mesh(problem)
-        return Assembler(problem, mesh, boundary_data(mesh, problem))
+        return SkfemDiscretisation(problem, mesh, boundary_data(mesh, problem))

@@ -18,10 +18,10 @@ from porocore.macro.integration.discretisation import Discretisation, StepFailed
 from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
 from porocore_fem_skfem.macro_frames import Frames
-from porocore_fem_skfem.macro_linear import LinearSolver
+from porocore_fem_skfem.macro_linear import SparseLinearSolver
 from porocore_fem_skfem.macro_space import make_shapes
 
-__all__ = ["Assembler", "StepFailed", "System"]
+__all__ = ["SkfemDiscretisation", "StepFailed", "System"]
 #: Numbers in the intermediate products of as many elements as are treated at once.
 CACHED = 4_000_000
 
@@ -34,7 +34,7 @@ class System:
     coupling: Any  #: scipy CSR, equations × prescribed
 
 
-class Assembler(Discretisation):
+class SkfemDiscretisation(Discretisation):
     """Shape functions and sparsity; local node a of u_i has column n_u i / 3 + a, then come the pressures."""
 
     def __init__(self, problem: MacroProblem, mesh: BodyMesh, boundary: BoundaryData) -> None:
@@ -55,7 +55,7 @@ class Assembler(Discretisation):
         N = np.broadcast_to(s.p.T[None, :, :, None], (e, s.p.shape[1], q, 1))
         by_p = np.concatenate([N, s.grad_p.transpose(0, 2, 1, 3)], axis=3)
         self._by_p = np.ascontiguousarray(by_p).reshape(e, -1, 4 * q)
-        self._linear = LinearSolver()
+        self._linear = SparseLinearSolver()
         self._build_patterns()
 
     def _build_patterns(self) -> None:
@@ -187,7 +187,7 @@ class Assembler(Discretisation):
         return terms
 
     def solve(self, system: System, right: Any, jump: Any, *, again: bool = False) -> Any:
-        """By a factor, see :class:`~porocore_fem_skfem.macro_linear.LinearSolver`."""
+        """By a factor, see :class:`~porocore_fem_skfem.macro_linear.SparseLinearSolver`."""
         change = np.zeros(len(right))
         change[self.prescribed] = jump
         right = self.equations(right)

@@ -19,7 +19,7 @@ ACCURACY, STEPS, RESTARTS = 1e-10, 20, 3
 LOOSE = "the body may not be held against rigid motions"
 
 
-class LinearSolver:
+class SparseLinearSolver:
     """Solves systems of one pattern.
 
     The factor of a large one is of single precision, which takes half the time and half the memory; the iteration makes

@@ -16,7 +16,7 @@ import numpy as np
 
 from porocore.cell.equilibrium.discrete import FactorError
 from porocore_fem_skfem.checks import check_symmetric
-from porocore_fem_skfem.factor import Factor, OutOfMemoryError, SingularError, SymmetricFactor
+from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SparseFactor, SymmetricFactor
 
 _ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1
 _SYMMETRIC_INDEFINITE, _STRUCTURALLY_SYMMETRIC = -2, 1
@@ -50,7 +50,7 @@ def library() -> Any:
     return None
 
 
-class _Pardiso(Factor):
+class _Pardiso(SparseFactor):
     """Phases of the solver on one pattern in CSR, which is analysed once."""
 
     def __init__(self, indptr: Any, indices: Any, kind: int, options: dict[int, int], dtype: Any) -> None:

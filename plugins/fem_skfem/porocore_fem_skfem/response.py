@@ -15,7 +15,7 @@ from porocore_fem_skfem.operators import Operators, Scatter
 CACHED = 60_000
 
 
-class At(Protocol):
+class Kinematics(Protocol):
     """One iterate.
 
     Attributes
@@ -34,7 +34,7 @@ class At(Protocol):
     p: float
 
 
-class Response(ABC):
+class SolidResponse(ABC):
     """Of one material on one mesh.
 
     Parameters
@@ -52,17 +52,17 @@ class Response(ABC):
         self.grad_N, self.w = operators.grad_N, operators.weights
 
     @abstractmethod
-    def energy_density(self, at: At) -> Any:
+    def energy_density(self, at: Kinematics) -> Any:
         """Ψ (points)."""
 
     @abstractmethod
-    def stress(self, at: At) -> Any:
+    def stress(self, at: Kinematics) -> Any:
         """P + p cof F (3, 3, points)."""
 
     @abstractmethod
-    def tangent_apply(self, at: At, dF: Any) -> Any:
+    def tangent_apply(self, at: Kinematics, dF: Any) -> Any:
         """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
 
     @abstractmethod
-    def stiffness(self, at: At) -> Any:
+    def stiffness(self, at: Kinematics) -> Any:
         """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""

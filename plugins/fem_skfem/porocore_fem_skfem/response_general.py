@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from porocore.core.tensors.cofactors import add_cofactor_tangent
-from porocore_fem_skfem.response import CACHED, At, Response
+from porocore_fem_skfem.response import CACHED, Kinematics, SolidResponse
 
 
-class GeneralResponse(Response):
+class GeneralResponse(SolidResponse):
     """Any strain energy, by its stress and its tangent A_ijkl."""
 
-    _of: At | None = None
+    _of: Kinematics | None = None
     _moduli: Any = None
 
     def _by_element(self, F: Any) -> Any:
@@ -21,16 +21,16 @@ class GeneralResponse(Response):
         e, q = self.grad_N.shape[:2]
         return np.moveaxis(F.reshape(3, 3, e, q), (0, 1), (-2, -1))
 
-    def energy_density(self, at: At) -> Any:
+    def energy_density(self, at: Kinematics) -> Any:
         """Ψ (points)."""
         return self.material.energy_density(self._by_element(at.F)).reshape(-1)
 
-    def stress(self, at: At) -> Any:
+    def stress(self, at: Kinematics) -> Any:
         """P + p cof F (3, 3, points)."""
         P = np.moveaxis(self.material.stress(self._by_element(at.F)), (-2, -1), (0, 1))
         return P.reshape(3, 3, -1) + at.p * at.cof
 
-    def moduli(self, at: At) -> Any:
+    def moduli(self, at: Kinematics) -> Any:
         """A + p ∂cof F/∂F (3, 3, 3, 3, points), kept until another iterate is asked for."""
         if self._of is not at:
             A = self.material.tangent(self._by_element(at.F))
@@ -40,7 +40,7 @@ class GeneralResponse(Response):
             self._of = at
         return self._moduli
 
-    def tangent_apply(self, at: At, dF: Any) -> Any:
+    def tangent_apply(self, at: Kinematics, dF: Any) -> Any:
         """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
         moduli, changes = self.moduli(at), np.zeros((3, 3, at.J.size))
         for k in range(3):
@@ -49,7 +49,7 @@ class GeneralResponse(Response):
                     changes += moduli[:, :, k, l] * dF[k, l]
         return changes
 
-    def stiffness(self, at: At) -> Any:
+    def stiffness(self, at: Kinematics) -> Any:
         """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""
         e, q, a, _ = self.grad_N.shape
         weighted = (self.moduli(at) * self.w).reshape(3, 3, 3, 3, e, q)

@@ -8,10 +8,10 @@ import numpy as np
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore_fem_skfem.operators import Operators, Scatter
-from porocore_fem_skfem.response import CACHED, At, Response
+from porocore_fem_skfem.response import CACHED, Kinematics, SolidResponse
 
 
-class NeoHookeanResponse(Response):
+class NeoHookeanResponse(SolidResponse):
     """The neo-Hookean solid, whose stiffness is a Laplacian, made once, and terms of rank one in F⁻ᵀ∇N."""
 
     def __init__(self, material: NeoHookean, operators: Operators, scatter: Scatter) -> None:
@@ -19,16 +19,16 @@ class NeoHookeanResponse(Response):
         self.mu, self.volumetric = material.mu, material.volumetric
         self._laplacian = self._constant_blocks()
 
-    def energy_density(self, at: At) -> Any:
+    def energy_density(self, at: Kinematics) -> Any:
         """Ψ (points)."""
         return self.mu / 2 * ((at.F * at.F).sum(axis=(0, 1)) - 3) + self.volumetric(np.log(at.J))[0]
 
-    def stress(self, at: At) -> Any:
+    def stress(self, at: Kinematics) -> Any:
         """P + p cof F (3, 3, points)."""
         first = self.volumetric(np.log(at.J))[1]
         return self.mu * at.F + (first / at.J + at.p) * at.cof
 
-    def tangent_apply(self, at: At, dF: Any) -> Any:
+    def tangent_apply(self, at: Kinematics, dF: Any) -> Any:
         """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
         G = at.cof / at.J  # F⁻ᵀ
         _, first, second = self.volumetric(np.log(at.J))
@@ -39,7 +39,7 @@ class NeoHookeanResponse(Response):
         swapped = np.stack([[(inner[i] * G[:, j]).sum(axis=0) for j in range(3)] for i in range(3)])
         return (second + pJ) * trace * G - (first + pJ) * swapped + self.mu * dF
 
-    def stiffness(self, at: At) -> Any:
+    def stiffness(self, at: Kinematics) -> Any:
         """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""
         _, first, second = self.volumetric(np.log(at.J))
         pJ = at.p * at.J

@@ -19,14 +19,14 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import UNIT_LOADS, held_displacements
 from porocore.core.tensors.cofactors import cofactor, determinant
 from porocore_fem_skfem import solves
-from porocore_fem_skfem.constraints import Constraints, TangentFactor
+from porocore_fem_skfem.constraints import Constraints, SkfemTangentFactor
 from porocore_fem_skfem.operators import Operators, Scatter
-from porocore_fem_skfem.response import Response
+from porocore_fem_skfem.response import SolidResponse
 from porocore_fem_skfem.response_general import GeneralResponse
 from porocore_fem_skfem.response_neo_hookean import NeoHookeanResponse
 
 
-class Point(Iterate):
+class SkfemIterate(Iterate):
     """Kinematics at one iterate, shared by energy, residual and tangent.
 
     Attributes
@@ -39,7 +39,7 @@ class Point(Iterate):
         det F.
     """
 
-    def __init__(self, problem: SolidProblem, H: Any, p: float, u: Any) -> None:
+    def __init__(self, problem: SkfemSolid, H: Any, p: float, u: Any) -> None:
         self.problem, self.H, self.p, self.u = problem, H, p, u
         self.contact = problem.contact
         self.F = problem.gradient(u) + (np.eye(3) + H)[:, :, None]
@@ -78,7 +78,7 @@ class Point(Iterate):
         return self.u[:, self.problem.nodes].T
 
 
-class SolidProblem(DiscreteSolid):
+class SkfemSolid(DiscreteSolid):
     """Batched numpy assembly on scikit-fem's elements; a factor that is kept from load to load."""
 
     def __init__(
@@ -102,7 +102,7 @@ class SolidProblem(DiscreteSolid):
         self.scatter = Scatter(
             np.concatenate([cells + i * self.n_nodes for i in range(3)], axis=1), 3 * self.n_nodes
         )
-        self.response: Response = (
+        self.response: SolidResponse = (
             NeoHookeanResponse(material, self.operators, self.scatter)
             if isinstance(material, NeoHookean)
             else GeneralResponse(material, self.operators, self.scatter)
@@ -134,14 +134,14 @@ class SolidProblem(DiscreteSolid):
 
     # ---- the discrete solid ---------------------------------------------------------------------
 
-    def iterate(self, H: Any, p: float, displacement: Any = None) -> Point:
+    def iterate(self, H: Any, p: float, displacement: Any = None) -> SkfemIterate:
         u = np.zeros((3, self.n_nodes))
         if displacement is not None:
             u[:, self.nodes] = displacement.T
-        return Point(self, H, p, u)
+        return SkfemIterate(self, H, p, u)
 
-    def moved(self, here: Any, change: Any, H: Any, p: float) -> Point:
-        return Point(self, H, p, here.u + self.field(change))
+    def moved(self, here: Any, change: Any, H: Any, p: float) -> SkfemIterate:
+        return SkfemIterate(self, H, p, here.u + self.field(change))
 
     def force_scale(self, here: Any) -> float:
         size = np.sqrt((here.stress * here.stress).sum(axis=(0, 1)))
@@ -159,11 +159,11 @@ class SolidProblem(DiscreteSolid):
     def solve(self, here: Any, rhs: Any, accuracy: float) -> Any:
         return solves.direction(*self.system(here, ""), rhs, accuracy)
 
-    def factor(self, here: Any, odd: str, shift: float = 0.0) -> TangentFactor:
+    def factor(self, here: Any, odd: str, shift: float = 0.0) -> SkfemTangentFactor:
         constraints, entries = self.system(here, odd)
         if shift:
             entries[constraints.pattern.diagonal] -= shift * self.masses(odd)
-        return TangentFactor(here, odd, shift, constraints, entries)
+        return SkfemTangentFactor(here, odd, shift, constraints, entries)
 
     def forget(self, odd: str) -> None:
         self._constraints.pop(odd, None)
@@ -215,7 +215,7 @@ class SolidProblem(DiscreteSolid):
         grad = np.stack([self.gradient(self.field(u, odd)) @ self.w for u in U.T])
         return Sensitivities(grad, direct + curvature, indefinite)
 
-    def _unit_load(self, here: Point, column: int) -> Any:
+    def _unit_load(self, here: SkfemIterate, column: int) -> Any:
         if column == 9:
             return here.cof
         dF = np.zeros((3, 3, 1))
@@ -226,7 +226,7 @@ class SolidProblem(DiscreteSolid):
         """(3, nodes) with periodic nodes added up, of (nodes of the mesh, 3)."""
         return np.stack([np.bincount(self.nodes, column, self.n_nodes) for column in values.T])
 
-    def system(self, here: Point, odd: str) -> tuple[Constraints, Any]:
+    def system(self, here: SkfemIterate, odd: str) -> tuple[Constraints, Any]:
         """∂²Π/∂u² for the perturbations of a class: what serves its pattern, and its entries.
 
         Walls that touch couple unknowns that share no element, so contact may widen the pattern.

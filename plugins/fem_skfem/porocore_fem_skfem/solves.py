@@ -8,7 +8,7 @@ import numpy as np
 
 from porocore.cell.equilibrium.discrete import FactorError, StepFailed
 from porocore.states import Status
-from porocore_fem_skfem.constraints import Constraints, TangentFactor
+from porocore_fem_skfem.constraints import Constraints, SkfemTangentFactor
 from porocore_fem_skfem.linalg import conjugate_gradients, refine
 
 #: More iterations than this cost more than a new factor.
@@ -55,7 +55,7 @@ def _shifted(constraints: Constraints, entries: Any, rhs: Any) -> Any:
     raise StepFailed(Status.not_converged)
 
 
-def sensitivities(factor: TangentFactor, R: Any) -> tuple[Any, Any, bool]:
+def sensitivities(factor: SkfemTangentFactor, R: Any) -> tuple[Any, Any, bool]:
     """U = −K⁻¹ R (n, k), its share RᵀU + UᵀR + UᵀKU of the second derivatives, and whether K was met as indefinite.
 
     The share equals RᵀU, has an error of second order in that of U, and is symmetric whatever that error. U is NaN

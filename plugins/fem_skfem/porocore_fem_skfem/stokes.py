@@ -65,7 +65,7 @@ class _System:
     inverses: list[Callable[[Array], Array]]
 
 
-class StokesProblem(DiscreteFluid):
+class SkfemStokes(DiscreteFluid):
     """Discrete Stokes problem with unit viscosity on the eighth or the whole of the fluid."""
 
     def __init__(self, mesh: CellMesh, solver: str) -> None:

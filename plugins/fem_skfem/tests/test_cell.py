@@ -14,7 +14,7 @@ from porocore.errors import ConfigurationError
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.linalg import SuperLUFactor, SymmetricPattern, conjugate_gradients
 from porocore_fem_skfem.pardiso import PardisoFactor, library
-from porocore_fem_skfem.solid import SolidProblem
+from porocore_fem_skfem.solid import SkfemSolid
 
 COARSE = MeshSettings(size=0.2, fluid_size=0.14)
 NO_CONTACT = ContactSettings(kind="none")
@@ -28,7 +28,7 @@ def compressed(h, p=0.0):
 def test_pressure_on_the_wall_and_in_the_volume_give_the_same_residual(domain):
     """∫_Γ cof(F) N·v dS, by Nanson's formula on the deformed facets, against ∫ cof F:∇v dV."""
     mesh = Cell(mesh=COARSE).make_mesh("solid", domain)
-    problem = SolidProblem(mesh, NeoHookean(), degree=3, solver="auto")
+    problem = SkfemSolid(mesh, NeoHookean(), degree=3, solver="auto")
     rng = np.random.default_rng(5)
     H = np.diag([0.03, -0.06, 0.02]) if domain == "eighth" else rng.normal(size=(3, 3)) * 0.05
     free = problem.constraints().free
@@ -208,7 +208,7 @@ def test_options_are_checked():
 
 def test_an_indefinite_tangent_is_reported():
     """Under p = −3 the undeformed solid's tangent has λ + pJ < 0, whatever the state is that holds it there."""
-    problem = SolidProblem(
+    problem = SkfemSolid(
         Cell(mesh=COARSE).make_mesh("solid", "eighth"), NeoHookean(), degree=2, solver="auto"
     )
     still = problem.iterate(np.zeros((3, 3)), 0.0)

@@ -14,7 +14,7 @@ from porocore.macro.boundary.conditions import boundary_data
 from porocore.testing import MacroSolverSuite
 
 Right: Any = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver
-Elements: Any = pytest.importorskip("porocore_fem_skfem.macro_assembly").Assembler
+Elements: Any = pytest.importorskip("porocore_fem_skfem.macro_assembly").SkfemDiscretisation
 
 
 class Altered(Right):
