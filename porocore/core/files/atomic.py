@@ -1,10 +1,9 @@
-"""Writing: files so that a reader never sees half of one, folders and locks so that nothing else is touched."""
+"""Atomic writing: a reader never sees half of a file, and nothing else is touched."""
 
 from __future__ import annotations
 
 import errno
 import os
-import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -14,8 +13,6 @@ from porocore.errors import RunFolderError
 
 #: Bytes of a file's name that leave room for that of its temporary one.
 LONGEST_NAME = 230
-
-
 #: A folder with a file of this name holds a run.
 RUN_RECORD = "run.json"
 
@@ -79,27 +76,6 @@ def place_for(path: Path, option: str = "--out") -> Path:
             f"{option} {path}: no file can be written there: {error.strerror or error}; choose another"
         ) from error
     return path
-
-
-def open_lock(path: Path) -> int:
-    """Open a lock file, or make it; returns its descriptor. A link is not followed, so that no other file is touched.
-
-    Raises
-    ------
-    OSError
-        It is no ordinary file, or the folder cannot be written.
-    """
-    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-    try:
-        lock = os.open(path, flags, 0o644)
-    except OSError as error:
-        if error.errno == errno.ELOOP:
-            raise OSError(errno.ELOOP, f"its lock {path.name} is a symbolic link; remove that") from error
-        raise
-    if not stat.S_ISREG(os.fstat(lock).st_mode):
-        os.close(lock)
-        raise OSError(errno.EINVAL, f"its lock {path.name} is no ordinary file; remove that")
-    return lock
 
 
 @contextmanager

@@ -9,14 +9,14 @@ from __future__ import annotations
 import json
 import os
 import re
-import sys
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from porocore.core.files.atomic import RUN_RECORD, atomic_path, open_lock, require_outside_a_run
+from porocore.core.files.atomic import RUN_RECORD, atomic_path, require_outside_a_run
+from porocore.core.files.lock import Locked, take_lock
 from porocore.core.files.reading import read_json
 from porocore.core.unexpected import note_folder
 from porocore.errors import RunFolderError
@@ -24,9 +24,6 @@ from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig, differences, load_config
 from porocore.study.run_folder.files import RunFiles
 from porocore.study.run_folder.provenance import versions
-
-if sys.platform != "win32":
-    import fcntl
 
 FORMAT = "porocore-run"
 #: Raised where the identities of configurations change, so that runs of before are told for what they are.
@@ -121,26 +118,17 @@ class RunFolder(RunFiles):
 
     def __enter__(self) -> Self:
         """Take the lock; the system releases it when the process ends, however it ends."""
-        if sys.platform == "win32":
-            return self
         try:
-            self._lock = open_lock(self.path / LOCK)
+            self._lock = take_lock(self.path / LOCK)
+        except Locked as error:
+            raise RunFolderError(
+                f"another porocore (process {error.holder}) is working in {self.path}; "
+                "wait for it, stop it, or choose another --out"
+            ) from error
         except OSError as error:
             raise RunFolderError(
                 f"{self.path} cannot be written: {error.strerror or error}; choose another --out"
             ) from error
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            holder = os.read(self._lock, 32).decode(errors="replace").strip() or "unknown"
-            os.close(self._lock)
-            self._lock = None
-            raise RunFolderError(
-                f"another porocore (process {holder}) is working in {self.path}; "
-                "wait for it, stop it, or choose another --out"
-            ) from error
-        os.truncate(self._lock, 0)
-        os.write(self._lock, f"{os.getpid()}\n".encode())
         self._remove_half_written()
         return self
 
