@@ -168,3 +168,33 @@ def test_check_notes_a_cell_solver_without_contact(monkeypatch):
     assert words not in "\n".join(outline(config))
     monkeypatch.setattr(solver, "contact", False)
     assert words in "\n".join(outline(config))
+
+
+GYROID = {"kind": "tpms", "surface": "gyroid", "void_fraction": 0.4}
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        # Each size has a mesh of its own; of one size both phases share one.
+        (
+            {"geometry": GYROID, "mesh": {"size": 0.4, "fluid_size": 0.2, "element": "linear"}},
+            "cell.mesh: the pore wall of the fluid's mesh does not lie on that of the solid's",
+        ),
+        ({"supercell": [2, 1, 1]}, "conductivity: the conductivity of the deformed pore is that of one cell"),
+    ],
+    ids=["walls", "block"],
+)
+def test_check_refuses_a_cell_whose_fluid_cannot_follow(cell, words, tmp_path):
+    path = study_of(tmp_path, cell=cell, conductivity="deformed")
+    done = invoke("check", path)
+    assert isinstance(done.exception, ConfigurationError)
+    assert words in str(done.exception)
+    assert "no faults" not in done.stdout
+    assert invoke("check", study_of(tmp_path, cell=cell, conductivity="piola")).exception is None
+
+
+def test_check_passes_meshes_of_one_size_whose_fluid_follows(tmp_path):
+    mesh = {"size": 0.4, "fluid_size": 0.4, "element": "linear"}
+    path = study_of(tmp_path, cell={"geometry": GYROID, "mesh": mesh}, conductivity="deformed")
+    assert "no faults" in invoke("check", path).stdout

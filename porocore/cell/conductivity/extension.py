@@ -32,7 +32,7 @@ class Extension:
 
     Raises
     ------
-    PorocoreError
+    ConfigurationError
         The walls of the two meshes do not lie upon each other.
     """
 

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.periodicity import FACETS
 from porocore.cell.meshing.shape_functions import shape_functions
-from porocore.errors import PorocoreError
+from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
 #: Elements along the wall that are tried for each node, the nearest.
@@ -47,7 +47,7 @@ def wall_interpolation(solid: CellMesh, fluid: CellMesh) -> tuple[IntArray, csr_
 
     Raises
     ------
-    PorocoreError
+    ConfigurationError
         The walls do not lie upon each other.
     """
     images = fluid.periodic_class
@@ -82,9 +82,10 @@ def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Arra
     outside = outside.reshape(elements.shape)
     least = outside.min(axis=1)
     if not (least < FARTHEST).all():
-        raise PorocoreError(
-            "the pore wall of the fluid's mesh does not lie on that of the solid's, so the fluid cannot follow the "
-            "deformation; refine both (cell.mesh.size, cell.mesh.fluid_size)"
+        raise ConfigurationError(
+            "cell.mesh: the pore wall of the fluid's mesh does not lie on that of the solid's, so with conductivity: "
+            "deformed the fluid cannot follow the solid; give size and fluid_size the same value, or lower the larger "
+            "one"
         )
     alike = outside <= (least + ALIKE)[:, None]
     rows = np.nonzero(alike)[0]

@@ -12,12 +12,12 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.cell.conductivity.fluid import DiscreteFluid
 from porocore.cell.conductivity.pore import Pore
+from porocore.cell.conductivity.required import require_one_cell
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
 from porocore.cell.equilibrium.path import follow
 from porocore.cell.equilibrium.responses import respond
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh import CellMesh, Domain
-from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
 from porocore.states import Array, CellResponse, MacroState, Status
@@ -99,13 +99,8 @@ class EquilibriumCellSolver(CellSolver):
 
     def prepare(self, cell: Cell, *, deformed: bool = False) -> PreparedCell:
         """See :class:`~porocore.CellSolver`."""
-        if deformed and cell.geometry.porosity == 0:
-            raise ConfigurationError("conductivity: the cell has no pores; choose conductivity: piola")
-        if deformed and cell.supercell != (1, 1, 1):
-            raise ConfigurationError(
-                "conductivity: the conductivity of the deformed pore is that of one cell, but cell.supercell has "
-                "several; choose conductivity: piola, or cell.supercell: [1, 1, 1]"
-            )
+        if deformed:
+            require_one_cell(cell)
         return PreparedCell(self, cell, deformed=deformed)
 
     def conductivity(self, prepared: PreparedCell) -> Array:

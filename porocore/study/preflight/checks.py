@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
+from porocore.cell.conductivity.required import require_one_cell, require_one_wall
 from porocore.cell.mesh_quality import as_lines, facts_of
 from porocore.core.echo import echo
 from porocore.core.formulas.time_function import TimeFunction, Value
@@ -144,14 +145,15 @@ def outline(config: RunConfig) -> Iterator[str]:
     Raises
     ------
     ConfigurationError
-        The cell cannot be meshed, has no pores or a solid without stiffness, or its regions are not those of
-        ``cell.materials``.
+        The cell cannot be meshed, has no pores or a solid without stiffness, its fluid cannot follow the solid where
+        it ought to, or its regions are not those of ``cell.materials``.
     """
     yield config.title or "a study without a title"
     facts = facts_of(config.cell)
     yield from (f"cell: {line}" if i == 0 else f"  {line}" for i, line in enumerate(as_lines(facts)))
     config.cell.require_pores()
     config.cell.require_stiffness()
+    _require_that_the_fluid_follows(config)
     if config.cell.materials is not None:
         config.cell.solid.on(config.cell.make_mesh("solid", "whole"))
     yield f"  {config.cell.solid.description}, viscosity {config.cell.viscosity:g}"
@@ -171,6 +173,17 @@ def outline(config: RunConfig) -> Iterator[str]:
     # What K is nobody knows yet, but along which axes there is any.
     percolates = np.diag([float(axis not in facts.blocked) for axis in "xyz"])
     yield from (f"note: {warning}" for warning in undrained(config.macro, percolates))
+
+
+def _require_that_the_fluid_follows(config: RunConfig) -> None:
+    """Refuse meshes of the core on which the conductivity of the deformed pore cannot be computed."""
+    try:
+        solver = registry.get("cell solver", config.fem.backend)
+    except PluginError:  # a stage that needs it says so
+        return
+    if config.conductivity == "deformed" and solver.meshes == "core":
+        require_one_cell(config.cell)
+        require_one_wall(config.cell)
 
 
 def _without_contact(config: RunConfig) -> Iterator[str]:
