@@ -24,7 +24,7 @@ from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels
 from porocore.cell.materials.choice import AnyMaterial
 from porocore.cell.materials.composite import Composite, Solid
 from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.cell.meshing.connectivity import pieces, why_loose
+from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.estimate import require_few
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.meshing.supercell import block
@@ -127,7 +127,7 @@ class Cell(BaseModel):
         )
 
     @property
-    def loose(self) -> str:
+    def disconnected(self) -> str:
         """Why the solid does not hang together from cell to cell, so that it has no stiffness; empty if it does.
 
         Raises
@@ -135,9 +135,9 @@ class Cell(BaseModel):
         PorocoreError
             Only a mesh can tell, and the geometry cannot be meshed.
         """
-        known = self.geometry.loose
+        known = self.geometry.disconnected
         if known is None:
-            return why_loose(pieces(make_mesh(self.geometry, self.mesh, "solid", "whole")))
+            return why_disconnected(pieces(make_mesh(self.geometry, self.mesh, "solid", "whole")))
         return known
 
     def require_pores(self) -> None:
@@ -161,10 +161,10 @@ class Cell(BaseModel):
         ConfigurationError
             The solid does not hang together from cell to cell.
         """
-        if loose := self.loose:
+        if disconnected := self.disconnected:
             raise ConfigurationError(
                 f"cell.geometry: the solid of {self.geometry.description} does not hang together, so it has no "
-                f"stiffness and only its conductivity can be computed: {loose}"
+                f"stiffness and only its conductivity can be computed: {disconnected}"
             )
 
     def specification(self) -> dict[str, Any]:

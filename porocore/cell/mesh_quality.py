@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_loose
+from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_disconnected
 from porocore.cell.meshing.mesh import CellMesh, Phase
 from porocore.cell.meshing.tetrahedra import EDGES, least_stretch, volume
 from porocore.states import Array, IntArray
@@ -17,7 +17,7 @@ FACETS = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
 @dataclass(frozen=True)
-class PhaseFacts:
+class PhaseQuality:
     """The mesh of one phase of the whole cell.
 
     Attributes
@@ -47,7 +47,7 @@ class PhaseFacts:
 
 
 @dataclass(frozen=True)
-class CellFacts:
+class MeshQuality:
     """Of one whole cell.
 
     Attributes
@@ -62,7 +62,7 @@ class CellFacts:
         The meshes; None for a phase that is not there.
     unmatched
         Facets on the faces of the cell that the opposite face does not have.
-    loose
+    disconnected
         Why the solid has no stiffness; empty if it has.
     blocked
         Along which of "xyz" nothing can flow.
@@ -71,14 +71,14 @@ class CellFacts:
     description: str
     unfolding: str
     porosity: float
-    solid: PhaseFacts | None
-    fluid: PhaseFacts | None
+    solid: PhaseQuality | None
+    fluid: PhaseQuality | None
     unmatched: int
-    loose: str
+    disconnected: str
     blocked: str
 
 
-def facts_of(cell: Cell) -> CellFacts:
+def measure_mesh_quality(cell: Cell) -> MeshQuality:
     """Mesh both phases and look at them.
 
     Raises
@@ -89,7 +89,7 @@ def facts_of(cell: Cell) -> CellFacts:
     single = cell.model_copy(update={"supercell": (1, 1, 1)})
     solid, fluid = single.make_mesh("solid", "whole"), single.make_mesh("fluid", "whole")
     of_solid, of_fluid = _phase(solid), _phase(fluid)
-    return CellFacts(
+    return MeshQuality(
         cell.geometry.description,
         cell.geometry.unfolding,
         cell.geometry.porosity,
@@ -97,12 +97,12 @@ def facts_of(cell: Cell) -> CellFacts:
         of_fluid,
         # Each phase has a mesh of its own where their sizes differ, so that the faces are looked at phase by phase.
         unmatched(solid) + unmatched(fluid),
-        cell.geometry.loose or why_loose(of_solid.pieces if of_solid else ()),
+        cell.geometry.disconnected or why_disconnected(of_solid.pieces if of_solid else ()),
         blocked(of_fluid.pieces if of_fluid else ()),
     )
 
 
-def _phase(mesh: CellMesh) -> PhaseFacts | None:
+def _phase(mesh: CellMesh) -> PhaseQuality | None:
     if not len(mesh.cells):
         return None
     angles = dihedral_angles(mesh.points, mesh.cells).min(axis=1)
@@ -110,7 +110,7 @@ def _phase(mesh: CellMesh) -> PhaseFacts | None:
     if len(mesh.region_names) > 1:
         for i, name in enumerate(mesh.region_names):
             regions[name] = volume(mesh.points, mesh.cells[mesh.regions == i])
-    return PhaseFacts(
+    return PhaseQuality(
         volume(mesh.points, mesh.cells),
         len(mesh.cells),
         len(mesh.points),
@@ -141,14 +141,17 @@ def unmatched(mesh: CellMesh) -> int:
     return int((np.abs(corners) == 0.5).all(axis=1).any(axis=1).sum())
 
 
-def as_lines(facts: CellFacts) -> list[str]:
+def quality_lines(quality: MeshQuality) -> list[str]:
     """For reading."""
-    lines = [f"geometry: {facts.description}"]
-    part = {"wedge": "a 48th", "eighth": "an eighth", "whole": "the whole cell"}[facts.unfolding]
-    mesh = f", of the mesh {facts.fluid.share:.6g}" if facts.fluid else ""
-    lines.append(f"porosity: {facts.porosity:.6g}{mesh}")
-    lines.append(f"meshed: {part}" + (", unfolded by mirrors" if facts.unfolding != "whole" else ""))
-    phases: tuple[tuple[Phase, PhaseFacts | None], ...] = (("solid", facts.solid), ("fluid", facts.fluid))
+    lines = [f"geometry: {quality.description}"]
+    part = {"wedge": "a 48th", "eighth": "an eighth", "whole": "the whole cell"}[quality.unfolding]
+    mesh = f", of the mesh {quality.fluid.share:.6g}" if quality.fluid else ""
+    lines.append(f"porosity: {quality.porosity:.6g}{mesh}")
+    lines.append(f"meshed: {part}" + (", unfolded by mirrors" if quality.unfolding != "whole" else ""))
+    phases: tuple[tuple[Phase, PhaseQuality | None], ...] = (
+        ("solid", quality.solid),
+        ("fluid", quality.fluid),
+    )
     for name, phase in phases:
         if phase is None:
             lines.append(f"{name}: none")
@@ -165,14 +168,16 @@ def as_lines(facts: CellFacts) -> list[str]:
         if len(phase.pieces) > 6:
             lines.append(f"{name}, and {len(phase.pieces) - 6} smaller pieces")
     faces = (
-        f"{facts.unmatched} facets without a partner" if facts.unmatched else "every facet has its partner"
+        f"{quality.unmatched} facets without a partner"
+        if quality.unmatched
+        else "every facet has its partner"
     )
     lines.append(f"opposite faces: {faces}")
-    if facts.loose:
-        lines.append(f"the solid has no stiffness: {facts.loose}")
-    if facts.blocked:
-        why = "it does not run through" if facts.fluid else "there is none"
-        lines.append(f"K = 0 along {', '.join(facts.blocked)}: of the fluid {why} there")
+    if quality.disconnected:
+        lines.append(f"the solid has no stiffness: {quality.disconnected}")
+    if quality.blocked:
+        why = "it does not run through" if quality.fluid else "there is none"
+        lines.append(f"K = 0 along {', '.join(quality.blocked)}: of the fluid {why} there")
     return lines
 
 

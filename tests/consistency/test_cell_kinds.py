@@ -202,8 +202,8 @@ def test_the_place_in_the_cell_does_not_matter(load):
                 for phase in ("solid", "fluid")
             )
             problem = solver.solid(settings, solid)
-            problem.begin()
-            outcome = follow(problem, problem.iterate(np.zeros((3, 3)), 0.0), np.zeros((3, 3)), 0.0, 1e-11)
+            problem.reset()
+            outcome = follow(problem, problem.iterate_at(np.zeros((3, 3)), 0.0), np.zeros((3, 3)), 0.0, 1e-11)
             tangent = respond(problem, outcome.equilibrium, tangent=True).tangent
             M, Q = tangent.mean_grad_grad_u[0], tangent.mean_grad_p[0]
             rows.append([solver.fluid(fluid).flow()[1, 1], M[1, 1, 1, 1], M[1, 1, 0, 0], Q[1, 1]])

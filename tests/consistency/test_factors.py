@@ -19,15 +19,15 @@ def solid(load, cell_solver):
     return solver.prepare(CELL).eighth
 
 
-@pytest.mark.parametrize("odd", ["", "xy"])
+@pytest.mark.parametrize("parity", ["", "xy"])
 @pytest.mark.parametrize("shift", [0.0, -1.0])
-def test_what_is_factored_later_does_not_change_a_factor(solid, odd, shift):
+def test_what_is_factored_later_does_not_change_a_factor(solid, parity, shift):
     """x with (K − shift·M) x = b against SuperLU, before and after factors of another iterate and shift."""
-    here = solid.iterate(np.diag([0.0, -0.05, 0.0]), 0.0)
-    other = solid.iterate(np.diag([0.3, 0.3, 0.3]), 0.1)
-    factor = solid.factor(here, odd, shift)
-    K = solid.tangent(here, odd).tocsc()
-    K.setdiag(K.diagonal() - shift * solid.masses(odd))
+    here = solid.iterate_at(np.diag([0.0, -0.05, 0.0]), 0.0)
+    other = solid.iterate_at(np.diag([0.3, 0.3, 0.3]), 0.1)
+    factor = solid.factor(here, parity, shift)
+    K = solid.tangent(here, parity).tocsc()
+    K.setdiag(K.diagonal() - shift * solid.masses(parity))
     rhs = np.random.default_rng(0).normal(size=K.shape[0])
     expected = splu(K).solve(rhs)
 
@@ -35,18 +35,18 @@ def test_what_is_factored_later_does_not_change_a_factor(solid, odd, shift):
         return np.linalg.norm(factor.solve(rhs) - expected) / np.linalg.norm(expected)
 
     assert error() < 1e-4  # a factor may be of single precision
-    assert solid.negative_pivots(other, odd, -3.0) == factor.negative == 0
+    assert solid.negative_pivots(other, parity, -3.0) == factor.negative == 0
     assert error() < 1e-4
-    solid.tangent(other, odd)
-    solid.begin()
+    solid.tangent(other, parity)
+    solid.reset()
     assert error() < 1e-4
 
 
 def test_sensitivities_are_those_of_the_factor_that_is_given(solid):
-    here = solid.iterate(np.diag([0.0, -0.05, 0.0]), 0.0)
+    here = solid.iterate_at(np.diag([0.0, -0.05, 0.0]), 0.0)
     factor = solid.factor(here, "")
     expected = solid.sensitivities(factor, (0, 9))
-    solid.negative_pivots(solid.iterate(np.diag([0.3, 0.3, 0.3]), 0.1), "")
+    solid.negative_pivots(solid.iterate_at(np.diag([0.3, 0.3, 0.3]), 0.1), "")
     again = solid.sensitivities(factor, (0, 9))
     np.testing.assert_allclose(again.grad, expected.grad, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(again.second, expected.second, rtol=1e-9, atol=1e-12)

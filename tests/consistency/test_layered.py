@@ -103,7 +103,7 @@ def test_all_responses_and_derivatives(layered, monkeypatch, tmp_path, parts, na
         pytest.skip(f"{backend} is not installed")
     cell = with_fluid(tmp_path, parts) if "fluid" in parts else without_fluid(monkeypatch, parts)
     # Layers with fluid between them give a body no stiffness, but their cell problem is well posed.
-    monkeypatch.setattr(Cell, "loose", "")
+    monkeypatch.setattr(Cell, "disconnected", "")
     exact = layered.solve_one(layered.prepare(cell), *STATES[name])
     solver = registry().get("cell solver", backend)()
     prepared = solver.prepare(cell)
@@ -135,7 +135,7 @@ def test_two_elements_along_a_period_are_enough(layered, monkeypatch, tmp_path, 
     """Facets of both halves then have corners of the same periodic classes, and are different facets all the same."""
     if backend not in registry().names("cell solver") or registry_lacks(backend):
         pytest.skip(f"{backend} is not installed")
-    monkeypatch.setattr(Cell, "loose", "")
+    monkeypatch.setattr(Cell, "disconnected", "")
     cell = with_fluid(tmp_path, PARTS, across=2)
     solver = registry().get("cell solver", backend)()
     prepared = solver.prepare(cell)

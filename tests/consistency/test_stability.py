@@ -22,9 +22,9 @@ def examined(solver, strain):
     solution = solver.solve(prepared, MacroState.single(np.diag([0.0, strain, 0.0])), fields=True)
     (field,) = solution.fields
     solid = prepared.eighth
-    here = solid.iterate(field.grad_u, field.p, field.u)
+    here = solid.iterate_at(field.grad_u, field.p, field.u)
     # The held component, the shift, the inverse and the field of a class; the last has the translation along y.
-    modes = [lowest_of_class(solid, here, odd) for odd in ("|xy", "xyz|z", "y")]
+    modes = [lowest_of_class(solid, here, parity) for parity in ("|xy", "xyz|z", "y")]
     return solution.response, negative_pivots(solid, here, ["000", "110", "111"]), modes
 
 

@@ -7,7 +7,7 @@ from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.solver import PreparedCell
 from porocore.cell.geometry.kinds import OrthogonalChannels, SpherePores, TriplyPeriodic
 from porocore.cell.geometry.spheres import Throat
-from porocore.cell.meshing.connectivity import blocked, joined_by_nodes, pieces, why_loose
+from porocore.cell.meshing.connectivity import blocked, joined_by_nodes, pieces, why_disconnected
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.supercell import block
 from porocore.cell.meshing.tetrahedra import volume
@@ -51,10 +51,10 @@ def test_closed_pores_and_a_solid_in_pieces():
     closed = found(bcc, "fluid")
     assert [(piece.rank, piece.axes) for piece in closed] == [(0, ""), (0, "")]
     assert blocked(closed) == "xyz"
-    assert why_loose(found(bcc, "solid")) == ""
+    assert why_disconnected(found(bcc, "solid")) == ""
     # The mirror image in the phases: two spheres of solid.
-    assert why_loose(closed).startswith("it falls into 2 pieces that do not touch, of the volumes 0.")
-    assert "along x and y and z" in why_loose(closed[:1])
+    assert why_disconnected(closed).startswith("it falls into 2 pieces that do not touch, of the volumes 0.")
+    assert "along x and y and z" in why_disconnected(closed[:1])
 
 
 def test_the_labyrinths_of_a_sheet_are_two_pieces_that_run_through():
@@ -62,7 +62,7 @@ def test_the_labyrinths_of_a_sheet_are_two_pieces_that_run_through():
     labyrinths = found(sheet, "fluid", MeshSettings(size=0.15, fluid_size=0.15, element="linear"))
     assert [piece.rank for piece in labyrinths] == [3, 3]
     assert labyrinths[0].volume == pytest.approx(labyrinths[1].volume, rel=0.05)
-    assert "falls into 2 pieces" in why_loose(labyrinths)
+    assert "falls into 2 pieces" in why_disconnected(labyrinths)
 
 
 def test_a_block_of_cells_is_as_connected_as_one():

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh_quality import as_lines, facts_of
+from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cli import main
 from porocore.study.benchmark import benchmark_path
@@ -86,14 +86,16 @@ def test_errors_name_file_line_and_key(show, tmp_path, geometry, message):
 
 def test_a_loose_solid_is_told_and_not_refused():
     cell = Cell(geometry={"kind": "tpms", "surface": "schwarz-p", "level": 1.5}, mesh=COARSE)
-    facts = facts_of(cell)
-    assert "solid, one piece: closed in itself, reaches no other cell" in as_lines(facts)
-    assert any(line.startswith("the solid has no stiffness: it does not reach") for line in as_lines(facts))
-    assert facts.blocked == ""
+    quality = measure_mesh_quality(cell)
+    assert "solid, one piece: closed in itself, reaches no other cell" in quality_lines(quality)
+    assert any(
+        line.startswith("the solid has no stiffness: it does not reach") for line in quality_lines(quality)
+    )
+    assert quality.blocked == ""
 
 
 def test_without_pores_there_is_no_fluid_to_describe():
-    lines = as_lines(facts_of(Cell(geometry={"kind": "no-pores"}, mesh=COARSE)))
+    lines = quality_lines(measure_mesh_quality(Cell(geometry={"kind": "no-pores"}, mesh=COARSE)))
     assert "fluid: none" in lines
     assert "K = 0 along x, y, z: of the fluid there is none there" in lines
 

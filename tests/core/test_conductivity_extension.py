@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.conductivity.extension import Extension
+from porocore.cell.conductivity.extension import HarmonicExtension
 from porocore.cell.conductivity.wall_displacement import wall_interpolation
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.geometry.spheres import SpherePores
@@ -60,7 +60,7 @@ def test_it_keeps_planes_wall_and_periodicity(domain):
     solid, fluid = meshes(OrthogonalChannels(radius=0.25), "quadratic-curved", domain)
     X = solid.points
     u = 0.02 * np.sin(2 * np.pi * X) * (1 + np.cos(2 * np.pi * X[:, [1, 2, 0]]))
-    moved = Extension(solid, fluid)(u)
+    moved = HarmonicExtension(solid, fluid)(u)
     for plane in (-0.5, 0.0, 0.5):
         for axis in range(3):
             assert np.abs(moved[fluid.points[:, axis] == plane, axis]).max(initial=0) < 1e-12
@@ -82,7 +82,7 @@ def test_eighth_and_whole_are_the_same_field():
         u = 0.02 * np.sin(2 * np.pi * solid.points) * (1 + np.cos(2 * np.pi * solid.points[:, [1, 2, 0]]))
         inside = (fluid.points >= 0).all(axis=1)
         order = np.lexsort(fluid.points[inside].round(9).T)
-        found.append(Extension(solid, fluid)(u)[inside][order])
+        found.append(HarmonicExtension(solid, fluid)(u)[inside][order])
     np.testing.assert_allclose(*found, atol=1e-12)
 
 
@@ -91,7 +91,7 @@ def test_a_wall_that_goes_far_takes_the_inside_along():
     solid, fluid = meshes(OrthogonalChannels(radius=0.15, axes="x"), "quadratic-curved", "eighth")
     r = np.maximum(np.hypot(*solid.points[:, 1:].T), 1e-3)
     outward = np.column_stack([0 * r, *(solid.points[:, 1:] / r[:, None]).T])
-    moved = Extension(solid, fluid)(outward * (0.15 * np.maximum(1 - (r - 0.15) / 0.35, 0))[:, None])
+    moved = HarmonicExtension(solid, fluid)(outward * (0.15 * np.maximum(1 - (r - 0.15) / 0.35, 0))[:, None])
     assert volumes(fluid.points + moved, fluid.cells).min() > 1.5 * volumes(fluid.points, fluid.cells).min()
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.contact.mirrors import MirrorContact
-from porocore.cell.contact.model import DEEPEST, contact_of, facet_edge
-from porocore.cell.contact.pore_surface import wall_of
+from porocore.cell.contact.model import DEEPEST, facet_edge, make_contact_model
+from porocore.cell.contact.pore_surface import pore_surface
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.meshing.mesh import CellMesh, MeshSettings
 
@@ -95,9 +95,9 @@ def flattened(mesh):
     return MirrorContact(mesh, stiffness=100.0, deepest=0.03), u
 
 
-@pytest.mark.parametrize("odd", ["", "xy", "x", "xyz", "|xyz"])
-def test_blocks_are_symmetric(flattened, odd):
-    blocks = flattened[0].at(H, flattened[1]).blocks(odd)
+@pytest.mark.parametrize("parity", ["", "xy", "x", "xyz", "|xyz"])
+def test_blocks_are_symmetric(flattened, parity):
+    blocks = flattened[0].at(H, flattened[1]).blocks(parity)
     assert len(blocks.matrices)
     np.testing.assert_allclose(
         blocks.matrices,
@@ -107,18 +107,18 @@ def test_blocks_are_symmetric(flattened, odd):
     )
 
 
-@pytest.mark.parametrize("odd", ["x", "y", "z"])
-def test_a_wall_and_its_reflection_move_together(mesh, flattened, odd):
+@pytest.mark.parametrize("parity", ["x", "y", "z"])
+def test_a_wall_and_its_reflection_move_together(mesh, flattened, parity):
     """A uniform motion along the normal of the odd planes carries both; along that of even ones it presses them."""
     n = len(mesh.points)
-    blocks = flattened[0].at(H, flattened[1]).blocks(odd)
+    blocks = flattened[0].at(H, flattened[1]).blocks(parity)
     rows, columns, values = blocks.entries
     for axis in range(3):
         motion = np.zeros((n, 3))
         motion[:, axis] = 1.0
         forces = np.zeros(3 * n)
         np.add.at(forces, rows, values * motion.ravel()[columns])
-        if "xyz"[axis] == odd:
+        if "xyz"[axis] == parity:
             assert np.abs(forces).max() < 1e-9 * np.abs(values).max()
         else:
             assert motion.ravel() @ forces > 0.1 * np.abs(values).max()
@@ -152,7 +152,7 @@ def test_energy_of_a_flat_wall(flat):
     state = MirrorContact(mesh, stiffness=50.0, deepest=1.0).at(np.zeros((3, 3)), u)
     assert state.forces.energy == pytest.approx(50.0 * 1e-6 * area / 2, rel=1e-12)
     assert state.depth == pytest.approx(1e-3, rel=1e-12)
-    assert state.forces.share == pytest.approx(area / wall_of(mesh).area, rel=1e-12)
+    assert state.forces.share == pytest.approx(area / pore_surface(mesh).area, rel=1e-12)
 
 
 @pytest.fixture(params=[0.0, 0.5])
@@ -174,8 +174,8 @@ def flat(request):
     return make
 
 
-@pytest.mark.parametrize("odd", ["xz", "yz", "z", "xyz"])
-def test_odd_perturbations_slide_and_tilt(flat, odd):
+@pytest.mark.parametrize("parity", ["xz", "yz", "z", "xyz"])
+def test_odd_perturbations_slide_and_tilt(flat, parity):
     """Two flat walls pressed together, the upper moved by δ and the lower, its image, oppositely along the plane.
 
     Of δ = (δ_t, δ_n) the image takes (−δ_t, δ_n). The energy is ε/8 g² dA of the upper one with the distance g of its
@@ -207,7 +207,7 @@ def test_odd_perturbations_slide_and_tilt(flat, odd):
         g = (wall - lower[0]) @ normal / np.linalg.norm(normal)
         return stiffness / 8 * np.mean(g**2) * area
 
-    blocks = contact.at(np.zeros((3, 3)), u).blocks(odd)
+    blocks = contact.at(np.zeros((3, 3)), u).blocks(parity)
     rows, columns, values = blocks.entries
     K = np.zeros((12, 12))
     np.add.at(K, (rows, columns), values)
@@ -238,7 +238,7 @@ def test_odd_classes_have_even_planes_too(flat):
 
 
 def test_settings_choose_the_model(mesh):
-    assert contact_of(mesh, ContactSettings(kind="none")) is None
-    contact = contact_of(mesh, ContactSettings(stiffness=3.0))
+    assert make_contact_model(mesh, ContactSettings(kind="none")) is None
+    contact = make_contact_model(mesh, ContactSettings(stiffness=3.0))
     assert contact.stiffness == pytest.approx(3.0 / facet_edge(mesh))
     assert contact.deepest == pytest.approx(DEEPEST * facet_edge(mesh))

@@ -7,7 +7,7 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.contact.model import facet_edge
-from porocore.cell.contact.pore_surface import shape_functions, wall_of
+from porocore.cell.contact.pore_surface import pore_surface, shape_functions
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.meshing.quadrature import LARGEST_DEGREE, triangle_rule
@@ -71,7 +71,7 @@ def test_area_of_one_channel_converges(element, order):
     """2πr per unit of length; facets of chords miss it by (ratio of sine and angle) O(h²), curved ones by O(h⁴)."""
     exact = 2 * np.pi * RADIUS / 8
     sizes = np.array([0.2, 0.1, 0.05])
-    errors = [abs(wall_of(channel(size, element)).area - exact) / exact for size in sizes]
+    errors = [abs(pore_surface(channel(size, element)).area - exact) / exact for size in sizes]
     edges = [facet_edge(channel(size, element)) for size in sizes]
     assert errors[0] < 0.03
     slope = np.polyfit(np.log(edges), np.log(errors), 1)[0]
@@ -80,7 +80,7 @@ def test_area_of_one_channel_converges(element, order):
 
 def test_whole_cell_has_eight_times_the_wall_of_the_eighth():
     eighth, whole = (
-        wall_of(channel(0.2, "quadratic-curved", "xyz", domain)) for domain in ("eighth", "whole")
+        pore_surface(channel(0.2, "quadratic-curved", "xyz", domain)) for domain in ("eighth", "whole")
     )
     assert whole.area == pytest.approx(8 * eighth.area, rel=1e-12)
     assert eighth.area == pytest.approx(exact_wall() / 8, rel=2e-3)
@@ -102,5 +102,5 @@ def test_edge_of_equilateral_facets(size):
     """h is that of as many equilateral triangles of the same area."""
     mesh = channel(size, "linear")
     h = facet_edge(mesh)
-    assert len(mesh.wall) * np.sqrt(3) / 4 * h**2 == pytest.approx(wall_of(mesh).area)
+    assert len(mesh.wall) * np.sqrt(3) / 4 * h**2 == pytest.approx(pore_surface(mesh).area)
     assert 0.4 * size < h < 1.6 * size

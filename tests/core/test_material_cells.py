@@ -146,9 +146,9 @@ def test_fibres_off_the_axes_are_solved_on_the_whole_cell():
 
 def test_axes_that_fibres_tell_apart_are_not_exchanged():
     solid = SOLVER.prepare(Cell(geometry=WIDE, material=OGDEN, mesh=MESH)).eighth
-    assert solid.exchanged_axes(solid.iterate(ZERO, 0.0)) == ("xy", "xz", "yz")
+    assert solid.exchanged_axes(solid.iterate_at(ZERO, 0.0)) == ("xy", "xz", "yz")
     solid = SOLVER.prepare(Cell(geometry=WIDE, material=CROSSED, mesh=MESH)).eighth
-    assert solid.exchanged_axes(solid.iterate(ZERO, 0.0)) == ()
+    assert solid.exchanged_axes(solid.iterate_at(ZERO, 0.0)) == ()
 
 
 def test_a_cell_with_fibres_is_not_taken_for_cubic():
@@ -235,7 +235,7 @@ def laminate(one, other):
     mesh = replace(mesh, regions=upper.astype(np.int64), region_names=("lower", "upper"))
     placed = Composite({"lower": one, "upper": other}).on(mesh)
     problem = SkfemSolid(mesh, placed, degree=mesh.quadrature_degree, solver="auto")
-    return respond(problem, problem.iterate(ZERO, 0.0), tangent=True)
+    return respond(problem, problem.iterate_at(ZERO, 0.0), tangent=True)
 
 
 def test_a_laminate_has_the_stiffness_of_backus():
@@ -278,7 +278,7 @@ def test_two_regions_of_one_material_are_one_material():
     split = replace(mesh, regions=upper.astype(np.int64), region_names=("lower", "upper"))
     placed = Composite({"lower": OGDEN, "upper": OGDEN}).on(split)
     one, several = (
-        SkfemSolid(m, material, degree=1, solver="auto").iterate(H, 0.1)
+        SkfemSolid(m, material, degree=1, solver="auto").iterate_at(H, 0.1)
         for m, material in ((mesh, OGDEN), (split, placed))
     )
     np.testing.assert_allclose(several.residual, one.residual, rtol=0, atol=1e-14)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.stability.inertia import WAVES
-from porocore.cell.stability.line import EVENTS, Line, LineSettings
+from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
 from porocore.cell.stability.map import MapPlan, load, save, write_tables
 from porocore.errors import ConfigurationError, DataError
 from porocore.report.figures.stability import stability_figure
@@ -22,7 +22,7 @@ def made_up(value, onsets, *, n=5, last=Status.contact, eigenvalues=np.nan):
     status = np.array([Status.converged] * (n - 1) + [last])
     contact = np.where(share > 0.6, share - 0.6, 0.0)
     contact[-1] = contact[-1] if last.has_values else np.nan
-    return Line(
+    return StabilityLine(
         start=start,
         goal=goal,
         share=share,

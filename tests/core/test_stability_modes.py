@@ -54,8 +54,8 @@ def states():
     found = {}
     for name, (radius, H, p) in STATES.items():
         solid = solid_of(cell_of(radius).make_mesh("solid", "eighth"))
-        solid.begin()
-        outcome = follow(solid, solid.iterate(np.zeros((3, 3)), 0.0), np.diag(H), p, 1e-11)
+        solid.reset()
+        outcome = follow(solid, solid.iterate_at(np.zeros((3, 3)), 0.0), np.diag(H), p, 1e-11)
         assert outcome.status == Status.converged, name
         found[name] = solid, outcome.equilibrium
     return found
@@ -71,7 +71,7 @@ def unfolded(eighth, here, mesh):
     distance, node = cKDTree(eighth.mesh.points).query(there)
     assert distance.max() < 1e-8
     solid = solid_of(mesh)
-    same = solid.iterate(here.H, here.p, signs * here.displacement[node])
+    same = solid.iterate_at(here.H, here.p, signs * here.displacement[node])
     assert np.linalg.norm(same.residual) < 1e-8
     return solid, same
 
@@ -132,8 +132,8 @@ def test_the_classes_of_period_two_are_a_block_of_cells(states, name, counts, wa
 def test_the_response_counts_modes_that_no_load_excites(states):
     """Those of the slender cell are odd under one mirror only, where the loads are odd under none or two."""
     eighth, here = states["slender"]
-    counts = {odd: eighth.negative_pivots(here, odd) for odd in CLASSES}
-    assert {odd for odd, count in counts.items() if count} == {"x", "z"}
+    counts = {parity: eighth.negative_pivots(here, parity) for parity in CLASSES}
+    assert {parity for parity, count in counts.items() if count} == {"x", "z"}
     response = respond(eighth, here, tangent=True)
     assert response.status[0] == Status.unstable
     assert response.peaks.negative_pivots[0] == sum(counts.values()) == 2
@@ -147,7 +147,7 @@ def test_equal_axes_share_their_classes(states):
     for name, (eighth, here) in states.items():
         assert exchanged_axes(eighth.mesh, here.H, here.displacement) == expected[name]
         every = {
-            wave: sum(eighth.negative_pivots(here, odd) for odd in names)
+            wave: sum(eighth.negative_pivots(here, parity) for parity in names)
             for wave, names in bloch_classes().items()
         }
         assert negative_pivots(eighth, here) == every
@@ -160,25 +160,25 @@ def test_a_bent_state_shares_nothing(states):
     assert exchanged_axes(eighth.mesh, here.H, u) == ()
 
 
-@pytest.mark.parametrize("odd", ["", "x", "y", "xyz", "xy|x", "|yz", "x|"])
-def test_the_lowest_eigenvalue_against_a_dense_solution(states, odd):
+@pytest.mark.parametrize("parity", ["", "x", "y", "xyz", "xy|x", "|yz", "x|"])
+def test_the_lowest_eigenvalue_against_a_dense_solution(states, parity):
     for name in ("stable", "pressed", "slender"):
         eighth, here = states[name]
-        mode = lowest_of_class(eighth, here, odd)
-        K, mass = eighth.tangent(here, odd).toarray(), eighth.masses(odd)
+        mode = lowest_of_class(eighth, here, parity)
+        K, mass = eighth.tangent(here, parity).toarray(), eighth.masses(parity)
         M = np.diag(mass)
-        if odd in ("x", "y"):
+        if parity in ("x", "y"):
             # Each field stands for those that differ by a translation, and its mass is the least of theirs.
             along = np.zeros((len(eighth.mesh.points), 3))
-            along[:, "xyz".index(odd)] = lumped_mass(eighth.mesh)
-            a = eighth.reduced(along, odd)
+            along[:, "xyz".index(parity)] = lumped_mass(eighth.mesh)
+            a = eighth.reduced(along, parity)
             M -= np.outer(a, a) / lumped_mass(eighth.mesh).sum()
         inverse = np.linalg.eigvals(np.linalg.solve(K, M)).real
         expected = (1 / inverse[np.abs(inverse) > 1e-9]).min()
         assert mode.value == pytest.approx(expected, rel=1e-6)
-        if odd not in ("x", "y"):  # Sylvester's law with a shift on either side
-            assert eighth.negative_pivots(here, odd, mode.value - 1e-3) == 0
-            assert eighth.negative_pivots(here, odd, mode.value + 1e-3) >= 1
+        if parity not in ("x", "y"):  # Sylvester's law with a shift on either side
+            assert eighth.negative_pivots(here, parity, mode.value - 1e-3) == 0
+            assert eighth.negative_pivots(here, parity, mode.value + 1e-3) >= 1
 
 
 def test_every_class_that_can_move_as_a_whole_is_held_once():
@@ -234,7 +234,7 @@ def test_the_lowest_eigenvalue_hardly_depends_on_the_mesh():
     for name, settings in meshes.items():
         mesh = Cell(mesh=settings).make_mesh("solid", "eighth")
         solid = SkfemSolid(mesh, NeoHookean(), degree=mesh.quadrature_degree, solver="auto")
-        values[name] = lowest_of_class(solid, solid.iterate(np.zeros((3, 3)), 0.0), "|xy").value
+        values[name] = lowest_of_class(solid, solid.iterate_at(np.zeros((3, 3)), 0.0), "|xy").value
     exact = values["fine"]
     assert values["coarse"] == pytest.approx(exact, rel=0.01)
     assert exact < values["finer linear"] < values["linear"]

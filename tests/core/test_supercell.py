@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.model import contact_of
+from porocore.cell.contact.model import make_contact_model
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings
@@ -123,7 +123,7 @@ def test_contact_of_a_block_is_that_of_its_cells():
         x, y, z = np.pi * X.T
         return np.outer(-0.27 * np.sin(2 * y) * np.cos(x) ** 8 * np.cos(z) ** 8, [0.0, 1.0, 0.0])
 
-    states = [contact_of(m, settings).at(H, pushed(m.points)) for m in (whole, mesh)]
+    states = [make_contact_model(m, settings).at(H, pushed(m.points)) for m in (whole, mesh)]
     one, many = (state.forces for state in states)
     assert one.energy > 0
     assert many.energy == pytest.approx(4 * one.energy, rel=1e-9)
@@ -149,8 +149,8 @@ def test_behind_the_onset_a_supercell_follows_the_mode_of_period_two():
     symmetric = solver.solve(one, state, tangent=False, fields=True)
     assert symmetric.response.status[0] == Status.converged
     eighth = symmetric.fields[0]
-    one.eighth.begin()
-    mode = lowest_mode(one.eighth, one.eighth.iterate(eighth.grad_u, eighth.p, eighth.u), "110")
+    one.eighth.reset()
+    mode = lowest_mode(one.eighth, one.eighth.iterate_at(eighth.grad_u, eighth.p, eighth.u), "110")
     assert mode.value < 0
     assert mode.periods == (2, 2, 1)
 

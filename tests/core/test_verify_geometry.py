@@ -193,7 +193,7 @@ def test_only_the_papers_cell_is_the_benchmark():
     assert not _is_the_benchmark(config.model_copy(update={"cell": other}))
 
 
-def test_of_a_loose_cell_the_command_shows_what_there_is():
+def test_of_a_disconnected_cell_the_command_shows_what_there_is():
     pytest.importorskip("porocore_fem_skfem")
     config = load_config(EXAMPLE)
     cell = Cell(geometry=SPHERES, mesh=COARSE, viscosity=1.0)
@@ -202,6 +202,6 @@ def test_of_a_loose_cell_the_command_shows_what_there_is():
     assert found["porosity"] == SPHERES.porosity
     drag = 1 / (6 * np.pi * SPHERES.radius * found["conductivity"][0, 0])
     assert 7.442 < drag < 15.4  # Zick & Homsy's at concentrations of 0.216 and 0.343; this is 0.268
-    assert found["solid"].startswith("loose: its spheres do not touch")
+    assert found["solid"].startswith("disconnected: its spheres do not touch")
     with pytest.raises(ConfigurationError, match="does not hang together"):
         solve_cell(config, np.zeros((3, 3)), 0.1)

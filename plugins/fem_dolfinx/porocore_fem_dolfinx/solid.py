@@ -11,15 +11,15 @@ import numpy as np
 from petsc4py import PETSc
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.model import contact_of
+from porocore.cell.contact.model import make_contact_model
 from porocore.cell.equilibrium.discrete import (
     DiscreteSolid,
-    Factor,
+    DomainIntegrals,
     FactorError,
+    FactorisedTangent,
     Iterate,
+    LoadStepFailed,
     Sensitivities,
-    StepFailed,
-    Sums,
 )
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import CellMesh
@@ -74,18 +74,18 @@ class DolfinxIterate(Iterate):
         return self.problem.to_nodes(self.u)
 
 
-class DolfinxTangentFactor(Factor):
+class DolfinxTangentFactor(FactorisedTangent):
     """What a solid's solver of one class holds until another matrix needs it."""
 
-    def __init__(self, problem: DolfinxSolid, here: DolfinxIterate, odd: str, shift: float) -> None:
-        self.problem, self.here, self.odd, self.shift = problem, here, odd, shift
+    def __init__(self, problem: DolfinxSolid, iterate: DolfinxIterate, parity: str, shift: float) -> None:
+        self.problem, self.iterate, self.parity, self.shift = problem, iterate, parity, shift
         self.token = object()
         self.negative = problem.make(self)
 
     def solve(self, rhs: Any) -> Any:
         if rhs.ndim == 1:
-            return self.problem.divided(self, rhs)
-        return np.stack([self.problem.divided(self, column) for column in rhs.T], axis=1)
+            return self.problem.apply_factor(self, rhs)
+        return np.stack([self.problem.apply_factor(self, column) for column in rhs.T], axis=1)
 
 
 class DolfinxSolid(DiscreteSolid):
@@ -107,7 +107,7 @@ class DolfinxSolid(DiscreteSolid):
             else PointwiseForms(self.domain, space, self.material)
         )
         self._least_stress = 1e-3 * self.material.mean_moduli()[1]
-        self.contact = contact_of(mesh, cell.contact, self.material)
+        self.contact = make_contact_model(mesh, cell.contact, self.material)
         self._free: dict[str, Condensation] = {}
         self._solvers: dict[str, SymmetricSolver] = {}
         #: Token of the factor that the solver of a class holds.
@@ -120,9 +120,9 @@ class DolfinxSolid(DiscreteSolid):
 
     # ---- what a state is ------------------------------------------------------------------------
 
-    def loaded(self, here: DolfinxIterate) -> SolidForms:
+    def loaded(self, iterate: DolfinxIterate) -> SolidForms:
         """The forms, of a state."""
-        self._forms.load(here)
+        self._forms.load(iterate)
         return self._forms
 
     def to_nodes(self, u: Any) -> Any:
@@ -137,25 +137,25 @@ class DolfinxSolid(DiscreteSolid):
         """∫ over the domain of values (cells, q, ...)."""
         return np.tensordot(self.domain.weights, values, axes=2)
 
-    def free(self, odd: str) -> Condensation:
+    def free(self, parity: str) -> Condensation:
         """The free unknowns of a class of perturbations."""
-        if odd not in self._free:
+        if parity not in self._free:
             images = 3 * self.mesh.periodic_class[self._node][:, None] + np.arange(3)
-            held = held_displacements(self.mesh, odd)[self._node]
-            self._free[odd] = Condensation(images.ravel(), held.ravel())
-        return self._free[odd]
+            held = held_displacements(self.mesh, parity)[self._node]
+            self._free[parity] = Condensation(images.ravel(), held.ravel())
+        return self._free[parity]
 
     # ---- the discrete solid ---------------------------------------------------------------------
 
-    def iterate(self, H: Any, p: float, displacement: Any = None) -> DolfinxIterate:
+    def iterate_at(self, H: Any, p: float, displacement: Any = None) -> DolfinxIterate:
         u = np.zeros((len(self.mesh.points), 3)) if displacement is None else displacement
         return DolfinxIterate(self, H, p, self.to_dofs(u))
 
-    def moved(self, here: Any, change: Any, H: Any, p: float) -> DolfinxIterate:
-        return DolfinxIterate(self, H, p, here.u + self.free("").expand(change))
+    def moved(self, iterate: Any, change: Any, H: Any, p: float) -> DolfinxIterate:
+        return DolfinxIterate(self, H, p, iterate.u + self.free("").expand(change))
 
-    def force_scale(self, here: Any) -> float:
-        size = np.linalg.norm(here.values[:, :, 9:18], axis=2)
+    def force_scale(self, iterate: Any) -> float:
+        size = np.linalg.norm(iterate.values[:, :, 9:18], axis=2)
         size = np.maximum(size, self._least_stress) * self.domain.weights
         # ∇N is about the inverse of the length of an element.
         length = np.cbrt(6 * self.domain.weights.sum(axis=1))
@@ -164,16 +164,16 @@ class DolfinxSolid(DiscreteSolid):
         nodal = np.bincount(dofs.ravel(), forces, minlength=3 * len(self._node))
         return float(np.linalg.norm(self.free("").restrict(nodal)))
 
-    def load_change(self, here: Any, dH: Any, dp: float) -> Any:
-        return self.free("").reduce(self._load_vector(here, "", dH, dp))
+    def load_change(self, iterate: Any, dH: Any, dp: float) -> Any:
+        return self.free("").reduce(self._load_vector(iterate, "", dH, dp))
 
-    def _load_vector(self, here: DolfinxIterate, odd: str, dH: Any, dp: float) -> Any:
-        forces = self.loaded(here).load_change(dH, dp)
-        if here.touching is not None:
-            forces += self.to_dofs(here.touching.blocks(odd).load_change(len(self.mesh.points), dH))
+    def _load_vector(self, iterate: DolfinxIterate, parity: str, dH: Any, dp: float) -> Any:
+        forces = self.loaded(iterate).load_change(dH, dp)
+        if iterate.touching is not None:
+            forces += self.to_dofs(iterate.touching.blocks(parity).load_change(len(self.mesh.points), dH))
         return forces
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         for comm in (PETSc.COMM_SELF, self.domain.domain.comm):
             compat.collect_garbage(comm)
         self._kept, self._shift = None, 0.0
@@ -183,70 +183,75 @@ class DolfinxSolid(DiscreteSolid):
         if self._kept is None:
             if self._base is None:
                 self._base = SymmetricSolver(self._solver, self._petsc, self.free("").size)
-                self._base.use(self._matrix(self.iterate(np.zeros((3, 3)), 0.0), ""))
+                self._base.use(self._matrix(self.iterate_at(np.zeros((3, 3)), 0.0), ""))
             self._kept = self._base
         return self._kept
 
-    def solve(self, here: Any, rhs: Any, accuracy: float) -> Any:
+    def solve(self, iterate: Any, rhs: Any, accuracy: float) -> Any:
         try:
             kept = self._kept_factor()
             if kept.is_factor:
-                x = kept.iterate(self._matrix(here, ""), rhs, accuracy, PATIENCE)
+                x = kept.iterate(self._matrix(iterate, ""), rhs, accuracy, PATIENCE)
                 if x is not None:
                     return x
-            if self._factor(here, "", accuracy) <= 0:
+            if self._factor(iterate, "", accuracy) <= 0:
                 try:
                     return self._solvers[""].solve(rhs)
                 except FactorError:
                     if self._solvers[""].negative <= 0:
                         raise
-            return self._shifted(here, rhs)
+            return self._shifted(iterate, rhs)
         except FactorError as error:
-            raise StepFailed(Status.not_converged) from error
+            raise LoadStepFailed(Status.not_converged) from error
 
-    def _matrix(self, here: DolfinxIterate, odd: str) -> Any:
+    def _matrix(self, iterate: DolfinxIterate, parity: str) -> Any:
         """The tangent for the free unknowns of a class; the next call for this class changes it."""
-        self._in_use.pop(odd, None)
-        if self._full_of() is not here:
-            full = self.loaded(here).tangent(self._full)
+        self._in_use.pop(parity, None)
+        if self._full_of() is not iterate:
+            full = self.loaded(iterate).tangent(self._full)
             if self._full is None:
                 self._full = compat.freed_with(self, full)
             # A state knows its problem: held in turn, both would stay until Python looks for circles.
-            self._full_of = weakref.ref(here)
-        if here.touching is None:
-            return self.free(odd).matrix(self._full)
-        rows, columns, values = here.touching.blocks(odd).entries
+            self._full_of = weakref.ref(iterate)
+        if iterate.touching is None:
+            return self.free(parity).matrix(self._full)
+        rows, columns, values = iterate.touching.blocks(parity).entries
         rows, columns = (3 * self._dof[i // 3] + i % 3 for i in (rows, columns))
-        return self.free(odd).matrix(self._full, (rows, columns, values))
+        return self.free(parity).matrix(self._full, (rows, columns, values))
 
     def _factor(
-        self, here: DolfinxIterate, odd: str, accuracy: float = 1e-12, shift: float = 0.0, below: float = 0.0
+        self,
+        iterate: DolfinxIterate,
+        parity: str,
+        accuracy: float = 1e-12,
+        shift: float = 0.0,
+        below: float = 0.0,
     ) -> int:
         """Make the tangent of a class, with ``shift`` added to its diagonal, the solver's; its negative pivots.
 
         With ``below`` that of K − below·M instead.
         """
-        matrix = self._matrix(here, odd)
+        matrix = self._matrix(iterate, parity)
         if below:
-            masses = PETSc.Vec().createWithArray(-below * self.masses(odd), comm=PETSc.COMM_SELF)
+            masses = PETSc.Vec().createWithArray(-below * self.masses(parity), comm=PETSc.COMM_SELF)
             matrix.setDiagonal(masses, addv=True)
         if shift:
             matrix.shift(shift * float(np.abs(matrix.getDiagonal().array).mean()))
-        if odd not in self._solvers:
-            self._solvers[odd] = SymmetricSolver(self._solver, self._petsc, self.free(odd).size)
-        solver = self._solvers[odd]
-        if not odd:
+        if parity not in self._solvers:
+            self._solvers[parity] = SymmetricSolver(self._solver, self._petsc, self.free(parity).size)
+        solver = self._solvers[parity]
+        if not parity:
             self._kept = None  # should the factorisation break down, what is left of it must not be used
         solver.use(matrix, accuracy)
-        if not odd:
+        if not parity:
             self._kept = solver
         return solver.negative
 
-    def _shifted(self, here: DolfinxIterate, rhs: Any) -> Any:
+    def _shifted(self, iterate: DolfinxIterate, rhs: Any) -> Any:
         # Neighbouring iterates need about the same shift, and less of it brings them on faster.
         shift = max(self._shift / 4, SMALLEST_SHIFT)
         while shift < LARGEST_SHIFT:
-            if self._factor(here, "", shift=shift) <= 0:
+            if self._factor(iterate, "", shift=shift) <= 0:
                 try:
                     x = self._solvers[""].solve(rhs)
                 except FactorError:
@@ -255,62 +260,62 @@ class DolfinxSolid(DiscreteSolid):
                     self._shift = shift
                     return x
             shift *= 4
-        raise StepFailed(Status.not_converged)
+        raise LoadStepFailed(Status.not_converged)
 
-    def factor(self, here: Any, odd: str, shift: float = 0.0) -> DolfinxTangentFactor:
-        return DolfinxTangentFactor(self, here, odd, shift)
+    def factor(self, iterate: Any, parity: str, shift: float = 0.0) -> DolfinxTangentFactor:
+        return DolfinxTangentFactor(self, iterate, parity, shift)
 
-    def divided(self, factor: DolfinxTangentFactor, rhs: Any) -> Any:
+    def apply_factor(self, factor: DolfinxTangentFactor, rhs: Any) -> Any:
         """x with (K − shift·M) x = rhs, (n,); factorised again where the solver of the class serves another matrix."""
-        if self._in_use.get(factor.odd) is not factor.token:
+        if self._in_use.get(factor.parity) is not factor.token:
             self.make(factor)
-        return self._solvers[factor.odd].solve(rhs)
+        return self._solvers[factor.parity].solve(rhs)
 
     def make(self, factor: DolfinxTangentFactor) -> int:
         """Let the solver of its class hold the factor; its negative pivots."""
-        negative = self._factor(factor.here, factor.odd, below=factor.shift)
-        self._in_use[factor.odd] = factor.token
+        negative = self._factor(factor.iterate, factor.parity, below=factor.shift)
+        self._in_use[factor.parity] = factor.token
         return negative
 
-    def forget(self, odd: str) -> None:
+    def release(self, parity: str) -> None:
         for kept in (self._free, self._solvers, self._in_use):
-            kept.pop(odd, None)
+            kept.pop(parity, None)
 
-    def tangent(self, here: Any, odd: str) -> Any:
-        return to_scipy(self._matrix(here, odd))
+    def tangent(self, iterate: Any, parity: str) -> Any:
+        return to_scipy(self._matrix(iterate, parity))
 
-    def reduced(self, values: Any, odd: str) -> Any:
-        return self.free(odd).reduce(self.to_dofs(values))
+    def reduced(self, values: Any, parity: str) -> Any:
+        return self.free(parity).reduce(self.to_dofs(values))
 
-    def expanded(self, x: Any, odd: str) -> Any:
-        return self.to_nodes(self.free(odd).expand(x))
+    def expanded(self, x: Any, parity: str) -> Any:
+        return self.to_nodes(self.free(parity).expand(x))
 
-    def sums(self, here: Any) -> Sums:
-        total = self.integral(here.values)
-        return Sums(
+    def sums(self, iterate: Any) -> DomainIntegrals:
+        total = self.integral(iterate.values)
+        return DomainIntegrals(
             grad=total[:9].reshape(3, 3),
             stress=total[9:18].reshape(3, 3),
             volume=float(total[19]),
             energy=float(total[18]),
-            largest_grad=np.abs(here.values[:, :, :9]).max(axis=(0, 1)).reshape(3, 3),
-            largest_energy=float(here.values[:, :, 18].max()),
+            largest_grad=np.abs(iterate.values[:, :, :9]).max(axis=(0, 1)).reshape(3, 3),
+            largest_energy=float(iterate.values[:, :, 18].max()),
         )
 
     def sensitivities(self, factor: Any, columns: Sequence[int]) -> Sensitivities:
-        here, odd = factor.here, factor.odd
-        condensation = self.free(odd)
+        iterate, parity = factor.iterate, factor.parity
+        condensation = self.free(parity)
         R, explicit = [], []
         for column in columns:
             load = UNIT_LOADS[column], float(column == 9)
-            R.append(condensation.reduce(self._load_vector(here, odd, *load)))
-            explicit.append(self.integral(self.loaded(here).stress_change(*load)))
+            R.append(condensation.reduce(self._load_vector(iterate, parity, *load)))
+            explicit.append(self.integral(self.loaded(iterate).stress_change(*load)))
         U, indefinite = [], False
         for r in R:
             try:
                 U.append(-factor.solve(r))
             except FactorError:
                 U.append(np.full(condensation.size, np.nan))
-                indefinite = indefinite or self._solvers[odd].negative > 0
+                indefinite = indefinite or self._solvers[parity].negative > 0
         grad = np.array([[g @ condensation.expand(u) for g in self._forms.means] for u in U])
         # ∂²Π/∂θ∂θ' at fixed u¹; Π is linear in p.
         direct = [

@@ -34,15 +34,15 @@ class SolidForms(ABC):
         self._here: Callable[[], Any] = lambda: None
         self._mean = compat.form(ufl.inner(self.dH, self.grad_v) * domain.dx)
 
-    def load(self, here: Any) -> None:
+    def load(self, iterate: Any) -> None:
         """Put a state (its u, H and p) into what the forms refer to."""
-        if self.here is not here:
-            self.function.x.array[:] = here.u
-            self._here = weakref.ref(here)  # a state knows these forms
+        if self.iterate is not iterate:
+            self.function.x.array[:] = iterate.u
+            self._here = weakref.ref(iterate)  # a state knows these forms
             self.changed()
 
     @property
-    def here(self) -> Any:
+    def iterate(self) -> Any:
         """Iterate that was put in, None where it is gone."""
         return self._here()
 

@@ -93,8 +93,10 @@ class PointwiseForms(SolidForms):
         if self._response is None:
             grad = self.domain.evaluate(self._grad)
             grad = grad.reshape(*grad.shape[:2], 3, 3)
-            here = self.here
-            self._response = PointwiseResponse(self._material, grad, here.H, here.p, self.domain.elements)
+            iterate = self.iterate
+            self._response = PointwiseResponse(
+                self._material, grad, iterate.H, iterate.p, self.domain.elements
+            )
         return self._response
 
     def values(self) -> Any:

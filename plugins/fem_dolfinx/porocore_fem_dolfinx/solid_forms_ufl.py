@@ -49,8 +49,8 @@ class UflForms(SolidForms):
 
     def changed(self) -> None:
         """See :class:`SolidForms`."""
-        self._H.value[...] = self.here.H
-        self._p.value = self.here.p
+        self._H.value[...] = self.iterate.H
+        self._p.value = self.iterate.p
 
     def values(self) -> Any:
         """See :class:`SolidForms`."""

@@ -51,10 +51,10 @@ def test_an_indefinite_tangent_is_reported(solver):
     """Under p = −3 the undeformed solid's tangent has λ + pJ < 0, whatever the state is that holds it there."""
     cell = Cell(mesh=COARSE)
     problem = DolfinxCellSolver(solver=solver).solid(cell, cell.make_mesh("solid", "eighth"))
-    problem.begin()
-    still = problem.iterate(np.zeros((3, 3)), 0.0)
+    problem.reset()
+    still = problem.iterate_at(np.zeros((3, 3)), 0.0)
     assert respond(problem, still, tangent=False).status[0] == Status.converged
-    held = problem.iterate(still.H, -3.0)
+    held = problem.iterate_at(still.H, -3.0)
     response = respond(problem, held, tangent=False)
     assert response.status[0] == Status.unstable
     assert response.peaks.negative_pivots[0] > 0

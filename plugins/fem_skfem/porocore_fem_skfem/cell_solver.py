@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.model import contact_of
+from porocore.cell.contact.model import make_contact_model
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import LARGEST_DEGREE
@@ -42,7 +42,7 @@ class SkfemCellSolver(EquilibriumCellSolver):
     def solid(self, cell: Cell, mesh: CellMesh) -> SkfemSolid:
         degree = self.quadrature_degree or mesh.quadrature_degree
         material = cell.solid.on(mesh)
-        contact = contact_of(mesh, cell.contact, material)
+        contact = make_contact_model(mesh, cell.contact, material)
         return SkfemSolid(mesh, material, degree=degree, solver=self.solver, contact=contact)
 
     def fluid(self, mesh: CellMesh) -> SkfemStokes:

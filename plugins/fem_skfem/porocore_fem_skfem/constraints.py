@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.equilibrium.discrete import Factor, Iterate
+from porocore.cell.equilibrium.discrete import FactorisedTangent, Iterate
 from porocore_fem_skfem.factor import SymmetricFactor
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor
 from porocore_fem_skfem.operators import Pattern
@@ -43,7 +43,7 @@ class Constraints:
         """Entries of the constrained matrix from those of the whole one."""
         return data[self._kept]
 
-    def begin(self, undeformed: Callable[[], Any]) -> None:
+    def reset(self, undeformed: Callable[[], Any]) -> None:
         """Use the undeformed cell's factor, made of ``undeformed()`` when it is first needed."""
         if self._base is None:
             self._base = self._make()
@@ -75,11 +75,13 @@ class Constraints:
         return self.active.solve(rhs)
 
 
-class SkfemTangentFactor(Factor):
+class SkfemTangentFactor(FactorisedTangent):
     """A class's factor of ``entries`` (nnz), made anew where the class has used its place for others since."""
 
-    def __init__(self, here: Iterate, odd: str, shift: float, constraints: Constraints, entries: Any) -> None:
-        self.here, self.odd, self.shift = here, odd, shift
+    def __init__(
+        self, iterate: Iterate, parity: str, shift: float, constraints: Constraints, entries: Any
+    ) -> None:
+        self.iterate, self.parity, self.shift = iterate, parity, shift
         self.constraints, self.entries = constraints, entries
         self.negative = constraints.renew(entries)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.contact.model import ContactModel
-from porocore.cell.equilibrium.discrete import DiscreteSolid, Iterate, Sensitivities, Sums
+from porocore.cell.equilibrium.discrete import DiscreteSolid, DomainIntegrals, Iterate, Sensitivities
 from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import CellMesh
@@ -114,89 +114,89 @@ class SkfemSolid(DiscreteSolid):
 
     # ---- constraints ----------------------------------------------------------------------------
 
-    def constraints(self, odd: str = "") -> Constraints:
+    def constraints(self, parity: str = "") -> Constraints:
         """Free unknowns for fields that are odd under the mirrors of the named axes (eighth only)."""
-        if odd not in self._constraints:
+        if parity not in self._constraints:
             fixed = np.zeros((3, self.n_nodes), dtype=bool)
-            fixed[:, self.nodes] = held_displacements(self.mesh, odd).T
-            self._constraints[odd] = Constraints(
+            fixed[:, self.nodes] = held_displacements(self.mesh, parity).T
+            self._constraints[parity] = Constraints(
                 self.scatter.pattern, np.flatnonzero(~fixed.ravel()), self.solver
             )
-        return self._constraints[odd]
+        return self._constraints[parity]
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         """Forget the factors of the last solve, and what touched in it."""
         self._places, self._wider = self.scatter.pattern, {}
-        self.constraints().begin(self._undeformed_tangent)
+        self.constraints().reset(self._undeformed_tangent)
 
     def _undeformed_tangent(self) -> Any:
-        return self.iterate(np.zeros((3, 3)), 0.0).tangent
+        return self.iterate_at(np.zeros((3, 3)), 0.0).tangent
 
     # ---- the discrete solid ---------------------------------------------------------------------
 
-    def iterate(self, H: Any, p: float, displacement: Any = None) -> SkfemIterate:
+    def iterate_at(self, H: Any, p: float, displacement: Any = None) -> SkfemIterate:
         u = np.zeros((3, self.n_nodes))
         if displacement is not None:
             u[:, self.nodes] = displacement.T
         return SkfemIterate(self, H, p, u)
 
-    def moved(self, here: Any, change: Any, H: Any, p: float) -> SkfemIterate:
-        return SkfemIterate(self, H, p, here.u + self.field(change))
+    def moved(self, iterate: Any, change: Any, H: Any, p: float) -> SkfemIterate:
+        return SkfemIterate(self, H, p, iterate.u + self.field(change))
 
-    def force_scale(self, here: Any) -> float:
-        size = np.sqrt((here.stress * here.stress).sum(axis=(0, 1)))
+    def force_scale(self, iterate: Any) -> float:
+        size = np.sqrt((iterate.stress * iterate.stress).sum(axis=(0, 1)))
         size = np.maximum(size, self._least_stress) * self.w
         nodal = abs(self.B_T) @ np.tile(size, 3)
         return float(np.linalg.norm((np.tile(nodal, 3) / 3)[self.constraints().free]))
 
-    def load_change(self, here: Any, dH: Any, dp: float) -> Any:
-        change = self.response.tangent_apply(here, dH[:, :, None]) + dp * here.cof
+    def load_change(self, iterate: Any, dH: Any, dp: float) -> Any:
+        change = self.response.tangent_apply(iterate, dH[:, :, None]) + dp * iterate.cof
         forces = self.assemble(change)
-        if here.touching is not None:
-            forces += self.merged(here.touching.blocks("").load_change(len(self.mesh.points), dH))
+        if iterate.touching is not None:
+            forces += self.merged(iterate.touching.blocks("").load_change(len(self.mesh.points), dH))
         return forces.ravel()[self.constraints().free]
 
-    def solve(self, here: Any, rhs: Any, accuracy: float) -> Any:
-        return solves.direction(*self.system(here, ""), rhs, accuracy)
+    def solve(self, iterate: Any, rhs: Any, accuracy: float) -> Any:
+        return solves.direction(*self.system(iterate, ""), rhs, accuracy)
 
-    def factor(self, here: Any, odd: str, shift: float = 0.0) -> SkfemTangentFactor:
-        constraints, entries = self.system(here, odd)
+    def factor(self, iterate: Any, parity: str, shift: float = 0.0) -> SkfemTangentFactor:
+        constraints, entries = self.system(iterate, parity)
         if shift:
-            entries[constraints.pattern.diagonal] -= shift * self.masses(odd)
-        return SkfemTangentFactor(here, odd, shift, constraints, entries)
+            entries[constraints.pattern.diagonal] -= shift * self.masses(parity)
+        return SkfemTangentFactor(iterate, parity, shift, constraints, entries)
 
-    def forget(self, odd: str) -> None:
-        self._constraints.pop(odd, None)
-        self._wider.pop(odd, None)
+    def release(self, parity: str) -> None:
+        self._constraints.pop(parity, None)
+        self._wider.pop(parity, None)
 
-    def tangent(self, here: Any, odd: str) -> Any:
-        constraints, entries = self.system(here, odd)
+    def tangent(self, iterate: Any, parity: str) -> Any:
+        constraints, entries = self.system(iterate, parity)
         return constraints.pattern.full(entries)
 
-    def reduced(self, values: Any, odd: str) -> Any:
-        return self.merged(values).ravel()[self.constraints(odd).free]
+    def reduced(self, values: Any, parity: str) -> Any:
+        return self.merged(values).ravel()[self.constraints(parity).free]
 
-    def expanded(self, x: Any, odd: str) -> Any:
-        return self.field(x, odd)[:, self.nodes].T
+    def expanded(self, x: Any, parity: str) -> Any:
+        return self.field(x, parity)[:, self.nodes].T
 
-    def sums(self, here: Any) -> Sums:
-        grad = here.F - (np.eye(3) + here.H)[:, :, None]
-        energy = self.response.energy_density(here)
-        return Sums(
+    def sums(self, iterate: Any) -> DomainIntegrals:
+        grad = iterate.F - (np.eye(3) + iterate.H)[:, :, None]
+        energy = self.response.energy_density(iterate)
+        return DomainIntegrals(
             grad=grad @ self.w,
-            stress=here.stress @ self.w,
-            volume=float(self.w @ here.J),
+            stress=iterate.stress @ self.w,
+            volume=float(self.w @ iterate.J),
             energy=float(self.w @ energy),
             largest_grad=np.abs(grad).max(axis=2),
             largest_energy=float(energy.max()),
         )
 
     def sensitivities(self, factor: Any, columns: Sequence[int]) -> Sensitivities:
-        here, odd, constraints = factor.here, factor.odd, factor.constraints
-        loads = [self._unit_load(here, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
+        iterate, parity, constraints = factor.iterate, factor.parity, factor.constraints
+        loads = [self._unit_load(iterate, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
         forces = [self.assemble(load) for load in loads]
-        if here.touching is not None:
-            blocks = here.touching.blocks(odd)
+        if iterate.touching is not None:
+            blocks = iterate.touching.blocks(parity)
             for force, column in zip(forces, columns, strict=True):
                 force += self.merged(blocks.load_change(len(self.mesh.points), UNIT_LOADS[column]))
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
@@ -212,45 +212,45 @@ class SkfemSolid(DiscreteSolid):
                 for a, i in enumerate(columns)
             ]
         )
-        grad = np.stack([self.gradient(self.field(u, odd)) @ self.w for u in U.T])
+        grad = np.stack([self.gradient(self.field(u, parity)) @ self.w for u in U.T])
         return Sensitivities(grad, direct + curvature, indefinite)
 
-    def _unit_load(self, here: SkfemIterate, column: int) -> Any:
+    def _unit_load(self, iterate: SkfemIterate, column: int) -> Any:
         if column == 9:
-            return here.cof
+            return iterate.cof
         dF = np.zeros((3, 3, 1))
         dF[column // 3, column % 3] = 1.0
-        return self.response.tangent_apply(here, dF)
+        return self.response.tangent_apply(iterate, dF)
 
     def merged(self, values: Any) -> Any:
         """(3, nodes) with periodic nodes added up, of (nodes of the mesh, 3)."""
         return np.stack([np.bincount(self.nodes, column, self.n_nodes) for column in values.T])
 
-    def system(self, here: SkfemIterate, odd: str) -> tuple[Constraints, Any]:
+    def system(self, iterate: SkfemIterate, parity: str) -> tuple[Constraints, Any]:
         """∂²Π/∂u² for the perturbations of a class: what serves its pattern, and its entries.
 
         Walls that touch couple unknowns that share no element, so contact may widen the pattern.
         """
-        constraints = self.constraints(odd)
-        if here.touching is None:
-            return constraints, constraints.restrict(here.tangent)
-        rows, columns, values = here.touching.blocks(odd).entries
+        constraints = self.constraints(parity)
+        if iterate.touching is None:
+            return constraints, constraints.restrict(iterate.tangent)
+        rows, columns, values = iterate.touching.blocks(parity).entries
         rows, columns = (i % 3 * self.n_nodes + self.nodes[i // 3] for i in (rows, columns))
         keys, upper = self._places.upper(rows, columns)
         lacking = self._places.lacks(keys)
         if len(lacking):
             self._places, self._wider = self._places.widened(lacking), {}
         if self._places is not self.scatter.pattern:
-            if odd not in self._wider:
-                self._wider[odd] = constraints.widened(self._places)
-            constraints = self._wider[odd]
-        entries = self._places.spread(here.tangent, self.scatter.pattern)
+            if parity not in self._wider:
+                self._wider[parity] = constraints.widened(self._places)
+            constraints = self._wider[parity]
+        entries = self._places.spread(iterate.tangent, self.scatter.pattern)
         return constraints, constraints.restrict(entries + self._places.sum(keys, values[upper]))
 
-    def field(self, values: Any, odd: str = "") -> Any:
+    def field(self, values: Any, parity: str = "") -> Any:
         """(3, nodes) of the free unknowns of a class."""
         field = np.zeros(3 * self.n_nodes)
-        field[self.constraints(odd).free] = values
+        field[self.constraints(parity).free] = values
         return field.reshape(3, -1)
 
     # ---- physics --------------------------------------------------------------------------------

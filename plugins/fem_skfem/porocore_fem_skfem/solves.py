@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.equilibrium.discrete import FactorError, StepFailed
+from porocore.cell.equilibrium.discrete import FactorError, LoadStepFailed
 from porocore.states import Status
 from porocore_fem_skfem.constraints import Constraints, SkfemTangentFactor
 from porocore_fem_skfem.linalg import conjugate_gradients, refine
@@ -23,7 +23,7 @@ def direction(constraints: Constraints, entries: Any, rhs: Any, accuracy: float)
 
     Raises
     ------
-    StepFailed
+    LoadStepFailed
         No shift makes K definite, or the factorisation broke down.
     """
     matrix = constraints.pattern.full(entries)
@@ -35,7 +35,7 @@ def direction(constraints: Constraints, entries: Any, rhs: Any, accuracy: float)
             solved = conjugate_gradients(matrix, rhs, constraints.precondition, tolerance=accuracy)
         return solved.x if solved.converged else _shifted(constraints, entries, rhs)
     except FactorError as error:
-        raise StepFailed(Status.not_converged) from error
+        raise LoadStepFailed(Status.not_converged) from error
 
 
 def _shifted(constraints: Constraints, entries: Any, rhs: Any) -> Any:
@@ -52,7 +52,7 @@ def _shifted(constraints: Constraints, entries: Any, rhs: Any) -> Any:
                 constraints.shift = shift
                 return x
         shift *= 4
-    raise StepFailed(Status.not_converged)
+    raise LoadStepFailed(Status.not_converged)
 
 
 def sensitivities(factor: SkfemTangentFactor, R: Any) -> tuple[Any, Any, bool]:

@@ -35,7 +35,7 @@ def test_pressure_on_the_wall_and_in_the_volume_give_the_same_residual(domain):
     u = np.zeros(3 * problem.n_nodes)
     u[free] = rng.normal(size=len(free)) * 2e-3
     u = u.reshape(3, -1)
-    at = problem.iterate(H, 1.0, u[:, problem.nodes].T)
+    at = problem.iterate_at(H, 1.0, u[:, problem.nodes].T)
     volume = problem.assemble(at.cof).ravel()[free]
 
     x = (mesh.points @ (np.eye(3) + H).T) + u[:, problem.nodes].T
@@ -211,10 +211,10 @@ def test_an_indefinite_tangent_is_reported():
     problem = SkfemSolid(
         Cell(mesh=COARSE).make_mesh("solid", "eighth"), NeoHookean(), degree=2, solver="auto"
     )
-    still = problem.iterate(np.zeros((3, 3)), 0.0)
-    problem.begin()
+    still = problem.iterate_at(np.zeros((3, 3)), 0.0)
+    problem.reset()
     assert respond(problem, still, tangent=False).status[0] == Status.converged
-    held = problem.iterate(still.H, -3.0)
+    held = problem.iterate_at(still.H, -3.0)
     response = respond(problem, held, tangent=False)
     assert response.status[0] == Status.unstable
     assert response.peaks.negative_pivots[0] > 0

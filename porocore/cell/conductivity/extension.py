@@ -20,7 +20,7 @@ from porocore.cell.meshing.tetrahedra import EDGES
 from porocore.states import Array, IntArray
 
 
-class Extension:
+class HarmonicExtension:
     """Continues u¹ from the solid to the fluid's nodes; set up once, applied by back substitution.
 
     Parameters

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from porocore.cell.conductivity.extension import Extension
+from porocore.cell.conductivity.extension import HarmonicExtension
 from porocore.cell.conductivity.fluid import DiscreteFluid
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import tetrahedron_rule
@@ -29,7 +29,7 @@ class Pore:
 
     def __init__(self, fluid: DiscreteFluid) -> None:
         self.fluid = fluid
-        self._extensions: dict[str, Extension] = {}
+        self._extensions: dict[str, HarmonicExtension] = {}
 
     @cached_property
     def undeformed(self) -> Array:
@@ -63,7 +63,7 @@ class Pore:
             J at the points of the flow's quadrature; K has values where it is positive.
         """
         if solid.hash not in self._extensions:
-            self._extensions = {solid.hash: Extension(solid, self.fluid.mesh)}
+            self._extensions = {solid.hash: HarmonicExtension(solid, self.fluid.mesh)}
         mesh, F0 = self.fluid.mesh, np.eye(3) + H
         moved = mesh.points @ F0.T + self._extensions[solid.hash](u)
         smallest = float((self._volume_elements(moved) / self._undeformed).min())

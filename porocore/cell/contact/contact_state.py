@@ -22,5 +22,5 @@ class ContactState(Protocol):
     def forces(self) -> Forces:
         """Energy and first derivatives."""
 
-    def blocks(self, odd: str) -> Blocks:
+    def blocks(self, parity: str) -> Blocks:
         """Second derivatives for perturbations that are odd under the mirrors of the named axes."""

@@ -101,7 +101,7 @@ def joined(parts: list[Blocks]) -> Blocks:
 
 
 def scatter(n: int, nodes: IntArray, values: Array) -> Array:
-    """Sums (m, k, 3) at the nodes (m, k) into (n, 3); node −1 is left out."""
+    """DomainIntegrals (m, k, 3) at the nodes (m, k) into (n, 3); node −1 is left out."""
     own = nodes >= 0
     out = np.zeros((n, 3))
     np.add.at(out, nodes[own], values[own])

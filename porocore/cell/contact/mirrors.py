@@ -18,7 +18,7 @@ from porocore.cell.contact.contact_state import ContactState
 from porocore.cell.contact.forces import Blocks, Forces, joined
 from porocore.cell.contact.pairs import REACH, Image, find_pairs
 from porocore.cell.contact.penetration import PenetratingPoints, motion_of
-from porocore.cell.contact.pore_surface import Wall, wall_of
+from porocore.cell.contact.pore_surface import PoreSurface, pore_surface
 from porocore.cell.contact.triangles import height
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import odd_axes
@@ -42,7 +42,7 @@ class MirrorContact:
 
     def __init__(self, mesh: CellMesh, stiffness: float, deepest: float) -> None:
         self.mesh, self.stiffness, self.deepest = mesh, stiffness, deepest
-        self.wall: Wall = wall_of(mesh)
+        self.wall: PoreSurface = pore_surface(mesh)
 
     def at(self, H: Array, u: Array, like: ContactState | None = None) -> MirrorState:
         """At u (nodes, 3) under a diagonal H; planes and points are always the same pairs."""
@@ -102,12 +102,12 @@ class MirrorState:
         share = float(wall.weights[touching].sum()) / wall.area
         return Forces(energy, np.concatenate(nodes), np.concatenate(places), np.concatenate(gradient), share)
 
-    def blocks(self, odd: str) -> Blocks:
+    def blocks(self, parity: str) -> Blocks:
         """Second derivatives for the perturbations of a class."""
         points = self.contact.mesh.points
         parts = []
         for axis, sign, facets, g in self._sides:
-            if "xyz"[axis] in odd_axes(odd, 0 if sign > 0 else 1):
+            if "xyz"[axis] in odd_axes(parity, 0 if sign > 0 else 1):
                 if len(facets):
                     if (axis, sign) not in self._reflected:
                         self._reflected[axis, sign] = self._odd(axis, sign)

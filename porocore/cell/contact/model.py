@@ -8,7 +8,7 @@ import numpy as np
 
 from porocore.cell.contact.contact_state import ContactState
 from porocore.cell.contact.mirrors import MirrorContact
-from porocore.cell.contact.pore_surface import wall_of
+from porocore.cell.contact.pore_surface import pore_surface
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.contact.wall_contact import WallContact
 from porocore.cell.materials.material import StrainEnergy
@@ -38,7 +38,7 @@ class ContactModel(Protocol):
         """
 
 
-def contact_of(
+def make_contact_model(
     mesh: CellMesh, settings: ContactSettings, material: StrainEnergy | None = None
 ) -> ContactModel | None:
     """Of the wall of a mesh of the solid; None where the settings say so, or where there are no pores.
@@ -69,5 +69,5 @@ DEEPEST = 0.25
 
 def facet_edge(mesh: CellMesh) -> float:
     """Mean edge h of the wall's facets, as if they were equilateral triangles."""
-    wall = wall_of(mesh)
+    wall = pore_surface(mesh)
     return float(np.sqrt(4 / np.sqrt(3) * wall.area / len(wall.facets)))

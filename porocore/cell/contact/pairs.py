@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.spatial import cKDTree
 
-from porocore.cell.contact.pore_surface import Wall
+from porocore.cell.contact.pore_surface import PoreSurface
 from porocore.cell.contact.triangles import nearest
 from porocore.states import Array, IntArray
 
@@ -86,7 +86,7 @@ def nearest_only(images: list[Pairs]) -> list[Pairs]:
     return [pairs[np.sort(row[chosen][image[chosen] == i])] for i, pairs in enumerate(images)]
 
 
-def find_pairs(wall: Wall, x: Array, X: Array, image: Image, reach: float) -> Pairs:
+def find_pairs(wall: PoreSurface, x: Array, X: Array, image: Image, reach: float) -> Pairs:
     """Points that lie within ``reach`` of an opposite triangle, before it or behind; x, X (nodes, 3)."""
     slave, master = _facing(wall, x, X, image, reach)
     triangles = wall.facets[:, SUBTRIANGLES if wall.facets.shape[1] == 6 else np.array([[0, 1, 2]])]
@@ -110,7 +110,7 @@ def find_pairs(wall: Wall, x: Array, X: Array, image: Image, reach: float) -> Pa
     )
 
 
-def _facing(wall: Wall, x: Array, X: Array, image: Image, reach: float) -> tuple[IntArray, IntArray]:
+def _facing(wall: PoreSurface, x: Array, X: Array, image: Image, reach: float) -> tuple[IntArray, IntArray]:
     """Pairs of facets, of the wall and of the image, that are near and face each other."""
     corners = wall.facets[:, :3]
     centres, normals, radii = _shape(x[corners])

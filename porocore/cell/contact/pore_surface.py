@@ -16,7 +16,7 @@ DEGREE = 7
 
 
 @dataclass(frozen=True, eq=False)
-class Wall:
+class PoreSurface:
     """F facets of a nodes each, with q quadrature points.
 
     Attributes
@@ -41,13 +41,13 @@ class Wall:
 
 
 @lru_cache(maxsize=8)
-def wall_of(mesh: CellMesh) -> Wall:
+def pore_surface(mesh: CellMesh) -> PoreSurface:
     """The wall of a mesh of the solid."""
     points, weights = triangle_rule(DEGREE)
     N, dN = shape_functions(points, mesh.wall.shape[1])
     tangents = np.einsum("qas,fai->fqsi", dN, mesh.points[mesh.wall])
     area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2)
-    return Wall(mesh.wall, N, dN, area * weights)
+    return PoreSurface(mesh.wall, N, dN, area * weights)
 
 
 def shape_functions(points: Array, nodes: int) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from porocore.cell.contact.contact_state import ContactState
 from porocore.cell.contact.forces import Blocks, Forces, joined
 from porocore.cell.contact.pairs import REACH, Image, Pairs, find_pairs, nearest_only
 from porocore.cell.contact.penetration import PenetratingPoints, motion_of
-from porocore.cell.contact.pore_surface import wall_of
+from porocore.cell.contact.pore_surface import pore_surface
 from porocore.cell.contact.triangles import height
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.states import Array
@@ -40,7 +40,7 @@ class WallContact:
 
     def __init__(self, mesh: CellMesh, stiffness: float, deepest: float) -> None:
         self.mesh, self.stiffness, self.deepest = mesh, stiffness / 4, 2 * deepest
-        self.wall = wall_of(mesh)
+        self.wall = pore_surface(mesh)
 
     def at(self, H: Array, u: Array, like: ContactState | None = None) -> WallState:
         """At u (nodes, 3) under H, with the pairs of ``like`` or new ones."""
@@ -107,7 +107,7 @@ class WallState:
             sum(float(part.weights.sum()) for part in parts) / contact.stiffness / contact.wall.area,
         )
 
-    def blocks(self, odd: str) -> Blocks:
+    def blocks(self, parity: str) -> Blocks:
         """Second derivatives; the whole cell has one class of perturbations only."""
         return self._blocks
 

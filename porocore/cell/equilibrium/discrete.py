@@ -24,7 +24,7 @@ class FactorError(Exception):
     """The linear solver broke down; the load path shortens its step."""
 
 
-class StepFailed(Exception):
+class LoadStepFailed(Exception):
     """Newton's iteration did not reach the load; ``status`` says what stood in the way."""
 
     def __init__(self, status: Status) -> None:
@@ -100,7 +100,7 @@ class Iterate(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Sums:
+class DomainIntegrals:
     """Integrals over the domain without what contact adds, and extremes over its quadrature points."""
 
     grad: Array  #: (3, 3)  ∫ ∇u¹ dV
@@ -130,16 +130,16 @@ class Sensitivities:
     indefinite: bool = False
 
 
-class Factor(ABC):
+class FactorisedTangent(ABC):
     """The inverse of K − shift·M of one class at one iterate, a value: it stays what it is, whatever comes after.
 
     A solid may keep fewer factors than there are values; one that has been displaced is made anew when it is applied.
 
     Attributes
     ----------
-    here
+    iterate
         The iterate.
-    odd
+    parity
         The class.
     shift
         Of the eigenvalues.
@@ -147,8 +147,8 @@ class Factor(ABC):
         Number of negative pivots, which is that of the eigenvalues below the shift; -1 where the solver cannot tell.
     """
 
-    here: Iterate
-    odd: str
+    iterate: Iterate
+    parity: str
     shift: float
     negative: int
 
@@ -167,7 +167,7 @@ class DiscreteSolid(ABC):
     """The discrete energy Π(u¹; H, p) on one mesh, with its first and second derivatives and linear solves.
 
     On the eighth u¹·n = 0 on its six planes, which serves diagonal H and any p; a perturbation by H_12 or
-    H_21 is odd under the mirrors of x and y, ``odd="xy"``, and so on. On the whole cell u¹ is periodic and
+    H_21 is odd under the mirrors of x and y, ``parity="xy"``, and so on. On the whole cell u¹ is periodic and
     one node is held.
 
     Attributes
@@ -189,46 +189,46 @@ class DiscreteSolid(ABC):
         """How many images of the domain fill one cell; a block of n cells is averaged over."""
         return 8.0 if self.mesh.domain == "eighth" else 1.0 / math.prod(self.mesh.periods)
 
-    def exchanged_axes(self, here: Iterate) -> tuple[str, ...]:
+    def exchanged_axes(self, iterate: Iterate) -> tuple[str, ...]:
         """Pairs of axes, "xz", whose exchange changes neither the solid nor u¹; none on the whole cell.
 
         Fibres may tell the axes apart, so with them no pair is looked for.
         """
         if self.mesh.domain == "whole" or not self.material.isotropic:
             return ()
-        return exchanged_axes(self.mesh, here.H, here.displacement)
+        return exchanged_axes(self.mesh, iterate.H, iterate.displacement)
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         """A new path starts: forget what would make a solve depend on the one before it."""
 
     @abstractmethod
-    def iterate(self, H: Array, p: float, displacement: Array | None = None) -> Iterate:
+    def iterate_at(self, H: Array, p: float, displacement: Array | None = None) -> Iterate:
         """Of u¹ (nodes, 3), or of u¹ = 0."""
 
     @abstractmethod
-    def moved(self, here: Iterate, change: Array, H: Array, p: float) -> Iterate:
-        """``here`` with ``change`` (n,) added to the free unknowns, under another load."""
+    def moved(self, iterate: Iterate, change: Array, H: Array, p: float) -> Iterate:
+        """``iterate`` with ``change`` (n,) added to the free unknowns, under another load."""
 
     @abstractmethod
-    def force_scale(self, here: Iterate) -> float:
+    def force_scale(self, iterate: Iterate) -> float:
         """Norm of the nodal forces if nothing cancelled in them, with a floor of those of a strain of 1e-3."""
 
     @abstractmethod
-    def load_change(self, here: Iterate, dH: Array, dp: float) -> Array:
+    def load_change(self, iterate: Iterate, dH: Array, dp: float) -> Array:
         """Change of the residual, (n,), by the load alone."""
 
     @abstractmethod
-    def solve(self, here: Iterate, rhs: Array, accuracy: float) -> Array:
+    def solve(self, iterate: Iterate, rhs: Array, accuracy: float) -> Array:
         """x (n,) with K x = rhs to a relative accuracy; with an indefinite K, of the least shifted K that is definite.
 
         Raises
         ------
-        StepFailed
+        LoadStepFailed
             No shift makes K definite, or the linear solver broke down.
         """
 
     @abstractmethod
-    def factor(self, here: Iterate, odd: str, shift: float = 0.0) -> Factor:
+    def factor(self, iterate: Iterate, parity: str, shift: float = 0.0) -> FactorisedTangent:
         """Return the factor of K − shift·M of one class of perturbations, with the :meth:`masses` M.
 
         Raises
@@ -237,7 +237,7 @@ class DiscreteSolid(ABC):
             The tangent cannot be factorised.
         """
 
-    def negative_pivots(self, here: Iterate, odd: str, shift: float = 0.0) -> int:
+    def negative_pivots(self, iterate: Iterate, parity: str, shift: float = 0.0) -> int:
         """Return the number of eigenvalues below ``shift``, the negative pivots of :meth:`factor`; -1 where unknown.
 
         Raises
@@ -245,34 +245,34 @@ class DiscreteSolid(ABC):
         FactorError
             The tangent cannot be factorised.
         """
-        return self.factor(here, odd, shift).negative
+        return self.factor(iterate, parity, shift).negative
 
     @abstractmethod
-    def forget(self, odd: str) -> None:
+    def release(self, parity: str) -> None:
         """Free the memory of what serves one class, not "" alone; it is made anew when it is needed."""
 
     @abstractmethod
-    def tangent(self, here: Iterate, odd: str) -> Any:
+    def tangent(self, iterate: Iterate, parity: str) -> Any:
         """K of a class, a symmetric sparse matrix (n, n) of scipy's."""
 
     @abstractmethod
-    def reduced(self, values: Array, odd: str) -> Array:
-        """Sums (n,) over the images of each free unknown of a class, of (nodes, 3)."""
+    def reduced(self, values: Array, parity: str) -> Array:
+        """DomainIntegrals (n,) over the images of each free unknown of a class, of (nodes, 3)."""
 
     @abstractmethod
-    def expanded(self, x: Array, odd: str) -> Array:
+    def expanded(self, x: Array, parity: str) -> Array:
         """The field (nodes, 3) of the free unknowns (n,) of a class."""
 
-    def masses(self, odd: str) -> Array:
+    def masses(self, parity: str) -> Array:
         """Lumped mass (n,) of each free unknown of a class, at density 1 of the undeformed solid."""
-        return self.reduced(np.repeat(lumped_mass(self.mesh)[:, None], 3, axis=1), odd)
+        return self.reduced(np.repeat(lumped_mass(self.mesh)[:, None], 3, axis=1), parity)
 
     @abstractmethod
-    def sums(self, here: Iterate) -> Sums:
+    def sums(self, iterate: Iterate) -> DomainIntegrals:
         """Over the domain."""
 
     @abstractmethod
-    def sensitivities(self, factor: Factor, columns: Sequence[int]) -> Sensitivities:
+    def sensitivities(self, factor: FactorisedTangent, columns: Sequence[int]) -> Sensitivities:
         """Return those to the loads in ``columns``, which all belong to the class of the unshifted ``factor``.
 
         Raises

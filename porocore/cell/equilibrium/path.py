@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porocore.cell.equilibrium.discrete import DiscreteSolid, Iterate, StepFailed
+from porocore.cell.equilibrium.discrete import DiscreteSolid, Iterate, LoadStepFailed
 from porocore.cell.meshing.overlap import mirror_gap, nodes_inside
 from porocore.states import Array, IntArray, Status
 
@@ -30,7 +30,7 @@ PREDICTOR_ACCURACY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class LoadPathResult:
     """Where a load path ended: the equilibrium, None unless the wanted load was reached, and the status."""
 
     status: Status
@@ -39,64 +39,64 @@ class Outcome:
     iterations: int
 
 
-def follow(problem: DiscreteSolid, start: Iterate, H: Array, p: float, tolerance: float) -> Outcome:
+def follow(problem: DiscreteSolid, start: Iterate, H: Array, p: float, tolerance: float) -> LoadPathResult:
     """From ``start`` to (H, p) in adaptive steps, to a residual of ``tolerance`` times the force scale.
 
     A state on the way whose walls overlap ends the path: what lies behind it is not reached without contact.
     """
-    here, share = start, 0.0
+    iterate, share = start, 0.0
     pressure = abs(p - start.p) / problem.material.mean_moduli()[0]
     largest = LARGEST_STEP / max(float(np.abs(H - start.H).max()), pressure, 1e-12)
     if largest < SHORTEST_SHARE:
-        return Outcome(Status.not_converged, None, 0, 0)
+        return LoadPathResult(Status.not_converged, None, 0, 0)
     step = min(1.0, largest)
     steps = iterations = failures = 0
     while share < 1:
         goal = min(1.0, share + step)
         H_goal, p_goal = start.H + goal * (H - start.H), start.p + goal * (p - start.p)
         try:
-            reached, taken = _newton(problem, _predict(problem, here, H_goal, p_goal), tolerance)
-        except StepFailed as failed:
+            reached, taken = _newton(problem, _predict(problem, iterate, H_goal, p_goal), tolerance)
+        except LoadStepFailed as failed:
             step, failures = (goal - share) / 4, failures + 1
             if step < SMALLEST_STEP or failures > FAILURES:
-                return Outcome(failed.status, None, steps, iterations)
+                return LoadPathResult(failed.status, None, steps, iterations)
             continue
-        here, step, share = reached, min(2 * (goal - share), largest), goal
+        iterate, step, share = reached, min(2 * (goal - share), largest), goal
         steps, iterations = steps + 1, iterations + taken
-        if _overlaps(problem, here):
-            return Outcome(Status.overlap, None, steps, iterations)
-    return Outcome(Status.converged, here, steps, iterations)
+        if _overlaps(problem, iterate):
+            return LoadPathResult(Status.overlap, None, steps, iterations)
+    return LoadPathResult(Status.converged, iterate, steps, iterations)
 
 
-def gap(problem: DiscreteSolid, here: Iterate) -> float:
+def gap(problem: DiscreteSolid, iterate: Iterate) -> float:
     """Of the wall to the mirror planes; NaN where the domain has none."""
     if problem.mesh.domain == "whole":
         return float("nan")
-    return mirror_gap(problem.mesh, here.H, here.displacement)
+    return mirror_gap(problem.mesh, iterate.H, iterate.displacement)
 
 
-def _overlaps(problem: DiscreteSolid, here: Iterate) -> bool:
+def _overlaps(problem: DiscreteSolid, iterate: Iterate) -> bool:
     """Whether the wall has passed through something that contact, if there is any, does not hold."""
-    touching = here.touching
+    touching = iterate.touching
     if touching is not None and problem.contact is not None and touching.depth > problem.contact.deepest:
         return True
     if problem.mesh.domain == "eighth":
-        return problem.contact is None and gap(problem, here) < 0
-    inside = nodes_inside(problem.mesh, here.H, here.displacement)
+        return problem.contact is None and gap(problem, iterate) < 0
+    inside = nodes_inside(problem.mesh, iterate.H, iterate.displacement)
     held: IntArray = np.unique(touching.forces.nodes) if touching is not None else np.zeros(0, dtype=np.int64)
     # A node that contact holds lies a little inside; any other has jumped through a wall unseen.
     images = problem.mesh.periodic_class
     return len(np.setdiff1d(images[inside], images[held])) > 0
 
 
-def _predict(problem: DiscreteSolid, here: Iterate, H: Array, p: float) -> Iterate:
+def _predict(problem: DiscreteSolid, iterate: Iterate, H: Array, p: float) -> Iterate:
     """The equilibrium's first-order continuation to (H, p)."""
-    change = -problem.load_change(here, H - here.H, p - here.p)
+    change = -problem.load_change(iterate, H - iterate.H, p - iterate.p)
     if change.any():
-        change = problem.solve(here, change, PREDICTOR_ACCURACY)
-    there = problem.moved(here, change, H, p)
+        change = problem.solve(iterate, change, PREDICTOR_ACCURACY)
+    there = problem.moved(iterate, change, H, p)
     if there.min_jacobian <= 0:
-        raise StepFailed(Status.inverted)
+        raise LoadStepFailed(Status.inverted)
     return there
 
 
@@ -108,37 +108,37 @@ def _longest(problem: DiscreteSolid, change: Array) -> float:
     return min(1.0, problem.contact.deepest / max(moved, 1e-300))
 
 
-def _newton(problem: DiscreteSolid, here: Iterate, tolerance: float) -> tuple[Iterate, int]:
+def _newton(problem: DiscreteSolid, iterate: Iterate, tolerance: float) -> tuple[Iterate, int]:
     """The equilibrium near a first guess, and the number of linear systems solved."""
-    scale = problem.force_scale(here)
+    scale = problem.force_scale(iterate)
     goal = tolerance * scale
     for iteration in range(ITERATIONS):
-        norm = float(np.linalg.norm(here.residual))
+        norm = float(np.linalg.norm(iterate.residual))
         if norm <= goal:
-            return here, iteration
+            return iterate, iteration
         accuracy = min(1e-2, max(1e-7, 0.1 * goal / norm, norm / scale))
-        change = problem.solve(here, -here.residual, accuracy)
-        slope = float(here.residual @ change)
+        change = problem.solve(iterate, -iterate.residual, accuracy)
+        slope = float(iterate.residual @ change)
         length, inverted = _longest(problem, change), True
         while length > 1e-3:
-            trial = problem.moved(here, length * change, here.H, here.p)
-            trial.pair_like(here)
+            trial = problem.moved(iterate, length * change, iterate.H, iterate.p)
+            trial.pair_like(iterate)
             if trial.min_jacobian > 0:
                 inverted = False
-                if trial.energy <= here.energy + ARMIJO * length * slope:
+                if trial.energy <= iterate.energy + ARMIJO * length * slope:
                     break
                 # Near the solution Π stalls at round-off, and the residual is what still falls.
-                stalled = abs(slope) < 1e-9 * abs(here.energy) + 1e-14
+                stalled = abs(slope) < 1e-9 * abs(iterate.energy) + 1e-14
                 if stalled and float(np.linalg.norm(trial.residual)) < norm:
                     break
             length /= 2
         else:
             if norm <= 100 * goal:  # round-off, not a failure of the step
-                return here, iteration
-            raise StepFailed(Status.inverted if inverted else Status.not_converged)
-        here = trial
+                return iterate, iteration
+            raise LoadStepFailed(Status.inverted if inverted else Status.not_converged)
+        iterate = trial
         if iteration < PAIRINGS:
-            here.pair_again()
-    if float(np.linalg.norm(here.residual)) <= goal:
-        return here, ITERATIONS
-    raise StepFailed(Status.not_converged)
+            iterate.pair_again()
+    if float(np.linalg.norm(iterate.residual)) <= goal:
+        return iterate, ITERATIONS
+    raise LoadStepFailed(Status.not_converged)

@@ -15,7 +15,7 @@ from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determin
 from porocore.states import Array, CellPeaks, CellResponse, CellTangent, Status
 
 
-def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResponse:
+def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellResponse:
     """One row of responses; ``unstable`` where the tangent of any parity class is indefinite.
 
     Raises
@@ -25,70 +25,74 @@ def respond(problem: DiscreteSolid, here: Iterate, *, tangent: bool) -> CellResp
     """
     mean_grad, second = np.zeros((3, 3, 10)), np.zeros((10, 10))
     counts = []
-    swaps = problem.exchanged_axes(here)
+    swaps = problem.exchanged_axes(iterate)
     of_images: dict[str, int] = {}
-    for odd, columns in classes(problem.mesh).items():
-        first = min(images(odd, swaps))
+    for parity, columns in classes(problem.mesh).items():
+        first = min(images(parity, swaps))
         factor = None
         if first not in of_images or (tangent and columns):
-            factor = problem.factor(here, odd)
+            factor = problem.factor(iterate, parity)
             of_images[first] = factor.negative
         count = of_images[first]
         if factor is not None and tangent and columns:
             answer = problem.sensitivities(factor, columns)
-            grad = problem.copies * visible(problem.mesh, odd) * answer.grad
+            grad = problem.copies * visible(problem.mesh, parity) * answer.grad
             mean_grad[:, :, columns] = np.moveaxis(grad, 0, -1)
-            second[np.ix_(columns, columns)] = problem.copies * (answer.second + _direct(here, odd, columns))
+            second[np.ix_(columns, columns)] = problem.copies * (
+                answer.second + _direct(iterate, parity, columns)
+            )
             count = 1 if count < 0 and answer.indefinite else count
         counts.append(count)
     # A solver that cannot count leaves the number unknown unless it met a negative direction.
     negative = sum(max(count, 0) for count in counts) or min(counts)
-    return _row(problem, here, negative, _tangent(here, mean_grad, second) if tangent else None)
+    return _row(problem, iterate, negative, _tangent(iterate, mean_grad, second) if tangent else None)
 
 
-def _direct(here: Iterate, odd: str, columns: Sequence[int]) -> Array:
+def _direct(iterate: Iterate, parity: str, columns: Sequence[int]) -> Array:
     """∂²E/∂θ∂θ' of contact at fixed u¹."""
     direct = np.zeros((len(columns), len(columns)))
-    if here.touching is not None:
-        blocks = here.touching.blocks(odd)
+    if iterate.touching is not None:
+        blocks = iterate.touching.blocks(parity)
         for a, i in enumerate(columns):
             for b, j in enumerate(columns):
                 direct[a, b] = blocks.second(UNIT_LOADS[i], UNIT_LOADS[j])
     return direct
 
 
-def _row(problem: DiscreteSolid, here: Iterate, negative: int, tangent: CellTangent | None) -> CellResponse:
-    sums, copies = problem.sums(here), problem.copies
+def _row(
+    problem: DiscreteSolid, iterate: Iterate, negative: int, tangent: CellTangent | None
+) -> CellResponse:
+    sums, copies = problem.sums(iterate), problem.copies
     seen = visible(problem.mesh)
-    F0 = np.eye(3) + here.H
+    F0 = np.eye(3) + iterate.H
     J0 = float(determinant(F0))
-    contact = here.touching.forces if here.touching is not None else None
+    contact = iterate.touching.forces if iterate.touching is not None else None
     energy = sums.energy + (contact.energy if contact else 0.0)
     stress = sums.stress + (contact.by_load if contact else 0.0)
     stable = Status.converged if contact is None else Status.contact
     return CellResponse(
         mean_grad=(copies * seen * sums.grad)[None],
         status=np.array([Status.unstable if negative > 0 else stable], dtype=np.int64),
-        potential=np.array([copies * (energy + here.p * sums.volume) - here.p * J0]),
-        stress=(copies * seen * stress - here.p * cofactor(F0))[None],
+        potential=np.array([copies * (energy + iterate.p * sums.volume) - iterate.p * J0]),
+        stress=(copies * seen * stress - iterate.p * cofactor(F0))[None],
         fluid_volume=np.array([J0 - copies * sums.volume]),
         tangent=tangent,
         peaks=CellPeaks(
             grad=sums.largest_grad[None],
             energy=np.array([sums.largest_energy]),
             energy_mean=np.array([copies * sums.energy]),
-            min_jacobian=np.array([here.min_jacobian]),
-            min_gap=np.array([gap(problem, here)]),
+            min_jacobian=np.array([iterate.min_jacobian]),
+            min_gap=np.array([gap(problem, iterate)]),
             negative_pivots=np.array([float(negative)]),
             contact_share=np.array([contact.share if contact else 0.0]),
         ),
     )
 
 
-def _tangent(here: Iterate, mean_grad: Any, second: Any) -> CellTangent:
+def _tangent(iterate: Iterate, mean_grad: Any, second: Any) -> CellTangent:
     """Named derivatives from the columns of θ; adds the fluid's share −p J₀ of W."""
-    F0 = np.eye(3) + here.H
-    second[:9, :9] -= here.p * cofactor_tangent(F0).reshape(9, 9)
+    F0 = np.eye(3) + iterate.H
+    second[:9, :9] -= iterate.p * cofactor_tangent(F0).reshape(9, 9)
     second[:9, 9] -= cofactor(F0).ravel()
     second[9, :9] -= cofactor(F0).ravel()
     return CellTangent(

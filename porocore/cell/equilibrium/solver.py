@@ -130,12 +130,12 @@ class EquilibriumCellSolver(CellSolver):
 def _solve_one(
     prepared: PreparedCell, H: Array, p: float, start: CellField | None, tangent: bool, fields: bool
 ) -> tuple[CellResponse, CellField | None]:
-    response, solid, here = _equilibrium(prepared, H, p, start, tangent)
+    response, solid, iterate = _equilibrium(prepared, H, p, start, tangent)
     if prepared.deformed:
-        response = _with_conductivity(prepared, response, solid, here)
-    if solid is None or here is None or not fields:
+        response = _with_conductivity(prepared, response, solid, iterate)
+    if solid is None or iterate is None or not fields:
         return response, None
-    return response, CellField(H.copy(), p, solid.mesh.domain, here.displacement.copy())
+    return response, CellField(H.copy(), p, solid.mesh.domain, iterate.displacement.copy())
 
 
 def _equilibrium(
@@ -146,7 +146,7 @@ def _equilibrium(
         return failed_response(Status.inverted, tangent=tangent), None, None
     solid = prepared.solid_for(H)
     try:
-        solid.begin()
+        solid.reset()
         outcome = follow(solid, _start(solid, start), H, p, TOLERANCE)
         if outcome.equilibrium is None:
             return failed_response(outcome.status, tangent=tangent), None, None
@@ -160,13 +160,13 @@ def _equilibrium(
 
 
 def _with_conductivity(
-    prepared: PreparedCell, response: CellResponse, solid: DiscreteSolid | None, here: Iterate | None
+    prepared: PreparedCell, response: CellResponse, solid: DiscreteSolid | None, iterate: Iterate | None
 ) -> CellResponse:
     """With K_ref of the deformed pore and the smallest J of the fluid's mesh; NaN where the solid has no values."""
     K, smallest = np.full((3, 3), np.nan), np.nan
-    if solid is not None and here is not None:
+    if solid is not None and iterate is not None:
         pore = prepared.pore(solid.mesh.domain)
-        K, smallest = pore.deformed(here.H, here.displacement, solid.mesh)
+        K, smallest = pore.deformed(iterate.H, iterate.displacement, solid.mesh)
         K = prepared.open_only(K)
     return replace(
         response, conductivity=K[None] / prepared.cell.viscosity, min_fluid_jacobian=np.array([smallest])
@@ -176,5 +176,5 @@ def _with_conductivity(
 def _start(solid: DiscreteSolid, field: CellField | None) -> Iterate:
     """The equilibrium of a field, if it is of this domain's mesh; else the undeformed cell."""
     if field is None or field.domain != solid.mesh.domain or len(field.u) != len(solid.mesh.points):
-        return solid.iterate(np.zeros((3, 3)), 0.0)
-    return solid.iterate(field.grad_u, field.p, field.u)
+        return solid.iterate_at(np.zeros((3, 3)), 0.0)
+    return solid.iterate_at(field.grad_u, field.p, field.u)

@@ -123,7 +123,7 @@ class OrthogonalChannels(DrawnGeometry):
         return min(self._by_axis.values())
 
     @property
-    def loose(self) -> str:
+    def disconnected(self) -> str:
         """Solid is left along every edge of the cell."""
         return ""
 

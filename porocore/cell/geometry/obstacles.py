@@ -61,7 +61,7 @@ class SphereArray(DrawnGeometry):
         return f"spheres of radius {self.radius:g} on a cubic lattice{necks}"
 
     @property
-    def loose(self) -> str:
+    def disconnected(self) -> str:
         """Without necks."""
         return "" if self.neck else "its spheres do not touch; give cell.geometry.neck > 0"
 
@@ -121,7 +121,7 @@ class CylinderArray(DrawnGeometry):
         return f"cylinders of radius {self.radius:g} along z on a square lattice"
 
     @property
-    def loose(self) -> str:
+    def disconnected(self) -> str:
         """Across the axis."""
         return "its cylinders do not touch"
 
@@ -172,7 +172,7 @@ class NoPores(DrawnGeometry):
         return "wedge"
 
     @property
-    def loose(self) -> str:
+    def disconnected(self) -> str:
         """It does hang together."""
         return ""
 

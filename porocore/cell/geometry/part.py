@@ -62,7 +62,7 @@ class PoreGeometry(BaseModel, ABC):
         return {}
 
     @property
-    def loose(self) -> str | None:
+    def disconnected(self) -> str | None:
         """Why the solid does not hang together from cell to cell; empty if it does, None where only a mesh can tell."""
         return None
 

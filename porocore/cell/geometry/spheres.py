@@ -13,7 +13,7 @@ from porocore.cell.geometry.cad import DrawnGeometry, DrawnPart
 from porocore.cell.geometry.capsules import Capsules
 from porocore.cell.geometry.drawing import split, wedge
 from porocore.cell.geometry.part import Unfolding
-from porocore.cell.level_sets.level_set import stuffed
+from porocore.cell.level_sets.level_set import mesh_level_set
 from porocore.cell.meshing.estimate import PER_CUBE
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.cell.symmetry.point_set import group_of_points, kinds
@@ -178,7 +178,7 @@ class SpherePores(DrawnGeometry):
         """
         if self.lattice:
             return super().tetrahedra(size, element)
-        return stuffed(self, self.pores(), min(size, self.narrowest), element)
+        return mesh_level_set(self, self.pores(), min(size, self.narrowest), element)
 
     def pores(self) -> Capsules:
         """Spheres and throats, with the periodic images that may reach into the cell."""

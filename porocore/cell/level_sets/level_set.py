@@ -31,10 +31,10 @@ class LevelSetGeometry(PoreGeometry):
         PorocoreError
             The size is too coarse for the pores.
         """
-        return stuffed(self, self.level_set(), size, element)
+        return mesh_level_set(self, self.level_set(), size, element)
 
 
-def stuffed(
+def mesh_level_set(
     geometry: PoreGeometry, level_set: LevelSet, size: float, element: Element
 ) -> dict[Phase, Tetrahedra]:
     """Both phases of the eighth of a geometry with mirrors, or of its whole cell.

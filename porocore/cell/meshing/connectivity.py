@@ -89,7 +89,7 @@ def blocked(found: Iterable[Piece]) -> str:
     return "".join(axis for axis in "xyz" if axis not in open_axes)
 
 
-def why_loose(found: tuple[Piece, ...]) -> str:
+def why_disconnected(found: tuple[Piece, ...]) -> str:
     """Why a solid of these pieces has no stiffness; empty if it has."""
     if not found:
         return "there is no solid"

@@ -21,14 +21,14 @@ FAMILIES = {"0": ("000",), "100": ("100", "010", "001"), "110": ("110", "101", "
 KEPT = 10_000
 
 
-def negative_pivots(solid: DiscreteSolid, here: Iterate, waves: Iterable[str] = WAVES) -> dict[str, int]:
+def negative_pivots(solid: DiscreteSolid, iterate: Iterate, waves: Iterable[str] = WAVES) -> dict[str, int]:
     """Number of unstable modes of each wave vector at an equilibrium; −1 where the linear solver cannot tell.
 
     Parameters
     ----------
     solid
         On the eighth.
-    here
+    iterate
         An equilibrium under a diagonal H.
     waves
         Out of :data:`WAVES`.
@@ -39,16 +39,16 @@ def negative_pivots(solid: DiscreteSolid, here: Iterate, waves: Iterable[str] = 
         A tangent cannot be factorised.
     """
     of_class: dict[str, int] = {}
-    swaps = solid.exchanged_axes(here)
+    swaps = solid.exchanged_axes(iterate)
     found = {}
     for wave in waves:
         counts = []
-        for odd in bloch_classes()[wave]:
-            representative = min(images(odd, swaps))
+        for parity in bloch_classes()[wave]:
+            representative = min(images(parity, swaps))
             if representative not in of_class:
-                of_class[representative] = solid.negative_pivots(here, representative)
-                if "|" in representative and len(here.residual) > KEPT:
-                    solid.forget(representative)
+                of_class[representative] = solid.negative_pivots(iterate, representative)
+                if "|" in representative and len(iterate.residual) > KEPT:
+                    solid.release(representative)
             counts.append(of_class[representative])
         found[wave] = -1 if min(counts) < 0 else sum(counts)
     return found

@@ -41,7 +41,7 @@ class LineSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class StabilityLine:
     """n states, of which the last may have failed, and onsets.
 
     Attributes
@@ -125,7 +125,7 @@ def follow_line(
     goal: Array,
     settings: LineSettings,
     on_state: Callable[[str], None] = lambda text: None,
-) -> Line:
+) -> StabilityLine:
     """Solve the states of a line one after another and bisect every onset.
 
     The line ends at the first state without values, and close to where values end. An onset lies between a state that
@@ -139,7 +139,7 @@ def follow_line(
     _check_symmetric(prepared, start, goal)
     line = _Walk(solver, prepared, start, goal, settings, on_state)
     states = list(line.states())
-    return Line(
+    return StabilityLine(
         start=start,
         goal=goal,
         share=np.array([s.share for s in states]),
@@ -253,17 +253,17 @@ class _Walk:
         pivots: dict[str, int] = {}
         values: dict[str, float] = {}
         if reached is not None:
-            solid, here = self._iterate(reached)
+            solid, iterate = self._iterate(reached)
             try:
-                pivots = negative_pivots(solid, here, waves)
-                values = lowest_eigenvalues(solid, here, waves) if eigenvalues else {}
+                pivots = negative_pivots(solid, iterate, waves)
+                values = lowest_eigenvalues(solid, iterate, waves) if eigenvalues else {}
             except FactorError:
                 pivots = {}
         return _state(share, response, reached, pivots, values)
 
     def _iterate(self, field: CellField) -> tuple[DiscreteSolid, Iterate]:
         solid = self.prepared.eighth
-        return solid, solid.iterate(field.grad_u, field.p, field.u)
+        return solid, solid.iterate_at(field.grad_u, field.p, field.u)
 
 
 def _state(

@@ -12,7 +12,7 @@ import numpy as np
 
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver, PreparedCell
 from porocore.cell.stability.inertia import WAVES
-from porocore.cell.stability.line import EVENTS, Line, LineSettings, follow_line
+from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine, follow_line
 from porocore.core.echo import echo
 from porocore.core.fields.check import known_statuses
 from porocore.core.files.csv_table import write_csv
@@ -112,7 +112,7 @@ def map_stability(
     identity: str,
     provenance: Mapping[str, str],
     on_state: Callable[[int, str], None] = lambda line, text: None,
-) -> list[Line]:
+) -> list[StabilityLine]:
     """Every line of a plan; those that ``path`` holds already are not solved again, and each is kept when finished.
 
     Parameters
@@ -132,7 +132,7 @@ def map_stability(
     return lines
 
 
-def save(path: Path, identity: str, lines: Sequence[Line], provenance: Mapping[str, str]) -> None:
+def save(path: Path, identity: str, lines: Sequence[StabilityLine], provenance: Mapping[str, str]) -> None:
     """Write finished lines to an HDF5 file, atomically."""
     with atomic_hdf5(path) as file:
         file.attrs.update(format=FORMAT, version=VERSION, identity=identity, **provenance)
@@ -142,7 +142,7 @@ def save(path: Path, identity: str, lines: Sequence[Line], provenance: Mapping[s
                 file[f"lines/{i}/{f.name}"] = getattr(line, f.name)
 
 
-def load(path: Path, identity: str | None = None) -> list[Line]:
+def load(path: Path, identity: str | None = None) -> list[StabilityLine]:
     """Read what :func:`save` wrote.
 
     Raises
@@ -162,7 +162,7 @@ def load(path: Path, identity: str | None = None) -> list[Line]:
     return lines
 
 
-def _read_line(file: Contents, group: str) -> Line:
+def _read_line(file: Contents, group: str) -> StabilityLine:
     arrays = {}
     for name, (length, *shape) in LINE_SHAPES.items():
         symbol = f"{group} {length}" if isinstance(length, str) else length
@@ -171,10 +171,10 @@ def _read_line(file: Contents, group: str) -> Line:
         arrays[name] = file.array(f"{group}/{name}", symbol, *shape, kind=kind, finite=finite)
     if not known_statuses(arrays["status"]).all():
         raise ValueError(f"'{group}/status' holds codes that are no status")
-    return Line(**arrays)
+    return StabilityLine(**arrays)
 
 
-def write_tables(folder: Path, plan: MapPlan, lines: Sequence[Line]) -> tuple[Path, Path]:
+def write_tables(folder: Path, plan: MapPlan, lines: Sequence[StabilityLine]) -> tuple[Path, Path]:
     """states.csv with one row for each state and onsets.csv with one for each line; returns their paths."""
     inputs = (*plan.along, plan.across)
     columns = [NAMES.index(name) for name in inputs]

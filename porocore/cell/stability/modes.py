@@ -37,7 +37,7 @@ class Mode:
     ----------
     value : float
         λ [E per squared edge of the cell]; negative: the energy falls along the mode.
-    odd
+    parity
         The class.
     mesh
         Of the eighth.
@@ -46,14 +46,14 @@ class Mode:
     """
 
     value: float
-    odd: str
+    parity: str
     mesh: CellMesh
     u: Array
 
     @property
     def periods(self) -> tuple[int, ...]:
         """Of the mode, in cells along each axis."""
-        first, second = odd_axes(self.odd, 0), odd_axes(self.odd, 1)
+        first, second = odd_axes(self.parity, 0), odd_axes(self.parity, 1)
         return tuple(2 if (a in first) != (a in second) else 1 for a in "xyz")
 
     def at(self, points: Array) -> Array:
@@ -66,7 +66,7 @@ class Mode:
         ValueError
             A point is no image of a node.
         """
-        there, signs = folded(points, self.odd)
+        there, signs = folded(points, self.parity)
         distance, node = cKDTree(self.mesh.points).query(there)
         if distance.max(initial=0.0) > NEAR:
             raise ValueError(f"point {int(distance.argmax())} is no mirror image of a node of the eighth")
@@ -74,9 +74,9 @@ class Mode:
         return values
 
 
-def folded(points: Array, odd: str) -> tuple[Array, Array]:
+def folded(points: Array, parity: str) -> tuple[Array, Array]:
     """Into the eighth by mirrors: the images (n, 3), and by what a field of the class is multiplied there, (n, 3)."""
-    first, second = odd_axes(odd, 0), odd_axes(odd, 1)
+    first, second = odd_axes(parity, 0), odd_axes(parity, 1)
     there, signs = np.empty_like(points), np.ones_like(points)
     for axis, name in enumerate("xyz"):
         x = np.mod(points[:, axis], 2.0)
@@ -92,7 +92,7 @@ def folded(points: Array, odd: str) -> tuple[Array, Array]:
     return there, signs
 
 
-def lowest_mode(solid: DiscreteSolid, here: Iterate, wave: str) -> Mode:
+def lowest_mode(solid: DiscreteSolid, iterate: Iterate, wave: str) -> Mode:
     """Of all classes of a wave vector; rigid translations do not count.
 
     Raises
@@ -102,36 +102,38 @@ def lowest_mode(solid: DiscreteSolid, here: Iterate, wave: str) -> Mode:
     FactorError
         A tangent cannot be factorised.
     """
-    swaps = solid.exchanged_axes(here)
-    kept = {min(images(odd, swaps) & set(bloch_classes()[wave])) for odd in bloch_classes()[wave]}
-    return min((lowest_of_class(solid, here, odd) for odd in sorted(kept)), key=lambda mode: mode.value)
+    swaps = solid.exchanged_axes(iterate)
+    kept = {min(images(parity, swaps) & set(bloch_classes()[wave])) for parity in bloch_classes()[wave]}
+    return min(
+        (lowest_of_class(solid, iterate, parity) for parity in sorted(kept)), key=lambda mode: mode.value
+    )
 
 
-def lowest_eigenvalues(solid: DiscreteSolid, here: Iterate, waves: Iterable[str]) -> dict[str, float]:
+def lowest_eigenvalues(solid: DiscreteSolid, iterate: Iterate, waves: Iterable[str]) -> dict[str, float]:
     """λ of each wave vector; each class is asked once."""
-    swaps = solid.exchanged_axes(here)
+    swaps = solid.exchanged_axes(iterate)
     of_class: dict[str, float] = {}
     found = {}
     for wave in waves:
         values = []
-        for odd in bloch_classes()[wave]:
-            representative = min(images(odd, swaps))
+        for parity in bloch_classes()[wave]:
+            representative = min(images(parity, swaps))
             if representative not in of_class:
-                of_class[representative] = lowest_of_class(solid, here, representative).value
+                of_class[representative] = lowest_of_class(solid, iterate, representative).value
             values.append(of_class[representative])
         found[wave] = min(values)
     return found
 
 
-def lowest_of_class(solid: DiscreteSolid, here: Iterate, odd: str) -> Mode:
+def lowest_of_class(solid: DiscreteSolid, iterate: Iterate, parity: str) -> Mode:
     """By Lanczos' iteration on the inverse, shifted below the spectrum, and Rayleigh's quotient of what it finds.
 
     A class that has a rigid translation is asked for its other modes: with Mt of the translation t taken out of M. One
     component of one node is held there, so each field stands for those that differ from it by a translation.
     """
-    K, mass = solid.tangent(here, odd), solid.masses(odd)
+    K, mass = solid.tangent(iterate, parity), solid.masses(parity)
     n = len(mass)
-    rigid = _rigid(solid, odd)
+    rigid = _rigid(solid, parity)
 
     def weighed(x: Array) -> Array:
         y = mass * x
@@ -139,7 +141,7 @@ def lowest_of_class(solid: DiscreteSolid, here: Iterate, odd: str) -> Mode:
 
     shift = FIRST_SHIFT
     while True:
-        count, divide = _factored(solid, here, odd, shift, rigid)
+        count, divide = _factored(solid, iterate, parity, shift, rigid)
         if count < 0:
             raise PorocoreError(
                 "eigenvalues need a linear solver that counts negative pivots, which fem.options.solver does not "
@@ -149,17 +151,19 @@ def lowest_of_class(solid: DiscreteSolid, here: Iterate, odd: str) -> Mode:
             break
         shift *= 4
         if shift < LARGEST_SHIFT:
-            raise FactorError(f"no shift above {LARGEST_SHIFT:g} makes the tangent of class '{odd}' definite")
+            raise FactorError(
+                f"no shift above {LARGEST_SHIFT:g} makes the tangent of class '{parity}' definite"
+            )
     inverse = LinearOperator((n, n), matvec=divide, dtype=float)
     M: Any = LinearOperator((n, n), matvec=weighed, dtype=float) if rigid else sparse.diags(mass)
     begin = np.random.default_rng(0).normal(size=n)
     _, vectors = eigsh(K, k=1, M=M, sigma=shift, OPinv=inverse, v0=begin, tol=1e-7)
     x = vectors[:, 0]
     value = float(x @ (K @ x)) / float(x @ weighed(x))
-    u = solid.expanded(x, odd)
+    u = solid.expanded(x, parity)
     if rigid:
         u[:, rigid.axis] -= (rigid.along @ x) / rigid.mass
-    return Mode(value, odd, solid.mesh, _scaled(u))
+    return Mode(value, parity, solid.mesh, _scaled(u))
 
 
 def _scaled(u: Array) -> Array:
@@ -179,21 +183,21 @@ class _Rigid:
     mass: float
 
 
-def _rigid(solid: DiscreteSolid, odd: str) -> _Rigid | None:
-    axis = translation(odd)
+def _rigid(solid: DiscreteSolid, parity: str) -> _Rigid | None:
+    axis = translation(parity)
     if axis is None:
         return None
     mass = lumped_mass(solid.mesh)
     along = np.zeros((len(mass), 3))
     along[:, axis] = mass
-    return _Rigid(axis, solid.reduced(along, odd), float(mass.sum()))
+    return _Rigid(axis, solid.reduced(along, parity), float(mass.sum()))
 
 
 def _factored(
-    solid: DiscreteSolid, here: Iterate, odd: str, shift: float, rigid: _Rigid | None
+    solid: DiscreteSolid, iterate: Iterate, parity: str, shift: float, rigid: _Rigid | None
 ) -> tuple[int, Any]:
     """Number of eigenvalues below the shift, and the application of (K − shift·M)⁻¹."""
-    factor = solid.factor(here, odd, shift)
+    factor = solid.factor(iterate, parity, shift)
     count = factor.negative
     if rigid is None or count < 0:
         return count, factor.solve

@@ -26,10 +26,10 @@ def exchanged_axes(mesh: CellMesh, H: Array, u: Array) -> tuple[str, ...]:
     return tuple(found)
 
 
-def images(odd: str, swaps: Iterable[str]) -> set[str]:
+def images(parity: str, swaps: Iterable[str]) -> set[str]:
     """A class, and those that exchanges of axes make of it."""
     swaps = tuple(swaps)
-    found, fresh = {odd}, [odd]
+    found, fresh = {parity}, [parity]
     while fresh:
         name = fresh.pop()
         for pair in swaps:

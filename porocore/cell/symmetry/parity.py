@@ -42,9 +42,9 @@ def classes(mesh: CellMesh) -> dict[str, tuple[int, ...]]:
     return CLASSES if mesh.domain == "eighth" else {"": tuple(range(10))}
 
 
-def odd_axes(odd: str, plane: int) -> str:
+def odd_axes(parity: str, plane: int) -> str:
     """Axes under whose mirrors a class is odd: at X_a = 0 for ``plane`` 0, at X_a = ½ for 1."""
-    first, bar, second = odd.partition("|")
+    first, bar, second = parity.partition("|")
     return second if bar and plane else first
 
 
@@ -55,19 +55,19 @@ def bloch_classes() -> dict[str, tuple[str, ...]]:
     for wave in product((0, 1), repeat=3):
         names = []
         for parity in product((0, 1), repeat=3):
-            first = "".join(a for a, odd in zip("xyz", parity, strict=True) if odd)
-            second = "".join(a for a, odd, k in zip("xyz", parity, wave, strict=True) if odd != k)
+            first = "".join(a for a, parity in zip("xyz", parity, strict=True) if parity)
+            second = "".join(a for a, parity, k in zip("xyz", parity, wave, strict=True) if parity != k)
             names.append(first if first == second else f"{first}|{second}")
         found["".join(map(str, wave))] = tuple(names)
     return found
 
 
-def translation(odd: str) -> int | None:
+def translation(parity: str) -> int | None:
     """The axis along which a class holds the rigid translation: it is odd under that axis' own mirrors alone."""
-    return "xyz".index(odd) if odd in ("x", "y", "z") else None
+    return "xyz".index(parity) if parity in ("x", "y", "z") else None
 
 
-def held_displacements(mesh: CellMesh, odd: str = "") -> npt.NDArray[np.bool_]:
+def held_displacements(mesh: CellMesh, parity: str = "") -> npt.NDArray[np.bool_]:
     """Components of u¹ that vanish, (nodes, 3), for the fields of a class.
 
     A rigid translation changes nothing. On the whole cell one node, with its periodic images, is held against it; on
@@ -79,13 +79,13 @@ def held_displacements(mesh: CellMesh, odd: str = "") -> npt.NDArray[np.bool_]:
         held[mesh.periodic_class == 0] = True
         return held
     for plane, position in enumerate((0.0, 0.5)):
-        axes = odd_axes(odd, plane)
+        axes = odd_axes(parity, plane)
         for axis in range(3):
             there = mesh.points[:, axis] == position
             for i in range(3):
                 if (i != axis) == ("xyz"[axis] in axes):
                     held[there, i] = True
-    along = translation(odd)
+    along = translation(parity)
     if along is not None:
         held[0, along] = True
     return held
@@ -116,13 +116,13 @@ def held_pressures(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
     return _on_plane(mesh)[:, j]
 
 
-def visible(mesh: CellMesh, odd: str = "") -> Array:
+def visible(mesh: CellMesh, parity: str = "") -> Array:
     """1 for the components of a mean gradient (3, 3) that do not cancel between the images of the domain, else 0."""
     if mesh.domain == "whole":
         return np.ones((3, 3))
-    if not odd:
+    if not parity:
         return np.eye(3)
-    i, j = ("xyz".index(axis) for axis in odd)
+    i, j = ("xyz".index(axis) for axis in parity)
     mask = np.zeros((3, 3))
     mask[i, j] = mask[j, i] = 1.0
     return mask

@@ -153,16 +153,16 @@ def show(
     """
     path, settings = read_config(config, None)
     with interruptible(), located(path):
-        from porocore.cell.mesh_quality import as_lines, facts_of
+        from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
         from porocore.core.files.atomic import new_folder
         from porocore.verification.local_fields.geometry import render_phases, write_phases
 
         new_folder(out)
-        facts = facts_of(settings.cell)
+        quality = measure_mesh_quality(settings.cell)
         if as_json:
-            typer.echo(json.dumps(json_ready(asdict(facts)), allow_nan=False))
+            typer.echo(json.dumps(json_ready(asdict(quality)), allow_nan=False))
         else:
-            typer.echo("\n".join(as_lines(facts)))
+            typer.echo("\n".join(quality_lines(quality)))
         files = write_phases(settings.cell, out, path.stem)
         written = [*files]
         if not no_pictures:

@@ -26,7 +26,7 @@ from porocore.errors import ConfigurationError, RunFolderError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from porocore.cell.stability.line import Line
+    from porocore.cell.stability.line import StabilityLine
     from porocore.cell.stability.map import MapPlan
 
 #: Columns of the tables where standard output is no terminal.
@@ -190,7 +190,7 @@ def _again(
     return command(*words, *(["--eigenvalues"] if eigenvalues else []), "--out", out, "--resume")
 
 
-def print_tables(plan: MapPlan, lines: Sequence[Line]) -> None:
+def print_tables(plan: MapPlan, lines: Sequence[StabilityLine]) -> None:
     """Onsets of every line; for a single line its states, too."""
     from rich.console import Console as RichConsole
     from rich.table import Table

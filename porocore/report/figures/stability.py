@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from porocore.cell.stability.inertia import FAMILIES, WAVES
-from porocore.cell.stability.line import EVENTS, Line
+from porocore.cell.stability.line import EVENTS, StabilityLine
 from porocore.cell.stability.map import MapPlan
 from porocore.core.inputs.input_space import NAMES
 from porocore.report.figures.style import (
@@ -57,12 +57,12 @@ _ONSETS: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
 
 
 @styled
-def stability_figure(plan: MapPlan, lines: Sequence[Line]) -> Figure:
+def stability_figure(plan: MapPlan, lines: Sequence[StabilityLine]) -> Figure:
     """Of a finished map: over both inputs where there are several lines, else along the only one."""
     return _over_both(plan, lines) if len(lines) > 1 else _along(plan, lines[0])
 
 
-def _over_both(plan: MapPlan, lines: Sequence[Line]) -> Figure:
+def _over_both(plan: MapPlan, lines: Sequence[StabilityLine]) -> Figure:
     leading, across = NAMES.index(plan.leading), NAMES.index(plan.across)
     lines = sorted(lines, key=lambda line: float(line.start[across]))
     figure = new_figure(7.6, 5.6)
@@ -91,7 +91,7 @@ def _over_both(plan: MapPlan, lines: Sequence[Line]) -> Figure:
     return figure
 
 
-def _contact(figure: Figure, axes: Axes, lines: Sequence[Line], leading: int, across: int) -> None:
+def _contact(figure: Figure, axes: Axes, lines: Sequence[StabilityLine], leading: int, across: int) -> None:
     """Share of the wall in contact as shades; nothing where there is none."""
     largest = max((float(np.nanmax(line.contact_share, initial=0.0)) for line in lines), default=0.0)
     if largest <= 0:
@@ -114,7 +114,7 @@ def _contact(figure: Figure, axes: Axes, lines: Sequence[Line], leading: int, ac
     bar.set_label("pore wall in contact [%]")
 
 
-def _contact_along(line: Line) -> tuple[Array, Array]:
+def _contact_along(line: StabilityLine) -> tuple[Array, Array]:
     """Places along a line, as many before its crease as behind it, and the share of the wall in contact there.
 
     Between the states, from nothing at the crease on; NaN behind the line's end.
@@ -130,7 +130,7 @@ def _contact_along(line: Line) -> tuple[Array, Array]:
     return places, np.interp(places, at, contact, right=np.nan)
 
 
-def _along(plan: MapPlan, line: Line) -> Figure:
+def _along(plan: MapPlan, line: StabilityLine) -> Figure:
     asked = np.isfinite(line.eigenvalues).any()
     figure = new_figure(7.6, 7.6 if asked else 6.0)
     ratios = (1, 1.3, 1, 1) if asked else (1, 1, 1)

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from porocore.cell.conductivity.required import require_one_cell, require_one_wall
-from porocore.cell.mesh_quality import as_lines, facts_of
+from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.core.echo import echo
 from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.core.inputs.possible_states import least_volume
@@ -149,8 +149,8 @@ def outline(config: RunConfig) -> Iterator[str]:
         it ought to, or its regions are not those of ``cell.materials``.
     """
     yield config.title or "a study without a title"
-    facts = facts_of(config.cell)
-    yield from (f"cell: {line}" if i == 0 else f"  {line}" for i, line in enumerate(as_lines(facts)))
+    quality = measure_mesh_quality(config.cell)
+    yield from (f"cell: {line}" if i == 0 else f"  {line}" for i, line in enumerate(quality_lines(quality)))
     config.cell.require_pores()
     config.cell.require_stiffness()
     _require_that_the_fluid_follows(config)
@@ -166,12 +166,12 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
     yield from _body(config)
     expected = backends.make_backend("sampler", config).expected
-    nodes = facts.solid.nodes if facts.solid else 0
+    nodes = quality.solid.nodes if quality.solid else 0
     yield f"work: {Workload.of(config, expected, len(place(config).cells), nodes).as_line()}"
     yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))
     yield from (f"note: {warning}" for warning in _late(config))
     # What K is nobody knows yet, but along which axes there is any.
-    percolates = np.diag([float(axis not in facts.blocked) for axis in "xyz"])
+    percolates = np.diag([float(axis not in quality.blocked) for axis in "xyz"])
     yield from (f"note: {warning}" for warning in undrained(config.macro, percolates))
 
 

@@ -195,11 +195,11 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
     solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell, config.conductivity)
     conductivity = conductivity_of(solver, prepared)
     geometry = config.cell.geometry
-    if (loose := config.cell.loose) and p == 0 and not np.any(grad_u):
+    if (disconnected := config.cell.disconnected) and p == 0 and not np.any(grad_u):
         return {
             "porosity": geometry.porosity,
             "conductivity": conductivity,
-            "solid": f"loose: {loose}",
+            "solid": f"disconnected: {disconnected}",
             "seconds": {"set_up": time.perf_counter() - began},
         }
     rest = solution_of(solver, prepared, MacroState.zeros(1), tangent=False).response
