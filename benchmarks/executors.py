@@ -15,7 +15,7 @@ from common import table
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.core.inputs.input_space import InputSpace
-from porocore.sampling.campaign import Progress, run_campaign
+from porocore.sampling.campaign import CampaignProgress, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.random_states import RandomStates
@@ -35,7 +35,7 @@ def sampled(path: Path, executor: str, workers: int) -> tuple[str, float]:
     dataset = Dataset.create(path, inputs=INPUTS, identity=CELL.identity)
     marks: list[tuple[float, int]] = []
 
-    def mark(progress: Progress) -> None:
+    def mark(progress: CampaignProgress) -> None:
         if progress.done:
             marks.append((time.perf_counter(), progress.done))
 

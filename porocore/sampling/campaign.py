@@ -16,12 +16,12 @@ from porocore.interfaces.records import SolvedState
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.plugins.border import CheckedSampler, origin_of
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.execution import CellPool, Outcome
+from porocore.sampling.execution import CellPool, FinishedSolve
 from porocore.states import CellResponse, Status
 
 
 @dataclass(frozen=True)
-class Progress:
+class CampaignProgress:
     """One report of a running campaign."""
 
     #: States that are known, earlier runs included.
@@ -56,7 +56,7 @@ def run_campaign(
     pool: CellPool,
     dataset: Dataset,
     *,
-    on_progress: Callable[[Progress], None] | None = None,
+    on_progress: Callable[[CampaignProgress], None] | None = None,
 ) -> CampaignSummary:
     """Solve what ``sampler`` asks for until it is done, keeping each outcome before the sampler is told.
 
@@ -114,7 +114,7 @@ class _Campaign:
         sampler: Sampler,
         pool: CellPool,
         dataset: Dataset,
-        on_progress: Callable[[Progress], None] | None,
+        on_progress: Callable[[CampaignProgress], None] | None,
     ) -> None:
         self.sampler = CheckedSampler(sampler, dataset.inputs)
         self.pool, self.dataset, self.on_progress = pool, dataset, on_progress
@@ -171,7 +171,7 @@ class _Campaign:
         self.running[request.key] = request
         self.pool.submit(request.key, self.dataset.inputs.scatter(request.x), start)
 
-    def keep(self, outcome: Outcome) -> None:
+    def keep(self, outcome: FinishedSolve) -> None:
         request = self.running.pop(outcome.key)
         state = self.dataset.inputs.scatter(request.x)
         self.dataset.append(
@@ -203,7 +203,7 @@ class _Campaign:
         rate = self.solved / max(time.perf_counter() - self.began, 1e-9)
         failed = sum(n for status, n in self.counts.items() if not status.has_values)
         remaining = (expected - done) / rate if rate > 0 else None
-        self.on_progress(Progress(done, expected, failed, rate, remaining, stopping))
+        self.on_progress(CampaignProgress(done, expected, failed, rate, remaining, stopping))
 
     def summary(self) -> CampaignSummary:
         counts = {status: self.counts[status] for status in Status if self.counts[status]}

@@ -112,10 +112,10 @@ class ModelSurrogate(Surrogate):
             The disk is full or read-only.
         """
         model = self._fitted()
-        record = file.Record(
+        metadata = file.SurrogateMetadata(
             self.backend, self.settings, self.identity, self.provenance, self.accuracy, self.conductivity
         )
-        file.write(path, model, record)
+        file.write(path, model, metadata)
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -127,11 +127,11 @@ class ModelSurrogate(Surrogate):
             The file is truncated, edited, foreign or of another version.
         """
         surrogate = cls.__new__(cls)
-        model, record = file.read(path)
+        model, metadata = file.read(path)
         surrogate.model = "mlp" if isinstance(model, AnchoredModel) else "potential"
-        surrogate.settings, surrogate.accuracy = record.options, record.accuracy
-        surrogate._become(file.evaluated(model, surrogate.evaluator), record.identity, record.provenance)
-        surrogate.conductivity = record.conductivity
+        surrogate.settings, surrogate.accuracy = metadata.options, metadata.accuracy
+        surrogate._become(file.evaluated(model, surrogate.evaluator), metadata.identity, metadata.provenance)
+        surrogate.conductivity = metadata.conductivity
         return surrogate
 
     def learn_conductivity(self, data: TrainingSet) -> None:

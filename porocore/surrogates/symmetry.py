@@ -138,7 +138,7 @@ class Ties:
     count: int
 
     @classmethod
-    def of(cls, exponents: IntArray, variables: Action, outputs: Action) -> Ties:
+    def from_actions(cls, exponents: IntArray, variables: Action, outputs: Action) -> Ties:
         """Return those of f with f(ρ(Q) y) = σ(Q) f(y), for monomials (K, v) that the operations take to each other."""
         K, o = len(exponents), outputs.to.shape[1]
         base = int(exponents.max(initial=0)) + 1
@@ -190,4 +190,4 @@ class Equivariance:
 
     def ties(self, exponents: IntArray) -> Ties:
         """Return what the coefficients of monomials (K, v) have in common."""
-        return Ties.of(exponents, self.variables, self.outputs)
+        return Ties.from_actions(exponents, self.variables, self.outputs)

@@ -40,7 +40,7 @@ class TrainingBox:
     high: Array
 
     @classmethod
-    def of(cls, y: Array, active: tuple[int, ...], group: PointGroup) -> TrainingBox:
+    def from_states(cls, y: Array, active: tuple[int, ...], group: PointGroup) -> TrainingBox:
         """Return the box around the states y (7, n), with the symmetry of a group as far as it leads to no other."""
         low, high = np.minimum(y.min(axis=1), 0.0), np.maximum(y.max(axis=1), 0.0)
         action, ends = on_variables(stabiliser(group, active)), np.stack([low, high])
@@ -59,7 +59,7 @@ class TrainingBox:
         outside = (inner < self.low[:, None]) | (inner > self.high[:, None])
         return np.flatnonzero(outside.any(axis=0))
 
-    def settled(self, y: Array) -> tuple[Array, Array, Array]:
+    def saturated(self, y: Array) -> tuple[Array, Array, Array]:
         """z(y) (7, n) with its first and second derivatives, (7, n) each.
 
         z = y inside the box, and c + δ tanh((y − c)/δ) beyond an end c of it, which is twice continuously
@@ -67,11 +67,11 @@ class TrainingBox:
         """
         active = list(self.active)
         z, first, second = y.copy(), np.ones_like(y), np.zeros_like(y)
-        z[active], first[active], s = self.settled_active(y[active])
+        z[active], first[active], s = self.saturated_active(y[active])
         second[active] = -2 / self._margin * s * first[active]
         return z, first, second
 
-    def settled_active(self, inner: Array) -> tuple[Array, Array, Array]:
+    def saturated_active(self, inner: Array) -> tuple[Array, Array, Array]:
         """z (d, n) of the active variables ``inner`` (d, n), its first derivative, and tanh((y − c)/δ)."""
         ends = np.minimum(np.maximum(inner, self.low[:, None]), self.high[:, None])
         s = np.tanh((inner - ends) / self._margin)

@@ -10,7 +10,7 @@ from typing import Any
 from fake_cell import IDENTITY, INPUTS, OPTIONS, Fake, make
 
 from porocore.interfaces.sampler import Sampler
-from porocore.sampling.campaign import CampaignSummary, Progress, run_campaign
+from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.density import DensitySweep
@@ -24,7 +24,7 @@ def sample(
     *,
     workers: int = 1,
     sampler: Sampler | None = None,
-    on_progress: Callable[[Progress], None] | None = None,
+    on_progress: Callable[[CampaignProgress], None] | None = None,
     **where: Any,
 ) -> tuple[Dataset, CampaignSummary]:
     dataset = Dataset.create_or_open(path, inputs=INPUTS, identity=IDENTITY)

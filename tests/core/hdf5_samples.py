@@ -46,7 +46,7 @@ def write_dataset(path: Path) -> None:
         record = SolvedState(
             f"state {i}", x, INPUTS.scatter(x), response(value, value[0, 0], status), 0.5, None
         )
-        rows.append((Block.of_record(path, record), 0))
+        rows.append((Block.from_record(path, record), 0))
         kept.append(
             CellField(np.zeros((3, 3)), x[0], "eighth", random.standard_normal((4, 3))) if i else None
         )

@@ -12,7 +12,7 @@ import pytest
 
 from porocore.errors import ConfigurationError, PluginError, PorocoreError
 from porocore.interfaces.sampler import Request, Sampler
-from porocore.sampling.campaign import Progress, run_campaign
+from porocore.sampling.campaign import CampaignProgress, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.density import DensitySweep
@@ -42,7 +42,7 @@ def test_the_dataset_holds_the_closed_form_and_the_failures(undisturbed: Dataset
 
 
 def test_progress_and_summary_count_every_state(tmp_path: Path) -> None:
-    seen: list[Progress] = []
+    seen: list[CampaignProgress] = []
     dataset, summary = sample(tmp_path / "data.h5", on_progress=seen.append)
     assert [progress.done for progress in seen] == list(range(len(dataset) + 1))
     assert seen[0].remaining is None

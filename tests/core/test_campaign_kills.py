@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from porocore.errors import PorocoreError
-from porocore.sampling.campaign import Progress
+from porocore.sampling.campaign import CampaignProgress
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
 
@@ -109,9 +109,9 @@ def test_a_second_ctrl_c_does_not_wait(tmp_path: Path, workers: int) -> None:
 
 def test_an_interrupt_is_reported_and_the_handler_is_put_back(tmp_path: Path) -> None:
     before = signal.getsignal(signal.SIGINT)
-    seen: list[Progress] = []
+    seen: list[CampaignProgress] = []
 
-    def watch(progress: Progress) -> None:
+    def watch(progress: CampaignProgress) -> None:
         seen.append(progress)
         if progress.done == 3:
             os.kill(os.getpid(), signal.SIGINT)

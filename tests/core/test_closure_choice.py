@@ -11,7 +11,7 @@ from porocore.cli.entry import main
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 from porocore.interfaces.macro import MacroSolver
 from porocore.macro.laws.direct import DirectWork
-from porocore.macro.laws.direct_record import direct_records, noted
+from porocore.macro.laws.direct_record import cost_recorded, direct_records
 from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
@@ -116,20 +116,20 @@ def test_work_adds_up_over_solutions_sessions_and_interruptions(tmp_path):
         work.counts += {Status.converged: converged, Status.overlap: overlap}
         work.seconds += seconds
 
-    with noted(path, "a", work):
+    with cost_recorded(path, "a", work):
         solve(3, 0, 1.5)
-    with noted(path, "b", work):
+    with cost_recorded(path, "b", work):
         solve(2, 1, 1.0)
 
     def interrupted():
-        with noted(path, "a", work):
+        with cost_recorded(path, "a", work):
             solve(1, 2, 0.5)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     later = DirectWork()
-    with noted(path, "a", later):
+    with cost_recorded(path, "a", later):
         later.counts[Status.converged] += 5
     records = direct_records(path)
     assert records["a"] == {"points": 60, "solves": 11, "seconds": 2.0, "converged": 9, "overlap": 2}

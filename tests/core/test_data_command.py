@@ -61,7 +61,7 @@ def make(path: Path, records: list[SolvedState], **how: Any) -> Dataset:
 
 def with_part(dataset: Dataset, record: SolvedState) -> Path:
     """The file, with a solve beside it that no data set would take."""
-    block = Block.of_record(parts_folder(dataset.path) / "wrong.h5", record)
+    block = Block.from_record(parts_folder(dataset.path) / "wrong.h5", record)
     write_block(block.path, Header(dataset.inputs, dataset.identity, {}), block, [record.field])
     return dataset.path
 

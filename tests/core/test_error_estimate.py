@@ -77,7 +77,7 @@ def test_the_hull_does_not(study):
 def test_flags_follow_the_error_of_a_network(study):
     """One that knows little: the first weights of a network, small, with the exact linear limit."""
     data = replace(training(study), tolerance=0.05)
-    scaled, random = ScaledData.of(data), np.random.default_rng(0)
+    scaled, random = ScaledData.from_training_set(data), np.random.default_rng(0)
     o, d = len(scaled.components), len(data.inputs)
     network = Network(
         "tanh",

@@ -100,7 +100,7 @@ def test_dask_workers_that_die_are_replaced(tmp_path: Path) -> None:
 
 def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
     """Which is no matter as long as there is nothing to solve."""
-    monkeypatch.setattr(dask_workers, "REACH", 0.5)
+    monkeypatch.setattr(dask_workers, "TIMEOUT", 0.5)
     with CellPool(make, (Fake(),), scheduler="tcp://127.0.0.1:1") as pool:
         assert pool.pending == 0
         with pytest.raises(
@@ -192,7 +192,7 @@ def test_the_options_of_the_command_line(tmp_path: Path, monkeypatch: pytest.Mon
         raise KeyboardInterrupt
 
     monkeypatch.setattr(pipeline, "sample", interrupted)
-    monkeypatch.setattr(preflight, "reach", reached.append)
+    monkeypatch.setattr(preflight, "check_reachable", reached.append)
     for more in ([*words], ["sample", str(out)]):
         more = [*more, "--scheduler", "tcp://a:1", "--retry-lost"]
         result = CliRunner().invoke(app, more)

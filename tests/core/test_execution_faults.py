@@ -18,10 +18,10 @@ from pathlib import Path
 import pytest
 
 from porocore.errors import PluginError, PorocoreError
-from porocore.sampling.campaign import Progress, run_campaign
+from porocore.sampling.campaign import CampaignProgress, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
-from porocore.sampling.execution.dask_workers import DaskCrew
+from porocore.sampling.execution.dask_workers import DaskBackend
 from porocore.sampling.execution.tasks import Ready
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -196,7 +196,7 @@ def test_a_cluster_of_the_users(tmp_path: Path, cluster) -> None:
     assert first.digest() == judge.digest()
     log = tmp_path / "log"
 
-    def watch(progress: Progress) -> None:
+    def watch(progress: CampaignProgress) -> None:
         if progress.done == 8:
             started["scheduler"].kill()
 
@@ -233,13 +233,13 @@ def test_workers_that_join_late(tmp_path: Path, cluster) -> None:
 def test_what_is_asked_of_a_worker(cluster) -> None:
     """The same porocore, and one thread."""
     address, _ = cluster
-    crew = DaskCrew(address, 1)
+    workers = DaskBackend(address, 1)
     try:
         fit = Ready(1, "node", version("porocore"), ("1", "1", "1", None))
-        assert crew.check(fit) == []
-        (warning,) = crew.check(replace(fit, threads=(None,) * 4))
+        assert workers.check(fit) == []
+        (warning,) = workers.check(replace(fit, threads=(None,) * 4))
         assert "OMP_NUM_THREADS=1" in warning
         with pytest.raises(PluginError, match=r"on node have porocore 0\.0\.1, this process has"):
-            crew.check(replace(fit, version="0.0.1"))
+            workers.check(replace(fit, version="0.0.1"))
     finally:
-        crew.close()
+        workers.close()

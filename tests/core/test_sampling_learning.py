@@ -95,8 +95,8 @@ def test_worth_is_the_variance_that_a_solution_takes() -> None:
     members = committee(column_data(from_unit(COLUMN, unit[:16])), POTENTIAL)
     judgement = members.judge(COLUMN.scatter(from_unit(COLUMN, unit[16:])))
     rows, C = judgement._rows, members.covariance
-    reach = judgement._reach
-    W = np.linalg.lstsq(judgement._known.reshape(len(C), -1).T, reach.reshape(len(C), -1).T, rcond=None)[0].T
+    goal = judgement._goal
+    W = np.linalg.lstsq(judgement._known.reshape(len(C), -1).T, goal.reshape(len(C), -1).T, rcond=None)[0].T
     for i in (0, 7):
         refitted = np.linalg.inv(np.linalg.inv(C) + rows[:, :, i] @ rows[:, :, i].T)
         assert np.trace(W @ (C - refitted)) == pytest.approx(judgement.worth()[i], rel=1e-4)
@@ -257,7 +257,7 @@ def test_macro_driven_sampling_follows_the_macro_run_until_it_stays() -> None:
     sampler = MacroDriven(COLUMN, count=60, initial=8, batch=4)
     sampler.inform(column_study(explore=column))
     x = solve_all(sampler, COLUMN, synthetic_cell)
-    assert sampler.settled
+    assert sampler.converged
     assert len(x) < 60
     assert len(column.sizes) >= 3
     assert column.sizes == sorted(set(column.sizes))
@@ -274,7 +274,7 @@ def test_macro_runs_that_do_not_reach_their_end_never_settle() -> None:
     sampler.inform(column_study(explore=explore))
     x = solve_all(sampler, COLUMN, synthetic_cell)
     assert len(x) == 26
-    assert not sampler.settled
+    assert not sampler.converged
     # At rest alone nothing is new: the box is filled instead.
     unit = COLUMN.to_unit(x)
     gaps = np.linalg.norm(unit[:, None] - unit, axis=2) + 9 * np.eye(26)

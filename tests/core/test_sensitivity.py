@@ -9,7 +9,7 @@ import pytest
 from porocore.errors import ConfigurationError, DataError
 from porocore.macro.laws.pull_back import PulledBack
 from porocore.report.figures.style import BLUE
-from porocore.sampling.execution import Outcome
+from porocore.sampling.execution import FinishedSolve
 from porocore.states import CellPeaks, CellResponse, CellTangent, MacroState, Status
 from porocore.verification.sensitivity.figures import MAKERS, figures, write_figures
 from porocore.verification.sensitivity.file import load, save
@@ -121,7 +121,7 @@ def test_a_walk_keeps_what_was_solved_and_the_nearest_failure():
     walk = Walk("uniaxial", -1, -0.2, 0.1, 0.05, made_up(np.zeros(1), [Status.converged]))
     while not walk.done:
         status = Status.contact if walk.value > -0.12 else Status.overlap
-        walk.take(Outcome("", made_up(np.array([walk.value]), [status]), "field", 0.5))
+        walk.take(FinishedSolve("", made_up(np.array([walk.value]), [status]), "field", 0.5))
     line = walk.line()
     np.testing.assert_allclose(line.values, [0, -0.1, -0.15])
     assert list(line.response.status) == [Status.converged, Status.contact, Status.overlap]

@@ -47,11 +47,13 @@ def models():
     training = potential_training_set(40, seed=1)
     with_polynomial = polynomial_model(training)[0]
     # Wherever these tests go; what happens beyond the sampled states has tests of its own.
-    with_polynomial = replace(with_polynomial, reach=TrainingBox(SEVEN, np.full(7, -1.0), np.full(7, 1.0)))
+    with_polynomial = replace(
+        with_polynomial, training_box=TrainingBox(SEVEN, np.full(7, -1.0), np.full(7, 1.0))
+    )
     nothing = {"terms": None, "polynomial": None, "refinement": None}
     alone = replace(with_polynomial, **nothing, network=part(invariant(CUBIC)))
     two = polynomial_model(synthetic_training_set(60, seed=1))[0]
-    two = replace(two, reach=TrainingBox((1, 6), np.full(2, -1.0), np.full(2, 1.0)))
+    two = replace(two, training_box=TrainingBox((1, 6), np.full(2, -1.0), np.full(2, 1.0)))
     return {
         "polynomial": with_polynomial,
         "network": alone,
@@ -203,7 +205,7 @@ def test_a_closed_cycle_does_no_work(model):
 def test_data_say_what_the_cell_says():
     """The gradient by (L, p), pulled from stress and fluid volume, is the slope of W between states."""
     training = potential_training_set(30, seed=4)
-    data = PotentialData.of(training)
+    data = PotentialData.from_training_set(training)
     assert data.active == SEVEN
     assert data.rest.symmetry == CUBIC
     assert data.rest.porosity == pytest.approx(1 - SOLID_FRACTION, abs=1e-15)
@@ -213,7 +215,7 @@ def test_data_say_what_the_cell_says():
         direction = np.zeros((3, 3))
         direction[place // 3, place % 3] = h
         ahead, behind = (
-            PotentialData.of(
+            PotentialData.from_training_set(
                 replace(
                     training,
                     states=(
@@ -228,7 +230,7 @@ def test_data_say_what_the_cell_says():
         by_L = (data.gradient * (ahead.y - behind.y) / (2 * h)).sum(axis=0)
         np.testing.assert_allclose(by_L, by_W, atol=1e-7)
         by_m = (ahead.mean_grad - behind.mean_grad) / (2 * h)
-        by_y = np.einsum("oan,an->on", data.mean_grad_slopes, (ahead.y - behind.y) / (2 * h))
+        by_y = np.einsum("oan,an->on", data.mean_grad_by_y, (ahead.y - behind.y) / (2 * h))
         np.testing.assert_allclose(by_y, by_m, atol=1e-7)
 
 
@@ -238,7 +240,7 @@ def test_the_expansion_at_rest_is_of_second_order():
     largest = []
     for load in (1e-1, 1e-2):
         small = MacroState(load * training.states.grad_u, load * training.states.p)
-        data = PotentialData.of(replace(training, states=small, responses=respond(small)))
+        data = PotentialData.from_training_set(replace(training, states=small, responses=respond(small)))
         largest.append(np.abs(data.remainder[0]).max())
     assert largest[0] / largest[1] == pytest.approx(1000, rel=0.1)
 
@@ -246,7 +248,7 @@ def test_the_expansion_at_rest_is_of_second_order():
 def test_unstable_states_are_left_out():
     training = potential_training_set(20, seed=4)
     training.responses.status[::2] = 1
-    data = PotentialData.of(training)
+    data = PotentialData.from_training_set(training)
     assert len(data) == 10
     np.testing.assert_array_equal(data.value, training.responses.potential[1::2])
     kept = sampled_range(training)
@@ -256,7 +258,7 @@ def test_unstable_states_are_left_out():
 def test_states_in_contact_are_learned_from_and_lie_in_the_sampled_range():
     training = potential_training_set(20, seed=4)
     training.responses.status[::2] = int(Status.contact)
-    assert len(PotentialData.of(training)) == 20
+    assert len(PotentialData.from_training_set(training)) == 20
     assert not sampled_range(training).outside(training.states).any()
 
 
@@ -264,22 +266,24 @@ def test_states_in_contact_are_learned_from_and_lie_in_the_sampled_range():
 def test_words_for_missing_responses(name):
     training = potential_training_set(20, seed=4)
     with pytest.raises(DataError, match=rf"learned from {name}, which these states lack; sample again"):
-        PotentialData.of(replace(training, responses=replace(training.responses, **{name: None})))
+        PotentialData.from_training_set(
+            replace(training, responses=replace(training.responses, **{name: None}))
+        )
 
 
 def test_words_for_a_reference_without_derivatives():
     training = potential_training_set(20, seed=4)
     bare = replace(training.reference, tangent=CellTangent())
     with pytest.raises(DataError, match="all derivatives of the undeformed cell; solve it with tangent=True"):
-        PotentialData.of(replace(training, reference=bare))
+        PotentialData.from_training_set(replace(training, reference=bare))
 
 
 def test_mean_grad_is_fitted_in_what_rotates_with_the_solid():
     training, unseen = potential_training_set(60, seed=4), potential_training_set(100, seed=5)
-    data = PotentialData.of(training)
-    reach = TrainingBox.of(data.y, data.active, TRIVIAL)
+    data = PotentialData.from_training_set(training)
+    training_box = TrainingBox.from_states(data.y, data.active, TRIVIAL)
     model = PotentialModel(
-        data.rest, None, None, None, fit_mean_grad(data), data.active, sampled_range(training), reach
+        data.rest, None, None, None, fit_mean_grad(data), data.active, sampled_range(training), training_box
     )
     error = model.predict(unseen.states, tangent=False).mean_grad - unseen.responses.mean_grad
     assert np.abs(error).max() < 2e-3 * np.ptp(unseen.responses.mean_grad)
@@ -298,9 +302,9 @@ def test_beyond_the_sampled_states_the_fine_parts_rest_and_derivatives_stay_exac
     model, _ = polynomial_model(training, degree=6)
     assert model.refinement is not None
     states = beyond(training, 1.6)[:10]
-    y = variables(LogStretch.of(states.grad_u), states.p)
+    y = variables(LogStretch.from_gradient(states.grad_u), states.p)
     _, gradient, hessian = model.potential(y)
-    assert len(model.reach.beyond(y)) > 5
+    assert len(model.training_box.beyond(y)) > 5
     h = 1e-5
     for a in model.active:
         step = np.zeros((7, 1))
@@ -309,10 +313,10 @@ def test_beyond_the_sampled_states_the_fine_parts_rest_and_derivatives_stay_exac
         np.testing.assert_allclose((up[0] - down[0]) / (2 * h), gradient[a], atol=1e-7)
         np.testing.assert_allclose((up[1] - down[1]) / (2 * h), hessian[a], atol=1e-6)
     # Far out only W₂ and the coarse polynomial are left of the slopes.
-    far = variables(LogStretch.of(0 * states.grad_u), 50 + states.p)
+    far = variables(LogStretch.from_gradient(0 * states.grad_u), 50 + states.p)
     bare = replace(model, refinement=None)
     np.testing.assert_allclose(model.potential(far)[1][6], bare.potential(far)[1][6], rtol=1e-12)
     # Inside nothing changes: rest, and the states themselves.
-    inside = variables(LogStretch.of(training.states.grad_u), training.states.p)
-    assert not len(model.reach.beyond(inside))
-    np.testing.assert_array_equal(model.reach.settled(inside)[0], inside)
+    inside = variables(LogStretch.from_gradient(training.states.grad_u), training.states.p)
+    assert not len(model.training_box.beyond(inside))
+    np.testing.assert_array_equal(model.training_box.saturated(inside)[0], inside)

@@ -8,7 +8,7 @@ from scipy.linalg import logm, polar
 
 from porocore.core.tensors.symmetric_eigen import symmetric_eigen
 from porocore.surrogates.stretch.components import PLACES
-from porocore.surrogates.stretch.divided_differences import of_three, of_two
+from porocore.surrogates.stretch.divided_differences import pair_differences, triple_difference
 from porocore.surrogates.stretch.log_stretch import LogStretch
 
 N = 24
@@ -56,7 +56,7 @@ def F(request):
 
 
 def stretch_of(F):
-    return LogStretch.of(F - np.eye(3))
+    return LogStretch.from_gradient(F - np.eye(3))
 
 
 def matrix(components):
@@ -209,7 +209,7 @@ def test_states_that_are_none_are_nan_alone():
 
 
 def test_no_states():
-    stretch = LogStretch.of(np.zeros((0, 3, 3)))
+    stretch = LogStretch.from_gradient(np.zeros((0, 3, 3)))
     assert stretch.L.shape == (6, 0)
     assert stretch.tangent(np.zeros((6, 0)), np.zeros((6, 6, 0))).shape == (0, 3, 3, 3, 3)
 
@@ -231,12 +231,12 @@ def test_symmetric_eigen(gap):
 def test_divided_differences_to_the_last_digits(gap):
     """Against a hundred digits, on both sides of every switch between formulas."""
     x, y, z = 0.7, 0.7 * (1 + gap), 0.7 * (1 + gap / 3)
-    first, left, right = (float(value[0]) for value in of_two(np.array([x]), np.array([y])))
+    first, left, right = (float(value[0]) for value in pair_differences(np.array([x]), np.array([y])))
     assert first == pytest.approx(divided(x, y), rel=1e-15)
     assert left == pytest.approx(divided(x, x, y), rel=1e-14)
     assert right == pytest.approx(divided(x, y, y), rel=1e-14)
     for three in ((x, y, z), (y, z, x), (z, x, y)):
-        found = of_three(*(np.array([value]) for value in three))
+        found = triple_difference(*(np.array([value]) for value in three))
         assert float(found[0]) == pytest.approx(divided(x, z, y), rel=2e-14)
 
 

@@ -54,8 +54,10 @@ def test_the_loss_compiled_and_not():
     inputs = InputSpace(NAMES, (-0.1,) * 9 + (0.0,), (0.1,) * 10)
     states = inputs.scatter(np.random.default_rng(3).uniform(inputs.lower, inputs.upper, (9, 10)))
     rest = respond(MacroState.zeros(1))
-    data = PotentialData.of(TrainingSet(states, respond(states), inputs, rest, "made-up", {}, CUBIC))
-    problem = SobolevProblem.of(data, *data.remainder, invariant(CUBIC))
+    data = PotentialData.from_training_set(
+        TrainingSet(states, respond(states), inputs, rest, "made-up", {}, CUBIC)
+    )
+    problem = SobolevProblem.from_remainder(data, *data.remainder, invariant(CUBIC))
     shapes = [(6, problem.x.shape[1]), (5, 6), (1, 5)]
     theta = np.random.default_rng(0).normal(size=sum(rows * (columns + 1) for rows, columns in shapes))
     autodiff = JaxAutodiff("cpu")

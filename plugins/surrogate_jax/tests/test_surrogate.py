@@ -52,7 +52,7 @@ def test_the_papers_network_learns_the_map():
 @pytest.mark.parametrize("activation", ["sigmoid", "tanh"])
 def test_what_is_trained_is_what_is_evaluated(data, activation):
     """The loss against the model in numpy, and its gradient against differences."""
-    scaled, shapes = ScaledData.of(data), [(7, 2), (5, 7), (3, 5)]
+    scaled, shapes = ScaledData.from_training_set(data), [(7, 2), (5, 7), (3, 5)]
     theta = adam.first_weights(shapes, activation, np.random.default_rng(4))
     weights, biases = zip(*unpack_layers(theta, shapes), strict=True)
     sampled = JaxSurrogate(epochs=1, hidden=[2]).fit(data, seed=0)._fitted().sampled
@@ -85,7 +85,7 @@ def test_adam_and_its_schedule(data):
 
 
 def test_the_validation_part_is_the_asked_share(data):
-    scaled = ScaledData.of(data)
+    scaled = ScaledData.from_training_set(data)
     training, validation = adam.split(scaled, 0.15, np.random.default_rng(0))
     assert (len(training["target"]), len(validation["target"])) == (85, 15)
     rows = np.concatenate([training["x"][:-1], validation["x"][:-1]])

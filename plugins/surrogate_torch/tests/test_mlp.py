@@ -70,7 +70,7 @@ def test_the_papers_network_learns_the_map():
 
 
 def test_only_what_deviates_from_the_linear_limit_is_learned(data, fitted):
-    assert ScaledData.of(data).components == (0, 4, 8)
+    assert ScaledData.from_training_set(data).components == (0, 4, 8)
     sheared = MacroState(np.array([[[0, 0.1, 0], [0, -0.1, 0], [0, 0, 0]]]), np.array([0.1]))
     assert fitted.predict(sheared).mean_grad[0, 0, 1] == pytest.approx(-0.11 * 0.1)
 
@@ -89,7 +89,7 @@ def test_a_linear_cell_needs_no_network(data, tmp_path):
 @pytest.mark.parametrize("activation", ["sigmoid", "tanh"])
 def test_what_is_trained_is_what_is_evaluated(data, fitted, activation):
     """The loss in torch against the model in numpy, and its gradient against differences."""
-    scaled = ScaledData.of(data)
+    scaled = ScaledData.from_training_set(data)
     shapes = training._shapes(2, (7, 5), 3)
     theta = training._first_weights(shapes, activation, torch.Generator().manual_seed(4))
     network = training._as_network(theta, shapes, activation)

@@ -43,7 +43,7 @@ class SolvesCells(Protocol):
 
 
 @contextmanager
-def noted(path: Path, solution: str, work: Work) -> Iterator[None]:
+def cost_recorded(path: Path, solution: str, work: Work) -> Iterator[None]:
     """Add to ``solution`` what ``work`` grows by during the block, also when the block is interrupted.
 
     Raises
@@ -56,7 +56,7 @@ def noted(path: Path, solution: str, work: Work) -> Iterator[None]:
     records = direct_records(path)
     before = work.numbers()
 
-    def note() -> None:
+    def record() -> None:
         known = records.get(solution, {})
         now = work.numbers()
         gained = {name: value - before.get(name, 0) for name, value in now.items()}
@@ -64,12 +64,12 @@ def noted(path: Path, solution: str, work: Work) -> Iterator[None]:
         with atomic_path(path) as part:
             part.write_text(json.dumps(records, indent=2) + "\n", encoding="utf-8")
 
-    with noted_afterwards(note):
+    with noted_afterwards(record):
         yield
 
 
 def direct_records(path: Path) -> DirectRecords:
-    """What was noted, by solution; empty before the first.
+    """Return the recorded costs by solution; empty before the first.
 
     Raises
     ------

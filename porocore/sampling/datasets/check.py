@@ -20,7 +20,7 @@ TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Finding:
+class DatasetCheck:
     """One check: what was looked at, whether it holds, and what was found."""
 
     name: str
@@ -28,16 +28,16 @@ class Finding:
     detail: str
 
 
-def check_file(path: Path, tolerance: float = TOLERANCE) -> list[Finding]:
+def check_file(path: Path, tolerance: float = TOLERANCE) -> list[DatasetCheck]:
     """Read every array of the dataset at ``path`` and examine it; a file that cannot be read is one finding."""
     try:
         dataset = Dataset.open(path, sound=False)
         fields = list(read_fields(dataset.rows()))
     except DataError as error:
-        return [Finding("readable", False, str(error))]
+        return [DatasetCheck("readable", False, str(error))]
     n = len(dataset)
-    findings = [Finding("readable", True, f"{n} states, {sum(f is not None for f in fields)} with u¹")]
-    findings.append(Finding("keys unique", True, f"{n} keys"))  # otherwise it could not be read
+    findings = [DatasetCheck("readable", True, f"{n} states, {sum(f is not None for f in fields)} with u¹")]
+    findings.append(DatasetCheck("keys unique", True, f"{n} keys"))  # otherwise it could not be read
     if not n:
         return findings
     response, states = dataset.responses(), dataset.states()
@@ -67,7 +67,7 @@ def check_file(path: Path, tolerance: float = TOLERANCE) -> list[Finding]:
     return findings + _laws(response, keys, tolerance)
 
 
-def _places(dataset: Dataset, states: MacroState, keys: Array) -> list[Finding]:
+def _places(dataset: Dataset, states: MacroState, keys: Array) -> list[DatasetCheck]:
     x, inputs = dataset.x(), dataset.inputs
     low, high = np.array(inputs.lower), np.array(inputs.upper)
     slack = 1e-12 * (high - low)
@@ -82,7 +82,7 @@ def _places(dataset: Dataset, states: MacroState, keys: Array) -> list[Finding]:
     ]
 
 
-def _laws(response: CellResponse, keys: Array, tolerance: float) -> list[Finding]:
+def _laws(response: CellResponse, keys: Array, tolerance: float) -> list[DatasetCheck]:
     """∂P_E/∂p = −∂φ/∂H and ∂P_E/∂H = (∂P_E/∂H)ᵀ: both are second derivatives of W(H, p)."""
     tangent, rows = response.tangent, np.flatnonzero(response.valid)
     if tangent is None or not len(rows):
@@ -97,14 +97,14 @@ def _laws(response: CellResponse, keys: Array, tolerance: float) -> list[Finding
     return findings
 
 
-def _law(name: str, ours: Array, theirs: Array, keys: Array, tolerance: float) -> Finding:
+def _law(name: str, ours: Array, theirs: Array, keys: Array, tolerance: float) -> DatasetCheck:
     n = len(ours)
     scale = np.abs(theirs.reshape(n, -1)).max(axis=1)
     misfit = np.abs(ours - theirs).reshape(n, -1).max(axis=1) / np.where(scale > 0, scale, 1.0)
     # A misfit that is no number fails too.
     worst = int(np.argmax(np.where(np.isnan(misfit), np.inf, misfit)))
     holds = bool((misfit <= tolerance).all())
-    return Finding(
+    return DatasetCheck(
         name, holds, f"largest misfit {misfit[worst]:.1e} (state '{keys[worst]}', allowed {tolerance:.0e})"
     )
 
@@ -121,8 +121,8 @@ def _at(grad_u: Array, p: float, states: MacroState, row: int) -> bool:
     return bool(np.array_equal(grad_u, states.grad_u[row])) and p == float(states.p[row])
 
 
-def _all(name: str, good: npt.NDArray[np.bool_], keys: Array, what: str) -> Finding:
+def _all(name: str, good: npt.NDArray[np.bool_], keys: Array, what: str) -> DatasetCheck:
     wrong = keys[~good]
     if not len(wrong):
-        return Finding(name, True, f"all {len(keys)}")
-    return Finding(name, False, f"{len(wrong)} of {len(keys)} states have {what}, such as '{wrong[0]}'")
+        return DatasetCheck(name, True, f"all {len(keys)}")
+    return DatasetCheck(name, False, f"{len(wrong)} of {len(keys)} states have {what}, such as '{wrong[0]}'")

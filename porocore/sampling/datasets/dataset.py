@@ -187,7 +187,7 @@ class Dataset:
                 raise ValueError(f"state '{record.key}' is in the dataset already")
             provided = check_record(record, self._provided)
             name = hashlib.sha256(record.key.encode()).hexdigest()[:32]
-            block = Block.of_record(parts_folder(self.path) / f"{name}.h5", record)
+            block = Block.from_record(parts_folder(self.path) / f"{name}.h5", record)
             write_block(block.path, Header(self.inputs, self.identity, {}), block, [record.field])
             self._provided = provided
             self._register(block)

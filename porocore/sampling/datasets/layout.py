@@ -60,7 +60,7 @@ class Block:
         return cls(path, [], [], np.zeros((0, d)), MacroState.zeros(0), np.zeros(0), response)
 
     @classmethod
-    def of_record(cls, path: Path, record: SolvedState) -> Block:
+    def from_record(cls, path: Path, record: SolvedState) -> Block:
         """One row."""
         x, seconds = np.array([record.x], dtype=float), np.array([record.seconds])
         return cls(path, [record.key], [record.start or ""], x, record.state, seconds, record.response)

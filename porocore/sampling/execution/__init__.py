@@ -3,5 +3,5 @@
 from porocore.sampling.execution.choice import EXECUTORS as EXECUTORS
 from porocore.sampling.execution.pool import CellPool as CellPool
 from porocore.sampling.execution.processes import end_with_parent as end_with_parent
-from porocore.sampling.execution.tasks import Outcome as Outcome
+from porocore.sampling.execution.tasks import FinishedSolve as FinishedSolve
 from porocore.sampling.execution.threads import THREAD_VARIABLES as THREAD_VARIABLES

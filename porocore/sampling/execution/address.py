@@ -14,11 +14,11 @@ SCHEMES = ("tcp", "tls", "ws", "wss")
 #: Of others that dask knows, which only dask can try.
 OTHERS = ("inproc", "ucx", "ucxx")
 #: Seconds to wait for an answer in.
-REACH = 3.0
+TIMEOUT = 3.0
 EXAMPLE = "expected the address of a dask scheduler such as tcp://node:8786"
 
 
-def reach(address: str) -> None:
+def check_reachable(address: str) -> None:
     """Open the address of a scheduler and close it again.
 
     Raises
@@ -34,7 +34,7 @@ def reach(address: str) -> None:
     # The search for a name knows no time limit of its own.
     attempt = threading.Thread(target=_connect, args=(host, port, why), daemon=True)
     attempt.start()
-    attempt.join(1.5 * REACH)
+    attempt.join(1.5 * TIMEOUT)
     if why:
         raise ConfigurationError(
             f"sampling.scheduler: no dask scheduler answers at {cut(address)} ({why[-1]}); start one with "
@@ -45,7 +45,7 @@ def reach(address: str) -> None:
 def _connect(host: str, port: int, why: list[str]) -> None:
     """Open and close a connection; empties ``why``, or adds the reason for which there is none."""
     try:
-        socket.create_connection((host, port), timeout=REACH).close()
+        socket.create_connection((host, port), timeout=TIMEOUT).close()
     except (OSError, UnicodeError) as error:
         why.append(str(getattr(error, "strerror", None) or error))
     else:

@@ -6,9 +6,9 @@ import signal
 from typing import Literal
 
 from porocore.errors import ConfigurationError
-from porocore.sampling.execution.futures import FuturesCrew, SubmitsFutures
-from porocore.sampling.execution.processes import ProcessCrew
-from porocore.sampling.execution.worker_backend import SerialCrew, WorkerBackend
+from porocore.sampling.execution.futures import FuturesBackend, SubmitsFutures
+from porocore.sampling.execution.processes import ProcessBackend
+from porocore.sampling.execution.worker_backend import SerialBackend, WorkerBackend
 
 ExecutorName = Literal["auto", "serial", "processes", "dask"]
 #: ``auto`` is dask where a scheduler is named, this process for one worker without time limit, else processes.
@@ -54,16 +54,16 @@ def check_choice(
         raise ConfigurationError(fault)
 
 
-def make_crew(
+def make_worker_backend(
     executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None, token: str
 ) -> WorkerBackend:
     """The workers of a pool, of a choice that was checked; see :class:`porocore.sampling.execution.CellPool`."""
     if not isinstance(executor, str):
-        return FuturesCrew(executor, workers, token)
+        return FuturesBackend(executor, workers, token)
     if executor == "dask" or scheduler is not None:
-        from porocore.sampling.execution.dask_workers import DaskCrew
+        from porocore.sampling.execution.dask_workers import DaskBackend
 
-        return DaskCrew(scheduler, workers)
+        return DaskBackend(scheduler, workers)
     if executor == "serial" or (executor == "auto" and workers == 1 and state_seconds is None):
-        return SerialCrew(token)
-    return ProcessCrew(workers)
+        return SerialBackend(token)
+    return ProcessBackend(workers)

@@ -19,26 +19,26 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from porocore.errors import PluginError, PorocoreError
-from porocore.sampling.execution.address import reach
+from porocore.sampling.execution.address import check_reachable
 from porocore.sampling.execution.tasks import Ready
 from porocore.sampling.execution.threads import THREAD_VARIABLES, interrupts_blocked, one_thread
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 #: Seconds between two looks at which workers are there.
-LOOK = 0.5
+LOOK_INTERVAL = 0.5
 #: Seconds to reach a scheduler in.
-REACH = 20
+TIMEOUT = 20
 #: Seconds for workers to end in.
 FAREWELL = 10
 
 
-class DaskCrew(WorkerBackend):
+class DaskBackend(WorkerBackend):
     """All workers of a scheduler, those that join later included.
 
     Parameters
     ----------
     scheduler
-        Address such as ``tcp://node:8786``; None: a cluster of processes on this machine, which ends with this crew.
+        Address such as ``tcp://node:8786``; None: a cluster of processes on this machine, which ends with this workers.
     count
         Number of those processes.
 
@@ -65,12 +65,12 @@ class DaskCrew(WorkerBackend):
         self._count = count
         self._known: dict[str, _DaskWorker] = {}
         self._threads: dict[str, int] = {}
-        self._looked = -LOOK
+        self._looked = -LOOK_INTERVAL
         self._processes: dict[str, int] = {}
         for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]:
             logging.getLogger(name).setLevel(
                 logging.CRITICAL
-            )  # what matters is raised, or a warning of this crew
+            )  # what matters is raised, or a warning of this workers
         if scheduler is None:
             # Without dask's setting of malloc, which makes every larger array anew from the system.
             environment = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_VARIABLES, "1")}
@@ -85,11 +85,11 @@ class DaskCrew(WorkerBackend):
                 )
             self._address = self._cluster.scheduler_address
         else:
-            reach(scheduler)
+            check_reachable(scheduler)
         try:
             with interrupts_blocked():
                 self._client = distributed.Client(
-                    self._address, timeout=REACH, set_as_default=False, name="porocore"
+                    self._address, timeout=TIMEOUT, set_as_default=False, name="porocore"
                 )
         except Exception as error:  # whatever another program's answer makes of dask
             raise PorocoreError(
@@ -120,7 +120,7 @@ class DaskCrew(WorkerBackend):
 
     def workers(self) -> Sequence[Worker]:
         """Those that are there now, looked up twice a second."""
-        if time.monotonic() - self._looked >= LOOK:
+        if time.monotonic() - self._looked >= LOOK_INTERVAL:
             self._look()
         return list(self._known.values())
 
@@ -132,7 +132,7 @@ class DaskCrew(WorkerBackend):
     def lost(self, worker: Worker) -> None:
         """Forget it; its nanny, or whoever started it, sees to another one."""
         self._known = {name: known for name, known in self._known.items() if known is not worker}
-        self._looked = -LOOK
+        self._looked = -LOOK_INTERVAL
 
     def check(self, ready: Ready) -> list[str]:
         """Refuse a worker with another porocore; warn of one whose libraries use several threads."""

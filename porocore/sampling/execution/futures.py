@@ -18,7 +18,7 @@ class SubmitsFutures(Protocol):
         """Begin a call."""
 
 
-class FuturesCrew(WorkerBackend):
+class FuturesBackend(WorkerBackend):
     """A given executor with a number of calls at a time; it is neither replaced nor shut down here.
 
     Its workers cannot be told apart, so the recipe of the cell goes with every state, and each of its threads
@@ -28,7 +28,7 @@ class FuturesCrew(WorkerBackend):
     separate = False
 
     def __init__(self, executor: SubmitsFutures, count: int, token: str) -> None:
-        self._workers = [_Any(executor) for _ in range(count)]
+        self._workers = [_ExecutorWorker(executor) for _ in range(count)]
         self._token = token
 
     def workers(self) -> Sequence[Worker]:
@@ -54,7 +54,7 @@ class FuturesCrew(WorkerBackend):
     abort = close
 
 
-class _Any(Worker):
+class _ExecutorWorker(Worker):
     def __init__(self, executor: SubmitsFutures) -> None:
         super().__init__()
         self._executor = executor

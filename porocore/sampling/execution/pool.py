@@ -1,4 +1,4 @@
-"""What runs, what waits, and what becomes of a state whose worker dies; where it runs is up to a crew."""
+"""What runs, what waits, and what becomes of a state whose worker dies; where it runs is up to a worker backend."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from porocore.errors import PorocoreError, UnexpectedError
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import failed_response, flatten_response
 from porocore.sampling.execution import tasks
-from porocore.sampling.execution.choice import ExecutorChoice, check_choice, make_crew
-from porocore.sampling.execution.tasks import Factory, Failure, Outcome, Ready, Recipe, Unprepared
+from porocore.sampling.execution.choice import ExecutorChoice, check_choice, make_worker_backend
+from porocore.sampling.execution.tasks import Factory, Failure, FinishedSolve, Ready, Recipe, Unprepared
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 from porocore.states import CellResponse, MacroState, Status
 
@@ -91,20 +91,22 @@ class CellPool:
         self._warn, self._warned = on_warning, set[str]()
         self._waiting: deque[_Task] = deque()
         self._running: dict[Future[Any], tuple[Worker, _Task | None]] = {}
-        self._finished: deque[Outcome] = deque()
+        self._finished: deque[FinishedSolve] = deque()
         self._failures: deque[PorocoreError] = deque()
         self._doubtful: list[_Task] = []
         self._lost_preparations = 0
         self._finishing = False
         check_choice(executor, workers, scheduler, state_seconds)
-        self._make_crew = partial(make_crew, executor, workers, scheduler, state_seconds, self._recipe.token)
+        self._make_workers = partial(
+            make_worker_backend, executor, workers, scheduler, state_seconds, self._recipe.token
+        )
         self._made: WorkerBackend | None = None
 
     @property
-    def _crew(self) -> WorkerBackend:
+    def _backend(self) -> WorkerBackend:
         """Called together when there is something to do."""
         if self._made is None:
-            self._made = self._make_crew()
+            self._made = self._make_workers()
             self._tell(self._made.warnings)
         return self._made
 
@@ -116,7 +118,7 @@ class CellPool:
     @property
     def has_room(self) -> bool:
         """Whether another state can be submitted so that no worker is idle and none waits for long."""
-        return self.pending - len(self._doubtful) < self._crew.slots + self._crew.ahead
+        return self.pending - len(self._doubtful) < self._backend.slots + self._backend.ahead
 
     def submit(self, key: str, state: MacroState, start: CellField | None = None) -> None:
         """Hand in one state (one row) with the field to start from.
@@ -129,10 +131,10 @@ class CellPool:
             The scheduler cannot be reached.
         """
         self._waiting.append(_Task(key, state, start))
-        if self._crew.eager:
+        if self._backend.eager:
             self._dispatch()
 
-    def wait(self) -> Outcome:
+    def wait(self) -> FinishedSolve:
         """The next finished state; blocks until there is one.
 
         Raises
@@ -145,7 +147,7 @@ class CellPool:
         assert outcome is not None
         return outcome
 
-    def wait_unless(self, stop: Callable[[], bool]) -> Outcome | None:
+    def wait_unless(self, stop: Callable[[], bool]) -> FinishedSolve | None:
         """The same, or None as soon as ``stop()``."""
         if not self.pending:
             raise ValueError("no state was submitted to wait for")
@@ -155,14 +157,14 @@ class CellPool:
             self._judge_doubtful()
             if stop() and not (self._finished or self._failures):
                 return None
-        if self._crew.eager:
+        if self._backend.eager:
             self._dispatch()
         # Good outcomes first, so that nothing that was solved is lost behind an error.
         if not self._finished:
             raise self._failures.popleft()
         return self._finished.popleft()
 
-    def finish_running(self) -> Iterator[Outcome]:
+    def finish_running(self) -> Iterator[FinishedSolve]:
         """Drop what has not begun and yield the outcomes of what runs, leaving out failures."""
         self._waiting.clear()
         self._doubtful.clear()
@@ -193,7 +195,7 @@ class CellPool:
     ) -> None:
         if kind is not None and not issubclass(kind, Exception) and self._running:
             # The caller was interrupted while it waited: nobody will take what is being solved.
-            self._crew.abort()
+            self._backend.abort()
         else:
             self.close()
 
@@ -206,15 +208,15 @@ class CellPool:
         if not self._waiting:
             return
         busy = {id(worker) for worker, _ in self._running.values()}
-        for worker in self._crew.workers():
+        for worker in self._backend.workers():
             if id(worker) in busy:
                 continue
-            if self._crew.separate and not worker.prepared:
+            if self._backend.separate and not worker.prepared:
                 self._begin(worker, None, tasks.prepare, self._recipe)
             elif self._waiting:
                 task = self._next_for(worker)
                 what = (task.key, task.state, task.start)
-                if self._crew.separate:
+                if self._backend.separate:
                     self._begin(worker, task, tasks.solve, self._recipe.token, *what, self._limit)
                 else:
                     self._begin(worker, task, tasks.prepare_and_solve, self._recipe, *what)
@@ -223,13 +225,13 @@ class CellPool:
         try:
             self._running[worker.submit(call, *args)] = worker, task
         except BrokenExecutor:  # it died while it had nothing to do: no state is to blame
-            self._crew.lost(worker)
+            self._backend.lost(worker)
             if task is not None:
                 self._waiting.appendleft(task)
 
     def _next_for(self, worker: Worker) -> _Task:
         """The first in the queue; a second try goes to another machine if one is idle or will be."""
-        hosts = {other.host for other in self._crew.workers()}
+        hosts = {other.host for other in self._backend.workers()}
         for task in self._waiting:
             if task.host is None or task.host != worker.host or len(hosts) == 1:
                 self._waiting.remove(task)
@@ -242,11 +244,11 @@ class CellPool:
             done, _ = wait(self._running, PATIENCE, return_when=FIRST_COMPLETED)
         else:
             done = set()
-            self._tell(self._crew.warnings)
+            self._tell(self._backend.warnings)
             time.sleep(PATIENCE)
         for future in done:
             self._take(future, *self._running.pop(future))
-        there = {id(worker) for worker in self._crew.workers()}
+        there = {id(worker) for worker in self._backend.workers()}
         for future, (worker, task) in list(self._running.items()):
             if id(worker) not in there:
                 del self._running[future]
@@ -266,7 +268,7 @@ class CellPool:
             self._failures.append(_as_error(task, result))
         elif isinstance(result, Ready):
             worker.prepared, self._lost_preparations = True, 0
-            self._tell(self._crew.check(result))
+            self._tell(self._backend.check(result))
         elif isinstance(result, Unprepared):
             worker.prepared = False
             assert task is not None
@@ -279,7 +281,7 @@ class CellPool:
             self._doubtful.clear()
 
     def _died(self, worker: Worker, task: _Task | None) -> None:
-        self._crew.lost(worker)
+        self._backend.lost(worker)
         if self._finishing:
             return
         if task is None:
@@ -316,10 +318,10 @@ class CellPool:
                 )
             )
 
-    def _lost_outcome(self, task: _Task) -> Outcome:
+    def _lost_outcome(self, task: _Task) -> FinishedSolve:
         assert self.like is not None
         response = failed_response(Status.lost, names=flatten_response(self.like))
-        return Outcome(task.key, response, None, time.perf_counter() - task.began)
+        return FinishedSolve(task.key, response, None, time.perf_counter() - task.began)
 
     def _tell(self, warnings: list[str]) -> None:
         for text in warnings:

@@ -15,7 +15,7 @@ from porocore.sampling.execution.threads import interrupts_blocked, one_thread
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 
-class ProcessCrew(WorkerBackend):
+class ProcessBackend(WorkerBackend):
     """Processes started afresh (spawned), each an executor of its own, so that one that dies takes none along.
 
     They ignore Ctrl-C, which the parent handles, and end when the parent has gone, however it went.

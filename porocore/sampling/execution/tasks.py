@@ -31,7 +31,7 @@ MOST_CELLS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class FinishedSolve:
     """A finished solve: one row, its field where asked for, and the wall time of the solve [s]."""
 
     key: str
@@ -71,7 +71,7 @@ class Failure:
     details: str
 
     @classmethod
-    def of(cls, error: Exception) -> Failure:
+    def from_exception(cls, error: Exception) -> Failure:
         """The exception that is being handled."""
         return cls(type(error).__name__, str(error), traceback.format_exc())
 
@@ -92,7 +92,7 @@ def prepare(recipe: Recipe, place: int = 0) -> Ready | Failure:
     try:
         solver, prepared = recipe.factory(*recipe.args)
     except Exception as error:  # noqa: BLE001 - it is raised again where the states are asked for
-        return Failure.of(error)
+        return Failure.from_exception(error)
     with _lock:
         _cells[recipe.token, place] = solver, prepared, recipe
         while len({token for token, _ in _cells}) > MOST_CELLS:
@@ -117,7 +117,7 @@ def solve(
     start: CellField | None,
     limit: float | None = None,
     place: int = 0,
-) -> Outcome | Failure | Unprepared:
+) -> FinishedSolve | Failure | Unprepared:
     """Solve one state with the cell that was prepared under ``token``.
 
     Parameters
@@ -138,13 +138,13 @@ def solve(
             )
         seconds = time.perf_counter() - began
     except Exception as error:  # noqa: BLE001 - as above
-        return Failure.of(error)
-    return Outcome(key, solution.response, solution.fields[0] if solution.fields else None, seconds)
+        return Failure.from_exception(error)
+    return FinishedSolve(key, solution.response, solution.fields[0] if solution.fields else None, seconds)
 
 
 def prepare_and_solve(
     recipe: Recipe, key: str, state: MacroState, start: CellField | None
-) -> Outcome | Failure | Unprepared:
+) -> FinishedSolve | Failure | Unprepared:
     """For executors whose workers cannot be told apart: each thread prepares the cell when it first needs it."""
     place = threading.get_ident()
     with _lock:

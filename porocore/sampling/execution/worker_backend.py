@@ -96,14 +96,14 @@ class WorkerBackend(ABC):
         """Let go of the workers at once; what runs is lost."""
 
 
-class SerialCrew(WorkerBackend):
+class SerialBackend(WorkerBackend):
     """This process, with whatever number of threads it has; a state is solved when it is waited for."""
 
     ahead = 0
     eager = False
 
     def __init__(self, token: str) -> None:
-        self._worker = _Here()
+        self._worker = _ThisProcess()
         self._token = token
 
     def workers(self) -> Sequence[Worker]:
@@ -126,7 +126,7 @@ class SerialCrew(WorkerBackend):
     abort = close
 
 
-class _Here(Worker):
+class _ThisProcess(Worker):
     def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
         future: Future[Any] = Future()
         future.set_result(call(*args))

@@ -89,7 +89,7 @@ class Learning(RoundSampler, StudySampler):
         good = self.stable
         if good.sum() < 2:
             return None
-        rows = [response for response, kept in zip(self.told, good, strict=True) if kept]
+        rows = [response for response, kept in zip(self.observed, good, strict=True) if kept]
         states = self.inputs.scatter(from_unit(self.inputs, self.points[good]))
         study = self.study
         return TrainingSet(
@@ -113,7 +113,7 @@ class Learning(RoundSampler, StudySampler):
     @property
     def stable(self) -> BoolArray:
         """Which of the states so far a surrogate may learn from, (n,) bool."""
-        return np.array([Status(int(response.status[0])).stable for response in self.told], dtype=bool)
+        return np.array([Status(int(response.status[0])).stable for response in self.observed], dtype=bool)
 
     @property
     def enough(self) -> bool:

@@ -11,7 +11,7 @@ from porocore.core.inputs.input_space import InputSpace
 from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request, Sampler
-from porocore.sampling.samplers.line import Line, LinePoint, grid_size
+from porocore.sampling.samplers.line import LinePoint, LineSweep, grid_size
 from porocore.sampling.samplers.options import positive, refuse_unknown
 from porocore.sampling.waiting import check_waiting
 from porocore.states import CellResponse, Status
@@ -25,7 +25,7 @@ class DensitySweep(Sampler):
 
     The first input is swept from zero to both ends of its range with the others at zero. Every accepted value
     starts sweeps of each later input from there, and so on, all independent of one another: whatever can be
-    solved is asked for at once. Each sweep is a :class:`~porocore.sampling.samplers.line.Line`, which says how the
+    solved is asked for at once. Each sweep is a :class:`~porocore.sampling.samplers.line.LineSweep`, which says how the
     step is halved, what happens near a zero of <∇u¹>, and how the edge of the computable region is resolved.
     The first step of a sweep has no two points behind it and is accepted unchecked.
 
@@ -88,7 +88,7 @@ class DensitySweep(Sampler):
         self._subtree = [math.prod(sizes[k + 1 :]) for k in range(len(inputs))]
         root = (0.0,) * len(inputs)
         key = state_key(inputs, root)
-        self._waiting: dict[str, tuple[tuple[float, ...], Line | None]] = {key: (root, None)}
+        self._waiting: dict[str, tuple[tuple[float, ...], LineSweep | None]] = {key: (root, None)}
         self._ready = [Request(key, root)]
         self._asked = 1
 
@@ -142,9 +142,11 @@ class DensitySweep(Sampler):
             origin = LinePoint(0.0, point.mean_grad)
             for end in (self.inputs.upper[k], self.inputs.lower[k]):
                 if end != 0:
-                    self._move_on(Line(resting, origin, end, self.steps[k], self.tolerance, self.smallest))
+                    self._move_on(
+                        LineSweep(resting, origin, end, self.steps[k], self.tolerance, self.smallest)
+                    )
 
-    def _move_on(self, line: Line) -> None:
+    def _move_on(self, line: LineSweep) -> None:
         value = line.next_value()
         if value is None:
             return

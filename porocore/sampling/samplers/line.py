@@ -42,7 +42,7 @@ def density_residual(before: LinePoint, last: LinePoint, point: LinePoint, step:
 
 
 @dataclass
-class Line:
+class LineSweep:
     """Moves one input from zero to ``end``; those before it rest at ``prefix``, those after it at zero.
 
     A point ahead that is too far off the secant, or that has no values, moves the next point to the middle

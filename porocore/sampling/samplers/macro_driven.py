@@ -98,7 +98,7 @@ class MacroDriven(Learning):
             return self._filling(size)
         found = self.study.explore(data, elements=self.elements, steps=self.steps)
         self.results.append(np.array(found.results))
-        if self.settled and self.enough:
+        if self.converged and self.enough:
             return self.points[:0]
         visited = self._lattice(self.inputs.gather(self.inputs.without_rotation(found.states)))
         distance, _ = distances(visited, self.points)
@@ -119,7 +119,7 @@ class MacroDriven(Learning):
         return visited[far + most_worth(visited, judgement, allowed, known, size - len(far), apart)]
 
     @property
-    def settled(self) -> bool:
+    def converged(self) -> bool:
         """Whether the last two rounds have changed no result."""
         if len(self.results) < 3:
             return False

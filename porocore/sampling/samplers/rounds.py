@@ -35,7 +35,7 @@ class RoundSampler(Sampler):
     def __init__(self, inputs: InputSpace, count: int) -> None:
         self.inputs, self.count = inputs, count
         self.points: Array = np.empty((0, len(inputs)))
-        self._told: dict[int, CellResponse] = {}
+        self._observed: dict[int, CellResponse] = {}
         self._waiting: dict[str, int] = {}
         self._over = False
 
@@ -44,9 +44,9 @@ class RoundSampler(Sampler):
         """At most ``room`` points (m, d) of the unit box; none: there are no more rounds."""
 
     @property
-    def told(self) -> list[CellResponse]:
+    def observed(self) -> list[CellResponse]:
         """Outcomes of all ``points``, once a round is complete."""
-        return [self._told[i] for i in range(len(self.points))]
+        return [self._observed[i] for i in range(len(self.points))]
 
     def ask(self) -> list[Request]:
         """A whole round, once the one before it is complete."""
@@ -74,7 +74,7 @@ class RoundSampler(Sampler):
             The key was not asked for, or was told before.
         """
         check_waiting(key, self._waiting)
-        self._told[self._waiting.pop(key)] = response
+        self._observed[self._waiting.pop(key)] = response
 
     @property
     def done(self) -> bool:

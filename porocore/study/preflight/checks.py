@@ -24,7 +24,7 @@ from porocore.macro.problem import Boundary, MacroProblem
 from porocore.plugins import registry
 from porocore.plugins.hookspecs import Kind
 from porocore.plugins.kinds import HOOKS
-from porocore.sampling.execution.address import reach
+from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.symmetry_notes import uncovered
@@ -121,7 +121,7 @@ def check_sampling(config: RunConfig, *, trained: bool) -> None:
         )
     require_memory(config)
     if sampling.scheduler is not None:
-        reach(sampling.scheduler)
+        check_reachable(sampling.scheduler)
 
 
 def place(config: RunConfig) -> BodyMesh:

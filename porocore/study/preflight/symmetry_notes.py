@@ -25,7 +25,7 @@ def uncovered_shears(inputs: InputSpace, group: PointGroup) -> list[str]:
     """
     low, high = np.array(inputs.lower), np.array(inputs.upper)
     states = inputs.scatter(low + (high - low) * np.random.default_rng(0).random((STATES, len(inputs))))
-    y = variables(LogStretch.of(states.grad_u), states.p)
+    y = variables(LogStretch.from_gradient(states.grad_u), states.p)
     moved = np.abs(np.nan_to_num(y)).max(axis=1) > STILL
     active = tuple(int(a) for a in np.flatnonzero(moved))
     found = [PLACES[a] for a in acting_across(group, active) if 3 <= a < 6]

@@ -23,7 +23,7 @@ from porocore.macro.laws import CLOSURES
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.plugins.registry import registry
-from porocore.sampling.campaign import CampaignSummary, Progress, run_campaign
+from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.random_states import RandomStates
@@ -241,7 +241,7 @@ def _campaign(
 ) -> CampaignSummary:
     with console.task(title, "states") as task:
 
-        def show(progress: Progress) -> None:
+        def show(progress: CampaignProgress) -> None:
             detail = "stopping after the running solves" if progress.stopping else ""
             task.update(progress.done, progress.expected, failed=progress.failed, detail=detail)
 

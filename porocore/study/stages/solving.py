@@ -15,7 +15,7 @@ from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import StepReport
 from porocore.macro.laws import ClosedLaw, LearningLaw
 from porocore.macro.laws.direct import DirectCellLaw
-from porocore.macro.laws.direct_record import SolvesCells, noted
+from porocore.macro.laws.direct_record import SolvesCells, cost_recorded
 from porocore.macro.laws.fallback import Fallback
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.reference import CellReference
@@ -51,11 +51,11 @@ class RunLaw:
     cells: SolvesCells | None = None
     record: Path | None = None
 
-    def noted(self, solution: str) -> AbstractContextManager[None]:
+    def cost_recorded(self, solution: str) -> AbstractContextManager[None]:
         """The cells solved during the block are added to the record of ``solution``."""
         if self.cells is None or self.record is None:
             return nullcontext()
-        return noted(self.record, solution, self.cells.work)
+        return cost_recorded(self.record, solution, self.cells.work)
 
 
 def solve(
@@ -186,7 +186,7 @@ def _solve_load(
         checkpoint = folder.macro_checkpoint(name, load)
         with (
             communicator.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
-            run.noted(path.stem),
+            run.cost_recorded(path.stem),
             console.task(f"column, {name}, load {load:g}", "time") as task,
         ):
             reached = [0.0, config.macro.time.end]

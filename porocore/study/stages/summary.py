@@ -206,7 +206,7 @@ def _surrogate_summary(
 
 
 def direct_costs(folder: RunFolder, config: RunConfig, timings: dict[str, float]) -> tuple[DirectCost, ...]:
-    """Of every solution by direct FE² whose cost was noted."""
+    """Of every solution by direct FE² whose cost was recorded."""
     records, found = direct_records(folder.direct_work), []
     for load in config.macro.loads:
         for closure in CLOSURES:

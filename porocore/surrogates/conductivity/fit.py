@@ -61,7 +61,7 @@ def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | Non
     log_rest = logarithm(basis.T @ mean @ basis)
     log_rest = (log_rest + log_rest.T) / 2
     states = data.states[kept]
-    y = variables(LogStretch.of(states.grad_u), states.p)
+    y = variables(LogStretch.from_gradient(states.grad_u), states.p)
     active = tuple(int(a) for a in np.flatnonzero(np.abs(y).max(axis=1) > STILL))
     change = basis @ (S[kept] - log_rest) @ basis.T
     change = np.stack([change[:, i, j] for i, j in triangle(3)])
@@ -73,7 +73,7 @@ def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | Non
         log_rest,
         polynomial,
         active,
-        TrainingBox.of(y, active, data.symmetry),
+        TrainingBox.from_states(y, active, data.symmetry),
         SampledRange.around(data.inputs, data.inputs.gather(states)),
         closing=len(kept) < int(data.responses.stable.sum()),
     )

@@ -40,7 +40,7 @@ class ConductivityModel:
         What is added to it, as the upper triangle of a matrix in space (3, 3), row by row, in the variables ``active``.
     active
         The variables that were sampled.
-    reach
+    training_box
         Box of the training states; beyond it the polynomial comes to rest.
     sampled
         Hull of the training states that have a conductivity.
@@ -55,7 +55,7 @@ class ConductivityModel:
     log_rest: Array
     polynomial: Polynomial
     active: tuple[int, ...]
-    reach: TrainingBox
+    training_box: TrainingBox
     sampled: SampledRange
     estimate: ErrorEstimate | None = None
     closing: bool = False
@@ -65,11 +65,11 @@ class ConductivityModel:
 
         These are ∂K_ref/∂H (n, 3, 3, 3, 3) and ∂K_ref/∂p (n, 3, 3).
         """
-        stretch = LogStretch.of(states.grad_u)
+        stretch = LogStretch.from_gradient(states.grad_u)
         t = variables(stretch, states.p)[list(self.active)]
         missing = ~np.isfinite(t).all(axis=0)
         t[:, missing] = 0.0
-        t, steepness = self._settled(t)
+        t, steepness = self._saturated(t)
         if not tangent:
             K = self._in_space(exponential(self._logarithm(self.polynomial.evaluate(t)) + self.log_rest))
             K[missing] = np.nan
@@ -110,20 +110,20 @@ class ConductivityModel:
 
     def beyond_rest(self, t: Array) -> Array:
         """Return the upper triangle (6, n) of ln K_ref less its value at rest, at t (d, n) of the active variables."""
-        return self.polynomial.evaluate(self._settled(t)[0])
+        return self.polynomial.evaluate(self._saturated(t)[0])
 
     def _variables(self, states: MacroState) -> Array:
         """Return the active variables (d, n); NaN where det F ≤ 0."""
-        t: Array = variables(LogStretch.of(states.grad_u), states.p)[list(self.active)]
+        t: Array = variables(LogStretch.from_gradient(states.grad_u), states.p)[list(self.active)]
         return t
 
-    def _settled(self, t: Array) -> tuple[Array, Array]:
+    def _saturated(self, t: Array) -> tuple[Array, Array]:
         """Return t (d, n) as it comes to rest beyond the sampled box, and its slopes by t (d, n)."""
-        settled, steepness = t.copy(), np.ones_like(t)
-        beyond = self.reach.beyond_active(t)
+        saturated, steepness = t.copy(), np.ones_like(t)
+        beyond = self.training_box.beyond_active(t)
         if len(beyond):
-            settled[:, beyond], steepness[:, beyond], _ = self.reach.settled_active(t[:, beyond])
-        return settled, steepness
+            saturated[:, beyond], steepness[:, beyond], _ = self.training_box.saturated_active(t[:, beyond])
+        return saturated, steepness
 
     def _logarithm(self, components: Array) -> Array:
         """Symmetric (n, r, r) on the directions of B, of the upper triangle (6, n) of a matrix in space."""

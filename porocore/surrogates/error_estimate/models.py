@@ -27,7 +27,7 @@ def with_potential_error(model: PotentialModel, training: TrainingSet) -> Potent
     """Return the model with an estimate of the errors of stress and fluid volume; as it is where none is asked for."""
     if training.tolerance is None:
         return model
-    data = PotentialData.of(training)
+    data = PotentialData.from_training_set(training)
     terms = terms_for(data)
     judged = tuple(int(a) for a in np.flatnonzero(terms.polynomial.exponents.any(axis=0)))
     exponents = monomials(len(data) * (1 + len(judged)), terms.weights, 3, terms)
@@ -65,7 +65,7 @@ def with_potential_error(model: PotentialModel, training: TrainingSet) -> Potent
 
 def with_mean_gradient_error(model: AnchoredModel, training: TrainingSet) -> AnchoredModel:
     """Return the model with an estimate of the errors of <∇u¹>; as it is where none is asked for or learned."""
-    data = ScaledData.of(training)
+    data = ScaledData.from_training_set(training)
     if training.tolerance is None or not data.components:
         return model
     # From rest on, where the network begins at second order.

@@ -26,7 +26,7 @@ from porocore.surrogates.network.network import Evaluator, Network
 from porocore.surrogates.polynomial.arrays import pack_polynomial, unpack_polynomial
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms, plain
-from porocore.surrogates.potential.data import Rest
+from porocore.surrogates.potential.data import RestExpansion
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
 from porocore.surrogates.training_box import TrainingBox
 
@@ -40,7 +40,7 @@ MakeEvaluator = Callable[[Network], Evaluator]
 
 
 @dataclass(frozen=True)
-class Record:
+class SurrogateMetadata:
     """What a file says besides the model.
 
     Attributes
@@ -67,7 +67,7 @@ class Record:
     conductivity: ConductivityModel | None = None
 
 
-def write(path: Path, model: Model, record: Record) -> None:
+def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
     """One HDF5 file, whole or not at all.
 
     Raises
@@ -77,11 +77,11 @@ def write(path: Path, model: Model, record: Record) -> None:
     """
     header: dict[str, Any] = {
         "model": "mlp" if isinstance(model, AnchoredModel) else "potential",
-        "backend": record.backend,
-        "options": record.options,
-        "identity": record.identity,
-        "provenance": record.provenance,
-        "accuracy": record.accuracy,
+        "backend": metadata.backend,
+        "options": metadata.options,
+        "identity": metadata.identity,
+        "provenance": metadata.provenance,
+        "accuracy": metadata.accuracy,
         "inputs": model.sampled.inputs.names,
     }
     arrays = {
@@ -94,12 +94,12 @@ def write(path: Path, model: Model, record: Record) -> None:
     pack(model, header, arrays)  # type: ignore[arg-type]
     if model.estimate is not None:
         estimate_file.pack(model.estimate, header, arrays)
-    if record.conductivity is not None:
-        _pack_conductivity(record.conductivity, header, arrays)
+    if metadata.conductivity is not None:
+        _pack_conductivity(metadata.conductivity, header, arrays)
     write_archive(path, FORMAT, VERSION, header, arrays)
 
 
-def read(path: Path) -> tuple[Model, Record]:
+def read(path: Path) -> tuple[Model, SurrogateMetadata]:
     """What :func:`write` wrote; its network, if there is one, evaluates in numpy.
 
     Raises
@@ -120,10 +120,10 @@ def read(path: Path) -> tuple[Model, Record]:
         model = unpack[header["model"]](header, arrays, sampled)
         if "estimate" in header:
             model = replace(model, estimate=estimate_file.unpack(header, arrays, model))
-        record = _unpack_record(header, arrays, inputs)
+        metadata = _unpack_metadata(header, arrays, inputs)
     except UNREADABLE as error:
         raise damaged(path, "surrogate", error, ADVICE) from error
-    return model, record
+    return model, metadata
 
 
 def _unpack_range(arrays: dict[str, Array], name: str, inputs: InputSpace) -> SampledRange:
@@ -135,7 +135,9 @@ def _unpack_range(arrays: dict[str, Array], name: str, inputs: InputSpace) -> Sa
     return SampledRange(inputs, normals, offsets)
 
 
-def _unpack_record(header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace) -> Record:
+def _unpack_metadata(
+    header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace
+) -> SurrogateMetadata:
     kinds = {"backend": str, "options": dict, "identity": str, "provenance": dict, "accuracy": dict}
     for name, kind in kinds.items():
         if not isinstance(header[name], kind):
@@ -145,7 +147,7 @@ def _unpack_record(header: dict[str, Any], arrays: dict[str, Array], inputs: Inp
     if not all(isinstance(x, float | int) for x in header["accuracy"].values()):
         raise ValueError("its header has an accuracy that is no number")
     conductivity = _unpack_conductivity(header, arrays, inputs) if "conductivity" in header else None
-    return Record(conductivity=conductivity, **{name: header[name] for name in kinds})
+    return SurrogateMetadata(conductivity=conductivity, **{name: header[name] for name in kinds})
 
 
 def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:
@@ -230,8 +232,8 @@ def _pack_conductivity(model: ConductivityModel, header: dict[str, Any], arrays:
     arrays |= {
         "conductivity/basis": model.basis,
         "conductivity/log_rest": model.log_rest,
-        "conductivity/reach/low": model.reach.low,
-        "conductivity/reach/high": model.reach.high,
+        "conductivity/reach/low": model.training_box.low,
+        "conductivity/reach/high": model.training_box.high,
         "conductivity/range/normals": model.sampled.normals,
         "conductivity/range/offsets": model.sampled.offsets,
     }
@@ -276,7 +278,7 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
     }
     arrays |= {"rest/matrix": model.rest.matrix, "rest/mean_grad": model.rest.mean_grad}
     pack_polynomial(model.mean_grad, "mean_grad", arrays)
-    arrays |= {"reach/low": model.reach.low, "reach/high": model.reach.high}
+    arrays |= {"reach/low": model.training_box.low, "reach/high": model.training_box.high}
     if model.terms is not None:
         _pack_terms(model.terms, "terms", arrays)
     header["polynomials"] = []
@@ -294,7 +296,7 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
 def _unpack_potential(
     header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange
 ) -> PotentialModel:
-    rest = Rest(
+    rest = RestExpansion(
         float(header["porosity"]),
         arrays["rest/matrix"].reshape(7, 7),
         arrays["rest/mean_grad"].reshape(9, 7),
@@ -314,6 +316,8 @@ def _unpack_potential(
         own = _unpack_terms(header["network_terms"], "network/terms", arrays)
         part = NetworkPart(_unpack_network(header, arrays, len(own.weights), 1), own)
     mean_grad = unpack_polynomial(arrays, "mean_grad", len(active), 9)
-    reach = TrainingBox(active, *(arrays[f"reach/{end}"].reshape(len(active)) for end in ("low", "high")))
+    training_box = TrainingBox(
+        active, *(arrays[f"reach/{end}"].reshape(len(active)) for end in ("low", "high"))
+    )
     coarse, fine = polynomials.get("polynomial"), polynomials.get("refinement")
-    return PotentialModel(rest, terms, coarse, part, mean_grad, active, sampled, reach, fine)
+    return PotentialModel(rest, terms, coarse, part, mean_grad, active, sampled, training_box, fine)

@@ -46,7 +46,7 @@ class ScaledData:
     target: Array
 
     @classmethod
-    def of(cls, data: TrainingSet) -> ScaledData:
+    def from_training_set(cls, data: TrainingSet) -> ScaledData:
         """Scale a training set.
 
         Raises

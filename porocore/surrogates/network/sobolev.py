@@ -80,7 +80,7 @@ class SobolevProblem:
     slope_weight: Array
 
     @classmethod
-    def of(
+    def from_remainder(
         cls, data: PotentialData, value: Array, gradient: Array, terms: Terms, *, slopes: bool = True
     ) -> SobolevProblem:
         """From what is left over of W (n,) and of ∂W/∂y (7, n); without ``slopes`` only values are learned.
@@ -95,11 +95,11 @@ class SobolevProblem:
         t, jacobian, _ = terms.polynomial.derivatives(y, second=False)
         low, high = t.min(axis=1), t.max(axis=1)
         middle, half = (low + high) / 2, (high - low) / 2
-        reach = np.ptp(y[active], axis=1) / 2
-        scale = float(np.sqrt((gradient[active] ** 2 * reach[:, None] ** 2).mean())) or 1.0
+        half_range = np.ptp(y[active], axis=1) / 2
+        scale = float(np.sqrt((gradient[active] ** 2 * half_range[:, None] ** 2).mean())) or 1.0
         # Combinations of variables have slopes by those too that no state moves.
-        told = np.flatnonzero(jacobian.any(axis=(0, 2)))
-        errors = data.scales[1:][told]
+        moving = np.flatnonzero(jacobian.any(axis=(0, 2)))
+        errors = data.scales[1:][moving]
         return cls(
             terms,
             middle,
@@ -107,11 +107,11 @@ class SobolevProblem:
             scale,
             ((t - middle[:, None]) / half[:, None]).T,
             -(middle / half)[None],
-            jacobian[:, told] / half[:, None, None],
+            jacobian[:, moving] / half[:, None, None],
             value / scale,
-            gradient[told] / scale,
+            gradient[moving] / scale,
             float((scale / data.scales[0]) ** 2),
-            (scale / errors) ** 2 if slopes else np.zeros(len(told)),
+            (scale / errors) ** 2 if slopes else np.zeros(len(moving)),
         )
 
     def loss(self, xp: Any, shapes: list[tuple[int, int]], activation: str) -> Loss:

@@ -111,7 +111,7 @@ class NetworkSurrogate(ModelSurrogate):
                 data, self.options, int(seed), self.autodiff(), self.evaluator, on_progress
             )
             return self._with(model, data, errors)
-        scaled = ScaledData.of(data)
+        scaled = ScaledData.from_training_set(data)
         if scaled.components:
             network = self.train_mlp(scaled, int(seed), checkpoint, on_progress)
         else:

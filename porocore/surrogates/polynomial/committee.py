@@ -67,7 +67,7 @@ def potential_target(data: PotentialData) -> Target:
 def mean_gradient_target(data: PotentialData) -> Target:
     """<∇u¹>_s in the frame of the stretch, beyond first order; disagreements are those of its values."""
     value = data.mean_grad - data.rest.mean_grad @ data.y
-    slopes = data.mean_grad_slopes - data.rest.mean_grad[:, :, None]
+    slopes = data.mean_grad_by_y - data.rest.mean_grad[:, :, None]
     learned = np.flatnonzero(np.abs(value).max(axis=1) > 1e-12)
     value, slopes = value[learned], slopes[learned]
     rows = np.full(8, np.inf)
@@ -113,15 +113,15 @@ class Committee:
         m, K = len(states), len(self.covariance)
         if len(self.members) < 2:
             return PolynomialJudgement(np.zeros(m), *(np.zeros((1, 1, m)) for _ in range(3)))
-        y = variables(LogStretch.of(states.grad_u), states.p)
+        y = variables(LogStretch.from_gradient(states.grad_u), states.p)
         design = _design(self.target.terms, self.exponents, y)
-        spread, told = self.target.spread, np.isfinite(self.target.rows)
+        spread, learned = self.target.spread, np.isfinite(self.target.rows)
         counted = np.isfinite(spread).any(axis=0)
         answers = np.stack([np.einsum("ok,kcm->ocm", c, design[:, counted]) for c in self.members])
         disagreement: Array = (answers.std(axis=0) / spread[:, counted, None]).max(axis=(0, 1))
         goal = design[:K, counted] / spread.min(axis=0)[counted, None]
         goal = (goal * disagreement).reshape(K, -1)
-        rows = design[:K, told] / self.target.rows[told, None]
+        rows = design[:K, learned] / self.target.rows[learned, None]
         known = np.einsum("kl,lcm->kcm", self.covariance, rows)
         return PolynomialJudgement(disagreement, rows, known, np.einsum("kl,lcm->kcm", goal @ goal.T, known))
 
@@ -138,26 +138,26 @@ class PolynomialJudgement:
         Standard deviation among the members, the worst quantity's, as a share of its range.
     """
 
-    def __init__(self, disagreement: Array, rows: Array, known: Array, reach: Array) -> None:
+    def __init__(self, disagreement: Array, rows: Array, known: Array, goal: Array) -> None:
         self.disagreement = disagreement
         # Equations of each candidate (K, c, m); the covariance of the coefficients times these; and the weights of the
         # goal times that.
-        self._rows, self._known, self._reach = rows, known, reach
+        self._rows, self._known, self._goal = rows, known, goal
 
     def worth(self) -> Array:
         """Of each candidate, (m,), after those that were taken."""
-        taken = _each(self._known, self._reach)
+        taken = _each(self._known, self._goal)
         worth: Array = np.trace(np.linalg.solve(self._own(slice(None)), taken), axis1=1, axis2=2)
         return worth
 
     def take(self, candidate: int) -> None:
         """Count with a solution there."""
         own = self._own(slice(candidate, candidate + 1))[0]
-        known, reach = self._known[:, :, candidate].copy(), self._reach[:, :, candidate].copy()
+        known, goal = self._known[:, :, candidate].copy(), self._goal[:, :, candidate].copy()
         # As products of matrices: einsum would take ten times as long.
         shared = np.linalg.solve(own, known.T @ self._rows.reshape(len(known), -1))
         self._known -= (known @ shared).reshape(self._known.shape)
-        self._reach -= (reach @ shared).reshape(self._reach.shape)
+        self._goal -= (goal @ shared).reshape(self._goal.shape)
 
     def _own(self, which: slice) -> Array:
         rows, known = self._rows[:, :, which], self._known[:, :, which]
@@ -180,7 +180,7 @@ def committee(data: TrainingSet, responses: tuple[str, ...]) -> Committee:
     DataError
         A response is missing, or fewer than two states are stable.
     """
-    known = PotentialData.of(data)
+    known = PotentialData.from_training_set(data)
     target = potential_target(known) if "stress" in responses else mean_gradient_target(known)
     return _fitted(target, known.y)
 

@@ -9,7 +9,7 @@ from porocore.core.tensors.point_group import PointGroup
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, IntArray
 from porocore.surrogates.polynomial.composition import composed
-from porocore.surrogates.polynomial.least_squares import LARGEST_DEGREE, Fit, Samples, fit
+from porocore.surrogates.polynomial.least_squares import LARGEST_DEGREE, Fit, RegressionData, fit
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, invariant, plain
 from porocore.surrogates.potential.data import PotentialData
@@ -70,7 +70,7 @@ def fit_potential(
     scale = data.scales[1:].copy()
     _, slopes, _ = terms.polynomial.derivatives(data.y, second=False)
     scale[~slopes.any(axis=(0, 2))] = np.inf
-    samples = Samples(data.y, value[None], gradient[None], data.scales[:1], scale[None])
+    samples = RegressionData(data.y, value[None], gradient[None], data.scales[:1], scale[None])
     return fit(samples, terms, 3, degree=degree, highest=highest, tied=tied(terms, data.rest.symmetry))
 
 
@@ -86,7 +86,7 @@ def remainder(data: PotentialData, terms: Terms, polynomial: Polynomial | None) 
 def fit_mean_grad(data: PotentialData) -> Polynomial:
     """What the linear limit leaves over of Rᵀ<∇u¹>_s, from second order on, (9 outputs)."""
     value = data.mean_grad - data.rest.mean_grad @ data.y
-    slopes = data.mean_grad_slopes - data.rest.mean_grad[:, :, None]
+    slopes = data.mean_grad_by_y - data.rest.mean_grad[:, :, None]
     largest = np.abs(value).max(axis=1)
     images = on_places(stabiliser(data.rest.symmetry, data.active)).to
     learned = np.unique(images[:, largest > max(SMALLEST_SHARE * largest.max(), 1e-12)])
@@ -100,7 +100,7 @@ def fit_mean_grad(data: PotentialData) -> Polynomial:
     for together in on_places(stabiliser(data.rest.symmetry, data.active)).orbits():
         # What the cell does not tell apart weighs the same.
         size[together], scale[together] = size[together].max(), scale[together].max(axis=0)
-    samples = Samples(data.y, value[learned], slopes[learned], size[learned], scale[learned])
+    samples = RegressionData(data.y, value[learned], slopes[learned], size[learned], scale[learned])
     part = fit(samples, terms, 2, tied=_turning(data, learned)).polynomial
     coefficients = np.zeros((9, len(part.exponents)))
     coefficients[learned] = part.coefficients
@@ -125,7 +125,7 @@ def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[
     DataError
         A response is missing, or too few states are stable.
     """
-    data = PotentialData.of(training)
+    data = PotentialData.from_training_set(training)
     terms = terms_for(data)
     # The stable states of few variables fill no box: in its empty corners a high degree would be worse than none.
     highest = LARGEST_DEGREE if degree is not None or len(data.active) > MOST_PLAIN else ANCHOR_DEGREE
@@ -143,7 +143,7 @@ def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[
         fit_mean_grad(data),
         data.active,
         sampled_range(training),
-        TrainingBox.of(data.y, data.active, data.rest.symmetry),
+        TrainingBox.from_states(data.y, data.active, data.rest.symmetry),
         refinement,
     )
     return model, found

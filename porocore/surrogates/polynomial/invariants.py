@@ -33,7 +33,7 @@ def integrity_basis(group: PointGroup) -> tuple[Invariant, ...]:
     for degree in range(1, (HIGHEST if len(group) > 1 else 1) + 1):
         # The first of each orbit has the highest powers first, so that power sums come before mixed ones.
         exponents = exponents_up_to((1,) * 6, degree, degree)[::-1]
-        ties = Ties.of(exponents, on_L, on_one(group))
+        ties = Ties.from_actions(exponents, on_L, on_one(group))
         sums = [
             {
                 tuple(int(x) for x in exponents[k]): float(ties.sign[0, k])

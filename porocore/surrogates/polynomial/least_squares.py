@@ -19,7 +19,7 @@ FOLDS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class RegressionData:
     """What is to be fitted, o quantities at n states.
 
     Attributes
@@ -38,9 +38,9 @@ class Samples:
     value_scale: Array
     slope_scale: Array
 
-    def subset(self, rows: IntArray) -> Samples:
+    def subset(self, rows: IntArray) -> RegressionData:
         """Some of the states."""
-        return Samples(
+        return RegressionData(
             self.y[:, rows], self.value[:, rows], self.slopes[:, :, rows], self.value_scale, self.slope_scale
         )
 
@@ -71,7 +71,7 @@ class Fit:
 
 
 def fit(
-    samples: Samples,
+    samples: RegressionData,
     terms: Terms,
     lowest: int,
     *,
@@ -114,14 +114,16 @@ def fit(
     return Fit(_solve(samples, terms, terms.monomials(lowest, best), tied), best, errors)
 
 
-def _design(samples: Samples, terms: Terms, exponents: IntArray) -> tuple[Array, Array]:
+def _design(samples: RegressionData, terms: Terms, exponents: IntArray) -> tuple[Array, Array]:
     """Values (K, n) and slopes (K, 7, n) of each monomial."""
     t, J, _ = terms.polynomial.derivatives(samples.y, second=False)
     value, by_t, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
     return value, np.einsum("ktn,tan->kan", by_t, J)
 
 
-def _solve(samples: Samples, terms: Terms, exponents: IntArray, tied: Equivariance | None) -> Polynomial:
+def _solve(
+    samples: RegressionData, terms: Terms, exponents: IntArray, tied: Equivariance | None
+) -> Polynomial:
     outputs = len(samples.value)
     if not len(exponents):
         return Polynomial(exponents, np.zeros((outputs, 0)))
@@ -188,7 +190,7 @@ def _least_squares(rows: Array, right: Array) -> Array:
     return found
 
 
-def _error(samples: Samples, terms: Terms, polynomial: Polynomial) -> float:
+def _error(samples: RegressionData, terms: Terms, polynomial: Polynomial) -> float:
     """Sum over the states of the mean square of the scaled errors of the slopes."""
     t, J, _ = terms.polynomial.derivatives(samples.y, second=False)
     _, by_t, _ = polynomial.derivatives(t, second=False)

@@ -25,7 +25,7 @@ def variables(stretch: LogStretch, p: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Rest:
+class RestExpansion:
     """The second-order expansion of W at rest, W₂(y) = −φ_f p + ½ y·A y: exact in the limit of small loads.
 
     Attributes
@@ -46,7 +46,7 @@ class Rest:
     symmetry: PointGroup
 
     @classmethod
-    def of(cls, reference: CellResponse, symmetry: PointGroup) -> Rest:
+    def from_response(cls, reference: CellResponse, symmetry: PointGroup) -> RestExpansion:
         """From the response of the undeformed cell (one row) with its tangent.
 
         What breaks the cell's symmetry there is the error of a free mesh, and is averaged out.
@@ -111,20 +111,20 @@ class PotentialData:
         Those that were sampled.
     value : (n,), gradient : (7, n)
         W and ∂W/∂y. Only the rows of ``active`` are used by those who learn in these alone.
-    mean_grad : (9, n), mean_grad_slopes : (9, 7, n)
+    mean_grad : (9, n), mean_grad_by_y : (9, 7, n)
         Rᵀ<∇u¹>_s, which depends on U and p only, and its derivatives.
     """
 
-    rest: Rest
+    rest: RestExpansion
     y: Array
     active: tuple[int, ...]
     value: Array
     gradient: Array
     mean_grad: Array
-    mean_grad_slopes: Array
+    mean_grad_by_y: Array
 
     @classmethod
-    def of(cls, data: TrainingSet) -> PotentialData:
+    def from_training_set(cls, data: TrainingSet) -> PotentialData:
         """Of the states that are stable; what lies behind an instability would mislead a potential.
 
         Raises
@@ -145,14 +145,14 @@ class PotentialData:
             )
         if len(kept) < 2:
             raise DataError(f"expected at least two stable training states, got {len(kept)}; sample more")
-        return cls._of(Rest.of(data.reference, data.symmetry), states, responses)
+        return cls._from_states(RestExpansion.from_response(data.reference, data.symmetry), states, responses)
 
     @classmethod
-    def _of(cls, rest: Rest, states: MacroState, responses: CellResponse) -> PotentialData:
+    def _from_states(cls, rest: RestExpansion, states: MacroState, responses: CellResponse) -> PotentialData:
         assert responses.potential is not None
         assert responses.stress is not None
         assert responses.fluid_volume is not None
-        stretch = LogStretch.of(states.grad_u)
+        stretch = LogStretch.from_gradient(states.grad_u)
         y = variables(stretch, states.p)
         gradient = np.concatenate(
             [stretch.pull(np.moveaxis(responses.stress, 0, -1)), -responses.fluid_volume[None]]
@@ -173,7 +173,7 @@ class PotentialData:
             self.value[rows],
             self.gradient[:, rows],
             self.mean_grad[:, rows],
-            self.mean_grad_slopes[:, :, rows],
+            self.mean_grad_by_y[:, :, rows],
         )
 
     @cached_property

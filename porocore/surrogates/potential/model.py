@@ -22,7 +22,7 @@ from porocore.surrogates.network.network import Evaluator, begun
 from porocore.surrogates.polynomial.composition import Derivatives, Sum
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, plain
-from porocore.surrogates.potential.data import Rest, variables
+from porocore.surrogates.potential.data import RestExpansion, variables
 from porocore.surrogates.stretch.log_stretch import LogStretch
 from porocore.surrogates.training_box import TrainingBox
 
@@ -93,7 +93,7 @@ class PotentialModel:
         The variables that were sampled.
     sampled
         Hull of the training states.
-    reach
+    training_box
         Their box in the variables y.
     refinement
         The rest, as a polynomial in the same terms; None where there is no such part.
@@ -101,14 +101,14 @@ class PotentialModel:
         Of its errors, by which states are flagged; None: those beyond the hull are.
     """
 
-    rest: Rest
+    rest: RestExpansion
     terms: Terms | None
     polynomial: Polynomial | None
     network: NetworkPart | None
     mean_grad: Polynomial
     active: tuple[int, ...]
     sampled: SampledRange
-    reach: TrainingBox
+    training_box: TrainingBox
     refinement: Polynomial | None = None
     estimate: ErrorEstimate | None = None
 
@@ -124,7 +124,7 @@ class PotentialModel:
             value, gradient, hessian = self._second_order(y)
             for add_to in parts:
                 add_to(value, gradient, hessian)
-            beyond = self.reach.beyond(y) if self._fine else ()
+            beyond = self.training_box.beyond(y) if self._fine else ()
             if len(beyond):
                 value[beyond], gradient[:, beyond], hessian[:, :, beyond] = self._beyond(y[:, beyond])
             return value, gradient, hessian
@@ -136,7 +136,7 @@ class PotentialModel:
         value, gradient, hessian = self._second_order(y)
         for part in self._coarse:
             part.begin(y)(value, gradient, hessian)
-        z, first, second = self.reach.settled(y)
+        z, first, second = self.training_box.saturated(y)
         v, g, h = np.zeros_like(value), np.zeros_like(gradient), np.zeros_like(hessian)
         for part in self._fine:
             part.begin(z)(v, g, h)
@@ -188,7 +188,7 @@ class PotentialModel:
 
     def predict(self, states: MacroState, *, tangent: bool) -> CellResponse:
         """All responses of n states and, where asked for, their exact derivatives."""
-        stretch = LogStretch.of(states.grad_u)
+        stretch = LogStretch.from_gradient(states.grad_u)
         y = variables(stretch, states.p)
         pending = self._begin(y)
         mean_grad, derivatives = self._mean_grad(stretch, y, tangent)
@@ -225,7 +225,7 @@ class PotentialModel:
         """Return the estimated error of n states, a share of the range of stress or fluid volume; NaN without one."""
         if self.estimate is None:
             return np.full(len(states), np.nan)
-        y = variables(LogStretch.of(states.grad_u), states.p)
+        y = variables(LogStretch.from_gradient(states.grad_u), states.p)
         return self.estimate.error(y, self.beyond_rest(y, self.estimate.judged))
 
     def _outside(self, states: MacroState, y: Array, gradient: Array) -> npt.NDArray[np.bool_]:
@@ -239,9 +239,9 @@ class PotentialModel:
     def _mean_grad(self, stretch: LogStretch, y: Array, tangent: bool) -> tuple[Array, tuple[Array, Array]]:
         n = y.shape[1]
         t = y[list(self.active)]
-        beyond, steepness = self.reach.beyond_active(t), None
+        beyond, steepness = self.training_box.beyond_active(t), None
         if len(beyond):
-            t[:, beyond], steepness, _ = self.reach.settled_active(t[:, beyond])
+            t[:, beyond], steepness, _ = self.training_box.saturated_active(t[:, beyond])
         unrotated = self.rest.mean_grad @ y
         if tangent:
             more, slopes, _ = self.mean_grad.entries(t, second=False)

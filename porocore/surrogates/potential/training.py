@@ -54,7 +54,7 @@ def train_potential(
     ConfigurationError
         Cubic symmetry is asked for and the cell has none.
     """
-    data = PotentialData.of(training)
+    data = PotentialData.from_training_set(training)
     if options.symmetry == "cubic" and data.rest.symmetry != CUBIC:
         raise ConfigurationError(
             f"surrogate.options.symmetry: this cell is not cubic, its group is {data.rest.symmetry.name}; choose auto "
@@ -67,7 +67,7 @@ def train_potential(
     if options.anchor == "polynomial" or terms.once:
         polynomial = fit_potential(data, anchor, highest=ANCHOR_DEGREE).polynomial
     value, gradient = remainder(data, terms, polynomial)
-    problem = SobolevProblem.of(data, value, gradient, coordinates, slopes=options.derivatives)
+    problem = SobolevProblem.from_remainder(data, value, gradient, coordinates, slopes=options.derivatives)
     network = train(
         problem,
         autodiff,
@@ -78,9 +78,16 @@ def train_potential(
         on_progress=on_progress,
     )
     part = NetworkPart(make_evaluator(problem.unscaled(network)), problem.terms)
-    reach = TrainingBox.of(data.y, data.active, data.rest.symmetry)
+    training_box = TrainingBox.from_states(data.y, data.active, data.rest.symmetry)
     model = PotentialModel(
-        data.rest, terms, polynomial, part, fit_mean_grad(data), data.active, sampled_range(training), reach
+        data.rest,
+        terms,
+        polynomial,
+        part,
+        fit_mean_grad(data),
+        data.active,
+        sampled_range(training),
+        training_box,
     )
     active = list(data.active)
     wrong = model.potential(data.y)[1][active] - data.gradient[active]

@@ -12,7 +12,7 @@ import numpy as np
 
 from porocore.states import Array
 from porocore.surrogates.stretch.components import PAIRS
-from porocore.surrogates.stretch.divided_differences import of_two
+from porocore.surrogates.stretch.divided_differences import pair_differences
 
 #: Derivatives by L, (n,) or constant, by (place, component).
 Slopes = Mapping[tuple[int, int], Array | float]
@@ -44,7 +44,7 @@ def uniaxial_differences(c: Array, axis: int) -> tuple[Array, Array, Array]:
     All entries of c but those of ``axis`` are equal, state by state.
     """
     other = (axis + 1) % 3
-    g, twice_other, twice_axis = of_two(c[other], c[axis])
+    g, twice_other, twice_axis = pair_differences(c[other], c[axis])
     pair, left, right = np.empty_like(c), np.empty_like(c), np.empty_like(c)
     for k, (i, _, _) in enumerate(PAIRS):
         if k == axis:  # the pair of the other two

@@ -22,7 +22,7 @@ _TINY = 1e-300
 _CLOSE, _TERMS = 0.05, 12
 
 
-def of_two(x: Array, y: Array) -> tuple[Array, Array, Array]:
+def pair_differences(x: Array, y: Array) -> tuple[Array, Array, Array]:
     """ln[x, y], ln[x, x, y] and ln[x, y, y] of positive numbers."""
     m: Array = (x + y) / 2
     z: Array = (x - y) / (x + y)
@@ -41,13 +41,15 @@ def of_two(x: Array, y: Array) -> tuple[Array, Array, Array]:
     return ratio / m, scale * (one_over - zh), scale * (one_over + zh)
 
 
-def of_three(x: Array, y: Array, z: Array) -> Array:
+def triple_difference(x: Array, y: Array, z: Array) -> Array:
     """ln[x, y, z] of positive numbers (n,) in any order."""
     low, high = np.minimum(np.minimum(x, y), z), np.maximum(np.maximum(x, y), z)
     middle = np.maximum(np.minimum(x, y), np.minimum(np.maximum(x, y), z))
     spread = high - low
     close = spread < _CLOSE * (low + high)
-    found: Array = (of_two(low, middle)[0] - of_two(middle, high)[0]) / np.where(close, -1.0, -spread)
+    found: Array = (pair_differences(low, middle)[0] - pair_differences(middle, high)[0]) / np.where(
+        close, -1.0, -spread
+    )
     if close.any():
         rows = np.flatnonzero(close)
         found[rows] = _series(low[rows], middle[rows], high[rows])

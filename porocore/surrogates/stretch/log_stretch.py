@@ -23,7 +23,7 @@ from porocore.surrogates.stretch import diagonal as diagonal_stretch
 from porocore.surrogates.stretch.components import COMPONENT, PAIRS, PLACES, SHARE
 from porocore.surrogates.stretch.curvature_terms import CURVATURE
 from porocore.surrogates.stretch.diagonal import Slopes
-from porocore.surrogates.stretch.divided_differences import of_three, of_two
+from porocore.surrogates.stretch.divided_differences import pair_differences, triple_difference
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class LogStretch:
     axes: Array | None
 
     @classmethod
-    def of(cls, grad_u: Array) -> LogStretch:
+    def from_gradient(cls, grad_u: Array) -> LogStretch:
         """From H (n, 3, 3)."""
         n = len(grad_u)
         F = np.array(grad_u.reshape(n, 9).T, order="C")
@@ -106,7 +106,7 @@ class LogStretch:
             for i, j, alike in PAIRS:
                 if (c[i] == c[j]).all():
                     return diagonal_stretch.uniaxial_differences(c, alike - 3)
-        return of_two(c[[1, 0, 0]], c[[2, 2, 1]])
+        return pair_differences(c[[1, 0, 0]], c[[2, 2, 1]])
 
     @cached_property
     def first(self) -> Array:
@@ -119,7 +119,7 @@ class LogStretch:
         found = {(i, i, i): -0.5 / c[i] ** 2 for i in range(3)}
         for pair, (i, j, _) in enumerate(PAIRS):
             found[i, i, j], found[i, j, j] = left[pair], right[pair]
-        found[0, 1, 2] = of_three(*c)
+        found[0, 1, 2] = triple_difference(*c)
         return found
 
     # ---- from F to L: what a solved cell says of W as a function of L ----------------------------

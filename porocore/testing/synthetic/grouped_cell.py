@@ -18,7 +18,7 @@ from porocore.states import CellResponse, MacroState
 from porocore.surrogates.conductivity.model import ConductivityModel
 from porocore.surrogates.polynomial.monomials import IntArray, Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import invariant
-from porocore.surrogates.potential.data import Rest
+from porocore.surrogates.potential.data import RestExpansion
 from porocore.surrogates.potential.model import PotentialModel
 from porocore.surrogates.symmetry import Action, Equivariance, on_places, on_triangle, on_variables
 from porocore.surrogates.training_box import TrainingBox
@@ -60,7 +60,7 @@ class GroupedCell:
         A = random.normal(size=(7, 7))
         A = y.mean(y, A @ A.T / 7 + np.eye(7))
         A[6, 6] = -abs(A[6, 6])
-        rest = Rest(POROSITY, A, places.mean(y, random.normal(size=(9, 7))), group)
+        rest = RestExpansion(POROSITY, A, places.mean(y, random.normal(size=(9, 7))), group)
         terms = invariant(group)
         exponents = terms.monomials(3, degree)
         everywhere = TrainingBox(SEVEN, np.full(7, -9.0), np.full(7, 9.0))

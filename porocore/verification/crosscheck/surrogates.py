@@ -24,7 +24,7 @@ from porocore.interfaces.surrogate import (
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import prediction_of
 from porocore.plugins.registry import registry
-from porocore.sampling.campaign import Progress, run_campaign
+from porocore.sampling.campaign import CampaignProgress, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.random_states import RandomStates, random_requests
@@ -131,7 +131,7 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> Samples:
             dataset = Dataset.create(path, inputs=inputs, identity=settings.stages.sampling, provenance={})
             with console.task(f"{title}, {backend}", "states") as task:
 
-                def show(progress: Progress, task: Any = task) -> None:
+                def show(progress: CampaignProgress, task: Any = task) -> None:
                     task.update(progress.done, progress.expected, failed=progress.failed)
 
                 seconds += run_campaign(source, pool, dataset, on_progress=show).seconds

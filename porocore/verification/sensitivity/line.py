@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.interfaces.cell import CellField
-from porocore.sampling.execution import Outcome
+from porocore.sampling.execution import FinishedSolve
 from porocore.states import Array, CellResponse, MacroState, Status
 from porocore.verification.sensitivity.plan import states_of
 
@@ -103,7 +103,7 @@ class Walk:
         """The one to solve next, one row; its neighbour is :attr:`field`."""
         return states_of(self.load, self.value)
 
-    def take(self, outcome: Outcome) -> None:
+    def take(self, outcome: FinishedSolve) -> None:
         """What the solve of :attr:`state` gave."""
         row = self.value, outcome.response, outcome.seconds
         solved = bool(outcome.response.valid[0])
