@@ -75,8 +75,8 @@ nitpick_ignore_regex = [
     # The inside of porocore, which the pages of the reference leave out.
     (
         "py:class",
-        r"porocore\.(api\.solved\.T|cell\.(contact|mesh)|config\.StageIdentities|courses|materials|parallel|problem\.TimePlan|result_units|runfolder"
-        r"|terzaghi|testing\.sampling)\b.*",
+        r"porocore\.(cell\.(contact|materials|meshing)|core|macro\.(analytic|problem\.TimePlan)|study\.(api\.solved\.T|config|run_folder)"
+        r"|testing\.sampler_laws)\b.*",
     ),
     # What stands where a type stands in a docstring, such as (n, 3, 3).
     ("py:class", r"(?!porocore\.)[^A-Z].*"),

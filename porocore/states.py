@@ -222,7 +222,7 @@ class CellResponse(_Batch):
     )
     tangent: CellTangent | None = field(default=None, metadata=rows_of(CellTangent))
     peaks: CellPeaks | None = field(default=None, metadata=rows_of(CellPeaks))
-    outside_training_range: npt.NDArray[np.bool_] | None = field(
+    outside: npt.NDArray[np.bool_] | None = field(
         default=None,
         metadata=row(
             unit="-",

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import porocore
+import porocore.study.stages
 from porocore.cli import main
 from porocore.cli.commands.cell import as_text, parse_grad_u
 from porocore.errors import ConfigurationError, SolveError
@@ -62,7 +63,7 @@ def pipeline(monkeypatch):
     stage("report", lambda folder: [folder.report])
     stage("run", lambda folder: [folder.report])
     monkeypatch.setitem(sys.modules, "porocore.study.stages.pipeline", fake)
-    monkeypatch.setattr(porocore, "pipeline", fake, raising=False)
+    monkeypatch.setattr(porocore.study.stages, "pipeline", fake, raising=False)
     monkeypatch.setattr(backends, "check", lambda kind, config: None)
     return fake
 

@@ -122,6 +122,10 @@ def choose_factor(
     )
 
 
+#: Entries of a product with a sparse matrix are wrong by so much at most, as shares of the sum of magnitudes.
+ROUND_OFF = 2 * np.finfo(float).eps
+
+
 @dataclass(frozen=True)
 class Iteration:
     """What came of a conjugate gradient iteration."""
@@ -136,7 +140,12 @@ class Iteration:
 def refine(
     matrix: Any, rhs: Any, solve: Callable[[Any], Any], *, tolerance: float, limit: int = 30
 ) -> Iteration:
-    """Iterative refinement with a factor of ``matrix`` itself, definite or not, for the columns of (n, k)."""
+    """Iterative refinement with a factor of ``matrix`` itself, definite or not, for the columns of (n, k).
+
+    It ends when every residual is below ``tolerance`` times its right-hand side, or no longer falls. In the second case
+    it has converged if the residuals are round-off of the product ``matrix @ x``: near an instability x is so large
+    that no solver leaves smaller ones (backward error; Higham, Accuracy and Stability of Numerical Algorithms, 7.1).
+    """
     goal = tolerance * np.linalg.norm(rhs, axis=0)
     x = np.zeros_like(rhs)
     r = rhs.copy()
@@ -145,12 +154,20 @@ def refine(
         norms = np.linalg.norm(r, axis=0)
         if (norms <= goal).all():
             return Iteration(x, iterations, True, False)
-        if not (norms / np.where(goal > 0, goal, 1.0)).max() < worst:
+        relative = (norms / np.where(goal > 0, goal, 1.0)).max()
+        if not relative < worst:
             break
-        worst = (norms / np.where(goal > 0, goal, 1.0)).max()
+        worst = relative
         x += solve(r)
         r = rhs - matrix @ x
-    return Iteration(x, limit, False, False)
+    return Iteration(
+        x, iterations, bool((norms <= np.maximum(goal, _round_off(matrix, x, rhs))).all()), False
+    )
+
+
+def _round_off(matrix: Any, x: Any, rhs: Any) -> Any:
+    """Norm (k,) of the residuals that round-off leaves where each entry of x is right to the last bit."""
+    return ROUND_OFF * np.linalg.norm(abs(matrix) @ np.abs(x) + np.abs(rhs), axis=0)
 
 
 def conjugate_gradients(

@@ -11,8 +11,9 @@ from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
+from porocore_fem_skfem import solves
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
-from porocore_fem_skfem.linalg import SuperLUFactor, SymmetricPattern, conjugate_gradients
+from porocore_fem_skfem.linalg import Iteration, SuperLUFactor, SymmetricPattern, conjugate_gradients
 from porocore_fem_skfem.pardiso import PardisoFactor, library
 from porocore_fem_skfem.solid import SkfemSolid
 
@@ -237,3 +238,21 @@ def test_a_shear_mode_of_the_eighth_makes_a_state_unstable(solver):
         assert np.isnan(shear)
     else:
         assert shear == pytest.approx(0.2143, abs=2e-4)
+
+
+def test_sensitivities_that_do_not_converge_are_a_failed_state(monkeypatch):
+    """Values without their derivatives are no response: the row is NaN with its status."""
+    monkeypatch.setattr(
+        solves,
+        "refine",
+        lambda matrix, rhs, solve, **how: Iteration(
+            np.zeros_like(rhs), 30, converged=False, indefinite=False
+        ),
+    )
+    solver = SkfemCellSolver()
+    prepared = solver.prepare(Cell(mesh=COARSE))
+    assert solver.solve(prepared, compressed(0.05), tangent=False).response.status == Status.converged
+    failed = solver.solve(prepared, compressed(0.05)).response
+    assert failed.status == Status.not_converged
+    assert np.isnan(failed.stress).all()
+    assert np.isnan(failed.tangent.stress_grad_u).all()

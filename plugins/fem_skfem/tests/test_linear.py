@@ -10,7 +10,7 @@ from porocore.macro.problem import MacroProblem
 from porocore.testing.macro_laws.solving import NONLINEAR
 from porocore_fem_skfem import macro_linear, pardiso
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
-from porocore_fem_skfem.linalg import MultigridFactor, SuperLUFactor
+from porocore_fem_skfem.linalg import MultigridFactor, SuperLUFactor, refine
 from porocore_fem_skfem.macro import SkfemMacroSolver
 
 #: Row pointers and columns of a symmetric pattern, and of its upper triangle.
@@ -186,3 +186,22 @@ def test_the_tangent_has_the_pattern_that_pardiso_takes_and_both_solvers_agree(m
             back = whole(system) @ Q
             some = np.flatnonzero((Q[d.free] == np.eye(d.mesh.size)[d.free]).all(axis=1))
             np.testing.assert_allclose(back[some], whole(cartesian)[some], atol=1e-12)
+
+
+def test_refinement_ends_where_round_off_does():
+    """A nearly singular matrix with a solution of 1e9 for a right-hand side of 1: no residual of 1e-11 can be left."""
+    vectors, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(40, 40)))
+    values = np.geomspace(1e-9, 1e1, 40)
+    matrix = sparse.csr_matrix((vectors * values) @ vectors.T)
+    rhs = vectors[:, :2] + vectors[:, 5:7]
+
+    def precise(r):
+        return (vectors / values) @ (vectors.T @ r)
+
+    solved = refine(matrix, rhs, precise, tolerance=1e-11)
+    residual = np.linalg.norm(rhs - matrix @ solved.x, axis=0) / np.linalg.norm(rhs, axis=0)
+    assert solved.converged
+    assert (residual > 1e-11).any()  # it was not reached
+    # A factor of another matrix leads nowhere, and that is not taken for round-off.
+    other = np.linalg.inv((matrix + 1e-3 * sparse.eye(40)).toarray())
+    assert not refine(matrix, rhs, lambda r: other @ r, tolerance=1e-11).converged

@@ -153,6 +153,12 @@ def _equilibrium(
         response = respond(solid, outcome.equilibrium, tangent=tangent)
     except FactorError:
         return failed_response(Status.not_converged, tangent=tangent), None, None
+    if response.tangent is not None and not np.isfinite(response.tangent.mean_grad_grad_u).all():
+        # The sensitivities did not reach their tolerance. Only an unstable state may be without derivatives.
+        missing = failed_response(Status.not_converged, tangent=True)
+        if response.status[0] != Status.unstable:
+            return missing, None, None
+        response = replace(response, tangent=missing.tangent)
     has_pores = prepared.cell.geometry.porosity > 0
     if has_pores and response.fluid_volume is not None and response.fluid_volume[0] <= 0:
         return failed_response(Status.overlap, tangent=tangent), None, None

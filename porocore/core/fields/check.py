@@ -50,11 +50,12 @@ def number_fault(response: CellResponse) -> str | None:
         at = int(unknown.argmax())
         return f"status: {int(response.status[at])} of row {at} is no status"
     found, valid = _provided(response), response.valid
+    unstable = response.status == Status.unstable
     for name, array in found.items():
         # Most rows are as they should be: one pass over the numbers tells.
         if valid.all() and np.isfinite(array).all():
             continue
-        wrong = ~rows_as_declared(RESPONSE_FIELDS[name], array, valid)
+        wrong = ~rows_as_declared(RESPONSE_FIELDS[name], array, valid, unstable)
         if wrong.any():
             at = int(wrong.argmax())
             status = Status(int(response.status[at])).name
@@ -64,9 +65,12 @@ def number_fault(response: CellResponse) -> str | None:
 
 
 def rows_as_declared(
-    declared: RowField, array: npt.NDArray[Any], valid: npt.NDArray[np.bool_]
+    declared: RowField, array: npt.NDArray[Any], valid: npt.NDArray[np.bool_], unstable: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:
-    """Return which rows of a field hold numbers where they should and NaN where none belong, (n,)."""
+    """Return which rows of a field hold numbers where they should and NaN where none belong, (n,).
+
+    The derivatives of an unstable state may be missing: a solver for definite matrices does not find them.
+    """
     if not np.issubdtype(array.dtype, np.floating):
         return np.ones(len(array), dtype=bool)
     flat = array.reshape(len(array), math.prod(array.shape[1:]))
@@ -74,6 +78,8 @@ def rows_as_declared(
     numbers = np.isfinite(flat).all(axis=1)
     if declared.gaps:
         numbers |= missing
+    elif declared.flag == "tangent":
+        numbers |= missing & unstable
     return np.where(valid, numbers, missing)
 
 

@@ -80,7 +80,7 @@ class DirectCellLaw:
     restart the first solves begin at the undeformed cell.
 
     A cell without solution gives NaN, so that the macro step is refused and halved. Cells in an unstable
-    equilibrium keep their values and are flagged as ``outside_training_range``.
+    equilibrium keep their values and are flagged as ``outside``.
 
     Parameters
     ----------
@@ -135,9 +135,7 @@ class DirectCellLaw:
         response = CellResponse.concatenate([answers[key].response for key in wanted])[inverse]
         response = _moved(response, states, places[inverse] * GRID)
         unstable = response.status == int(Status.unstable)
-        return replace(
-            response, outside_training_range=unstable, tangent=response.tangent if tangent else None
-        )
+        return replace(response, outside=unstable, tangent=response.tangent if tangent else None)
 
     def _answers(self, wanted: dict[bytes, tuple[IntArray, bytes]]) -> dict[bytes, _Solved]:
         """In the order of ``wanted``; what is known already is not solved again."""
@@ -209,7 +207,7 @@ def _moved(response: CellResponse, states: MacroState, solved: Array) -> CellRes
 
 
 def _lean(response: CellResponse) -> CellResponse:
-    return replace(response, peaks=None, outside_training_range=None)
+    return replace(response, peaks=None, outside=None)
 
 
 def _missing(like: CellResponse) -> CellResponse:
@@ -218,7 +216,7 @@ def _missing(like: CellResponse) -> CellResponse:
     empty = {
         name: None if value is None else np.full_like(value, np.nan)
         for name, value in vars(like).items()
-        if name not in ("status", "tangent", "peaks", "outside_training_range")
+        if name not in ("status", "tangent", "peaks", "outside")
     }
     tangent = {
         name: None if value is None else np.full_like(value, np.nan)

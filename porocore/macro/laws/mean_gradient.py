@@ -61,9 +61,7 @@ class MeanGradientClosure(Closure):
             deformation=pore.F,
             volume_ratio=pore.J,
             transformed_conductivity=pore.transformed,
-            outside_training_range=np.zeros(len(p), bool)
-            if cell.outside_training_range is None
-            else cell.outside_training_range,
+            outside=np.zeros(len(p), bool) if cell.outside is None else cell.outside,
             tangent=self._tangent(p, pore, step, grad_p, cell.tangent) if tangent else None,
         )
 

@@ -13,7 +13,7 @@ from porocore.errors import DataError
 from porocore.interfaces.records import flatten_response
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.datasets.layout import read_fields
-from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
+from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState, Status
 
 #: Largest misfit of a law, relative to the largest entry of what is compared.
 TOLERANCE = 1e-6
@@ -110,10 +110,10 @@ def _law(name: str, ours: Array, theirs: Array, keys: Array, tolerance: float) -
 
 
 def _finite(response: CellResponse) -> npt.NDArray[np.bool_]:
-    valid = response.valid
+    valid, unstable = response.valid, response.status == Status.unstable
     good = np.ones(len(response), dtype=bool)
     for name, array in flatten_response(response).items():
-        good &= rows_as_declared(CELL_FIELDS[name], array, valid)
+        good &= rows_as_declared(CELL_FIELDS[name], array, valid, unstable)
     return good
 
 

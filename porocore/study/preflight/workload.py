@@ -9,9 +9,9 @@ from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
 
-#: Memory assumed for one process that solves cells, not measured for this purpose: one that had solved a cell of
-#: size 0.2 with scikit-fem held 0.32 GB.
-PROCESS = 2 * 10**8
+#: Memory of one process that solves cells [bytes], shared pages counted once: 0.27 GB in the benchmark with either
+#: finite-element backend. Finer meshes take more: 0.65 GB at half the mesh size.
+PROCESS = 2.7e8
 #: Bytes of a solved state with its derivatives, and of each node of its field.
 STATE, NODE = 4_000, 24
 #: Numbers of one time step in a history, and of one quadrature point in a kept field.
