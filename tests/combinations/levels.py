@@ -53,6 +53,15 @@ FACTORS: dict[str, tuple[str, ...]] = {
     "load": ("traction", "displacement", "follower", "plate", "flux"),
     "time": ("steps", "tolerance", "curve", "function"),
 }
+#: Area of the top of each body.
+TOP = {
+    "column": 0.04,
+    "box": 0.72,
+    "cylinder": np.pi / 4,
+    "quarter": np.pi / 16,
+    "wedge": np.pi / 48,
+    "file": 0.72,
+}
 #: Of what is sampled; narrow, so that coarse surrogates serve.
 STRAIN, PRESSURE = 0.03, [-0.01, 0.03]
 
@@ -60,7 +69,7 @@ STRAIN, PRESSURE = 0.03, [-0.01, 0.03]
 def study(row: dict[str, str], folder: Path, fem: str) -> dict[str, Any]:
     """Return the configuration of a row, and write the files that it refers to into ``folder``."""
     surfaces, boundary = _body(row["body"], folder)
-    _load(row["load"], row["time"], boundary)
+    _load(row["load"], row["time"], boundary, TOP[row["body"]])
     if row["pores"] == "image":
         np.save(folder / "pores.npy", _image())
     size = 0.2 if row["pores"] == "gyroid" else 0.4  # a level set takes it as it is
@@ -148,11 +157,13 @@ def _body(body: str, folder: Path) -> tuple[dict[str, Any], dict[str, dict[str, 
     return {"kind": "file", "path": "body.msh"}, boundary
 
 
-def _load(load: str, time: str, boundary: dict[str, dict[str, Any]]) -> None:
+def _load(load: str, time: str, boundary: dict[str, dict[str, Any]], area: float) -> None:
     """Put the load on the top, a flux on the bottom; pushed down it is of some per cent of strain."""
     size: Any = -1.0
+    if load == "plate":  # a force, of the stress of a traction
+        size = -float(area)
     if time == "function":
-        size = {"expression": "-sin(2*t)"}
+        size = {"expression": f"{size}*sin(2*t)"}
     top = boundary["y+"]
     if load == "traction":
         top["traction"] = [0, size, 0]
@@ -179,12 +190,3 @@ def _time(time: str) -> dict[str, Any]:
     if time == "curve":
         plan |= {"load_curve": [[0.1, 1.0], [0.2, 0.5]]}
     return plan
-
-
-#: What `check` refuses, with words of its message, by levels that all must be in the row.
-REFUSED: tuple[tuple[dict[str, str], str], ...] = ()
-
-
-def refusal(row: dict[str, str]) -> str:
-    """Return a pattern of the message with which a row is to be refused, or "" for a row that is to run."""
-    return next((words for levels, words in REFUSED if levels.items() <= row.items()), "")
