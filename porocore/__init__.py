@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from porocore.macro.problem import MacroProblem as MacroProblem
     from porocore.plugins.hookspecs import Offer as Offer
     from porocore.plugins.hookspecs import hookimpl as hookimpl
-    from porocore.states import CellPeaks as CellPeaks
+    from porocore.states import CellExtrema as CellExtrema
     from porocore.states import CellResponse as CellResponse
     from porocore.states import CellTangent as CellTangent
     from porocore.states import MacroState as MacroState
@@ -86,7 +86,7 @@ _HOMES = {
     "porocore.interfaces.records": ["failed_response"],
     "porocore.core.inputs.sampled_range": ["SampledRange"],
     "porocore.interfaces.solution": ["History", "MacroSolution", "Profile", "StepReport"],
-    "porocore.states": ["CellPeaks", "CellResponse", "CellTangent", "MacroState", "Status"],
+    "porocore.states": ["CellExtrema", "CellResponse", "CellTangent", "MacroState", "Status"],
 }
 _MODULE_OF = {name: module for module, names in _HOMES.items() for name in names}
 

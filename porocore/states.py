@@ -151,8 +151,8 @@ class CellTangent(_Batch):
 
 @documented
 @dataclass(frozen=True, eq=False)
-class CellPeaks(_Batch):
-    """Local extremes over the solid and signs of trouble."""
+class CellExtrema(_Batch):
+    """Extrema over the solid, and signs of instability and contact."""
 
     grad: Array = field(metadata=row(3, 3, unit="-", meaning="Largest ``|∂u¹_i/∂Y_j|``."))
     energy: Array = field(metadata=row(unit="E", meaning="Largest Ψ."))
@@ -181,7 +181,7 @@ class CellPeaks(_Batch):
 class CellResponse(_Batch):
     """What a cell solver returns and a surrogate predicts; a response that is not provided is None.
 
-    Rows whose status has no values hold NaN in every response, derivative and peak. ``conductivity`` and
+    Rows whose status has no values hold NaN in every response, derivative and extremum. ``conductivity`` and
     ``min_fluid_jacobian`` are there with the conductivity law ``deformed`` only.
     """
 
@@ -221,7 +221,7 @@ class CellResponse(_Batch):
         ),
     )
     tangent: CellTangent | None = field(default=None, metadata=rows_of(CellTangent))
-    peaks: CellPeaks | None = field(default=None, metadata=rows_of(CellPeaks))
+    extrema: CellExtrema | None = field(default=None, metadata=rows_of(CellExtrema, name="peaks"))
     outside: npt.NDArray[np.bool_] | None = field(
         default=None,
         metadata=row(

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from porocore.core.fields.check import response_fault
+from porocore.core.fields.declaration import provided_fields
 from porocore.errors import PluginError
 from porocore.interfaces.cell import CellField
 from porocore.states import (
     CELL_FIELDS,
     Array,
-    CellPeaks,
+    CellExtrema,
     CellResponse,
     CellTangent,
     MacroState,
@@ -55,14 +56,8 @@ class SolvedState:
 
 def flatten_response(response: CellResponse) -> dict[str, Array]:
     """Return the provided responses of n states by their names in ``CELL_FIELDS``, without the status."""
-    arrays: dict[str, Array] = {}
-    for name in CELL_FIELDS:
-        value: Any = response
-        for attribute in name.split("/"):
-            value = None if value is None else getattr(value, attribute)
-        if value is not None:
-            arrays[name] = np.asarray(value, dtype=np.float64)
-    return arrays
+    provided = provided_fields(response)
+    return {name: np.asarray(provided[name], dtype=np.float64) for name in CELL_FIELDS if name in provided}
 
 
 def build_response(status: Any, arrays: Mapping[str, Array]) -> CellResponse:
@@ -71,7 +66,7 @@ def build_response(status: Any, arrays: Mapping[str, Array]) -> CellResponse:
     Raises
     ------
     ValueError
-        A name or the shape of an array is not that of ``CELL_FIELDS``, or a batch of peaks is incomplete.
+        A name or the shape of an array is not that of ``CELL_FIELDS``, or the batch of extrema is incomplete.
     """
     status = np.asarray(status, dtype=np.int64)
     for name, array in arrays.items():
@@ -93,7 +88,7 @@ def build_response(status: Any, arrays: Mapping[str, Array]) -> CellResponse:
     return CellResponse(
         status=status,
         tangent=CellTangent(**nested["tangent"]) if nested["tangent"] else None,
-        peaks=CellPeaks(**nested["peaks"]) if nested["peaks"] else None,
+        extrema=CellExtrema(**nested["peaks"]) if nested["peaks"] else None,
         **plain,
     )
 

@@ -38,8 +38,8 @@ def test_averages_and_derivatives_agree_in_contact(cell_solver_pair, solved):
     for name in STATES:
         a, b = (solved(backend)[name] for backend in cell_solver_pair)
         assert a.status[0] == Status.contact
-        assert a.peaks.contact_share[0] > 0
-        assert b.peaks.contact_share[0] == pytest.approx(a.peaks.contact_share[0], rel=1e-9)
+        assert a.extrema.contact_share[0] > 0
+        assert b.extrema.contact_share[0] == pytest.approx(a.extrema.contact_share[0], rel=1e-9)
         lines = compare_responses(name, one, a, other, b)
         assert {line.quantity for line in lines} == {"status", *AVERAGES.values(), *DERIVATIVES.values()}
         assert not [line.describe() for line in lines if not line.passed]
@@ -60,7 +60,7 @@ def test_the_kind_of_wall_changes_the_answer_only_beyond_the_crease(cell_solver,
     assert list(with_contact.status) == [Status.converged, Status.contact]
     np.testing.assert_array_equal(with_contact.stress[0], without.stress[0])
     np.testing.assert_array_equal(with_contact.tangent.stress_grad_u[0], without.tangent.stress_grad_u[0])
-    assert with_contact.peaks.contact_share[0] == 0.0
+    assert with_contact.extrema.contact_share[0] == 0.0
 
 
 def test_walls_that_touch_agree_under_shear(cell_solver_pair, load):

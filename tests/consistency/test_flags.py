@@ -95,7 +95,7 @@ def solved(load):
             others = np.random.default_rng(5).random((unseen, len(inputs)))
             others[::4] = np.round(others[::4])
             states, held_out = (inputs.scatter(low + (high - low) * unit) for unit in (design, others))
-            learned = replace(solver.solve(prepared, states).response, peaks=None)
+            learned = replace(solver.solve(prepared, states).response, extrema=None)
             exact = solver.solve(prepared, held_out, tangent=False).response
             good, valid = np.flatnonzero(learned.stable), np.flatnonzero(exact.stable)
             data = TrainingSet(states[good], learned[good], inputs, rest, "flags", {}, tolerance=TOLERANCE)

@@ -24,7 +24,7 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.density import DensitySweep
 from porocore.sampling.samplers.random_states import random_requests
-from porocore.states import CellPeaks, CellResponse, CellTangent, MacroState, Status
+from porocore.states import CellExtrema, CellResponse, CellTangent, MacroState, Status
 
 INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))
 IDENTITY = "fake-1"
@@ -107,7 +107,7 @@ def response(g: np.ndarray, W: float, status: Status) -> CellResponse:
         stress=g[None] + 1,
         fluid_volume=np.array([0.4 + W]),
         tangent=CellTangent(seed, g[None] - 1, seed + 1, g[None] - 2, g[None] - 3, np.array([W - 1])),
-        peaks=CellPeaks(g[None] * 2, *(np.array([W * k]) for k in (1, 2, 3, 4, 0, 0.1))),
+        extrema=CellExtrema(g[None] * 2, *(np.array([W * k]) for k in (1, 2, 3, 4, 0, 0.1))),
     )
 
 

@@ -91,7 +91,7 @@ RESPONSES = {
     "nothing": (None, "expected a CellResponse, got NoneType"),
     "an array": (np.zeros(3), "expected a CellResponse, got ndarray"),
     "derivatives of another kind": (replace(RIGHT, tangent={}), "expected a CellTangent, got dict"),
-    "peaks of another kind": (replace(RIGHT, peaks=RIGHT), "expected a CellPeaks, got CellResponse"),
+    "extrema of another kind": (replace(RIGHT, extrema=RIGHT), "expected a CellExtrema, got CellResponse"),
     "NaN in a stress": (
         changed("stress", 1, np.nan),
         "stress: row 1, with status 'converged', holds numbers that are not finite",
@@ -189,7 +189,7 @@ def test_what_is_right_comes_through_as_it_is():
         if getattr(RIGHT.tangent, name) is not None:
             failed = changed(f"tangent/{name}", 1, np.nan, failed)
     failed = changed("status", 1, int(Status.not_converged), failed)
-    failed = replace(failed, peaks=None)
+    failed = replace(failed, extrema=None)
     for response in (RIGHT, failed):
         assert prediction_of(Says(response), STATES) is response
         solution = CellSolution(response, [FIELD, None, None])
@@ -200,7 +200,7 @@ def test_what_is_right_comes_through_as_it_is():
 
 def test_beyond_its_range_a_surrogate_may_say_anything():
     """And so it may where Newton's iteration asks for what is no state."""
-    nothing = replace(changed("stress", 1, np.nan), peaks=None)
+    nothing = replace(changed("stress", 1, np.nan), extrema=None)
     flagged = replace(nothing, outside=np.array([False, True, False]))
     assert prediction_of(Says(flagged), STATES) is flagged
     no_state = MacroState(STATES.grad_u, np.array([0.0, np.nan, 0.0]))

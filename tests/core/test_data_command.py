@@ -117,7 +117,7 @@ def test_a_sound_file(dataset: Dataset) -> None:
 
 
 def broken(record: SolvedState, **parts: Any) -> SolvedState:
-    change = {name: value for name, value in parts.items() if name in ("tangent", "stress", "peaks")}
+    change = {name: value for name, value in parts.items() if name in ("tangent", "stress", "extrema")}
     rest = {name: value for name, value in parts.items() if name not in change}
     return replace(record, response=replace(record.response, **change), **rest)
 
@@ -127,7 +127,7 @@ FAULTS = {
     "∂P_E/∂p = −∂φ/∂H": {"tangent": replace(good.tangent, stress_p=good.tangent.stress_p * (1 + 1e-5))},
     "∂P_E/∂H symmetric": {"tangent": replace(good.tangent, stress_grad_u=good.tangent.mean_grad_grad_u)},
     "finite": {"stress": np.full((1, 3, 3), np.inf)},
-    "J > 0": {"peaks": replace(good.peaks, min_jacobian=np.array([-0.1]))},
+    "J > 0": {"extrema": replace(good.extrema, min_jacobian=np.array([-0.1]))},
     "states of their inputs": {"state": INPUTS.scatter((0.1, -0.1)), "field": None},
     "within the ranges": {"x": (0.3, -0.1), "state": INPUTS.scatter((0.3, -0.1)), "field": None},
     "fields of their states": {"field": replace(RECORDS[0].field, p=0.01)},
@@ -190,7 +190,7 @@ def test_what_cannot_be_merged(tmp_path: Path, dataset: Dataset) -> None:
         "'b' differs from that of .* in tangent/.*": make(tmp_path / "3.h5", [lawful("b", 0.1, start="a")]),
         "in the start": make(tmp_path / "4.h5", [replace(RECORDS[1], start=None)]),
         "in the field": make(tmp_path / "5.h5", [replace(RECORDS[1], field=None)]),
-        "other responses": make(tmp_path / "6.h5", [broken(replace(RECORDS[1], key="z"), peaks=None)]),
+        "other responses": make(tmp_path / "6.h5", [broken(replace(RECORDS[1], key="z"), extrema=None)]),
     }
     for message, other in others.items():
         with pytest.raises(DataError, match=message):

@@ -20,7 +20,7 @@ from fake_cell import Fake, FakeCellSolver
 class Plain(FakeCellSolver):
     """Without the fields ``lacks`` of its responses."""
 
-    lacks = ("peaks",)
+    lacks = ("extrema",)
 
     def solve(self, prepared, states, **how):
         response = super().solve(prepared, states, **how).response
@@ -30,7 +30,7 @@ class Plain(FakeCellSolver):
 class Plainest(Plain):
     """Without all that may be None."""
 
-    lacks = ("peaks", "tangent", "potential", "stress", "fluid_volume")
+    lacks = ("extrema", "tangent", "potential", "stress", "fluid_volume")
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from porocore.core.fields.check import response_fault
-from porocore.core.fields.declaration import declared_fields, documented, row, rows_of
+from porocore.core.fields.declaration import declared_fields, documented, provided_fields, row, rows_of
 from porocore.errors import PluginError
 from porocore.interfaces.records import (
     SolvedState,
@@ -20,7 +20,7 @@ from porocore.interfaces.records import (
 from porocore.states import (
     CELL_FIELDS,
     RESPONSE_FIELDS,
-    CellPeaks,
+    CellExtrema,
     CellResponse,
     CellTangent,
     MacroState,
@@ -37,12 +37,12 @@ def right(n=2):
 
 
 def test_every_field_of_a_response_is_declared():
-    expected = {f.name for f in fields(CellResponse)} - {"tangent", "peaks"}
+    expected = {f.name for f in fields(CellResponse)} - {"tangent", "extrema"}
     expected |= {f"tangent/{f.name}" for f in fields(CellTangent)}
-    expected |= {f"peaks/{f.name}" for f in fields(CellPeaks)}
+    expected |= {f"peaks/{f.name}" for f in fields(CellExtrema)}
     assert set(RESPONSE_FIELDS) == expected
     assert all(declared.unit and declared.meaning for declared in RESPONSE_FIELDS.values())
-    for batch in (CellResponse, CellTangent, CellPeaks):
+    for batch in (CellResponse, CellTangent, CellExtrema):
         assert all(f"{f.name}" in batch.__doc__ for f in fields(batch))
     assert "stress : (n, 3, 3)" in CellResponse.__doc__
 
@@ -62,7 +62,11 @@ def test_a_new_field_is_one_line():
 
         inner: Inner = field(metadata=rows_of(Inner))
 
+        other: Inner = field(metadata=rows_of(Inner, name="file_name"))
+
     assert declared_fields(Outer)["inner/heat"].heading == "(n, 2)"
+    assert list(declared_fields(Outer)) == ["inner/heat", "file_name/heat"]
+    assert list(provided_fields(Outer(None, Inner(np.zeros((1, 2)))))) == ["file_name/heat"]
     assert "heat : (n, 2)\n        Heat. [J]" in Inner.__doc__
 
 
@@ -84,7 +88,7 @@ def test_a_right_response_has_no_fault():
     assert response_fault(right(), 2) is None
     mixed = CellResponse.concatenate([right(1), failed_response(Status.overlap)])
     assert response_fault(mixed, 2) is None
-    open_gap = replace(right(), peaks=replace(right().peaks, min_gap=np.full(2, np.nan)))
+    open_gap = replace(right(), extrema=replace(right().extrema, min_gap=np.full(2, np.nan)))
     assert response_fault(open_gap, 2) is None
 
 

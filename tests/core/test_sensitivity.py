@@ -10,7 +10,7 @@ from porocore.errors import ConfigurationError, DataError
 from porocore.macro.laws.pull_back import PulledBack
 from porocore.report.figures.style import BLUE
 from porocore.sampling.execution import FinishedSolve
-from porocore.states import CellPeaks, CellResponse, CellTangent, MacroState, Status
+from porocore.states import CellExtrema, CellResponse, CellTangent, MacroState, Status
 from porocore.verification.sensitivity.figures import MAKERS, figures, write_figures
 from porocore.verification.sensitivity.file import load, save
 from porocore.verification.sensitivity.line import HalfLine, Walk, targets
@@ -42,8 +42,8 @@ def made_up(values, status):
     tangent = CellTangent(
         mean_grad_grad_u=grown(3, 3, 3, 3) - 0.2, mean_grad_p=grown(3, 3) - 0.11 * np.eye(3)
     )
-    peaks = CellPeaks(abs(grown(3, 3)), *(abs(grown()) for _ in range(6)))
-    return CellResponse(-grown(3, 3), np.array(status), grown(), grown(3, 3), 0.4 + grown(), tangent, peaks)
+    extrema = CellExtrema(abs(grown(3, 3)), *(abs(grown()) for _ in range(6)))
+    return CellResponse(-grown(3, 3), np.array(status), grown(), grown(3, 3), 0.4 + grown(), tangent, extrema)
 
 
 @pytest.fixture
@@ -134,8 +134,8 @@ def test_quantities_by_their_definitions():
     H, g = rng.uniform(-0.1, 0.1, (2, 3, 3))
     M, Q = rng.uniform(-0.2, 0.0, (3, 3, 3, 3)), rng.uniform(-0.2, 0.0, (3, 3))
     K = np.diag([1.0, 2.0, 3.0]) + 0.1
-    peaks = CellPeaks(*(np.full((1, *s), 0.5) for s in ((3, 3), (), (), (), (), (), ())))
-    response = CellResponse(g[None], np.zeros(1, int), tangent=CellTangent(M[None], Q[None]), peaks=peaks)
+    extrema = CellExtrema(*(np.full((1, *s), 0.5) for s in ((3, 3), (), (), (), (), (), ())))
+    response = CellResponse(g[None], np.zeros(1, int), tangent=CellTangent(M[None], Q[None]), extrema=extrema)
     found = quantities(MacroState.single(H, 0.1), response, 0.4, K)
     average = g / 0.6
     F, J_hat = np.eye(3) + H + average, np.linalg.det(np.eye(3) + average)
@@ -238,9 +238,10 @@ def test_every_figure_shows_every_state_and_marks_its_status(study):
 def test_without_peaks_the_largest_values_and_the_energy_are_unknown(study, tmp_path):
     """A cell solver need not provide them; all else is there."""
     lines = {
-        name: replace(line, response=replace(line.response, peaks=None)) for name, line in study.lines.items()
+        name: replace(line, response=replace(line.response, extrema=None))
+        for name, line in study.lines.items()
     }
-    bare = replace(study, rest=replace(study.rest, peaks=None), lines=lines)
+    bare = replace(study, rest=replace(study.rest, extrema=None), lines=lines)
     save(tmp_path / "sensitivity.h5", bare)
     for found in (bare, load(tmp_path / "sensitivity.h5")):
         along, known = found.loads["shear"].quantities, study.loads["shear"].quantities

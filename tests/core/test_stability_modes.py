@@ -136,8 +136,8 @@ def test_the_response_counts_modes_that_no_load_excites(states):
     assert {parity for parity, count in counts.items() if count} == {"x", "z"}
     response = respond(eighth, here, tangent=True)
     assert response.status[0] == Status.unstable
-    assert response.peaks.negative_pivots[0] == sum(counts.values()) == 2
-    assert respond(eighth, here, tangent=False).peaks.negative_pivots[0] == 2
+    assert response.extrema.negative_pivots[0] == sum(counts.values()) == 2
+    assert respond(eighth, here, tangent=False).extrema.negative_pivots[0] == 2
 
 
 def test_equal_axes_share_their_classes(states):

@@ -43,7 +43,7 @@ def test_petsc_options_of_the_user_go_first(mumps):
     prepared = backend.prepare(Cell(mesh=COARSE))
     response = backend.solve(prepared, STATE, tangent=False).response
     np.testing.assert_allclose(response.stress, mumps.stress, atol=1e-10)
-    assert response.peaks.negative_pivots[0] == -1
+    assert response.extrema.negative_pivots[0] == -1
 
 
 @pytest.mark.parametrize("solver", DIRECT)
@@ -57,7 +57,7 @@ def test_an_indefinite_tangent_is_reported(solver):
     held = problem.iterate_at(still.H, -3.0)
     response = respond(problem, held, tangent=False)
     assert response.status[0] == Status.unstable
-    assert response.peaks.negative_pivots[0] > 0
+    assert response.extrema.negative_pivots[0] > 0
     assert np.isfinite(response.stress).all()
 
 

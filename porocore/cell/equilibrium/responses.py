@@ -12,7 +12,7 @@ from porocore.cell.equilibrium.path import gap
 from porocore.cell.symmetry.exchange import images
 from porocore.cell.symmetry.parity import UNIT_LOADS, classes, visible
 from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
-from porocore.states import Array, CellPeaks, CellResponse, CellTangent, Status
+from porocore.states import Array, CellExtrema, CellResponse, CellTangent, Status
 
 
 def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellResponse:
@@ -77,7 +77,7 @@ def _row(
         stress=(copies * seen * stress - iterate.p * cofactor(F0))[None],
         fluid_volume=np.array([J0 - copies * sums.volume]),
         tangent=tangent,
-        peaks=CellPeaks(
+        extrema=CellExtrema(
             grad=sums.largest_grad[None],
             energy=np.array([sums.largest_energy]),
             energy_mean=np.array([copies * sums.energy]),

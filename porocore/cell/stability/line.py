@@ -51,7 +51,7 @@ class StabilityLine:
     share : (n,)
         Of the way from start to goal.
     status, contact_share, min_gap : (n,)
-        See :class:`~porocore.states.CellPeaks`.
+        See :class:`~porocore.states.CellExtrema`.
     stress : (n, 3, 3)
         P_E.
     pivots : (n, 8)
@@ -273,8 +273,8 @@ def _state(
     pivots: dict[str, int],
     values: dict[str, float],
 ) -> _State:
-    peaks, tangent = response.peaks, response.tangent
-    assert peaks is not None
+    extrema, tangent = response.extrema, response.tangent
+    assert extrema is not None
     assert tangent is not None
     assert tangent.stress_grad_u is not None
     assert response.stress is not None
@@ -282,8 +282,8 @@ def _state(
     return _State(
         share=share,
         status=int(response.status[0]),
-        contact_share=float(peaks.contact_share[0]),
-        min_gap=float(peaks.min_gap[0]),
+        contact_share=float(extrema.contact_share[0]),
+        min_gap=float(extrema.min_gap[0]),
         stress=response.stress[0],
         pivots=pivots,
         eigenvalues=values,

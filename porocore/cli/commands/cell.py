@@ -122,13 +122,13 @@ def fields(
             name=re.sub(r"[^A-Za-z0-9.+-]+", "_", at.strip())[:LONGEST_NAME],
             pictures=not no_pictures,
         )
-    peaks = found.response.peaks
+    extrema = found.response.extrema
     from porocore.states import Status
 
     typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")
-    if peaks is not None:
+    if extrema is not None:
         typer.echo(
-            f"strain energy density: mean <Ψ>_s {peaks.energy_mean[0]:.6g}, largest {peaks.energy[0]:.6g}"
+            f"strain energy density: mean <Ψ>_s {extrema.energy_mean[0]:.6g}, largest {extrema.energy[0]:.6g}"
         )
     for written in (found.vtu, *found.pictures.values()):
         typer.echo(written)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.fields.declaration import RowField
-from porocore.states import RESPONSE_FIELDS, CellPeaks, CellResponse, CellTangent, Status
+from porocore.core.fields.declaration import RowField, provided_fields
+from porocore.states import RESPONSE_FIELDS, CellExtrema, CellResponse, CellTangent, Status
 
 
 def response_fault(response: Any, n: int) -> str | None:
@@ -25,10 +25,10 @@ def shape_fault(response: Any, n: int) -> str | None:
     """Return which field is missing, or has not the shape or type that n states must have; None: none."""
     if not isinstance(response, CellResponse):
         return f"expected a CellResponse, got {type(response).__name__}"
-    for batch, kind in ((response.tangent, CellTangent), (response.peaks, CellPeaks)):
+    for batch, kind in ((response.tangent, CellTangent), (response.extrema, CellExtrema)):
         if batch is not None and not isinstance(batch, kind):
             return f"expected a {kind.__name__}, got {type(batch).__name__}"
-    found = _provided(response)
+    found = provided_fields(response)
     for name, array in found.items():
         declared, expected = RESPONSE_FIELDS[name], (n, *RESPONSE_FIELDS[name].shape)
         if not isinstance(array, np.ndarray):
@@ -49,7 +49,7 @@ def number_fault(response: CellResponse) -> str | None:
     if unknown.any():
         at = int(unknown.argmax())
         return f"status: {int(response.status[at])} of row {at} is no status"
-    found, valid = _provided(response), response.valid
+    found, valid = provided_fields(response), response.valid
     unstable = response.status == Status.unstable
     for name, array in found.items():
         # Most rows are as they should be: one pass over the numbers tells.
@@ -86,14 +86,3 @@ def rows_as_declared(
 def known_statuses(status: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     """Return which codes (n,) are a :class:`Status`."""
     return np.isin(status, [int(known) for known in Status])
-
-
-def _provided(response: CellResponse) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name in RESPONSE_FIELDS:
-        value: Any = response
-        for attribute in name.split("/"):
-            value = None if value is None else getattr(value, attribute)
-        if value is not None:
-            found[name] = value
-    return found

@@ -58,9 +58,17 @@ def row(*shape: int, unit: str, meaning: str, **more: Any) -> dict[str, RowField
     return {_KEY: RowField(shape, unit, meaning, **more)}
 
 
-def rows_of(batch: type) -> dict[str, type]:
-    """Return the metadata of a dataclass field that holds another batch."""
-    return {_KEY: batch}
+@dataclass(frozen=True)
+class NestedBatch:
+    """A batch within another one, and its name in files."""
+
+    batch: type
+    name: str
+
+
+def rows_of(batch: type, name: str = "") -> dict[str, NestedBatch]:
+    """Return the metadata of a dataclass field that holds another batch; ``name`` is used in files in its place."""
+    return {_KEY: NestedBatch(batch, name)}
 
 
 def declared_fields(batch: type, prefix: str = "") -> dict[str, RowField]:
@@ -71,7 +79,19 @@ def declared_fields(batch: type, prefix: str = "") -> dict[str, RowField]:
         if isinstance(declared, RowField):
             found[prefix + f.name] = declared
         elif declared is not None:
-            found |= declared_fields(declared, f"{prefix}{f.name}/")
+            found |= declared_fields(declared.batch, f"{prefix}{declared.name or f.name}/")
+    return found
+
+
+def provided_fields(batch: Any, prefix: str = "") -> dict[str, Any]:
+    """Return the values of a batch that are not None, by their names in :func:`declared_fields`."""
+    found: dict[str, Any] = {}
+    for f in fields(batch):
+        declared, value = f.metadata.get(_KEY), getattr(batch, f.name)
+        if isinstance(declared, NestedBatch) and value is not None:
+            found |= provided_fields(value, f"{prefix}{declared.name or f.name}/")
+        elif isinstance(declared, RowField) and value is not None:
+            found[prefix + f.name] = value
     return found
 
 
@@ -83,6 +103,6 @@ def documented(batch: T) -> T:
         if isinstance(declared, RowField):
             lines += [f"    {f.name} : {declared.heading}", f"        {declared.meaning} [{declared.unit}]"]
         else:
-            lines += [f"    {f.name}", f"        See :class:`{declared.__name__}`."]
+            lines += [f"    {f.name}", f"        See :class:`{declared.batch.__name__}`."]
     batch.__doc__ = (batch.__doc__ or "").rstrip() + "\n" + "\n".join(lines) + "\n    "
     return batch

@@ -54,7 +54,7 @@ class ClosedLaw(MacroLaw):
 
     def initial(self, n: int) -> LawMemory:
         """At rest, with what the cell law itself says there: its error there stores no fluid."""
-        rest = replace(self._rest, tangent=None, peaks=None)[np.zeros(n, dtype=np.int64)]
+        rest = replace(self._rest, tangent=None, extrema=None)[np.zeros(n, dtype=np.int64)]
         return self.closure.memory(MacroState.zeros(n), rest)
 
     def respond(

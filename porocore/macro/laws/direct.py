@@ -207,7 +207,7 @@ def _moved(response: CellResponse, states: MacroState, solved: Array) -> CellRes
 
 
 def _lean(response: CellResponse) -> CellResponse:
-    return replace(response, peaks=None, outside=None)
+    return replace(response, extrema=None, outside=None)
 
 
 def _missing(like: CellResponse) -> CellResponse:
@@ -216,7 +216,7 @@ def _missing(like: CellResponse) -> CellResponse:
     empty = {
         name: None if value is None else np.full_like(value, np.nan)
         for name, value in vars(like).items()
-        if name not in ("status", "tangent", "peaks", "outside")
+        if name not in ("status", "tangent", "extrema", "outside")
     }
     tangent = {
         name: None if value is None else np.full_like(value, np.nan)

@@ -54,8 +54,8 @@ def check_file(path: Path, tolerance: float = TOLERANCE) -> list[DatasetCheck]:
     held = {key for key, f in zip(dataset.keys, fields, strict=True) if f is not None}
     started = np.array([start is None or start in held for start in dataset.starts()])
     findings.append(_all("starts kept", started, keys, "a start whose u¹ is not in the file"))
-    if response.peaks is not None:
-        upright = ~valid | (response.peaks.min_jacobian > 0)
+    if response.extrema is not None:
+        upright = ~valid | (response.extrema.min_jacobian > 0)
         findings.append(_all("J > 0", upright, keys, "a smallest J that is not positive"))
     if response.conductivity is not None:
         K = np.where(np.isfinite(response.conductivity), response.conductivity, np.eye(3))

@@ -25,7 +25,7 @@ MOST_LOOKS = 5
 
 
 class Dataset:
-    """Solved states by key: inputs, responses, derivatives, peaks, statuses, times and micro displacements.
+    """Solved states by key: inputs, responses, derivatives, extrema, statuses, times and micro displacements.
 
     A finished solve is first a small file of its own, written whole or not at all, in the folder
     ``NAME.parts`` beside the file. :meth:`consolidate` merges those into the file, which again is

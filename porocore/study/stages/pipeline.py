@@ -224,7 +224,7 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
         # A solver need not provide them.
         **{
             part: {name: value[0] for name, value in vars(holder).items() if value is not None}
-            for part, holder in (("tangent", response.tangent), ("peaks", response.peaks))
+            for part, holder in (("tangent", response.tangent), ("peaks", response.extrema))
             if holder is not None
         },
         "seconds": {"set_up": ready - began, "solve": time.perf_counter() - ready},

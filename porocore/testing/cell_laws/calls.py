@@ -96,7 +96,7 @@ class Calls(CellSuite):
         response = solution.response
         status, state = Status(int(response.status[1])), words(states.grad_u[1])
         holds(not status.has_values, state, "a status without values", status.name)
-        for holder in (response, response.tangent, response.peaks):
+        for holder in (response, response.tangent, response.extrema):
             for name, values in vars(holder).items() if holder is not None else ():
                 if isinstance(values, np.ndarray) and name not in ("status", "outside"):
                     lost = np.isnan(np.asarray(values[1], dtype=float)).all()

@@ -72,10 +72,10 @@ class CellContactSuite(CellSuite):
         status = Status(int(response.status[0]))
         holds(status is Status.contact, IN_CONTACT, "the status contact", status.name)
         holds(response.valid[0] and response.stable[0], IN_CONTACT, "a stable row with values", "none")
-        share = response.peaks.contact_share[0]
+        share = response.extrema.contact_share[0]
         holds(0 < share < 0.2, IN_CONTACT, "contact_share between 0 and 0.2", share)
         # Relative to a distance that vanishes towards the planes, so no measure of how deep the penetration is.
-        gap, pivots = response.peaks.min_gap[0], response.peaks.negative_pivots[0]
+        gap, pivots = response.extrema.min_gap[0], response.extrema.negative_pivots[0]
         holds(gap < 0, IN_CONTACT, "a negative min_gap, since a penalty gives way", gap)
         holds(pivots <= 0, IN_CONTACT, "no negative pivots", pivots)
 

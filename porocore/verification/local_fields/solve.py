@@ -38,7 +38,7 @@ class LocalFields:
     Attributes
     ----------
     response
-        One row, with peaks and without tangent.
+        One row, with extrema and without tangent.
     points, nodal
         The fields at the quadrature points and at the nodes.
     vtu

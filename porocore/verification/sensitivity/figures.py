@@ -103,7 +103,7 @@ def write_figures(folder: Path, study: Sensitivity, names: Sequence[str] | None 
 
 def _known(study: Sensitivity) -> list[str]:
     """Names of the figures of what the cell solver provides."""
-    return [name for name in MAKERS if study.rest.peaks is not None or name not in OF_PEAKS]
+    return [name for name in MAKERS if study.rest.extrema is not None or name not in OF_EXTREMA]
 
 
 def _together(study: Sensitivity, label: str, curves: Curves) -> Figure:
@@ -291,4 +291,4 @@ MAKERS: dict[str, Callable[[Sensitivity], Figure]] = {
     "Biot_Modulus": _biot,
 }
 #: Figures of what is optional for a cell solver.
-OF_PEAKS = ("dyu1_max_1", "dyu1_max_2", "psi_Av", "psi_max")
+OF_EXTREMA = ("dyu1_max_1", "dyu1_max_2", "psi_Av", "psi_max")

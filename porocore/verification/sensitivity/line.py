@@ -28,7 +28,7 @@ class HalfLine:
     values : (n,)
         Of the load, the first one 0.
     response : n rows
-        With tangent and peaks.
+        With tangent and extrema.
     seconds : (n,)
         Wall time of each solve.
     """

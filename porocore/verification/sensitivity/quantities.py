@@ -55,7 +55,7 @@ def quantities(
     Parameters
     ----------
     states, response
-        n of them, with tangent; without peaks the maxima and the energy are NaN.
+        n of them, with tangent; without extrema the maxima and the energy are NaN.
     porosity
         φ_f of the undeformed cell.
     conductivity : (3, 3)
@@ -80,11 +80,11 @@ def quantities(
     biot = -1 / np.trace(Q, axis1=1, axis2=2)
     found = _by_component("mean_grad", response.mean_grad)
     found |= _by_component("avg_grad", average)
-    peaks, unknown = response.peaks, np.full(len(states), np.nan)
-    found |= _by_component("max_grad", np.full_like(average, np.nan) if peaks is None else peaks.grad)
+    extrema, unknown = response.extrema, np.full(len(states), np.nan)
+    found |= _by_component("max_grad", np.full_like(average, np.nan) if extrema is None else extrema.grad)
     found |= {
-        "avg_energy": unknown if peaks is None else peaks.energy_mean / solid,
-        "max_energy": unknown if peaks is None else peaks.energy,
+        "avg_energy": unknown if extrema is None else extrema.energy_mean / solid,
+        "max_energy": unknown if extrema is None else extrema.energy,
     }
     found |= {"J_bar": pulled.J, "J_hat": J_hat}
     found |= {f"Kt_{i + 1}{i + 1}": normalised[:, i] for i in range(3)}

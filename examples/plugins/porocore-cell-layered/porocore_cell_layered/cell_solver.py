@@ -8,7 +8,7 @@ import numpy as np
 
 from porocore import (
     Cell,
-    CellPeaks,
+    CellExtrema,
     CellResponse,
     CellSolution,
     CellSolver,
@@ -95,7 +95,7 @@ def _row(prepared: Prepared, H, p: float, tangent: bool) -> CellResponse:
         stress=(np.einsum("k,kij->ij", c, local) - p * cof0)[None],
         fluid_volume=np.array([J0 - c @ J]),
         tangent=_tangent(laminate, F, p, a) if tangent else None,
-        peaks=CellPeaks(
+        extrema=CellExtrema(
             grad=peak[None],
             energy=np.array([energy.max()]),
             energy_mean=np.array([c @ energy]),
