@@ -85,6 +85,8 @@ class Surrogate(ABC):
     exact_at_rest: ClassVar[bool] = True
     #: Models to choose from, if there are several kinds; then the constructor takes ``model=``.
     models: ClassVar[tuple[str, ...]] = ()
+    #: Model of this instance, one of :attr:`models`; empty where there is one kind only.
+    model: str = ""
     #: Hash of the cell that it was trained for; set by ``fit`` and ``load``.
     identity: str
     #: Sampled inputs and their range; set by ``fit`` and ``load``.

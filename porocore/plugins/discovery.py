@@ -17,8 +17,8 @@ import pluggy
 from porocore.errors import PluginError
 from porocore.plugins.entry_points import Source, Unreadable, entry_points
 from porocore.plugins.foreign_code import attempt, place_of, reason_of
-from porocore.plugins.hookspecs import DECLARATION, INTERFACES, PROJECT, Hooks, Kind, Offer, short_repr
-from porocore.plugins.kinds import HOOKS
+from porocore.plugins.hookspecs import DECLARATION, Hooks, Offer, short_repr
+from porocore.plugins.kinds import KINDS, PROJECT, Kind
 
 __all__ = ["Broken", "Offered", "Source", "discover", "joined"]
 
@@ -62,7 +62,7 @@ def discover() -> tuple[list[Offered], list[Broken]]:
             broken.append(Broken(found.source, found.reason))
         else:
             _read(*found, offers, broken)
-    kinds = list(HOOKS)
+    kinds = list(KINDS)
     return sorted(offers, key=lambda offered: kinds.index(offered.kind)), broken
 
 
@@ -96,18 +96,19 @@ def _read(
         return
     for kind, implementation in hooks.value:
         version = declared.value.get(kind, 1)
-        if INTERFACES[kind].complaint(kind, version, ""):
+        record = KINDS[kind]
+        if record.versions.complaint(kind, version, ""):
             continue
         # What an implementation does not name it does not get, so that hooks can gain arguments.
-        known = {"interface": INTERFACES[kind].present}
+        known = {"interface": record.versions.present}
         arguments = [known[name] for name in implementation.argnames]
         called = attempt(_called, implementation.function, arguments)
         if called.error is not None:
-            broken.append(faulty(called.error, f"{HOOKS[kind]}: "))
+            broken.append(faulty(called.error, f"{record.hook}: "))
             continue
         good, faults = called.value
         offers += [Offered(kind, offer, source, version) for offer in good]
-        broken += [Broken(source, f"{HOOKS[kind]}: {fault} ({source.file})") for fault in faults]
+        broken += [Broken(source, f"{record.hook}: {fault} ({source.file})") for fault in faults]
 
 
 def _declared(module: Any) -> dict[Kind, int]:
@@ -118,10 +119,10 @@ def _declared(module: Any) -> dict[Kind, int]:
             raise PluginError(f"{misspelt[0]} means nothing; did you mean {DECLARATION}?")
     found = getattr(module, DECLARATION, {})
     if not isinstance(found, dict) or not all(
-        kind in INTERFACES and type(version) is int for kind, version in found.items()
+        kind in KINDS and type(version) is int for kind, version in found.items()
     ):
         raise PluginError(
-            f"{DECLARATION}: expected a number for some of {joined(map(repr, INTERFACES))}, got {short_repr(found)}"
+            f"{DECLARATION}: expected a number for some of {joined(map(repr, KINDS))}, got {short_repr(found)}"
         )
     return found
 
@@ -131,7 +132,7 @@ def _hooks(module: Any, value: str) -> list[tuple[Kind, pluggy.HookImpl]]:
     manager = pluggy.PluginManager(PROJECT)
     manager.add_hookspecs(Hooks)
     manager.register(module)
-    hooks = list(HOOKS.values())
+    hooks = [record.hook for record in KINDS.values()]
     callers = manager.get_hookcallers(module) or []
     if not callers:
         raise PluginError(f"no function of {value} is marked @hookimpl; the hooks are {joined(hooks)}")
@@ -145,14 +146,14 @@ def _hooks(module: Any, value: str) -> list[tuple[Kind, pluggy.HookImpl]]:
             raise PluginError(f"there is no hook '{caller.name}'; {question}")
     return [
         (kind, implementation)
-        for kind, hook in HOOKS.items()
-        for implementation in getattr(manager.hook, hook).get_hookimpls()
+        for kind, record in KINDS.items()
+        for implementation in getattr(manager.hook, record.hook).get_hookimpls()
     ]
 
 
 def _of_other_interfaces(declared: dict[Kind, int], source: Source) -> list[Broken]:
     complaints = {
-        kind: INTERFACES[kind].complaint(kind, version, source.distribution)
+        kind: KINDS[kind].versions.complaint(kind, version, source.distribution)
         for kind, version in declared.items()
     }
     return [Broken(source, reason, kind, declared[kind]) for kind, reason in complaints.items() if reason]

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from importlib import metadata
 
 from porocore.plugins.foreign_code import attempt, file_of, reason_of
-from porocore.plugins.hookspecs import PROJECT, short_repr
+from porocore.plugins.hookspecs import short_repr
+from porocore.plugins.kinds import PROJECT
 
 
 @dataclass(frozen=True)

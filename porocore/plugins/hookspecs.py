@@ -9,50 +9,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import pluggy
 
 from porocore.errors import PluginError
+from porocore.plugins.kinds import KINDS, PROJECT, PluginKind
 
-PROJECT = "porocore"
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
 
-Kind = Literal["cell solver", "macro solver", "surrogate", "sampler"]
-
-
-@dataclass(frozen=True)
-class Versions:
-    """Of an interface: the one that this porocore has, and the oldest whose implementations still work."""
-
-    present: int
-    oldest: int
-
-    def complaint(self, kind: Kind, made_for: int, distribution: str) -> str:
-        """Why a plugin for version ``made_for`` cannot be used, and what to do; empty if it can."""
-        if self.oldest <= made_for <= self.present:
-            return ""
-        old = made_for < self.oldest
-        works = (
-            f"version {self.present}"
-            if self.oldest == self.present
-            else f"versions {self.oldest} to {self.present}"
-        )
-        return (
-            f"made for version {made_for} of the {kind} interface, {'older' if old else 'newer'} than this porocore, "
-            f"which takes {works}; upgrade {'it' if old else 'porocore'}: "
-            f"pip install --upgrade {distribution if old else PROJECT}"
-        )
-
-
-#: Raised by one when implementations of a kind must change; what changed is told in docs/plugins.md.
-INTERFACES: dict[Kind, Versions] = {
-    "cell solver": Versions(1, 1),
-    "macro solver": Versions(1, 1),
-    "surrogate": Versions(1, 1),
-    "sampler": Versions(1, 1),
-}
 #: Attribute of the module that an entry point names: version of the interface of each kind that it offers.
 DECLARATION = "POROCORE_INTERFACES"
 #: Names of implementations: what is written in YAML and on a command line without quotes.
@@ -128,8 +94,17 @@ class Offer:
         ]
 
 
+def _hook(record: PluginKind) -> Any:
+    def offers(self: Any, interface: int) -> list[Offer]:  # type: ignore[empty-body]
+        pass
+
+    offers.__name__, offers.__qualname__ = record.hook, f"Hooks.{record.hook}"
+    offers.__doc__ = f"Offer classes derived from :class:`porocore.{record.interface}`."
+    return hookspec(offers)
+
+
 class Hooks:
-    """One hook for each abstract interface.
+    """One hook for each kind of plugin.
 
     An implementation names those of the arguments that it wants, so that a hook can gain further ones.
 
@@ -139,21 +114,9 @@ class Hooks:
         Version of the interface that this porocore has.
     """
 
-    @hookspec
-    def porocore_cell_solvers(self, interface: int) -> list[Offer]:  # type: ignore[empty-body]
-        """Offer classes derived from :class:`porocore.CellSolver`."""
 
-    @hookspec
-    def porocore_macro_solvers(self, interface: int) -> list[Offer]:  # type: ignore[empty-body]
-        """Offer classes derived from :class:`porocore.MacroSolver`."""
-
-    @hookspec
-    def porocore_surrogates(self, interface: int) -> list[Offer]:  # type: ignore[empty-body]
-        """Offer classes derived from :class:`porocore.Surrogate`."""
-
-    @hookspec
-    def porocore_samplers(self, interface: int) -> list[Offer]:  # type: ignore[empty-body]
-        """Offer classes derived from :class:`porocore.Sampler`."""
+for _record in KINDS.values():
+    setattr(Hooks, _record.hook, _hook(_record))
 
 
 def short_repr(value: Any) -> str:

@@ -16,8 +16,8 @@ from porocore.core.echo import echo
 from porocore.errors import PluginError
 from porocore.plugins.discovery import Broken, Offered, discover, joined
 from porocore.plugins.foreign_code import attempt, place_of, reason_of
-from porocore.plugins.hookspecs import Kind, short_repr
-from porocore.plugins.kinds import CHOICES, FIRST_PARTY
+from porocore.plugins.hookspecs import short_repr
+from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind
 from porocore.plugins.table import PluginRow, plugin_rows, repeated
 
 
@@ -130,7 +130,7 @@ class Registry:
             if o.kind == kind
         )
         others = joined(o.kind for o in self.offers if o.offer.name == name)
-        also = f", which is a {others}; choose another by {CHOICES[kind]}" if others else ""
+        also = f", which is a {others}; choose another by {KINDS[kind].choice}" if others else ""
         return (
             f"unknown {kind} {echo(name)}{also}; {advice}installed: {installed or 'none'}; "
             f"'porocore plugins' shows all{broken}"
@@ -169,10 +169,5 @@ def _misfit(implementation: Any, interface: type[Any]) -> str:
 def _interface(kind: Kind) -> type[Any]:
     from porocore import interfaces  # numpy, h5py and pydantic: not needed for listing
 
-    classes: dict[Kind, type[Any]] = {
-        "cell solver": interfaces.CellSolver,
-        "macro solver": interfaces.MacroSolver,
-        "surrogate": interfaces.Surrogate,
-        "sampler": interfaces.Sampler,
-    }
-    return classes[kind]
+    found: type[Any] = getattr(interfaces, KINDS[kind].interface)
+    return found

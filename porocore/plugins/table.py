@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from porocore.plugins.discovery import Broken, Offered, Source
-from porocore.plugins.hookspecs import Kind, short_repr
-from porocore.plugins.kinds import FIRST_PARTY
+from porocore.plugins.hookspecs import short_repr
+from porocore.plugins.kinds import FIRST_PARTY, Kind
 
 State = Literal["ready", "missing dependency", "other interface", "broken", "offered twice", "not installed"]
 #: Seconds of importing the module of an entry point beyond which it is told; every command waits for it.

@@ -6,8 +6,9 @@ from typing import Any
 
 from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError, PluginError
+from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws import CLOSURES
-from porocore.plugins.hookspecs import Kind
+from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.abilities import require_conductivity, require_parts
@@ -108,15 +109,15 @@ def check(kind: Kind, config: RunConfig) -> None:
         backend.prepare(problem)
 
 
-def _check_responses(surrogate: Any, config: RunConfig) -> None:
+def _check_responses(surrogate: Surrogate, config: RunConfig) -> None:
     """A surrogate that does not declare what it provides is found out when it is closed."""
     provided = surrogate.provides
     if provided is None:
         return
     missing = [name for name in CLOSURES[config.closure].responses if name not in provided]
     if missing:
-        model = getattr(surrogate, "model", None)
-        what = f"'{config.surrogate.backend}'" + (f" with model '{model}'" if model else "")
+        model = f" with model '{surrogate.model}'" if surrogate.model else ""
+        what = f"'{config.surrogate.backend}'{model}"
         raise ConfigurationError(
             f"closure: '{config.closure}' needs {', '.join(missing)} of the cell, which the surrogate {what} does not "
             "provide; leave surrogate.model at auto, or choose another closure or surrogate"

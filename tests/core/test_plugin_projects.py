@@ -15,9 +15,10 @@ from pathlib import Path
 import pytest
 
 from porocore.errors import ConfigurationError
-from porocore.plugins.scaffold.kinds import TEMPLATES
+from porocore.plugins.kinds import KINDS
 from porocore.plugins.scaffold.project import write_project
 
+KIND = {record.word: kind for kind, record in KINDS.items()}
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples/plugins").glob("porocore-*"))
 POROCORE = Path(sys.executable).with_name("porocore")
@@ -59,7 +60,7 @@ def site(tmp_path):
 # ---- new ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", TEMPLATES)
+@pytest.mark.parametrize("kind", KIND)
 def test_a_new_project_is_complete(tmp_path, monkeypatch, kind):
     monkeypatch.chdir(tmp_path)
     folder = write_project("my-own", kind)
@@ -68,7 +69,10 @@ def test_a_new_project_is_complete(tmp_path, monkeypatch, kind):
     package = folder.name.replace("-", "_")
     assert set(texts) == {
         *("pyproject.toml", "README.md", "LICENSE", ".gitignore", ".github/workflows/test.yml"),
-        *(f"{package}/{name}.py" for name in ("__init__", "hooks", TEMPLATES[kind].module, "conformance")),
+        *(
+            f"{package}/{name}.py"
+            for name in ("__init__", "hooks", KIND[kind].replace(" ", "_"), "conformance")
+        ),
         "tests/test_conformance.py",
     }
     for name, text in texts.items():
@@ -88,7 +92,7 @@ def test_new_projects_pass_a_strangers_linter(tmp_path):
     if not ruff.exists():
         pytest.skip("ruff is not installed")
     words = ["check", "--isolated", "--select", "E,F,I,UP,B", "--line-length", "120", "."]
-    for kind in TEMPLATES:
+    for kind in KIND:
         folder = write_project("my-own", kind, tmp_path / kind)
         done = subprocess.run([ruff, *words], cwd=folder, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout
@@ -98,8 +102,8 @@ def test_new_projects_pass_a_strangers_linter(tmp_path):
 def test_new_projects_pass_strict_mypy(tmp_path):
     """By the settings of their own, against the types of the installed porocore."""
     pytest.importorskip("mypy")
-    folders = [write_project("my-own", kind, tmp_path / kind) for kind in TEMPLATES]
-    packages = [word for kind in TEMPLATES for word in ("-p", f"porocore_{kind}_my_own")]
+    folders = [write_project("my-own", kind, tmp_path / kind) for kind in KIND]
+    packages = [word for kind in KIND for word in ("-p", f"porocore_{kind}_my_own")]
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "--cache-dir", tmp_path / "cache", *packages],
         env=os.environ | {"MYPYPATH": os.pathsep.join(map(str, folders))},
@@ -282,7 +286,7 @@ def test_new_projects_work_in_a_study(tmp_path, site):
     import yaml
     from study import STUDY
 
-    pip_install(site, *(write_project("my-own", kind, tmp_path / kind) for kind in TEMPLATES))
+    pip_install(site, *(write_project("my-own", kind, tmp_path / kind) for kind in KIND))
     inputs = {"p": {"range": [-0.02, 0.06]}, "H22": {"range": [-0.1, 0.02]}}
     study = STUDY | {
         "fem": {"backend": "my-own"},

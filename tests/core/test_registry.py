@@ -1,17 +1,22 @@
 """Discovery of plugins: fake distributions on sys.path, read by the same machinery as installed ones."""
 
+import inspect
 import re
 import subprocess
 import sys
 import textwrap
+from dataclasses import replace
 from importlib import metadata
+from importlib.resources import files
+from typing import get_args
 
 import pytest
 
+from porocore import interfaces, testing
 from porocore.errors import PluginError
 from porocore.plugins.discovery import Offered, Source
-from porocore.plugins.hookspecs import INTERFACES, Offer, Versions
-from porocore.plugins.kinds import FIRST_PARTY, HOOKS
+from porocore.plugins.hookspecs import Hooks, Offer
+from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind, Versions
 from porocore.plugins.registry import Registry
 
 GOOD = """
@@ -234,7 +239,17 @@ def test_first_party_names_are_those_that_the_installed_plugins_use():
         assert distribution in installed, "the test environment installs every first-party plugin"
         for kind in kinds:
             assert registry.find(kind, name).source.distribution == distribution
-    assert set(HOOKS) == {"cell solver", "macro solver", "surrogate", "sampler"}
+
+
+@pytest.mark.parametrize(("kind", "record"), KINDS.items())
+def test_the_record_of_a_kind_names_what_there_is(kind, record):
+    """Hook, abstract class, suite with its factory, and scaffold are found by the names in one record."""
+    assert set(KINDS) == set(get_args(Kind))
+    assert record.hook in dir(Hooks)
+    assert inspect.isabstract(getattr(interfaces, record.interface))
+    assert callable(getattr(getattr(testing, record.suite), record.factory))
+    templates = files("porocore.plugins.scaffold") / "templates" / record.word
+    assert (templates / f"{kind.replace(' ', '_')}.py.txt").is_file()
 
 
 def test_listing_plugins_imports_nothing_heavy():
@@ -330,10 +345,10 @@ def test_versions_of_interfaces_that_mean_nothing_are_named(install):
 
 
 def test_older_versions_work_as_long_as_they_are_taken(monkeypatch, install):
-    monkeypatch.setitem(INTERFACES, "sampler", Versions(present=3, oldest=1))
+    monkeypatch.setitem(KINDS, "sampler", replace(KINDS["sampler"], versions=Versions(present=3, oldest=1)))
     install("acme-grid", "acme_grid", GOOD)
     assert Registry.discover().get("sampler", "grid").__name__ == "Grid"
-    assert "takes versions 1 to 3" in INTERFACES["sampler"].complaint("sampler", 4, "acme-grid")
+    assert "takes versions 1 to 3" in KINDS["sampler"].versions.complaint("sampler", 4, "acme-grid")
 
 
 def test_a_hook_gets_those_arguments_that_it_names(install):

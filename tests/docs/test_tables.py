@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pages import page, rows
 
-from porocore.plugins.kinds import HOOKS
+from porocore.plugins.kinds import KINDS
 from porocore.report.text import MEANINGS
 from porocore.states import Status
 
@@ -18,4 +18,4 @@ def test_every_status_is_explained():
 
 def test_every_hook_is_listed():
     listed = {cells[0].strip("`") for cells in rows(page("docs/plugins.md"))}
-    assert set(HOOKS.values()) <= listed
+    assert {record.hook for record in KINDS.values()} <= listed

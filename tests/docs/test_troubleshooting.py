@@ -22,7 +22,8 @@ from porocore.core.files.atomic import atomic_path
 from porocore.errors import PorocoreError
 from porocore.macro.integration.stepping import Stepper
 from porocore.plugins.discovery import Broken, Offered, Source
-from porocore.plugins.hookspecs import INTERFACES, Offer
+from porocore.plugins.hookspecs import Offer
+from porocore.plugins.kinds import KINDS
 from porocore.plugins.registry import Registry
 from porocore.report.metrics import case_warnings
 from porocore.report.text import MEANINGS
@@ -157,7 +158,7 @@ def twice(reader):
 
 def other_interface(reader):
     source = Source("porocore-sampler-halton", "0.1.0", "halton")
-    reason = INTERFACES["sampler"].complaint("sampler", 2, source.distribution)
+    reason = KINDS["sampler"].versions.complaint("sampler", 2, source.distribution)
     return told(lambda: Registry([], [Broken(source, reason, "sampler", 2)]).find("sampler", "halton"))
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from porocore.plugins.scaffold.kinds import TEMPLATES
+from porocore.plugins.kinds import KINDS
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = {"cell": "layered", "sampler": "halton", "surrogate": "gaussian-process"}
@@ -34,7 +34,7 @@ def test_nothing_but_the_wheels_is_there(usual):
     assert usual.run(usual.python, "-I", "-c", code, cwd=usual.folder)[0].startswith(str(usual.folder))
 
 
-@pytest.mark.parametrize("kind", TEMPLATES)
+@pytest.mark.parametrize("kind", [record.word for record in KINDS.values()])
 def test_a_new_plugin_is_installed_checked_and_used_without_an_edit(usual, write_coarse, kind, tmp_path):
     study = write_coarse(tmp_path / "study.yaml")
     name, folder = f"my-{kind}", f"porocore-{kind}-my-{kind}"

@@ -12,31 +12,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from porocore.cli.common import command, interruptible
-from porocore.errors import ConfigurationError, PluginError
+from porocore.errors import PluginError
+from porocore.plugins.kinds import Kind, kind_of
 
 if TYPE_CHECKING:
     from porocore.plugins.discovery import Offered
-    from porocore.plugins.hookspecs import Kind
     from porocore.plugins.table import PluginRow
     from porocore.testing.installed.check import Law
 
 plugin = typer.Typer(
     help="Write a plugin: a project to start from, and the laws that it is held to.", no_args_is_help=True
 )
-#: By what a user types.
-KINDS: dict[str, Kind] = {
-    "cell": "cell solver",
-    "macro": "macro solver",
-    "surrogate": "surrogate",
-    "sampler": "sampler",
-}
 COLOURS = {"passed": "green", "failed": "bold red", "expected failure": "yellow", "skipped": "dim"}
-
-
-def _kind(text: str) -> Kind:
-    if text not in KINDS:
-        raise ConfigurationError(f"--kind: expected {', '.join(KINDS)}, got '{text}'")
-    return KINDS[text]
 
 
 @plugin.command()
@@ -54,7 +41,6 @@ def new(
     """
     from porocore.plugins.scaffold.project import write_project
 
-    _kind(kind)
     folder = write_project(name, kind, to)
     typer.echo(folder)
     # The laws are run by pytest, which the extra brings.
@@ -89,7 +75,7 @@ def check(
     laws: list[Law] = []
     unknown: UnknownLaw | None = None
     with interruptible():
-        for offered in offers_of(name, None if kind is None else _kind(kind)):
+        for offered in offers_of(name, None if kind is None else kind_of(kind)):
             try:
                 laws += _check(offered, only)
             except UnknownLaw as error:  # of a cell solver, perhaps, when the macro solver has it

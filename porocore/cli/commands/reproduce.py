@@ -13,7 +13,7 @@ from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from porocore.plugins.hookspecs import Kind
+    from porocore.plugins.kinds import Kind
 
 PAPERS = ("dehghani2022",)
 

@@ -26,7 +26,7 @@ from porocore.core.console import Console
 from porocore.errors import ConfigurationError, PluginError
 
 if TYPE_CHECKING:
-    from porocore.plugins.hookspecs import Kind
+    from porocore.plugins.kinds import Kind
     from porocore.study.config.config import RunConfig
     from porocore.study.run_folder.folder import RunFolder
 

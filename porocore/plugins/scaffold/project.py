@@ -14,11 +14,9 @@ from string import Template as Text
 
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
-from porocore.plugins.hookspecs import INTERFACES
-from porocore.plugins.kinds import FIRST_PARTY
+from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind, kind_of
 from porocore.plugins.kit_version import KIT_VERSION
 from porocore.plugins.registry import registry
-from porocore.plugins.scaffold.kinds import TEMPLATES, Template
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 LONGEST = 40
@@ -46,11 +44,8 @@ def write_project(name: str, kind: str, to: Path | None = None) -> Path:
     ConfigurationError
         The kind or the name is of no use, the name is taken, the folder exists, or it cannot be written.
     """
-    if kind not in TEMPLATES:
-        raise ConfigurationError(f"--kind: expected {', '.join(TEMPLATES)}, got '{kind}'")
-    template = TEMPLATES[kind]
-    _check_name(name, template)
-    distribution = f"porocore-{template.prefix}-{name}"
+    _check_name(name, kind_of(kind))
+    distribution = f"porocore-{kind}-{name}"
     folder = Path(distribution) if to is None else to
     if folder.exists() or folder.is_symlink():
         raise ConfigurationError(
@@ -71,26 +66,28 @@ def write_project(name: str, kind: str, to: Path | None = None) -> Path:
 
 
 def project_files(name: str, kind: str, distribution: str) -> dict[str, str]:
-    """The texts of a project by their paths in it."""
-    template = TEMPLATES[kind]
+    """Return the texts of a project by their paths in it; ``kind`` as of :func:`write_project`."""
+    name_of_kind = kind_of(kind)
+    record, module = KINDS[name_of_kind], name_of_kind.replace(" ", "_")
+    scaffold, title = record.scaffold, f"A {name_of_kind}"
     package = distribution.replace("-", "_")
     words = {
         "name": name,
         "kind": kind,
-        "words": template.kind,
+        "words": name_of_kind,
         "distribution": distribution,
         "package": package,
-        "module": template.module,
-        "cls": _class_name(name, template.suffix),
-        "hook": template.hook,
-        "entry_point": f"{template.prefix}_{name.replace('-', '_')}",
-        "title": template.title,
-        "about": template.about,
-        "summary": template.about,
-        "usage": template.usage.format(name=name),
-        "requires": template.requires,
-        "dependencies": "".join(f', "{text}"' for text in template.dependencies),
-        "interface": str(INTERFACES[template.kind].present),
+        "module": module,
+        "cls": _class_name(name, record.interface),
+        "hook": record.hook,
+        "entry_point": f"{kind}_{name.replace('-', '_')}",
+        "title": title,
+        "about": scaffold.about,
+        "summary": scaffold.about,
+        "usage": scaffold.usage.format(name=name),
+        "requires": scaffold.requires,
+        "dependencies": "".join(f', "{text}"' for text in scaffold.dependencies),
+        "interface": str(record.versions.present),
         "kit": KIT_VERSION.partition(".")[0],
         "version": version("porocore"),
         "author": _author(distribution),
@@ -103,7 +100,7 @@ def project_files(name: str, kind: str, distribution: str) -> dict[str, str]:
         ".gitignore": "common/gitignore",
         ".github/workflows/test.yml": "common/test.yml",
         f"{package}/hooks.py": "common/hooks.py",
-        f"{package}/{template.module}.py": f"{kind}/{template.module}.py",
+        f"{package}/{module}.py": f"{kind}/{module}.py",
         f"{package}/conformance.py": f"{kind}/conformance.py",
         "tests/test_conformance.py": "common/test_conformance.py",
     }
@@ -112,25 +109,25 @@ def project_files(name: str, kind: str, distribution: str) -> dict[str, str]:
         path: Text((templates / f"{source}.txt").read_text(encoding="utf-8")).safe_substitute(words)
         for path, source in sources.items()
     }
-    return texts | {f"{package}/__init__.py": f'"""{template.title} for porocore: {template.about}."""\n'}
+    return texts | {f"{package}/__init__.py": f'"""{title} for porocore: {scaffold.about}."""\n'}
 
 
-def _check_name(name: str, template: Template) -> None:
+def _check_name(name: str, kind: Kind) -> None:
     if not NAME.fullmatch(name) or len(name) > LONGEST:
         raise ConfigurationError(
             f"NAME: expected small letters, digits and single hyphens, beginning with a letter, at most {LONGEST}, "
-            f"such as my-{template.prefix}; got {echo(name)}"
+            f"such as my-{KINDS[kind].word}; got {echo(name)}"
         )
     owners = [
         str(offered.source)
         for offered in registry().offers
-        if (offered.kind, offered.offer.name) == (template.kind, name)
+        if (offered.kind, offered.offer.name) == (kind, name)
     ]
-    if name in FIRST_PARTY and template.kind in FIRST_PARTY[name][1]:
+    if name in FIRST_PARTY and kind in FIRST_PARTY[name][1]:
         owners.append(FIRST_PARTY[name][0])
     if owners:
         raise ConfigurationError(
-            f"NAME: there is a {template.kind} '{name}' already, of {owners[0]}; choose another name"
+            f"NAME: there is a {kind} '{name}' already, of {owners[0]}; choose another name"
         )
 
 

@@ -22,8 +22,7 @@ from porocore.macro.boundary.probes import interpolation
 from porocore.macro.drainage import undrained
 from porocore.macro.problem import Boundary, MacroProblem
 from porocore.plugins import registry
-from porocore.plugins.hookspecs import Kind
-from porocore.plugins.kinds import HOOKS
+from porocore.plugins.kinds import KINDS, Kind
 from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
@@ -57,12 +56,12 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
         scheduler's address, a function of time has no value somewhere, there is no such surface, boundary conditions
         contradict each other or leave the body loose, or a probe lies outside.
     """
-    needed = HOOKS if needed is None else needed
+    needed = KINDS if needed is None else needed
     find_backends(config, needed)
     check_sampling(config, trained="surrogate" in needed)
     check_time_functions(config.macro)
     place(config)
-    for kind in HOOKS:
+    for kind in KINDS:
         try:
             backends.check(kind, config)
         except PluginError:

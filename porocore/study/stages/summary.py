@@ -192,7 +192,7 @@ def _surrogate_summary(
     held_out: Dataset,
     surrogate: Surrogate,
 ) -> SurrogateSummary:
-    model = getattr(surrogate, "model", None)
+    model = surrogate.model
     return SurrogateSummary(
         backend=config.surrogate.backend,
         description=f"{f'model {model}, ' if model else ''}{config.closure} closure; trained on stable states only",

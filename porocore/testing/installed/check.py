@@ -21,8 +21,7 @@ from typing import Any, Literal, get_args
 
 from porocore.errors import PluginError
 from porocore.plugins.discovery import Offered
-from porocore.plugins.hookspecs import Kind
-from porocore.plugins.kinds import FIRST_PARTY, HOOKS
+from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind
 from porocore.plugins.registry import registry
 
 Result = Literal["passed", "failed", "expected failure", "skipped"]
@@ -97,7 +96,7 @@ def offers_of(name: str, kind: Kind | None = None) -> list[Offered]:
         Nothing is, or it is offered twice or lacks a module.
     """
     known = registry()
-    kinds = [k for k in HOOKS if name in known.names(k)]
+    kinds = [k for k in KINDS if name in known.names(k)]
     if kind is not None:
         return [known.find(kind, name)]
     if not kinds and name in FIRST_PARTY:

@@ -4,27 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from porocore import testing
 from porocore.errors import PluginError
-from porocore.plugins.hookspecs import Kind, Offer
+from porocore.plugins.hookspecs import Offer
+from porocore.plugins.kinds import KINDS, Kind
 from porocore.plugins.kit_version import KIT_VERSION
-from porocore.testing.cell_laws.base import CellSolverSuite
-from porocore.testing.macro_laws.base import MacroSolverSuite
-from porocore.testing.sampler_laws.base import SamplerSuite
 from porocore.testing.suite import Suite
-from porocore.testing.surrogate_laws.base import SurrogateSuite
-
-SUITES: dict[Kind, type[Suite]] = {
-    "cell solver": CellSolverSuite,
-    "macro solver": MacroSolverSuite,
-    "surrogate": SurrogateSuite,
-    "sampler": SamplerSuite,
-}
-MAKERS: dict[Kind, str] = {
-    "cell solver": "make_solver",
-    "macro solver": "make_solver",
-    "surrogate": "make_surrogate",
-    "sampler": "make_sampler",
-}
 
 
 def suites_of(kind: Kind, offer: Offer, implementation: type[Any]) -> list[type[Suite]]:
@@ -50,9 +35,9 @@ def suites_of(kind: Kind, offer: Offer, implementation: type[Any]) -> list[type[
                 f"the suites of {kind} '{offer.name}': expected suites of porocore.testing, got {suite!r}; "
                 "report this to its authors"
             )
-    if not any(issubclass(suite, SUITES[kind]) for suite in found):
+    if not any(issubclass(suite, _suite(kind)) for suite in found):
         raise PluginError(
-            f"the suites of {kind} '{offer.name}': expected a subclass of porocore.testing.{SUITES[kind].__name__}, "
+            f"the suites of {kind} '{offer.name}': expected a subclass of porocore.testing.{KINDS[kind].suite}, "
             f"got {', '.join(suite.__name__ for suite in found) or 'none'}; report this to its authors"
         )
     return found
@@ -64,8 +49,13 @@ def _default(kind: Kind, name: str, implementation: type[Any]) -> type[Suite]:
     def make(cls: Any, *inputs: Any, **options: Any) -> Any:
         return implementation(*inputs, **options)
 
-    members: dict[str, Any] = {MAKERS[kind]: classmethod(make), "kit_version": KIT_VERSION}
+    members: dict[str, Any] = {KINDS[kind].factory: classmethod(make), "kit_version": KIT_VERSION}
     if kind == "surrogate":
         members["resumable"] = members["random"] = None
     words = "".join(word.capitalize() for word in name.replace("-", "_").split("_"))
-    return type(f"Test{words}", (SUITES[kind],), members)
+    return type(f"Test{words}", (_suite(kind),), members)
+
+
+def _suite(kind: Kind) -> type[Suite]:
+    found: type[Suite] = getattr(testing, KINDS[kind].suite)
+    return found

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from porocore.errors import PluginError
-from porocore.plugins.hookspecs import Kind
+from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
 from porocore.verification.crosscheck.comparison import Comparison
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.plugins.hookspecs import Kind
+from porocore.plugins.kinds import Kind
 
 
 @dataclass(frozen=True)

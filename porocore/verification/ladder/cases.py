@@ -8,7 +8,7 @@ from typing import Any
 
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError, PluginError
-from porocore.plugins.hookspecs import Kind
+from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
 from porocore.verification.crosscheck.attempt import attempt
 from porocore.verification.ladder import (
