@@ -5,14 +5,19 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal
 
 import numpy as np
+from typing_extensions import TypeVar
 
 from porocore.states import Array, CellResponse, MacroState
 
 if TYPE_CHECKING:
     from porocore.cell.cell import Cell
+
+
+#: Type of what a solver prepares for one cell.
+Prepared = TypeVar("Prepared", default=Any)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +57,7 @@ class CellSolution:
     fields: list[CellField | None] | None = None
 
 
-class CellSolver(ABC):
+class CellSolver(ABC, Generic[Prepared]):
     """Solves the fluid and the solid cell problem; set-up is apart from the repeated solves.
 
     The laws that an implementation obeys are tested by ``porocore.testing.CellSolverSuite``:
@@ -83,7 +88,7 @@ class CellSolver(ABC):
             raise TypeError(f"{type(self).__name__} takes no options, got {sorted(options)}")
 
     @abstractmethod
-    def prepare(self, cell: Cell) -> Any:
+    def prepare(self, cell: Cell) -> Prepared:
         """Return what the states of one cell share (meshes, operators, sparsity, factors).
 
         A solver whose :attr:`conductivities` hold ``deformed`` takes a further keyword ``deformed``; if that is true,
@@ -93,7 +98,7 @@ class CellSolver(ABC):
     @abstractmethod
     def solve(
         self,
-        prepared: Any,
+        prepared: Prepared,
         states: MacroState,
         *,
         start: Sequence[CellField | None] | None = None,
@@ -117,14 +122,14 @@ class CellSolver(ABC):
             Whether the micro displacement is wanted.
         """
 
-    def conductivity(self, prepared: Any) -> Array:
+    def conductivity(self, prepared: Prepared) -> Array:
         """Return the hydraulic conductivity K (3, 3) of the undeformed cell, <w^j_i>_f with the cell's viscosity.
 
         A solver whose :attr:`conductivities` are empty leaves it out.
         """
         raise NotImplementedError(f"{type(self).__name__} computes no conductivity")
 
-    def solve_one(self, prepared: Any, grad_u: Any, p: float = 0.0, **how: Any) -> CellResponse:
+    def solve_one(self, prepared: Prepared, grad_u: Any, p: float = 0.0, **how: Any) -> CellResponse:
         """Solve one state; a convenience around :meth:`solve`."""
         state = MacroState(np.asarray(grad_u, float).reshape(1, 3, 3), np.array([float(p)]))
         return self.solve(prepared, state, **how).response

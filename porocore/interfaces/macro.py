@@ -5,7 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, get_args
+
+from typing_extensions import TypeVar
 
 from porocore.core.parallel import Communicator
 from porocore.interfaces.law import MacroLaw
@@ -19,9 +21,11 @@ Part = Literal[
     "follower", "plate", "flux", "body_force", "initial", "probes", "surfaces", "tolerance", "load_curve"
 ]
 PARTS: frozenset[Part] = frozenset(get_args(Part))
+#: Type of what a solver prepares for one problem.
+Prepared = TypeVar("Prepared", default=Any)
 
 
-class MacroSolver(ABC):
+class MacroSolver(ABC, Generic[Prepared]):
     """Finds u, p with ∫ P_E:∇δu = ∫ t̄·δu and ∫ Δstorage δp − Δt ∫ q·∇δp + Δt ∫ q̄ δp = 0 (backward Euler).
 
     The law is asked once an iteration for all quadrature points and returns the exact tangent; a step whose
@@ -54,13 +58,13 @@ class MacroSolver(ABC):
             raise TypeError(f"{type(self).__name__} takes no options, got {sorted(options)}")
 
     @abstractmethod
-    def prepare(self, problem: MacroProblem) -> Any:
+    def prepare(self, problem: MacroProblem) -> Prepared:
         """Mesh, bases and boundary data; shared by solves with other laws."""
 
     @abstractmethod
     def solve(
         self,
-        prepared: Any,
+        prepared: Prepared,
         law: MacroLaw,
         *,
         checkpoint: Path | None = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from porocore.plugins.hookspecs import Offer, hookimpl
@@ -31,24 +32,20 @@ def _macro_suites() -> list[type[Any]]:
     return [TestDolfinxMacroSolver]
 
 
-_NEEDS = {
-    "requires": ("dolfinx", "petsc4py"),
-    "install": "apt-get install python3-dolfinx-real (Debian, in a virtual environment made with "
+_offer = partial(
+    Offer,
+    "dolfinx",
+    requires=("dolfinx", "petsc4py"),
+    install="apt-get install python3-dolfinx-real (Debian, in a virtual environment made with "
     "--system-site-packages), or conda install -c conda-forge fenics-dolfinx",
-}
+)
 
 
 @hookimpl
 def porocore_cell_solvers() -> list[Offer]:
-    return [
-        Offer(
-            "dolfinx", _cell_solver, "UFL forms, PETSc's sparse direct solvers", suites=_cell_suites, **_NEEDS
-        )
-    ]
+    return [_offer(_cell_solver, "UFL forms, PETSc's sparse direct solvers", suites=_cell_suites)]
 
 
 @hookimpl
 def porocore_macro_solvers() -> list[Offer]:
-    return [
-        Offer("dolfinx", _macro_solver, "UFL forms on hexahedra, PETSc, MPI", suites=_macro_suites, **_NEEDS)
-    ]
+    return [_offer(_macro_solver, "UFL forms on hexahedra, PETSc, MPI", suites=_macro_suites)]

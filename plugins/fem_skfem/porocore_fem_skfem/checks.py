@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
 
+#: Row pointers and columns of a matrix in CSR.
+Indices: TypeAlias = npt.NDArray[np.int32]
+#: One truth value for each of what is looked at.
+Mask: TypeAlias = npt.NDArray[np.bool_]
 LARGEST = np.iinfo(np.int32).max
 
 
-def check_upper(indptr: Any, indices: Any) -> None:
+def check_upper(indptr: Indices, indices: Indices) -> None:
     """Check the pattern of the upper triangle of a symmetric matrix in CSR, with its whole diagonal.
 
     Raises
@@ -24,7 +29,7 @@ def check_upper(indptr: Any, indices: Any) -> None:
     _refuse_rows(first != np.arange(len(first)), "upper triangle", "has no entry on the diagonal")
 
 
-def check_symmetric(indptr: Any, indices: Any) -> None:
+def check_symmetric(indptr: Indices, indices: Indices) -> None:
     """Check the pattern of a structurally symmetric matrix in CSR, with its whole diagonal.
 
     Raises
@@ -44,7 +49,7 @@ def check_symmetric(indptr: Any, indices: Any) -> None:
     _refuse(mirrored.indices != indices, "symmetric pattern", rows, indices, "has no mirror image")
 
 
-def _checked_rows(indptr: Any, indices: Any) -> Any:
+def _checked_rows(indptr: Indices, indices: Indices) -> Indices:
     """Row of each entry of a square matrix whose rows are sorted and hold no column twice."""
     n, entries = len(indptr) - 1, len(indices)
     for name, array in (("row pointers", indptr), ("columns", indices)):
@@ -62,12 +67,12 @@ def _checked_rows(indptr: Any, indices: Any) -> Any:
     return rows
 
 
-def _refuse(bad: Any, what: str, rows: Any, columns: Any, reason: str) -> None:
+def _refuse(bad: Mask, what: str, rows: Indices, columns: Indices, reason: str) -> None:
     if bad.any():
         at = int(bad.argmax())
         raise ValueError(f"{what}: the entry in row {rows[at]}, column {columns[at]} {reason}")
 
 
-def _refuse_rows(bad: Any, what: str, reason: str) -> None:
+def _refuse_rows(bad: Mask, what: str, reason: str) -> None:
     if bad.any():
         raise ValueError(f"{what}: row {int(bad.argmax())} {reason}")

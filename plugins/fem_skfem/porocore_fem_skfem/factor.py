@@ -6,13 +6,14 @@ Nothing reaches a native library that is not checked here: it would read beyond 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from porocore.cell.equilibrium.discrete import FactorError
-from porocore_fem_skfem.checks import check_upper
+from porocore.states import Array
+from porocore_fem_skfem.checks import Indices, check_upper
 
 
 class SingularError(FactorError):
@@ -40,13 +41,13 @@ class SparseFactor(ABC):
     """
 
     #: Checks the pattern that the entries belong to.
-    check: ClassVar[Callable[[Any, Any], None]]
+    check: ClassVar[staticmethod[[Indices, Indices], None]]
 
-    def __init__(self, indptr: Any, indices: Any, dtype: Any = np.float64) -> None:
+    def __init__(self, indptr: Indices, indices: Indices, dtype: npt.DTypeLike = np.float64) -> None:
         type(self).check(indptr, indices)
         self.n, self.nnz, self.dtype = len(indptr) - 1, len(indices), dtype
 
-    def factor(self, data: Any) -> None:
+    def factor(self, data: Array) -> None:
         """Set up for the entries (nnz,) of a matrix.
 
         Raises
@@ -56,7 +57,7 @@ class SparseFactor(ABC):
         """
         self._factor(self._checked(data, ((self.nnz,),), "matrix"))
 
-    def solve(self, rhs: Any) -> Any:
+    def solve(self, rhs: Array) -> Array:
         """Apply to (n,) or (n, k).
 
         Raises
@@ -67,7 +68,7 @@ class SparseFactor(ABC):
         b = self._checked(rhs, ((self.n,), (self.n, *np.shape(rhs)[1:2])), "right-hand side")
         return self._solve(b)
 
-    def _checked(self, values: Any, shapes: tuple[tuple[int, ...], ...], what: str) -> Any:
+    def _checked(self, values: Array, shapes: tuple[tuple[int, ...], ...], what: str) -> Array:
         with np.errstate(over="ignore"):
             values = np.asarray(values).astype(self.dtype, copy=False)
         if values.shape not in shapes:
@@ -77,11 +78,11 @@ class SparseFactor(ABC):
         return values
 
     @abstractmethod
-    def _factor(self, data: Any) -> None:
+    def _factor(self, data: Array) -> None:
         """Set up for entries that are checked."""
 
     @abstractmethod
-    def _solve(self, rhs: Any) -> Any:
+    def _solve(self, rhs: Array) -> Array:
         """Apply to right-hand sides that are checked."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from porocore.plugins.hookspecs import Offer, hookimpl
@@ -31,30 +32,15 @@ def _macro_suites() -> list[type[Any]]:
     return [TestSkfemMacroSolver]
 
 
-_NEEDS = {"requires": ("skfem",), "install": "pip install porocore-fem-skfem"}
+_offer = partial(Offer, "skfem", requires=("skfem",), install="pip install porocore-fem-skfem")
 
 
 @hookimpl
 def porocore_cell_solvers() -> list[Offer]:
-    return [
-        Offer(
-            "skfem",
-            _cell_solver,
-            "scikit-fem elements, batched assembly, kept sparse factor",
-            suites=_cell_suites,
-            **_NEEDS,
-        )
-    ]
+    summary = "scikit-fem elements, batched assembly, kept sparse factor"
+    return [_offer(_cell_solver, summary, suites=_cell_suites)]
 
 
 @hookimpl
 def porocore_macro_solvers() -> list[Offer]:
-    return [
-        Offer(
-            "skfem",
-            _macro_solver,
-            "scikit-fem hexahedra, quadratic u and linear p",
-            suites=_macro_suites,
-            **_NEEDS,
-        )
-    ]
+    return [_offer(_macro_solver, "scikit-fem hexahedra, quadratic u and linear p", suites=_macro_suites)]

@@ -9,14 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from porocore.errors import ConfigurationError
+from porocore.states import Array
 from porocore_fem_skfem import pardiso
+from porocore_fem_skfem.checks import Indices
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SymmetricFactor
 
 #: Beyond this number of unknowns a factor grows faster than multigrid does.
@@ -28,12 +30,12 @@ SUPERLU_LIMIT = 6_000
 class SuperLUFactor(SymmetricFactor):
     """scipy's SuperLU with symmetric ordering and diagonal pivots, so that their signs are the inertia."""
 
-    def __init__(self, indptr: Any, indices: Any) -> None:
+    def __init__(self, indptr: Indices, indices: Indices) -> None:
         super().__init__(indptr, indices)
         self._pattern = SymmetricPattern(indptr, indices)
         self.negative = 0
 
-    def _factor(self, data: Any) -> None:
+    def _factor(self, data: Array) -> None:
         try:
             self._lu = splu(
                 self._pattern.full(data).tocsc(),
@@ -47,20 +49,20 @@ class SuperLUFactor(SymmetricFactor):
             raise OutOfMemoryError(f"SuperLU: {error}") from error
         self.negative = int((self._lu.U.diagonal() < 0).sum())
 
-    def _solve(self, rhs: Any) -> Any:
-        return self._lu.solve(np.ascontiguousarray(rhs))
+    def _solve(self, rhs: Array) -> Array:
+        return np.asarray(self._lu.solve(np.ascontiguousarray(rhs)))
 
 
 class MultigridFactor(SymmetricFactor):
     """One V-cycle of smoothed aggregation (pyamg); ``near_kernel`` are the rigid translations."""
 
-    def __init__(self, indptr: Any, indices: Any, near_kernel: Any) -> None:
+    def __init__(self, indptr: Indices, indices: Indices, near_kernel: Array) -> None:
         super().__init__(indptr, indices)
         self._pattern = SymmetricPattern(indptr, indices)
         self._near_kernel = self._checked(near_kernel, ((self.n, near_kernel.shape[1]),), "near kernel")
         self.negative = -1
 
-    def _factor(self, data: Any) -> None:
+    def _factor(self, data: Array) -> None:
         from pyamg import smoothed_aggregation_solver
 
         hierarchy = smoothed_aggregation_solver(
@@ -68,16 +70,16 @@ class MultigridFactor(SymmetricFactor):
         )
         self._cycle = hierarchy.aspreconditioner()
 
-    def _solve(self, rhs: Any) -> Any:
+    def _solve(self, rhs: Array) -> Array:
         if rhs.ndim == 1:
-            return self._cycle @ rhs
+            return np.asarray(self._cycle @ rhs)
         return np.stack([self._cycle @ column for column in rhs.T], axis=1)
 
 
 class SymmetricPattern:
     """An upper triangular pattern and the full matrix that belongs to it."""
 
-    def __init__(self, indptr: Any, indices: Any) -> None:
+    def __init__(self, indptr: Indices, indices: Indices) -> None:
         n = len(indptr) - 1
         upper = sparse.csr_matrix(
             (np.arange(1, len(indices) + 1, dtype=np.int64), indices, indptr), shape=(n, n)
@@ -89,13 +91,13 @@ class SymmetricPattern:
         #: Where the diagonal stands among the entries of the upper triangle.
         self.diagonal = np.asarray(indptr[:-1])
 
-    def full(self, data: Any) -> Any:
+    def full(self, data: Array) -> sparse.csr_matrix:
         """The symmetric matrix in CSR from the entries of its upper triangle."""
         return sparse.csr_matrix((data[self._source], self._indices, self._indptr), shape=self._shape)
 
 
 def choose_factor(
-    indptr: Any, indices: Any, *, solver: str = "auto", near_kernel: Any = None, single: bool = True
+    indptr: Indices, indices: Indices, *, solver: str, near_kernel: Array, single: bool = True
 ) -> SymmetricFactor:
     """The best solver that is installed, by size; ``solver`` forces one of pardiso, superlu, amg.
 
@@ -103,7 +105,7 @@ def choose_factor(
     """
     n = len(indptr) - 1
     have_pardiso = pardiso.library() is not None
-    have_amg = find_spec("pyamg") is not None and near_kernel is not None
+    have_amg = find_spec("pyamg") is not None
     if solver == "auto":
         if have_amg and (n > DIRECT_LIMIT or (not have_pardiso and n > SUPERLU_LIMIT)):
             solver = "amg"
@@ -126,11 +128,17 @@ def choose_factor(
 ROUND_OFF = 2 * np.finfo(float).eps
 
 
+class LinearMap(Protocol):
+    """A square matrix, or what stands for one."""
+
+    def __matmul__(self, columns: Array, /) -> Array: ...
+
+
 @dataclass(frozen=True)
 class Iteration:
     """What came of a conjugate gradient iteration."""
 
-    x: Any
+    x: Array
     iterations: int
     converged: bool
     #: A direction of negative curvature was met: the matrix is indefinite.
@@ -138,7 +146,7 @@ class Iteration:
 
 
 def refine(
-    matrix: Any, rhs: Any, solve: Callable[[Any], Any], *, tolerance: float, limit: int = 30
+    matrix: LinearMap, rhs: Array, solve: Callable[[Array], Array], *, tolerance: float, limit: int = 30
 ) -> Iteration:
     """Iterative refinement with a factor of ``matrix`` itself, definite or not, for the columns of (n, k).
 
@@ -171,9 +179,9 @@ def _round_off(matrix: Any, x: Any, rhs: Any) -> Any:
 
 
 def conjugate_gradients(
-    matrix: Any,
-    rhs: Any,
-    precondition: Callable[[Any], Any],
+    matrix: LinearMap,
+    rhs: Array,
+    precondition: Callable[[Array], Array],
     *,
     tolerance: float,
     limit: int = 200,

@@ -6,7 +6,6 @@ An integral over an element is a product of matrices: values at its points times
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -16,7 +15,7 @@ from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
 from porocore.macro.problem import MacroProblem
-from porocore.states import MacroState
+from porocore.states import Array, IntArray, MacroState
 from porocore_fem_skfem.macro_frames import Frames
 from porocore_fem_skfem.macro_linear import SparseLinearSolver
 from porocore_fem_skfem.macro_space import make_shapes
@@ -30,11 +29,11 @@ CACHED = 4_000_000
 class System:
     """The tangent, split into equations and prescribed unknowns."""
 
-    free: Any  #: scipy CSR, equations × equations
-    coupling: Any  #: scipy CSR, equations × prescribed
+    free: sparse.csr_matrix  #: scipy CSR, equations × equations
+    coupling: sparse.csr_matrix  #: scipy CSR, equations × prescribed
 
 
-class SkfemDiscretisation(Discretisation):
+class SkfemDiscretisation(Discretisation[System]):
     """Shape functions and sparsity; local node a of u_i has column n_u i / 3 + a, then come the pressures."""
 
     def __init__(self, problem: MacroProblem, mesh: BodyMesh, boundary: BoundaryData) -> None:
@@ -90,7 +89,7 @@ class SkfemDiscretisation(Discretisation):
         self._free = _Pattern(equation[row], equation[column], (n, n))
         self._coupling = _Pattern(equation[row], fixed[column], (n, len(self.prescribed)))
 
-    def states_of(self, x: Any) -> tuple[MacroState, Any]:
+    def states_of(self, x: Array) -> tuple[MacroState, Array]:
         """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
         s, local = self.shapes, x[self.dofs]
         e = len(local)
@@ -99,7 +98,7 @@ class SkfemDiscretisation(Discretisation):
         grad_p = np.matmul(p[:, None, None, :], s.grad_p).reshape(-1, 3)
         return MacroState(grad_u, (p @ s.p.T).ravel()), grad_p
 
-    def contributions(self, response: MacroResponse) -> tuple[Any, Any, Any]:
+    def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
         """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
         w = self.shapes.weights
         e, q = w.shape
@@ -112,7 +111,7 @@ class SkfemDiscretisation(Discretisation):
         moved = np.matmul(flux, self.shapes.grad_p.swapaxes(2, 3)).sum(axis=1).reshape(e, -1)
         return forces, stored, moved
 
-    def system(self, tangent: MacroTangent, dt: float, follower: Any = None) -> System:
+    def system(self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None) -> System:
         """Assemble the element blocks, those of oblique nodes in their frames, and add the follower's entries.
 
         Frames turn the components of one node, and a follower couples nodes of one element: all lies in one pattern.
@@ -129,7 +128,7 @@ class SkfemDiscretisation(Discretisation):
             self._add(system, follower)
         return system
 
-    def _add(self, system: System, follower: Any) -> None:
+    def _add(self, system: System, follower: sparse.csr_matrix) -> None:
         n_u = self.mesh.n_u
         if self.rotation is not None:
             turn = self.rotation[:n_u, :n_u]
@@ -139,7 +138,7 @@ class SkfemDiscretisation(Discretisation):
         self._free.add(system.free, row, self._equation[column], entries.data)
         self._coupling.add(system.coupling, row, self._fixed[column], entries.data)
 
-    def _blocks(self, part: slice) -> list[Any]:
+    def _blocks(self, part: slice) -> list[Array]:
         """Entries (elements, ...) of some elements: of forces by displacements and by pressures, then of volumes."""
         return [
             self._entries[first:last].reshape(len(self.elements), -1)[part]
@@ -155,7 +154,7 @@ class SkfemDiscretisation(Discretisation):
         by_grad, by_p = self._by_grad[part], self._by_p[part]
         out = self._blocks(part)
 
-        def at_points(values: Any, *shape: int) -> Any:
+        def at_points(values: Array, *shape: int) -> Array:
             values = values.reshape(total, q, *shape)[part]
             return values * w.reshape(e, q, *(1 for _ in shape))
 
@@ -179,14 +178,14 @@ class SkfemDiscretisation(Discretisation):
         by_pressure[:, :, 1:] -= dt * np.matmul(at_points(tangent.flux_grad_p, 3, 3), gp.swapaxes(2, 3))
         np.matmul(by_p, by_pressure.reshape(e, 4 * q, c), out=out[3].reshape(e, c, c))
 
-    def magnitudes(self, system: System, x: Any) -> Any:
+    def magnitudes(self, system: System, x: Array) -> Array:
         """|A| |x| in the free rows."""
         terms, leading = np.zeros(len(x)), self.free[self.leading]
         terms[leading] = abs(system.free) @ np.abs(x[leading])
         terms[leading] += abs(system.coupling) @ np.abs(x[self.prescribed])
         return terms
 
-    def solve(self, system: System, right: Any, jump: Any, *, again: bool = False) -> Any:
+    def solve(self, system: System, right: Array, jump: Array, *, again: bool = False) -> Array:
         """By a factor, see :class:`~porocore_fem_skfem.macro_linear.SparseLinearSolver`."""
         change = np.zeros(len(right))
         change[self.prescribed] = jump
@@ -200,7 +199,7 @@ class SkfemDiscretisation(Discretisation):
 class _Pattern:
     """Sums entries at (row, column) into compressed rows, sorted; a negative index leaves an entry out."""
 
-    def __init__(self, row: Any, column: Any, shape: tuple[int, int]) -> None:
+    def __init__(self, row: IntArray, column: IntArray, shape: tuple[int, int]) -> None:
         kept = np.flatnonzero((row >= 0) & (column >= 0))
         width = max(shape[1], 1)
         unique, slot = np.unique(row[kept] * width + column[kept], return_inverse=True)
@@ -214,11 +213,11 @@ class _Pattern:
             (np.ones(len(kept)), kept[order], starts), shape=(len(unique), len(row))
         )
 
-    def matrix(self, entries: Any) -> Any:
+    def matrix(self, entries: Array) -> sparse.csr_matrix:
         """The matrix in CSR."""
         return sparse.csr_matrix((self._sum @ entries, self._indices, self._indptr), shape=self._shape)
 
-    def add(self, matrix: Any, row: Any, column: Any, values: Any) -> None:
+    def add(self, matrix: sparse.csr_matrix, row: IntArray, column: IntArray, values: Array) -> None:
         """Add values at (row, column) to a matrix of this pattern, which has places for all of them."""
         kept = (row >= 0) & (column >= 0)
         # The unknowns of a plate share a row.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from scipy import sparse
+
+from porocore.states import Array, IntArray
 
 _I = np.arange(3)[:, None]
 
@@ -20,7 +21,7 @@ class Frames:
         Nodes of each element.
     """
 
-    def __init__(self, rotation: Any, cells: Any) -> None:
+    def __init__(self, rotation: sparse.csr_matrix, cells: IntArray) -> None:
         n = int(cells.max()) + 1
         node = np.arange(n)[:, None, None]
         rows, columns = (np.broadcast_to(3 * node + i, (n, 3, 3)).ravel() for i in (_I, _I.T))
@@ -30,7 +31,7 @@ class Frames:
         #: (turned elements, a, 3, 3)
         self._of_nodes = of_nodes[cells[self._elements]]
 
-    def turn(self, blocks: list[Any], part: slice) -> None:
+    def turn(self, blocks: list[Array], part: slice) -> None:
         """Turn, in place, the blocks of the elements in ``part``.
 
         These are (elements, ...) of (e, a, i, k, b), (e, a, i, c), (e, c, k, b) and (e, c, d), each made flat.
@@ -47,6 +48,6 @@ class Frames:
         blocks[2][elements] = _columns(Q, by_u.reshape(e, -1, 3, a)).reshape(e, -1)
 
 
-def _columns(Q: Any, values: Any) -> Any:
+def _columns(Q: Array, values: Array) -> Array:
     """Q_b applied to the components k of (e, rows, k, b)."""
-    return np.einsum("ebkl,erlb->erkb", Q, values, optimize=True)
+    return np.asarray(np.einsum("ebkl,erlb->erkb", Q, values, optimize=True))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, gmres, splu
 
 from porocore.cell.equilibrium.discrete import FactorError
 from porocore.macro.integration.discretisation import StepFailed
+from porocore.states import Array
 from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
 
@@ -27,10 +27,10 @@ class SparseLinearSolver:
     """
 
     def __init__(self) -> None:
-        self._factor: Any = None
+        self._factor: pardiso.GeneralFactor | None = None
         self._single = True
 
-    def solve(self, matrix: Any, right: Any, *, again: bool) -> Any:
+    def solve(self, matrix: sparse.csr_matrix, right: Array, *, again: bool) -> Array:
         """x with A x = ``right``; ``again``: the last factor may still serve.
 
         Parameters
@@ -47,7 +47,7 @@ class SparseLinearSolver:
             if not (np.isfinite(matrix.data).all() and np.isfinite(right).all()):
                 raise FactorError("the tangent or the residual is not finite")
             if len(right) <= SMALL or pardiso.library() is None:
-                x = _by_superlu(matrix, right)
+                x: Array | None = _by_superlu(matrix, right)
             else:
                 x = self._by_factor(matrix, right, again)
             if x is None or not np.isfinite(x).all():
@@ -57,36 +57,34 @@ class SparseLinearSolver:
             raise StepFailed(_explained(error)) from error
         return x
 
-    def _by_factor(self, matrix: Any, right: Any, again: bool) -> Any:
+    def _by_factor(self, matrix: sparse.csr_matrix, right: Array, again: bool) -> Array | None:
         if again and self._factor is not None:
-            x = self._iterate(matrix, right)
+            x = _iterate(matrix, right, self._factor)
             if x is not None:
                 return x
         while True:
             if self._factor is None:
                 self._factor = pardiso.GeneralFactor(matrix.indptr, matrix.indices, single=self._single)
             self._factor.factor(matrix.data)
-            x = self._iterate(matrix, right)
+            x = _iterate(matrix, right, self._factor)
             if x is not None or not self._single:
                 return x
             self._factor, self._single = None, False
 
-    def _iterate(self, matrix: Any, right: Any) -> Any:
-        """None if it does not converge."""
-        n = len(right)
-        inverse = LinearOperator((n, n), matvec=self._factor.solve, dtype=float)
-        try:
-            x, info = gmres(
-                matrix, right, rtol=ACCURACY, atol=0.0, restart=STEPS, maxiter=RESTARTS, M=inverse
-            )
-        except FactorError:  # what it would have to be applied to is not finite
-            return None
-        return x if info == 0 else None
 
-
-def _by_superlu(matrix: Any, right: Any) -> Any:
+def _iterate(matrix: sparse.csr_matrix, right: Array, factor: pardiso.GeneralFactor) -> Array | None:
+    """Return GMRES' solution with a factor as preconditioner, None if it does not converge."""
+    inverse = LinearOperator(matrix.shape, matvec=factor.solve, dtype=float)
     try:
-        return splu(matrix.tocsc()).solve(right)
+        x, info = gmres(matrix, right, rtol=ACCURACY, atol=0.0, restart=STEPS, maxiter=RESTARTS, M=inverse)
+    except FactorError:  # what it would have to be applied to is not finite
+        return None
+    return x if info == 0 else None
+
+
+def _by_superlu(matrix: sparse.csr_matrix, right: Array) -> Array:
+    try:
+        return np.asarray(splu(matrix.tocsc()).solve(right))
     except RuntimeError as error:
         raise SingularError(f"SuperLU: {error}") from error
     except MemoryError as error:

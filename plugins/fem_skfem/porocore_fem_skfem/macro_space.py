@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from skfem import ElementHex1, ElementHex2, ElementTetP1, ElementTetP2
+from skfem import Element, ElementHex1, ElementHex2, ElementTetP1, ElementTetP2
 
 from porocore.macro.body.mesh import BodyMesh
+from porocore.states import Array
 
 #: Of the displacement and of the pressure.
 PAIRS = {"hexahedron": (ElementHex2(), ElementHex1()), "tetrahedron": (ElementTetP2(), ElementTetP1())}
@@ -30,10 +30,10 @@ class Shapes:
         ∇N of the pressure.
     """
 
-    weights: Any
-    grad_u: Any
-    p: Any
-    grad_p: Any
+    weights: Array
+    grad_u: Array
+    p: Array
+    grad_p: Array
 
 
 def make_shapes(mesh: BodyMesh) -> Shapes:
@@ -53,7 +53,7 @@ def make_shapes(mesh: BodyMesh) -> Shapes:
     )
 
 
-def _tabulate(element: Any, xi: Any, nodes: Any) -> tuple[Any, Any]:
+def _tabulate(element: Element, xi: Array, nodes: Array) -> tuple[Array, Array]:
     """Values (a, q) and slopes (a, q, 3) of the functions of ``nodes``, given in half edges."""
     places = [tuple(place) for place in np.rint(2 * element.doflocs).astype(int)]
     order = [places.index(tuple(node)) for node in np.rint(nodes).astype(int)]

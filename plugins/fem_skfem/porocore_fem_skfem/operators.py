@@ -7,14 +7,15 @@ one sparse product and an assembly one batched product followed by one sparse sc
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy import sparse
-from skfem import ElementTetP1, ElementTetP2
+from skfem import Element, ElementTetP1, ElementTetP2
 
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import tetrahedron_rule
+from porocore.states import Array, IntArray
+from porocore_fem_skfem.checks import Indices
 
 ELEMENTS = {4: ElementTetP1(), 10: ElementTetP2()}
 
@@ -34,7 +35,9 @@ class Operators:
         Where the mesh's nodes are, (N, 3); by default its points.
     """
 
-    def __init__(self, mesh: CellMesh, degree: int, cells: Any = None, nodes: Any = None) -> None:
+    def __init__(
+        self, mesh: CellMesh, degree: int, cells: IntArray | None = None, nodes: Array | None = None
+    ) -> None:
         cells = mesh.cells if cells is None else cells
         nodes = mesh.points if nodes is None else nodes
         points, weights = tetrahedron_rule(degree)
@@ -50,7 +53,7 @@ class Operators:
         self.cells = cells
         self.n_points = len(self.weights)
 
-    def gradient(self, n_nodes: int) -> Any:
+    def gradient(self, n_nodes: int) -> sparse.csr_matrix:
         """Sparse (3·points, nodes): row j·points + q is ∂/∂Y_j at point q."""
         e, q, a, _ = self.grad_N.shape
         points = np.arange(e * q).reshape(e, q)
@@ -66,12 +69,12 @@ class Operators:
         return float(self.weights.sum())
 
 
-def corner_values(points: Any) -> Any:
+def corner_values(points: Array) -> Array:
     """Linear shape functions (4, q) at points (q, 3) of the unit tetrahedron."""
     return _shape(ELEMENTS[4], points.T)[0]
 
 
-def _shape(element: Any, xi: Any) -> tuple[Any, Any]:
+def _shape(element: Element, xi: Array) -> tuple[Array, Array]:
     """Values (a, q) and reference gradients (a, 3, q) of a scikit-fem element."""
     pairs = [element.lbasis(xi, i) for i in range(element.doflocs.shape[0])]
     return np.array([np.broadcast_to(v, xi.shape[1:]) for v, _ in pairs]), np.array(
@@ -90,11 +93,11 @@ class Pattern:
         Number of rows.
     """
 
-    def __init__(self, keys: Any, n: int) -> None:
+    def __init__(self, keys: IntArray, n: int) -> None:
         self.keys, self.n = keys, n
         self.rows, self.indices = keys // n, (keys % n).astype(np.int32)
 
-    def restricted(self, free: Any) -> tuple[Any, Any, Any]:
+    def restricted(self, free: IntArray) -> tuple[Indices, Indices, IntArray]:
         """Pattern (indptr, indices) of the rows and columns in ``free`` and the entries that it keeps."""
         number = np.full(self.n, -1, dtype=np.int64)
         number[free] = np.arange(len(free))
@@ -103,30 +106,30 @@ class Pattern:
         indptr = np.searchsorted(rows, np.arange(len(free) + 1)).astype(np.int32)
         return indptr, number[self.indices[kept]].astype(np.int32), kept
 
-    def upper(self, rows: Any, columns: Any) -> tuple[Any, Any]:
+    def upper(self, rows: IntArray, columns: IntArray) -> tuple[IntArray, IntArray]:
         """Keys of the entries of a symmetric matrix that lie in its upper triangle, and which entries these are."""
         upper = np.flatnonzero(rows <= columns)
         return rows[upper] * self.n + columns[upper], upper
 
-    def lacks(self, keys: Any) -> Any:
+    def lacks(self, keys: IntArray) -> IntArray:
         """Those of the keys that are not among the places."""
         unique = np.unique(keys)
         at = np.minimum(np.searchsorted(self.keys, unique), len(self.keys) - 1)
-        return unique[self.keys[at] != unique]
+        return np.asarray(unique[self.keys[at] != unique])
 
-    def widened(self, keys: Any) -> Pattern:
+    def widened(self, keys: IntArray) -> Pattern:
         """With further places."""
         return Pattern(np.union1d(self.keys, keys), self.n)
 
-    def spread(self, entries: Any, places: Pattern) -> Any:
+    def spread(self, entries: Array, places: Pattern) -> Array:
         """Entries (nnz) of this pattern from those of a part of it."""
         out = np.zeros(len(self.keys))
         out[np.searchsorted(self.keys, places.keys)] = entries
         return out
 
-    def sum(self, keys: Any, values: Any) -> Any:
+    def sum(self, keys: IntArray, values: Array) -> Array:
         """Entries (nnz) from values at some of the places."""
-        return np.bincount(np.searchsorted(self.keys, keys), values, len(self.keys))
+        return np.asarray(np.bincount(np.searchsorted(self.keys, keys), values, len(self.keys)), float)
 
 
 class Scatter:
@@ -140,7 +143,7 @@ class Scatter:
         Number of unknowns.
     """
 
-    def __init__(self, dofs: Any, n: int) -> None:
+    def __init__(self, dofs: IntArray, n: int) -> None:
         elements, m = dofs.shape
         rows = np.repeat(dofs, m, axis=1).ravel()
         columns = np.tile(dofs, (1, m)).ravel()
@@ -154,6 +157,6 @@ class Scatter:
             (np.ones(len(kept)), (slot, kept)), shape=(len(unique), elements * m * m)
         )
 
-    def __call__(self, blocks: Any) -> Any:
+    def __call__(self, blocks: Array) -> Array:
         """Entries (nnz) from blocks (elements, m, m)."""
-        return self._sum @ blocks.ravel()
+        return np.asarray(self._sum @ blocks.ravel())

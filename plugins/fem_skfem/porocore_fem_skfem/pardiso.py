@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from porocore.cell.equilibrium.discrete import FactorError
-from porocore_fem_skfem.checks import check_symmetric
+from porocore.states import Array
+from porocore_fem_skfem.checks import Indices, check_symmetric
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SparseFactor, SymmetricFactor
 
 _ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1
@@ -33,7 +35,7 @@ _ERRORS: dict[int, tuple[type[FactorError], str]] = {
 
 
 @lru_cache(maxsize=1)
-def library() -> Any:
+def library() -> ctypes.CDLL | None:
     """The loaded library, set to one thread; None where it is not installed."""
     folders = [Path(sys.prefix) / "lib", Path(sys.prefix) / "Library" / "bin", Path(sys.base_prefix) / "lib"]
     for folder in folders:
@@ -53,7 +55,9 @@ def library() -> Any:
 class _Pardiso(SparseFactor):
     """Phases of the solver on one pattern in CSR, which is analysed once."""
 
-    def __init__(self, indptr: Any, indices: Any, kind: int, options: dict[int, int], dtype: Any) -> None:
+    def __init__(
+        self, indptr: Indices, indices: Indices, kind: int, options: dict[int, int], dtype: npt.DTypeLike
+    ) -> None:
         super().__init__(indptr, indices, dtype)
         self._kind = kind
         self._indptr = np.ascontiguousarray(indptr, dtype=np.int32) + np.int32(1)
@@ -66,7 +70,7 @@ class _Pardiso(SparseFactor):
         self._data = np.zeros(len(indices), dtype=dtype)
         self._analysed = self._factored = False
 
-    def _factor(self, data: Any) -> None:
+    def _factor(self, data: Array) -> None:
         self._data[:] = data
         self._factored = False
         if not self._analysed:
@@ -75,7 +79,7 @@ class _Pardiso(SparseFactor):
         self._call(_FACTOR)
         self._factored = True
 
-    def _solve(self, rhs: Any) -> Any:
+    def _solve(self, rhs: Array) -> Array:
         if not self._factored:
             raise FactorError("there is no factor to solve with")
         # Pardiso wants the right-hand sides column after column.
@@ -84,16 +88,18 @@ class _Pardiso(SparseFactor):
         self._call(_SOLVE, b, x)
         return x.T.astype(np.float64)
 
-    def _call(self, phase: int, b: Any = None, x: Any = None) -> None:
-        def integer(value: int) -> Any:
+    def _call(self, phase: int, b: Array | None = None, x: Array | None = None) -> None:
+        def integer(value: int) -> object:
             return ctypes.byref(ctypes.c_int32(value))
 
-        def pointer(array: Any) -> Any:
+        def pointer(array: npt.NDArray[Any] | None) -> ctypes.c_void_p | None:
             return None if array is None else array.ctypes.data_as(ctypes.c_void_p)
 
         error = ctypes.c_int32(0)
         count = 1 if b is None or b.ndim == 1 else b.shape[0]
-        library().pardiso(
+        mkl = library()
+        assert mkl is not None
+        mkl.pardiso(
             pointer(self._handle),
             integer(1),
             integer(1),
@@ -126,13 +132,13 @@ class _Pardiso(SparseFactor):
 class PardisoFactor(_Pardiso, SymmetricFactor):
     """LDLᵀ with Bunch–Kaufman pivoting of an upper triangle; in single precision by default."""
 
-    def __init__(self, indptr: Any, indices: Any, *, single: bool = True) -> None:
+    def __init__(self, indptr: Indices, indices: Indices, *, single: bool = True) -> None:
         options = {1: 2, 9: 8, 20: 1, 27: int(single)}
         dtype = np.float32 if single else np.float64
         super().__init__(indptr, indices, _SYMMETRIC_INDEFINITE, options, dtype)
         self.negative = 0
 
-    def _factor(self, data: Any) -> None:
+    def _factor(self, data: Array) -> None:
         super()._factor(data)
         self.negative = int(self._iparm[22])
 
@@ -142,6 +148,6 @@ class GeneralFactor(_Pardiso):
 
     check = staticmethod(check_symmetric)
 
-    def __init__(self, indptr: Any, indices: Any, *, single: bool) -> None:
+    def __init__(self, indptr: Indices, indices: Indices, *, single: bool) -> None:
         dtype = np.float32 if single else np.float64
         super().__init__(indptr, indices, _STRUCTURALLY_SYMMETRIC, {1: 2, 9: 13, 27: int(single)}, dtype)

@@ -6,9 +6,10 @@ Arrays at quadrature points are component-first, (3, 3, points), element by elem
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Protocol
+from typing import Protocol
 
 from porocore.cell.materials.material import StrainEnergy
+from porocore.states import Array
 from porocore_fem_skfem.operators import Operators, Scatter
 
 #: Numbers in a batch of element blocks that stays in the processor's cache.
@@ -28,9 +29,9 @@ class Kinematics(Protocol):
         Pore pressure.
     """
 
-    F: Any
-    cof: Any
-    J: Any
+    F: Array
+    cof: Array
+    J: Array
     p: float
 
 
@@ -52,17 +53,17 @@ class SolidResponse(ABC):
         self.grad_N, self.w = operators.grad_N, operators.weights
 
     @abstractmethod
-    def energy_density(self, at: Kinematics) -> Any:
+    def energy_density(self, at: Kinematics) -> Array:
         """Ψ (points)."""
 
     @abstractmethod
-    def stress(self, at: Kinematics) -> Any:
+    def stress(self, at: Kinematics) -> Array:
         """P + p cof F (3, 3, points)."""
 
     @abstractmethod
-    def tangent_apply(self, at: Kinematics, dF: Any) -> Any:
+    def tangent_apply(self, at: Kinematics, dF: Array) -> Array:
         """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
 
     @abstractmethod
-    def stiffness(self, at: Kinematics) -> Any:
+    def stiffness(self, at: Kinematics) -> Array:
         """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.states import Array
 from porocore_fem_skfem.operators import Operators, Scatter
 from porocore_fem_skfem.response import CACHED, Kinematics, SolidResponse
 
@@ -19,16 +18,18 @@ class NeoHookeanResponse(SolidResponse):
         self.mu, self.volumetric = material.mu, material.volumetric
         self._laplacian = self._constant_blocks()
 
-    def energy_density(self, at: Kinematics) -> Any:
+    def energy_density(self, at: Kinematics) -> Array:
         """Ψ (points)."""
-        return self.mu / 2 * ((at.F * at.F).sum(axis=(0, 1)) - 3) + self.volumetric(np.log(at.J))[0]
+        return np.asarray(
+            self.mu / 2 * ((at.F * at.F).sum(axis=(0, 1)) - 3) + self.volumetric(np.log(at.J))[0]
+        )
 
-    def stress(self, at: Kinematics) -> Any:
+    def stress(self, at: Kinematics) -> Array:
         """P + p cof F (3, 3, points)."""
         first = self.volumetric(np.log(at.J))[1]
         return self.mu * at.F + (first / at.J + at.p) * at.cof
 
-    def tangent_apply(self, at: Kinematics, dF: Any) -> Any:
+    def tangent_apply(self, at: Kinematics, dF: Array) -> Array:
         """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
         G = at.cof / at.J  # F⁻ᵀ
         _, first, second = self.volumetric(np.log(at.J))
@@ -37,9 +38,9 @@ class NeoHookeanResponse(SolidResponse):
         # G_il δF_kl G_kj = (G δFᵀ G)_ij, written out for the component-first layout.
         inner = np.stack([[(G[i] * dF[k]).sum(axis=0) for k in range(3)] for i in range(3)])
         swapped = np.stack([[(inner[i] * G[:, j]).sum(axis=0) for j in range(3)] for i in range(3)])
-        return (second + pJ) * trace * G - (first + pJ) * swapped + self.mu * dF
+        return np.asarray((second + pJ) * trace * G - (first + pJ) * swapped + self.mu * dF)
 
-    def stiffness(self, at: Kinematics) -> Any:
+    def stiffness(self, at: Kinematics) -> Array:
         """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""
         _, first, second = self.volumetric(np.log(at.J))
         pJ = at.p * at.J
@@ -62,7 +63,7 @@ class NeoHookeanResponse(SolidResponse):
             np.subtract(plus.reshape(shape), minus.reshape(shape).transpose(0, 3, 2, 1, 4), out=blocks[part])
         return self.scatter(blocks) + self._laplacian
 
-    def _constant_blocks(self) -> Any:
+    def _constant_blocks(self) -> Array:
         """The part μ ∇N_a·∇N_b δ_ij of the tangent, which no state changes."""
         e, q, a, _ = self.grad_N.shape
         flat = self.grad_N.transpose(0, 2, 1, 3).reshape(e, a, q * 3)

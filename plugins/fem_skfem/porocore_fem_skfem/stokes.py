@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -20,7 +19,7 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.cell.symmetry.parity import held_pressures, held_velocities
 from porocore.errors import PorocoreError
-from porocore.states import Array
+from porocore.states import Array, IntArray
 from porocore_fem_skfem.factor import SymmetricFactor
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate_gradients
 from porocore_fem_skfem.operators import Operators, Scatter, corner_values
@@ -37,8 +36,8 @@ class _Class:
     """Velocity components that vanish at the same nodes: which component of which flow, and their factor."""
 
     members: list[tuple[int, int]]
-    free: Any
-    kept: Any
+    free: IntArray
+    kept: IntArray
     pattern: SymmetricPattern
     factor: SymmetricFactor
 
@@ -59,7 +58,7 @@ class _System:
         One for each class: x ↦ A⁻¹ x of its free nodes, for columns.
     """
 
-    divergence: list[Any]
+    divergence: list[sparse.csr_matrix]
     mass: Array
     load: Array
     inverses: list[Callable[[Array], Array]]
@@ -115,8 +114,8 @@ class SkfemStokes(DiscreteFluid):
             entries = np.bincount(self._slots, blocks.reshape(e, 4, a, 3)[..., i].ravel(), len(self._places))
             at = (self._places // self.n, self._places % self.n)
             divergence.append(sparse.csr_matrix((entries, at), shape=(self._pressures, self.n)))
-        load = np.bincount(self._cells.ravel(), (w @ velocity.values.T).ravel(), minlength=self.n)
-        mass = np.bincount(self._corners.ravel(), weighted.sum(axis=2).ravel(), minlength=self._pressures)
+        load = np.bincount(self._cells.ravel(), (w @ velocity.values.T).ravel(), self.n).astype(float)
+        mass = np.bincount(self._corners.ravel(), weighted.sum(axis=2).ravel(), self._pressures).astype(float)
         return _System(divergence, mass, load, [self._inverse(one, laplacian) for one in self._classes])
 
     def _inverse(self, one: _Class, laplacian: Array) -> Callable[[Array], Array]:
@@ -171,7 +170,7 @@ class SkfemStokes(DiscreteFluid):
                 "the Stokes cell problem did not converge; refine the mesh (cell.mesh.fluid_size)"
             )
         w = forced + self._solve(system, self._gradient(system, solved.x))
-        return np.einsum("inj,n->ij", w, system.load)
+        return np.asarray(np.einsum("inj,n->ij", w, system.load))
 
     def _solve(self, system: _System, rhs: Array) -> Array:
         """A⁻¹ of (components, nodes, flows)."""

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic
 
 import numpy as np
+from scipy import sparse
+from typing_extensions import TypeVar
 
 from porocore.core.parallel import Communicator
 from porocore.interfaces.law import MacroResponse, MacroTangent
@@ -63,7 +65,11 @@ class Loads:
     pressures: tuple[float, ...] = ()
 
 
-class Discretisation(ABC):
+#: Type of the tangent of all unknowns, which only the backend looks into.
+System = TypeVar("System", default=Any)
+
+
+class Discretisation(ABC, Generic[System]):
     """The u–p problem on a mesh, as far as it does not change from one iteration to the next.
 
     Parameters
@@ -172,18 +178,18 @@ class Discretisation(ABC):
         """∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4), not yet summed over elements."""
 
     @abstractmethod
-    def system(self, tangent: MacroTangent, dt: float, follower: Any = None) -> Any:
+    def system(self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None) -> System:
         """The derivative of the residual by all unknowns, as the other methods want it.
 
         ``follower`` is to be added, from :meth:`follower_tangent`. With a :attr:`rotation` Q it is Q A Qᵀ.
         """
 
     @abstractmethod
-    def magnitudes(self, system: Any, x: Array) -> Array:
+    def magnitudes(self, system: System, x: Array) -> Array:
         """|A| |x| in the rows of the free unknowns; those of a plate may stand in the first of its rows."""
 
     @abstractmethod
-    def solve(self, system: Any, right: Array, jump: Array, *, again: bool = False) -> Array:
+    def solve(self, system: System, right: Array, jump: Array, *, again: bool = False) -> Array:
         """The d with A d = ``right`` in the equations and d = ``jump`` in the prescribed unknowns.
 
         The unknowns of a plate change alike. ``again`` says that the system is close to the one before, so that the
@@ -216,7 +222,7 @@ class Discretisation(ABC):
         )
         return Residual(values, force_scale, volume_scale)
 
-    def follower_tangent(self, x: Array, loads: Loads) -> Any:
+    def follower_tangent(self, x: Array, loads: Loads) -> sparse.csr_matrix | None:
         """Derivative of the forces of pressures that follow the surface, sparse in the mesh's numbers, Cartesian.
 
         None where there are none.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from porocore.core.echo import echo
 from porocore.core.models.bounds import LARGEST_NUMBER
@@ -12,11 +11,12 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import MacroSolution, StepReport
+from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.integration.time_integration import integrate_in_time
 
 
-class TimeSteppingMacroSolver(MacroSolver):
-    """What ``prepare`` returns is a :class:`~porocore.macro.integration.discretisation.Discretisation`.
+class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
+    """The part of a macro solver that no discretisation changes; a subclass prepares one.
 
     Parameters
     ----------
@@ -42,13 +42,13 @@ class TimeSteppingMacroSolver(MacroSolver):
 
     def solve(
         self,
-        prepared: Any,
+        prepared: Discretisation,
         law: MacroLaw,
         *,
         checkpoint: Path | None = None,
         on_step: Callable[[StepReport], None] | None = None,
     ) -> MacroSolution:
-        """See :class:`porocore.MacroSolver`; ``prepared`` is what :meth:`prepare` returned."""
+        """See :class:`porocore.MacroSolver`."""
         return integrate_in_time(
             prepared,
             law,

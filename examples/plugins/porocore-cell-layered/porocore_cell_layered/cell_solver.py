@@ -32,7 +32,7 @@ class Prepared:
     laminate: Laminate
 
 
-class LayeredCellSolver(CellSolver):
+class LayeredCellSolver(CellSolver[Prepared]):
     """Layers of any materials, with or without fluid between them, at finite strain and with exact derivatives.
 
     The fluid flows along a layer of thickness h with the conductivity h³/(12 μ_f), and not across.
