@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from porocore.cell.equilibrium.discrete import FactorisedTangent, Iterate
+from porocore.states import Array, IntArray
 from porocore_fem_skfem.factor import SymmetricFactor
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor
 from porocore_fem_skfem.operators import Pattern
@@ -23,7 +22,7 @@ class Constraints:
 
     shift = 0.0
 
-    def __init__(self, places: Pattern, free: Any, solver: str) -> None:
+    def __init__(self, places: Pattern, free: IntArray, solver: str) -> None:
         self.free, self._solver = free, solver
         indptr, indices, self._kept = places.restricted(free)
         self.pattern = SymmetricPattern(indptr, indices)
@@ -36,14 +35,14 @@ class Constraints:
         self._make = make
         self._base: SymmetricFactor | None = None
         self._own: SymmetricFactor | None = None
-        self._factored: Any = None
+        self._factored: Array | None = None
         self.active: SymmetricFactor | None = None
 
-    def restrict(self, data: Any) -> Any:
+    def restrict(self, data: Array) -> Array:
         """Entries of the constrained matrix from those of the whole one."""
         return data[self._kept]
 
-    def reset(self, undeformed: Callable[[], Any]) -> None:
+    def reset(self, undeformed: Callable[[], Array]) -> None:
         """Use the undeformed cell's factor, made of ``undeformed()`` when it is first needed."""
         if self._base is None:
             self._base = self._make()
@@ -57,7 +56,7 @@ class Constraints:
         wider._base, wider.active, wider.shift = self._base, self._base, self.shift
         return wider
 
-    def renew(self, entries: Any) -> int:
+    def renew(self, entries: Array) -> int:
         """Make ``entries`` the active factor; returns the number of negative pivots, -1 where unknown."""
         if self._factored is not entries:
             if self._own is None:
@@ -69,22 +68,7 @@ class Constraints:
         assert self._own is not None
         return self._own.negative
 
-    def precondition(self, rhs: Any) -> Any:
+    def precondition(self, rhs: Array) -> Array:
         """Apply the active factor."""
         assert self.active is not None
         return self.active.solve(rhs)
-
-
-class SkfemTangentFactor(FactorisedTangent):
-    """A class's factor of ``entries`` (nnz), made anew where the class has used its place for others since."""
-
-    def __init__(
-        self, iterate: Iterate, parity: str, shift: float, constraints: Constraints, entries: Any
-    ) -> None:
-        self.iterate, self.parity, self.shift = iterate, parity, shift
-        self.constraints, self.entries = constraints, entries
-        self.negative = constraints.renew(entries)
-
-    def solve(self, rhs: Any) -> Any:
-        self.constraints.renew(self.entries)
-        return self.constraints.precondition(rhs)

@@ -146,7 +146,12 @@ class Iteration:
 
 
 def refine(
-    matrix: LinearMap, rhs: Array, solve: Callable[[Array], Array], *, tolerance: float, limit: int = 30
+    matrix: sparse.csr_matrix,
+    rhs: Array,
+    solve: Callable[[Array], Array],
+    *,
+    tolerance: float,
+    limit: int = 30,
 ) -> Iteration:
     """Iterative refinement with a factor of ``matrix`` itself, definite or not, for the columns of (n, k).
 
@@ -173,9 +178,9 @@ def refine(
     )
 
 
-def _round_off(matrix: Any, x: Any, rhs: Any) -> Any:
+def _round_off(matrix: sparse.csr_matrix, x: Array, rhs: Array) -> Array:
     """Norm (k,) of the residuals that round-off leaves where each entry of x is right to the last bit."""
-    return ROUND_OFF * np.linalg.norm(abs(matrix) @ np.abs(x) + np.abs(rhs), axis=0)
+    return np.asarray(ROUND_OFF * np.linalg.norm(abs(matrix) @ np.abs(x) + np.abs(rhs), axis=0))
 
 
 def conjugate_gradients(

@@ -7,19 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from porocore.cell.contact.model import ContactModel
-from porocore.cell.equilibrium.discrete import DiscreteSolid, DomainIntegrals, Iterate, Sensitivities
+from porocore.cell.equilibrium.discrete import (
+    DiscreteSolid,
+    DomainIntegrals,
+    FactorisedTangent,
+    Iterate,
+    Sensitivities,
+    second_derivatives,
+)
 from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import UNIT_LOADS, held_displacements
 from porocore.core.tensors.cofactors import cofactor, determinant
+from porocore.states import Array
 from porocore_fem_skfem import solves
-from porocore_fem_skfem.constraints import Constraints, SkfemTangentFactor
+from porocore_fem_skfem.constraints import Constraints
 from porocore_fem_skfem.operators import Operators, Scatter
 from porocore_fem_skfem.response import SolidResponse
 from porocore_fem_skfem.response_general import GeneralResponse
@@ -39,7 +47,7 @@ class SkfemIterate(Iterate):
         det F.
     """
 
-    def __init__(self, problem: SkfemSolid, H: Any, p: float, u: Any) -> None:
+    def __init__(self, problem: SkfemSolid, H: Array, p: float, u: Array) -> None:
         self.problem, self.H, self.p, self.u = problem, H, p, u
         self.contact = problem.contact
         self.F = problem.gradient(u) + (np.eye(3) + H)[:, :, None]
@@ -47,12 +55,12 @@ class SkfemIterate(Iterate):
         self.J, self.cof = determinant(view), np.moveaxis(cofactor(view), 0, -1)
 
     @cached_property
-    def stress(self) -> Any:
+    def stress(self) -> Array:
         """P + p cof F."""
         return self.problem.response.stress(self)
 
     @cached_property
-    def tangent(self) -> Any:
+    def tangent(self) -> Array:
         """Upper triangle of ∂²Π/∂u² without contact, entries in the order of the scatter's pattern."""
         return self.problem.response.stiffness(self)
 
@@ -62,7 +70,7 @@ class SkfemIterate(Iterate):
         return energy if self.touching is None else energy + self.touching.forces.energy
 
     @cached_property
-    def residual(self) -> Any:
+    def residual(self) -> Array:
         forces = self.problem.assemble(self.stress)
         if self.touching is not None:
             n = len(self.problem.mesh.points)
@@ -74,11 +82,28 @@ class SkfemIterate(Iterate):
         return float(self.J.min())
 
     @property
-    def displacement(self) -> Any:
+    def displacement(self) -> Array:
         return self.u[:, self.problem.nodes].T
 
 
-class SkfemSolid(DiscreteSolid):
+class SkfemTangentFactor(FactorisedTangent):
+    """A class's factor of ``entries`` (nnz), made anew where the class has used its place for others since."""
+
+    iterate: SkfemIterate
+
+    def __init__(
+        self, iterate: SkfemIterate, parity: str, shift: float, constraints: Constraints, entries: Array
+    ) -> None:
+        self.iterate, self.parity, self.shift = iterate, parity, shift
+        self.constraints, self.entries = constraints, entries
+        self.negative = constraints.renew(entries)
+
+    def solve(self, rhs: Array) -> Array:
+        self.constraints.renew(self.entries)
+        return self.constraints.precondition(rhs)
+
+
+class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
     """Batched numpy assembly on scikit-fem's elements; a factor that is kept from load to load."""
 
     def __init__(
@@ -129,37 +154,37 @@ class SkfemSolid(DiscreteSolid):
         self._places, self._wider = self.scatter.pattern, {}
         self.constraints().reset(self._undeformed_tangent)
 
-    def _undeformed_tangent(self) -> Any:
+    def _undeformed_tangent(self) -> Array:
         return self.iterate_at(np.zeros((3, 3)), 0.0).tangent
 
     # ---- the discrete solid ---------------------------------------------------------------------
 
-    def iterate_at(self, H: Any, p: float, displacement: Any = None) -> SkfemIterate:
+    def iterate_at(self, H: Array, p: float, displacement: Array | None = None) -> SkfemIterate:
         u = np.zeros((3, self.n_nodes))
         if displacement is not None:
             u[:, self.nodes] = displacement.T
         return SkfemIterate(self, H, p, u)
 
-    def moved(self, iterate: Any, change: Any, H: Any, p: float) -> SkfemIterate:
+    def moved(self, iterate: SkfemIterate, change: Array, H: Array, p: float) -> SkfemIterate:
         return SkfemIterate(self, H, p, iterate.u + self.field(change))
 
-    def force_scale(self, iterate: Any) -> float:
+    def force_scale(self, iterate: SkfemIterate) -> float:
         size = np.sqrt((iterate.stress * iterate.stress).sum(axis=(0, 1)))
         size = np.maximum(size, self._least_stress) * self.w
         nodal = abs(self.B_T) @ np.tile(size, 3)
         return float(np.linalg.norm((np.tile(nodal, 3) / 3)[self.constraints().free]))
 
-    def load_change(self, iterate: Any, dH: Any, dp: float) -> Any:
+    def load_change(self, iterate: SkfemIterate, dH: Array, dp: float) -> Array:
         change = self.response.tangent_apply(iterate, dH[:, :, None]) + dp * iterate.cof
         forces = self.assemble(change)
         if iterate.touching is not None:
             forces += self.merged(iterate.touching.blocks("").load_change(len(self.mesh.points), dH))
         return forces.ravel()[self.constraints().free]
 
-    def solve(self, iterate: Any, rhs: Any, accuracy: float) -> Any:
+    def solve(self, iterate: SkfemIterate, rhs: Array, accuracy: float) -> Array:
         return solves.direction(*self.system(iterate, ""), rhs, accuracy)
 
-    def factor(self, iterate: Any, parity: str, shift: float = 0.0) -> SkfemTangentFactor:
+    def factor(self, iterate: SkfemIterate, parity: str, shift: float = 0.0) -> SkfemTangentFactor:
         constraints, entries = self.system(iterate, parity)
         if shift:
             entries[constraints.pattern.diagonal] -= shift * self.masses(parity)
@@ -169,17 +194,17 @@ class SkfemSolid(DiscreteSolid):
         self._constraints.pop(parity, None)
         self._wider.pop(parity, None)
 
-    def tangent(self, iterate: Any, parity: str) -> Any:
+    def tangent(self, iterate: SkfemIterate, parity: str) -> sparse.csr_matrix:
         constraints, entries = self.system(iterate, parity)
         return constraints.pattern.full(entries)
 
-    def reduced(self, values: Any, parity: str) -> Any:
+    def reduced(self, values: Array, parity: str) -> Array:
         return self.merged(values).ravel()[self.constraints(parity).free]
 
-    def expanded(self, x: Any, parity: str) -> Any:
+    def expanded(self, x: Array, parity: str) -> Array:
         return self.field(x, parity)[:, self.nodes].T
 
-    def sums(self, iterate: Any) -> DomainIntegrals:
+    def sums(self, iterate: SkfemIterate) -> DomainIntegrals:
         grad = iterate.F - (np.eye(3) + iterate.H)[:, :, None]
         energy = self.response.energy_density(iterate)
         return DomainIntegrals(
@@ -191,7 +216,7 @@ class SkfemSolid(DiscreteSolid):
             largest_energy=float(energy.max()),
         )
 
-    def sensitivities(self, factor: Any, columns: Sequence[int]) -> Sensitivities:
+    def sensitivities(self, factor: SkfemTangentFactor, columns: Sequence[int]) -> Sensitivities:
         iterate, parity, constraints = factor.iterate, factor.parity, factor.constraints
         loads = [self._unit_load(iterate, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
         forces = [self.assemble(load) for load in loads]
@@ -200,33 +225,23 @@ class SkfemSolid(DiscreteSolid):
             for force, column in zip(forces, columns, strict=True):
                 force += self.merged(blocks.load_change(len(self.mesh.points), UNIT_LOADS[column]))
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
-        U, curvature, indefinite = solves.sensitivities(factor, R)
-        explicit = np.stack([(load @ self.w).ravel() for load in loads])
-        # ∂²Π/∂θ∂θ' at fixed u¹; Π is linear in p.
-        direct = np.array(
-            [
-                [
-                    0.0 if i == j == 9 else explicit[a, j] if j < 9 else explicit[b, i]
-                    for b, j in enumerate(columns)
-                ]
-                for a, i in enumerate(columns)
-            ]
-        )
+        U, curvature, indefinite = solves.sensitivities(constraints.pattern.full(factor.entries), factor, R)
+        direct = second_derivatives(columns, np.stack([(load @ self.w).ravel() for load in loads]))
         grad = np.stack([self.gradient(self.field(u, parity)) @ self.w for u in U.T])
         return Sensitivities(grad, direct + curvature, indefinite)
 
-    def _unit_load(self, iterate: SkfemIterate, column: int) -> Any:
+    def _unit_load(self, iterate: SkfemIterate, column: int) -> Array:
         if column == 9:
             return iterate.cof
         dF = np.zeros((3, 3, 1))
         dF[column // 3, column % 3] = 1.0
         return self.response.tangent_apply(iterate, dF)
 
-    def merged(self, values: Any) -> Any:
+    def merged(self, values: Array) -> Array:
         """(3, nodes) with periodic nodes added up, of (nodes of the mesh, 3)."""
         return np.stack([np.bincount(self.nodes, column, self.n_nodes) for column in values.T])
 
-    def system(self, iterate: SkfemIterate, parity: str) -> tuple[Constraints, Any]:
+    def system(self, iterate: SkfemIterate, parity: str) -> tuple[Constraints, Array]:
         """∂²Π/∂u² for the perturbations of a class: what serves its pattern, and its entries.
 
         Walls that touch couple unknowns that share no element, so contact may widen the pattern.
@@ -247,7 +262,7 @@ class SkfemSolid(DiscreteSolid):
         entries = self._places.spread(iterate.tangent, self.scatter.pattern)
         return constraints, constraints.restrict(entries + self._places.sum(keys, values[upper]))
 
-    def field(self, values: Any, parity: str = "") -> Any:
+    def field(self, values: Array, parity: str = "") -> Array:
         """(3, nodes) of the free unknowns of a class."""
         field = np.zeros(3 * self.n_nodes)
         field[self.constraints(parity).free] = values
@@ -255,12 +270,12 @@ class SkfemSolid(DiscreteSolid):
 
     # ---- physics --------------------------------------------------------------------------------
 
-    def gradient(self, u: Any) -> Any:
+    def gradient(self, u: Array) -> Array:
         """∂u_i/∂Y_j (3, 3, points) of u (3, nodes)."""
         n = self.operators.n_points
         return np.stack([(self.B @ u_i).reshape(3, n) for u_i in u])
 
-    def assemble(self, stress: Any) -> Any:
+    def assemble(self, stress: Array) -> Array:
         """∫ S:∇v for all nodal v, (3, nodes), of S (3, 3, points)."""
         weighted = (stress * self.w).reshape(3, -1)
         return np.stack([self.B_T @ row for row in weighted])

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from scipy import sparse
 
-from porocore.cell.equilibrium.discrete import FactorError, LoadStepFailed
-from porocore.states import Status
-from porocore_fem_skfem.constraints import Constraints, SkfemTangentFactor
+from porocore.cell.equilibrium.discrete import FactorError, FactorisedTangent, LoadStepFailed
+from porocore.states import Array, Status
+from porocore_fem_skfem.constraints import Constraints
 from porocore_fem_skfem.linalg import conjugate_gradients, refine
 
 #: More iterations than this cost more than a new factor.
@@ -18,7 +17,7 @@ SENSITIVITY_TOLERANCE = 1e-11
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
 
 
-def direction(constraints: Constraints, entries: Any, rhs: Any, accuracy: float) -> Any:
+def direction(constraints: Constraints, entries: Array, rhs: Array, accuracy: float) -> Array:
     """K⁻¹ rhs; with an indefinite K, of the least shifted K that is definite.
 
     Raises
@@ -38,7 +37,7 @@ def direction(constraints: Constraints, entries: Any, rhs: Any, accuracy: float)
         raise LoadStepFailed(Status.not_converged) from error
 
 
-def _shifted(constraints: Constraints, entries: Any, rhs: Any) -> Any:
+def _shifted(constraints: Constraints, entries: Array, rhs: Array) -> Array:
     diagonal = constraints.pattern.diagonal
     size = float(np.abs(entries[diagonal]).mean())
     # Neighbouring iterates need about the same shift, and less of it brings them on faster.
@@ -55,7 +54,9 @@ def _shifted(constraints: Constraints, entries: Any, rhs: Any) -> Any:
     raise LoadStepFailed(Status.not_converged)
 
 
-def sensitivities(factor: SkfemTangentFactor, R: Any) -> tuple[Any, Any, bool]:
+def sensitivities(
+    matrix: sparse.csr_matrix, factor: FactorisedTangent, R: Array
+) -> tuple[Array, Array, bool]:
     """U = −K⁻¹ R (n, k), its share RᵀU + UᵀR + UᵀKU of the second derivatives, and whether K was met as indefinite.
 
     The share equals RᵀU, has an error of second order in that of U, and is symmetric whatever that error. U is NaN
@@ -66,7 +67,6 @@ def sensitivities(factor: SkfemTangentFactor, R: Any) -> tuple[Any, Any, bool]:
     FactorError
         The factor cannot be applied.
     """
-    matrix = factor.constraints.pattern.full(factor.entries)
     if factor.negative >= 0:  # a direct one, which serves indefinite matrices
         solved = refine(matrix, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE)
     else:

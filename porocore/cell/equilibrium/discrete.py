@@ -7,9 +7,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Generic
 
 import numpy as np
+from scipy import sparse
+from typing_extensions import TypeVar
 
 from porocore.cell.contact.contact_state import ContactState
 from porocore.cell.contact.model import ContactModel
@@ -130,6 +132,14 @@ class Sensitivities:
     indefinite: bool = False
 
 
+def second_derivatives(columns: Sequence[int], stresses: Array) -> Array:
+    """Return ∂²Π/∂θ∂θ' at fixed u¹, (k, k), from the slopes (k, 9) of ∫ (P + p cof F) dV; Π is linear in p."""
+    found = np.hstack([stresses, np.zeros((len(stresses), 1))])[:, list(columns)]
+    by_pressure = np.array(columns) == 9
+    found[:, by_pressure] = found[by_pressure].T
+    return found
+
+
 class FactorisedTangent(ABC):
     """The inverse of K − shift·M of one class at one iterate, a value: it stays what it is, whatever comes after.
 
@@ -163,7 +173,12 @@ class FactorisedTangent(ABC):
         """
 
 
-class DiscreteSolid(ABC):
+#: Types of the iterates and of the factorised tangents of a solid; it is given its own only.
+OwnIterate = TypeVar("OwnIterate", bound=Iterate, contravariant=True, default=Any)
+OwnFactor = TypeVar("OwnFactor", bound=FactorisedTangent, contravariant=True, default=Any)
+
+
+class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
     """The discrete energy Π(u¹; H, p) on one mesh, with its first and second derivatives and linear solves.
 
     On the eighth u¹·n = 0 on its six planes, which serves diagonal H and any p; a perturbation by H_12 or
@@ -189,7 +204,7 @@ class DiscreteSolid(ABC):
         """How many images of the domain fill one cell; a block of n cells is averaged over."""
         return 8.0 if self.mesh.domain == "eighth" else 1.0 / math.prod(self.mesh.periods)
 
-    def exchanged_axes(self, iterate: Iterate) -> tuple[str, ...]:
+    def exchanged_axes(self, iterate: OwnIterate) -> tuple[str, ...]:
         """Pairs of axes, "xz", whose exchange changes neither the solid nor u¹; none on the whole cell.
 
         Fibres may tell the axes apart, so with them no pair is looked for.
@@ -206,19 +221,19 @@ class DiscreteSolid(ABC):
         """Of u¹ (nodes, 3), or of u¹ = 0."""
 
     @abstractmethod
-    def moved(self, iterate: Iterate, change: Array, H: Array, p: float) -> Iterate:
+    def moved(self, iterate: OwnIterate, change: Array, H: Array, p: float) -> Iterate:
         """``iterate`` with ``change`` (n,) added to the free unknowns, under another load."""
 
     @abstractmethod
-    def force_scale(self, iterate: Iterate) -> float:
+    def force_scale(self, iterate: OwnIterate) -> float:
         """Norm of the nodal forces if nothing cancelled in them, with a floor of those of a strain of 1e-3."""
 
     @abstractmethod
-    def load_change(self, iterate: Iterate, dH: Array, dp: float) -> Array:
+    def load_change(self, iterate: OwnIterate, dH: Array, dp: float) -> Array:
         """Change of the residual, (n,), by the load alone."""
 
     @abstractmethod
-    def solve(self, iterate: Iterate, rhs: Array, accuracy: float) -> Array:
+    def solve(self, iterate: OwnIterate, rhs: Array, accuracy: float) -> Array:
         """x (n,) with K x = rhs to a relative accuracy; with an indefinite K, of the least shifted K that is definite.
 
         Raises
@@ -228,7 +243,7 @@ class DiscreteSolid(ABC):
         """
 
     @abstractmethod
-    def factor(self, iterate: Iterate, parity: str, shift: float = 0.0) -> FactorisedTangent:
+    def factor(self, iterate: OwnIterate, parity: str, shift: float = 0.0) -> FactorisedTangent:
         """Return the factor of K − shift·M of one class of perturbations, with the :meth:`masses` M.
 
         Raises
@@ -237,7 +252,7 @@ class DiscreteSolid(ABC):
             The tangent cannot be factorised.
         """
 
-    def negative_pivots(self, iterate: Iterate, parity: str, shift: float = 0.0) -> int:
+    def negative_pivots(self, iterate: OwnIterate, parity: str, shift: float = 0.0) -> int:
         """Return the number of eigenvalues below ``shift``, the negative pivots of :meth:`factor`; -1 where unknown.
 
         Raises
@@ -252,12 +267,12 @@ class DiscreteSolid(ABC):
         """Free the memory of what serves one class, not "" alone; it is made anew when it is needed."""
 
     @abstractmethod
-    def tangent(self, iterate: Iterate, parity: str) -> Any:
+    def tangent(self, iterate: OwnIterate, parity: str) -> sparse.csr_matrix:
         """K of a class, a symmetric sparse matrix (n, n) of scipy's."""
 
     @abstractmethod
     def reduced(self, values: Array, parity: str) -> Array:
-        """DomainIntegrals (n,) over the images of each free unknown of a class, of (nodes, 3)."""
+        """Return the sums (n,) of (nodes, 3) over the images of each free unknown of a class."""
 
     @abstractmethod
     def expanded(self, x: Array, parity: str) -> Array:
@@ -268,11 +283,11 @@ class DiscreteSolid(ABC):
         return self.reduced(np.repeat(lumped_mass(self.mesh)[:, None], 3, axis=1), parity)
 
     @abstractmethod
-    def sums(self, iterate: Iterate) -> DomainIntegrals:
+    def sums(self, iterate: OwnIterate) -> DomainIntegrals:
         """Over the domain."""
 
     @abstractmethod
-    def sensitivities(self, factor: FactorisedTangent, columns: Sequence[int]) -> Sensitivities:
+    def sensitivities(self, factor: OwnFactor, columns: Sequence[int]) -> Sensitivities:
         """Return those to the loads in ``columns``, which all belong to the class of the unshifted ``factor``.
 
         Raises

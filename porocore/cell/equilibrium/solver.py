@@ -81,7 +81,7 @@ class PreparedCell:
         return tuple(map("xyz".index, blocked(pieces(self.cell.make_mesh("fluid", "whole")))))
 
 
-class EquilibriumCellSolver(CellSolver):
+class EquilibriumCellSolver(CellSolver[PreparedCell]):
     """The part of a cell solver that no finite element library changes; subclasses discretise."""
 
     conductivities = ("piola", "deformed")
