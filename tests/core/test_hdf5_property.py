@@ -145,7 +145,19 @@ LINKS = ["/", "/x", "/none", "pipe", "elsewhere", "loop"]
 ATTRIBUTES = [np.nan, np.inf, -1, 2**63 - 1, 1e308, "", "x" * 5000, b"\xff", np.zeros(9), h5py.Empty("f8")]
 
 
-@dataclass(frozen=True)
+def cast(numbers: np.ndarray, kind: np.dtype) -> np.ndarray:
+    """Return numbers as elements of another type, each of the class that h5py expects when it writes them."""
+    if not kind.hasobject:
+        with np.errstate(invalid="ignore"):
+            return numbers.astype(kind)
+    text, reference = h5py.check_string_dtype(kind), h5py.check_ref_dtype(kind)
+    found = np.empty(numbers.shape, kind)
+    for place, number in np.ndenumerate(numbers):
+        found[place] = str(number) if text else h5py.Reference() if reference else np.array([number], float)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
 class Change:
     """One change of the structure, of a number or of an attribute; what it cannot change stays."""
 
@@ -186,10 +198,11 @@ class Change:
         if self.what == "a shape":
             numbers = (numbers[:-1], numbers.T, numbers.ravel(), numbers[None])[self.place % 4]
         elif self.what == "a number":
+            if numbers.dtype.hasobject:
+                return  # h5py crashes when it writes a number for an array
             numbers.flat[self.place % numbers.size] = self.number
         elif self.what == "a type":
-            with np.errstate(invalid="ignore"):
-                numbers = numbers.astype(self.kind)
+            numbers = cast(numbers, np.dtype(self.kind))
         del file[array]
         if self.what == "declared":
             file.create_dataset(
@@ -224,7 +237,7 @@ def edited(folder: Path, kind: str, changes: list[Change], sealed: bool) -> None
     with h5py.File(path, "r+") as file:
         # Whoever follows a link to a pipe waits for ever, here as elsewhere.
         links = [change for change in changes if change.what == "a link"]
-        for change in [*(change for change in changes if change not in links), *links[:1]]:
+        for change in [*(change for change in changes if change.what != "a link"), *links[:1]]:
             with suppress(Exception):  # a change that cannot be
                 change(file, *members(folder, kind))
     content = path.read_bytes()

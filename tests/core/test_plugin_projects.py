@@ -208,13 +208,13 @@ def test_a_broken_law_is_told_and_ends_with_status_1(site):
                 "sampler",
                 "def ask(self)",
                 "def asks(self)",
-                "does not implement ask; report this to its authors",
+                r"does not implement ask \(.*/porocore_sampler_my_own/hooks\.py\); report this to its authors$",
             ),
             marks=pytest.mark.slow,
         ),
         ("conformance", "SamplerSuite)", "object)", "expected suites of porocore.testing, got"),
         pytest.param(
-            *("conformance", "import ClassVar", "import Nothing", "cannot be loaded: ImportError"),
+            *("conformance", "Any, ClassVar", "Any, Nothing", "cannot be loaded: ImportError"),
             marks=pytest.mark.slow,
         ),
         (
@@ -237,7 +237,7 @@ def test_what_cannot_be_checked_is_one_message(site, file, old, new, message):
     assert old in text
     code.write_text(text.replace(old, new), "utf-8")
     _, err = porocore(site, "plugin", "check", "my-own", "--kind", "sampler", status=2)
-    assert message in err.splitlines()[-1]
+    assert re.search(message, err.splitlines()[-1])
     assert "Traceback" not in err
 
 

@@ -78,7 +78,9 @@ def test_a_filter_conducts_less_where_it_is_squeezed_and_as_much_as_a_whole(tmp_
                 assert squeezed.min() < 0.75 * linear < linear < squeezed.max()
     assert 0.97 < rates["deformed", 0.12] / rates["deformed", 0.02] < 1.02
     assert rates["piola", 0.12] / rates["piola", 0.02] > 1.08
-    assert (rates["deformed", 0.02], rates["deformed", 0.12]) == pytest.approx(FILTER, rel=SAME)
+    flow = rates["deformed", 0.02], rates["deformed", 0.12]
+    assert flow == pytest.approx(FILTER, rel=SAME)
+    assert flow == pytest.approx(FILTER_DIRECT, rel=1e-3)
 
 
 @pytest.mark.slow
@@ -138,8 +140,11 @@ def test_an_indenter_feels_the_brain_relax(tmp_path):
 
 #: Greatest and last stress on the piston.
 CONFINED = (0.13891430, 0.07789690)
-#: Flow per pressure under the two.
-FILTER = (0.01965588, 0.01951497)
+#: Flow per pressure under the two. Twelve states give a ln K_ref of second degree since the symmetry ties its
+#: coefficients; the first degree, all that untied ones allowed, was 0.3 % and 0.6 % below direct FE².
+FILTER = (0.01971561, 0.01961452)
+#: The same by ``porocore solve RUN --law direct``, 0.01 % and 0.06 % above.
+FILTER_DIRECT = (0.01971811, 0.01962566)
 #: Pressure on the axis when the load is there and at its peak; greatest and last widening.
 UNCONFINED = (0.01545034, 0.01779981, 0.03510832, 0.02116112)
 #: Settlements of the three probes.

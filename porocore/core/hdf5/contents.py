@@ -85,7 +85,7 @@ class Contents:
         if kind is float:
             wrong = ~np.isfinite(numbers) if finite else np.isnan(numbers)
         else:
-            wrong = ~(np.abs(numbers) < 2.0**63) | (numbers % 1 != 0)
+            wrong = ~(np.abs(numbers) < 2.0**63) | (np.trunc(numbers) != numbers)
         if wrong.any():
             raise ValueError(f"attribute '{name}' is {str(value)[:40]}")
         return kind(value) if size is None else tuple(kind(x) for x in value)
