@@ -71,9 +71,8 @@ def write_surrogate(path: Path) -> None:
         network,
         SampledRange.around(INPUTS, random.random((9, 2))),
     )
-    surrogate_file.write(
-        path, model, surrogate_file.Record("torch", {"hidden": [4]}, "cell", {}, {"stress": 0.1})
-    )
+    metadata = surrogate_file.SurrogateMetadata("torch", {"hidden": [4]}, "cell", {}, {"stress": 0.1})
+    surrogate_file.write(path, model, metadata)
 
 
 def write_solution(path: Path) -> None:
