@@ -101,8 +101,8 @@ def test_a_network_of_given_weights(library, name, activation, d, hidden):
     assert type(evaluator) is not Network
     x = np.concatenate([random.uniform(-1, 1, (60, d)), 100 * random.normal(size=(5, d))])
     compare([evaluator.evaluate(x)], [plain.evaluate(x)], 1.0)
-    compare(evaluator.slopes(x), plain.slopes(x), 1.0)
-    compare(evaluator.curvatures(x), plain.curvatures(x), 1.0)
+    compare(evaluator.value_and_gradient(x), plain.value_and_gradient(x), 1.0)
+    compare(evaluator.value_gradient_hessian(x), plain.value_gradient_hessian(x), 1.0)
 
 
 @pytest.mark.parametrize("training", TRAININGS)

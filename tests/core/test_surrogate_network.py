@@ -43,15 +43,15 @@ def test_values_neuron_by_neuron(activation):
 def test_derivatives_are_the_slopes(activation, widths):
     net, d, h = network(activation, widths), widths[0], 1e-3
     x = np.random.default_rng(1).normal(size=(20, d))
-    value, gradient, hessian = net.curvatures(x)
-    values, slopes = net.slopes(x)
+    value, gradient, hessian = net.value_gradient_hessian(x)
+    values, slopes = net.value_and_gradient(x)
     np.testing.assert_allclose(value, net.evaluate(x)[:, 0], rtol=0, atol=1e-13)
     np.testing.assert_allclose(values, net.evaluate(x), rtol=0, atol=1e-13)
     np.testing.assert_allclose(slopes[:, :, 0], gradient, rtol=0, atol=1e-13)
     np.testing.assert_allclose(hessian, hessian.swapaxes(0, 1), rtol=0, atol=1e-13)
     for k in range(d):
         step = h * np.eye(d)[k]
-        near = [net.curvatures(x + j * step) for j in (-2, -1, 1, 2)]
+        near = [net.value_gradient_hessian(x + j * step) for j in (-2, -1, 1, 2)]
         for found, place in ((gradient[k], 0), (hessian[k], 1)):
             m2, m1, p1, p2 = (derivatives[place] for derivatives in near)
             np.testing.assert_allclose(found, (m2 - 8 * m1 + 8 * p1 - p2) / (12 * h), atol=1e-8)
@@ -61,7 +61,7 @@ def test_derivatives_are_the_slopes(activation, widths):
 def test_far_away_nothing_overflows(activation):
     net = Network(activation, (np.eye(1), np.eye(1)), (np.zeros(1), np.zeros(1)))
     with np.errstate(all="raise", under="ignore"):
-        value, gradient, hessian = net.curvatures(np.array([[-1000.0], [0.0], [1000.0]]))
+        value, gradient, hessian = net.value_gradient_hessian(np.array([[-1000.0], [0.0], [1000.0]]))
     limits = {"sigmoid": (0, 0.5, 1), "tanh": (-1, 0, 1), "softplus": (0, math.log(2), 1000)}[activation]
     np.testing.assert_allclose(value, limits, atol=1e-15)
     np.testing.assert_allclose(gradient[0, [0, 2]], [0, float(activation == "softplus")], atol=1e-15)
@@ -69,9 +69,9 @@ def test_far_away_nothing_overflows(activation):
 
 
 def test_no_states():
-    value, gradient, hessian = network("tanh").curvatures(np.zeros((0, 3)))
+    value, gradient, hessian = network("tanh").value_gradient_hessian(np.zeros((0, 3)))
     assert (value.shape, gradient.shape, hessian.shape) == ((0,), (3, 0), (3, 3, 0))
-    assert network("tanh").slopes(np.zeros((0, 3)))[1].shape == (3, 0, 1)
+    assert network("tanh").value_and_gradient(np.zeros((0, 3)))[1].shape == (3, 0, 1)
 
 
 def test_words_for_what_is_no_network():

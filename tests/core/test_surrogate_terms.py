@@ -81,7 +81,7 @@ def test_a_sum_adds_to_what_is_there(terms):
     polynomial = random_polynomial(terms, 3, 6)
     y = np.random.default_rng(2).uniform(-0.5, 0.5, (7, 30))
     value, gradient, hessian = np.ones(30), np.ones((7, 30)), np.ones((7, 7, 30))
-    Sum(terms, polynomial).begin(y)(value, gradient, hessian)
+    Sum(terms, polynomial).start(y)(value, gradient, hessian)
     for one, other in zip(composed(terms, polynomial, y), (value, gradient, hessian), strict=True):
         np.testing.assert_allclose(one[0] + 1, other, rtol=0, atol=1e-12)
 

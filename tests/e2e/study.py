@@ -74,7 +74,7 @@ PLAIN = (str(POROCORE),)
 EAGER_TRAINING = (
     sys.executable,
     "-c",
-    "import porocore_surrogate_torch.training as training; training.CHECKPOINT_INTERVAL = 0.05\n"
+    "import porocore.surrogates.network.adam as adam; adam.CHECKPOINT_INTERVAL = 0.05\n"
     "from porocore.cli import main; main()",
 )
 EAGER_SOLVING = (

@@ -1,29 +1,32 @@
-"""Networks evaluated by JAX: compiled, and a batch at a time."""
+"""Networks compiled by JAX and evaluated batch by batch."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cache, partial
-from typing import Any
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from porocore.states import Array
-from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.network import Derivatives, Evaluator, Network
 from porocore.surrogates.network.sobolev import activate
 from porocore_surrogate_jax.library import choose_device, compiled
 
-#: Rows of one call. What is compiled for one size serves all batches, cut into pieces of this many rows, the rest
-#: filled up to a power of two: so no more than eight sizes are ever compiled, whatever sizes are asked for.
+#: Rows of one call. Batches are cut into pieces of the largest size, and the rest is filled up to a power of two, so
+#: that at most eight sizes are compiled.
 LARGEST, SMALLEST = 1024, 8
 
-Layers = list[tuple[Any, Any]]
+Layers = list[tuple[jax.Array, jax.Array]]
+Arrays = tuple[jax.Array, ...]
+#: Activation, layers and x → the outputs.
+Function = Callable[[str, Layers, jax.Array], Arrays]
 
 
-class JaxNetwork:
-    """An :class:`~porocore.surrogates.network.network.Evaluator` of the numbers in ``network``.
+class JaxNetwork(Evaluator):
+    """A network compiled by JAX.
 
     Parameters
     ----------
@@ -39,47 +42,43 @@ class JaxNetwork:
     """
 
     def __init__(self, network: Network, device: str = "cpu") -> None:
-        self.network = network
-        self.move(device)
-
-    def move(self, device: str) -> None:
-        """Evaluate on another device from now on."""
-        self.device = choose_device(device)
-        pairs = zip(self.network.weights, self.network.biases, strict=True)
+        self.network, self.device = network, choose_device(device)
+        pairs = zip(network.weights, network.biases, strict=True)
         self._layers: Layers = [
             (jax.device_put(W, self.device), jax.device_put(b, self.device)) for W, b in pairs
         ]
 
+    @property
+    def as_numpy(self) -> Network:
+        """The same network in numpy."""
+        return self.network
+
     def evaluate(self, x: Array) -> Array:
         """See :class:`~porocore.surrogates.network.network.Evaluator`."""
-        (values,) = self._call("values", x)
+        (values,) = self._start(VALUES, x)()
         return values
 
-    def slopes(self, x: Array) -> tuple[Array, Array]:
+    def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
         """See :class:`~porocore.surrogates.network.network.Evaluator`."""
-        values, slopes = self._call("slopes", x)
-        return values, slopes
+        values, gradient = self._start(GRADIENT, x)()
+        return values, gradient
 
-    def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
+    def value_gradient_hessian(self, x: Array) -> Derivatives:
         """See :class:`~porocore.surrogates.network.network.Evaluator`."""
-        return self.begin(x)()
+        return self.start(x)()
 
-    def begin(self, x: Array) -> Callable[[], tuple[Array, Array, Array]]:
-        """See :func:`porocore.surrogates.network.network.begun`."""
-        finish = self._start("curvatures", x)
+    def start(self, x: Array) -> Callable[[], Derivatives]:
+        """See :class:`~porocore.surrogates.network.network.Evaluator`."""
+        finish = self._start(HESSIAN, x)
 
-        def curvatures() -> tuple[Array, Array, Array]:
+        def derivatives() -> Derivatives:
             value, gradient, hessian = finish()
             return value, gradient, hessian
 
-        return curvatures
+        return derivatives
 
-    def _call(self, what: str, x: Array) -> list[Array]:
-        return self._start(what, x)()
-
-    def _start(self, what: str, x: Array) -> Callable[[], list[Array]]:
-        kind, states = _KINDS[what]
-        function = _compiled(kind, self.network.activation, self.device)
+    def _start(self, kind: Kind, x: Array) -> Callable[[], list[Array]]:
+        function = _compiled(kind.function, self.network.activation, self.device)
         pieces = []
         for start, rows, filled in _pieces(len(x)):
             piece = x[start : start + rows]
@@ -90,7 +89,7 @@ class JaxNetwork:
 
         def finish() -> list[Array]:
             found = []
-            for i, axis in enumerate(states):
+            for i, axis in enumerate(kind.axes):
                 parts = [
                     np.asarray(outputs[i])[(slice(None),) * axis + (slice(rows),)] for rows, outputs in pieces
                 ]
@@ -101,7 +100,7 @@ class JaxNetwork:
 
 
 def _pieces(n: int) -> Iterator[tuple[int, int, int]]:
-    """First row, rows, and rows when filled up; for no rows at all one piece of none."""
+    """Yield the first row, the rows and the filled-up rows of each piece; of no rows, one empty piece."""
     start = 0
     while True:
         rows = min(n - start, LARGEST)
@@ -112,20 +111,22 @@ def _pieces(n: int) -> Iterator[tuple[int, int, int]]:
 
 
 @cache
-def _compiled(kind: Callable[..., Any], activation: str, device: jax.Device) -> Callable[..., Any]:
-    """Once, for all networks of one activation."""
-    return compiled(partial(kind, activation), device)
+def _compiled(function: Function, activation: str, device: jax.Device) -> Callable[[Layers, Array], Arrays]:
+    """Compile once for all networks of one activation."""
+    return compiled(partial(function, activation), device)
 
 
-def _values(activation: str, layers: Layers, x: Any) -> Any:
+def _values(activation: str, layers: Layers, x: jax.Array) -> Arrays:
     for W, b in layers[:-1]:
         x = activate(jnp, activation, x @ W.T + b)[0]
     W, b = layers[-1]
     return (x @ W.T + b,)
 
 
-def _pushed(activation: str, layers: Layers, x: Any) -> tuple[Any, Any, list[tuple[Any, Any, Any]]]:
-    """z (n, o) and J = ∂z/∂x (d, n, o); J, σ′ and σ″ of each hidden layer before its activation."""
+def _forward(
+    activation: str, layers: Layers, x: jax.Array
+) -> tuple[jax.Array, jax.Array, list[tuple[jax.Array, jax.Array, jax.Array]]]:
+    """Return z (n, o) and J = ∂z/∂x (d, n, o); and J, σ′ and σ″ of each hidden layer before its activation."""
     n, d = x.shape
     a, J, hidden = x, None, []
     for W, b in layers[:-1]:
@@ -138,39 +139,44 @@ def _pushed(activation: str, layers: Layers, x: Any) -> tuple[Any, Any, list[tup
     return a @ W.T + b, _next(W, J, d, n), hidden
 
 
-def _next(W: Any, J: Any, d: int, n: int) -> Any:
+def _next(W: jax.Array, J: jax.Array | None, d: int, n: int) -> jax.Array:
     if J is None:
         return jnp.broadcast_to(W.T[:, None, :], (d, n, len(W)))
     return (J.reshape(d * n, -1) @ W.T).reshape(d, n, -1)
 
 
-def _slopes(activation: str, layers: Layers, x: Any) -> Any:
-    return _pushed(activation, layers, x)[:2]
+def _gradient(activation: str, layers: Layers, x: jax.Array) -> Arrays:
+    return _forward(activation, layers, x)[:2]
 
 
-def _curvatures(activation: str, layers: Layers, x: Any) -> Any:
-    """With δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″) J_l; half the work of a derivative of a derivative."""
-    z, J, hidden = _pushed(activation, layers, x)
+def _hessian(activation: str, layers: Layers, x: jax.Array) -> Arrays:
+    """Return value, gradient and Hessian Σ_l J_lᵀ diag(δ_l σ″) J_l with δ_l = ∂N/∂a_l.
+
+    This is half the work of a derivative of a derivative.
+    """
+    z, J, hidden = _forward(activation, layers, x)
     d, n = J.shape[:2]
     last = layers[-1][0]
     delta = jnp.broadcast_to(last, (n, last.shape[1]))
     hessian = jnp.zeros((d, d, n))
     for index in range(len(hidden) - 1, -1, -1):
         J_l, slope, curvature = hidden[index]
-        bend = delta * curvature
+        weight = delta * curvature
         if index:
-            hessian = hessian + jnp.einsum("inw,jnw->ijn", J_l * bend, J_l)
+            hessian = hessian + jnp.einsum("inw,jnw->ijn", J_l * weight, J_l)
         else:  # J is the same everywhere
             W = layers[0][0]
             squares = (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)
-            hessian = hessian + (squares.T @ bend.T).reshape(d, d, n)
+            hessian = hessian + (squares.T @ weight.T).reshape(d, d, n)
         delta = (delta * slope) @ layers[index][0]
     return z[:, 0], delta.T, hessian
 
 
-#: What is called, and which axis of each of its outputs counts the rows of x.
-_KINDS: dict[str, tuple[Callable[..., Any], tuple[int, ...]]] = {
-    "values": (_values, (0,)),
-    "slopes": (_slopes, (0, 1)),
-    "curvatures": (_curvatures, (0, 1, 2)),
-}
+class Kind(NamedTuple):
+    """A function that is compiled, and the axis of each output that counts the rows of x."""
+
+    function: Function
+    axes: tuple[int, ...]
+
+
+VALUES, GRADIENT, HESSIAN = Kind(_values, (0,)), Kind(_gradient, (0, 1)), Kind(_hessian, (0, 1, 2))

@@ -1,4 +1,4 @@
-"""The library, set up for this plugin: double precision, one thread, and a device of the user's choice.
+"""JAX as this plugin uses it: double precision, one thread, and a device of the user's choice.
 
 Importing this module switches JAX to 64 bits, for the whole process; nothing else in porocore does.
 """
@@ -9,30 +9,32 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from typing import Any
+from typing import TypeVar
 
 import jax
 
 from porocore.errors import ConfigurationError
 
-jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call]
+
+R = TypeVar("R")
 
 #: A sum whose order depends on the number of threads would not repeat to the last bit.
 ONE_THREAD = {"xla_cpu_multi_thread_eigen": False}
-#: Where JAX reports on its search for accelerators.
+#: Logger of JAX's search for accelerators.
 _PROBING = ("jax._src.xla_bridge",)
 
 
-def compiled(function: Callable[..., Any], device: jax.Device) -> Callable[..., Any]:
-    """``function`` compiled for ``device``, to which its arguments must belong."""
+def compiled(function: Callable[..., R], device: jax.Device) -> Callable[..., R]:
+    """Return ``function`` compiled for ``device``, to which its arguments must belong."""
     options = ONE_THREAD if device.platform == "cpu" else None
-    result: Callable[..., Any] = jax.jit(function, compiler_options=options)
+    result: Callable[..., R] = jax.jit(function, compiler_options=options)
     return result
 
 
 @cache
 def choose_device(device: str) -> jax.Device:
-    """``auto`` is a GPU where there is one.
+    """Return the device of that name; ``auto`` is a GPU where there is one.
 
     Raises
     ------
@@ -57,7 +59,7 @@ def choose_device(device: str) -> jax.Device:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without the messages about accelerators that are not there."""
+    """Suppress JAX's messages about missing accelerators."""
     loggers = [logging.getLogger(name) for name in _PROBING]
     levels = [logger.level for logger in loggers]
     for logger in loggers:

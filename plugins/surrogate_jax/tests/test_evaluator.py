@@ -41,9 +41,9 @@ def points(n, d=3):
 def test_jit_against_eager(activation):
     """In jax 0.7.1 an index by a constant array within vmap within jit gave wrong values without a word."""
     compiled, x = JaxNetwork(network(7, (40, 40, 40), activation=activation)), points(64, 7)
-    jitted = compiled.curvatures(x), compiled.slopes(x), (compiled.evaluate(x),)
+    jitted = compiled.value_gradient_hessian(x), compiled.value_and_gradient(x), (compiled.evaluate(x),)
     with jax.disable_jit():
-        eager = compiled.curvatures(x), compiled.slopes(x), (compiled.evaluate(x),)
+        eager = compiled.value_gradient_hessian(x), compiled.value_and_gradient(x), (compiled.evaluate(x),)
     for one, other in zip(jitted, eager, strict=True):
         for a, b in zip(one, other, strict=True):
             np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * np.abs(b).max())
@@ -74,27 +74,29 @@ def test_the_loss_compiled_and_not():
 
 def test_derivatives_against_differences():
     compiled, x, h = JaxNetwork(network()), points(5), 1e-4
-    value, gradient, hessian = compiled.curvatures(x)
+    value, gradient, hessian = compiled.value_gradient_hessian(x)
     np.testing.assert_allclose(compiled.evaluate(x)[:, 0], value, rtol=0, atol=1e-13)
     for k in range(3):
         step = h * np.eye(3)[k]
-        up, down = compiled.curvatures(x + step), compiled.curvatures(x - step)
+        up, down = compiled.value_gradient_hessian(x + step), compiled.value_gradient_hessian(x - step)
         np.testing.assert_allclose(gradient[k], (up[0] - down[0]) / (2 * h), rtol=1e-5, atol=1e-6)
         np.testing.assert_allclose(hessian[k], (up[1] - down[1]) / (2 * h), rtol=1e-5, atol=1e-5)
 
 
 def test_several_outputs():
     plain, x = network(2, (6,), outputs=4, activation="sigmoid"), points(11, 2)
-    values, slopes = JaxNetwork(plain).slopes(x)
+    values, slopes = JaxNetwork(plain).value_and_gradient(x)
     assert slopes.shape == (2, 11, 4)
-    for a, b in zip((values, slopes), plain.slopes(x), strict=True):
+    for a, b in zip((values, slopes), plain.value_and_gradient(x), strict=True):
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("n", [0, 1, 8, 9, LARGEST, LARGEST + 1, 2 * LARGEST + 3])
 def test_any_number_of_rows(n):
     plain, x = network(), points(n)
-    for a, b in zip(JaxNetwork(plain).curvatures(x), plain.curvatures(x), strict=True):
+    for a, b in zip(
+        JaxNetwork(plain).value_gradient_hessian(x), plain.value_gradient_hessian(x), strict=True
+    ):
         assert a.shape == b.shape
         assert a.dtype == np.float64
         assert a.flags.writeable

@@ -25,6 +25,7 @@ from porocore.testing.surrogate_laws.base import synthetic_training_set
 from porocore_surrogate_jax import hooks
 from porocore_surrogate_jax.autodiff import JaxAutodiff
 from porocore_surrogate_jax.evaluator import JaxNetwork
+from porocore_surrogate_jax.library import choose_device
 from porocore_surrogate_jax.surrogate import JaxSurrogate
 
 
@@ -79,14 +80,14 @@ def test_adam_and_its_schedule(data):
     assert adam.learning_rate(options, 0) == pytest.approx(0.02)
     assert adam.learning_rate(options, 500) == pytest.approx(0.0101)
     assert adam.learning_rate(options, 1000) == pytest.approx(2e-4)
-    state = adam.TrainingState.first(np.zeros(3))
+    state = adam.TrainingState.initial(np.zeros(3))
     state.step(np.array([3.0, -1e-3, 0.0]), 0.02)
     np.testing.assert_allclose(state.theta, [-0.02, 0.02, 0.0], rtol=1e-4)
 
 
 def test_the_validation_part_is_the_asked_share(data):
     scaled = ScaledData.from_training_set(data)
-    training, validation = adam.split(scaled, 0.15, np.random.default_rng(0))
+    training, validation = adam.split(scaled, 0.15, np.random.default_rng(0).permutation(100))
     assert (len(training["target"]), len(validation["target"])) == (85, 15)
     rows = np.concatenate([training["x"][:-1], validation["x"][:-1]])
     np.testing.assert_array_equal(np.sort(rows, axis=0), np.sort(scaled.x, axis=0))
@@ -129,7 +130,7 @@ def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     code = f"""
         from pathlib import Path
         from porocore.testing.surrogate_laws.base import synthetic_training_set
-        from porocore.surrogates import adam
+        from porocore.surrogates.network import adam
         from porocore_surrogate_jax.surrogate import JaxSurrogate
         adam.CHECKPOINT_INTERVAL = 0.0
         data = synthetic_training_set(100, seed=1)
@@ -185,7 +186,7 @@ def test_a_file_trained_for_a_gpu_is_used_without_one(data, tmp_path):
     fitted.save(tmp_path / "surrogate.h5")
     loaded = JaxSurrogate.load(tmp_path / "surrogate.h5")
     assert isinstance(loaded._fitted().network, JaxNetwork)
-    assert loaded.device == "auto"
+    assert loaded._fitted().network.device == choose_device("auto")
     plain = NumpySurrogate.load(tmp_path / "surrogate.h5")
     np.testing.assert_allclose(
         loaded.predict(data.states).mean_grad, plain.predict(data.states).mean_grad, rtol=0, atol=1e-12

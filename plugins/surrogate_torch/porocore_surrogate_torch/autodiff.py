@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import torch
@@ -17,10 +17,13 @@ from porocore_surrogate_torch.evaluator import available_device, one_thread
 class TorchAutodiff:
     """Reverse mode in double precision, on one thread or a GPU; see :mod:`porocore.surrogates.network.sobolev`."""
 
-    xp: Any = torch
-
     def __init__(self, device: str) -> None:
         self.device = choose_device(device)
+
+    @property
+    def xp(self) -> ModuleType:
+        """The namespace of torch."""
+        return torch
 
     def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
         """See :class:`porocore.surrogates.network.sobolev.Autodiff`."""
@@ -41,7 +44,7 @@ class TorchAutodiff:
 
 
 def choose_device(device: str) -> torch.device:
-    """``auto`` is a GPU where there is one.
+    """Return the device of that name; ``auto`` is a GPU where there is one.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Evaluating a network with its first and second derivatives in torch, layer by layer."""
+"""A network with its first and second derivatives in torch, layer by layer."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 import torch
 
 from porocore.states import Array
-from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.network import Derivatives, Evaluator, Network
 
 
-class TorchNetwork:
-    """An :class:`~porocore.surrogates.network.network.Evaluator` on a processor or a GPU, in double precision.
+class TorchNetwork(Evaluator):
+    """A network evaluated on a processor or a GPU, in double precision.
 
     No graph is recorded. With J_l = ∂z_l/∂x and δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″(z_l)) J_l.
 
     Parameters
     ----------
     network
-        The numbers; kept as the attribute of this name.
+        Weights and biases.
     device
-        Where they are put.
+        Device of the evaluation.
     """
 
     def __init__(self, network: Network, device: torch.device) -> None:
@@ -30,8 +30,13 @@ class TorchNetwork:
         self._weights = [self._tensor(W) for W in network.weights]
         self._biases = [self._tensor(b) for b in network.biases]
 
+    @property
+    def as_numpy(self) -> Network:
+        """The same network in numpy."""
+        return self.network
+
     def evaluate(self, x: Array) -> Array:
-        """Values (n, o) at x (n, d)."""
+        """Return the values (n, o) at x (n, d)."""
         with one_thread(), torch.no_grad():
             a = self._tensor(x)
             for layer, (W, b) in enumerate(zip(self._weights, self._biases, strict=True)):
@@ -40,8 +45,8 @@ class TorchNetwork:
                 a = torch.addmm(b, a, W.T)
             return _numpy(a)
 
-    def slopes(self, x: Array) -> tuple[Array, Array]:
-        """Values (n, o) and ∂N_o/∂x_k (d, n, o), the input first."""
+    def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
+        """Return the values (n, o) and ∂N_o/∂x_k (d, n, o)."""
         with one_thread(), torch.no_grad():
             n, d = x.shape
             z, layers = self._hidden(self._tensor(x), 1)
@@ -52,8 +57,8 @@ class TorchNetwork:
             J = ((J * slope[:, None, :]).reshape(n * d, W.shape[1]) @ W.T).reshape(n, d, len(W))
             return _numpy(z), _numpy(J.permute(1, 0, 2))
 
-    def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
-        """Of a network with one output: value (n,), gradient (d, n) and Hessian (d, d, n)."""
+    def value_gradient_hessian(self, x: Array) -> Derivatives:
+        """Return value (n,), gradient (d, n) and Hessian (d, d, n) of a network with one output."""
         with one_thread(), torch.no_grad():
             z, layers = self._hidden(self._tensor(x), 2)
             n, d = x.shape
@@ -61,20 +66,20 @@ class TorchNetwork:
             delta = self._weights[-1].expand(n, -1)  # ∂N/∂a of the last hidden layer
             for layer in range(len(layers) - 1, -1, -1):
                 J, slope, curvature = layers[layer]
-                bend = delta * curvature
+                weight = delta * curvature
                 if layer:
-                    hessian = torch.baddbmm(hessian, J * bend[:, None, :], J.transpose(1, 2))
+                    hessian = torch.baddbmm(hessian, J * weight[:, None, :], J.transpose(1, 2))
                 else:  # J is the same everywhere
                     W = self._weights[0]
                     squares = (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)
-                    hessian += (bend @ squares).reshape(n, d, d)
+                    hessian += (weight @ squares).reshape(n, d, d)
                 delta = (delta * slope) @ self._weights[layer]
             return _numpy(z[:, 0]), _numpy(delta.T), _numpy(hessian.permute(1, 2, 0))
 
     def _hidden(
         self, x: torch.Tensor, order: int
     ) -> tuple[torch.Tensor, list[tuple[torch.Tensor, torch.Tensor, torch.Tensor]]]:
-        """Values (n, o), and ∂z/∂x (n, d, width), σ′ and σ″ of each hidden layer."""
+        """Return values (n, o), and ∂z/∂x (n, d, width), σ′ and σ″ of each hidden layer."""
         n, d = x.shape
         layers: list[tuple[torch.Tensor, torch.Tensor, torch.Tensor]] = []
         z = torch.addmm(self._biases[0], x, self._weights[0].T)
@@ -95,7 +100,7 @@ class TorchNetwork:
 
 
 def available_device(name: str) -> torch.device:
-    """``cuda`` and ``auto`` are a GPU where torch sees one, and the processor elsewhere."""
+    """Return the GPU for ``cuda`` and ``auto`` where torch sees one, else the processor."""
     return torch.device("cuda" if name != "cpu" and torch.cuda.is_available() else "cpu")
 
 
@@ -105,7 +110,7 @@ def _numpy(tensor: torch.Tensor) -> Array:
 
 
 def _activate(name: str, z: torch.Tensor, order: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """σ(z) and, up to ``order``, σ′ and σ″."""
+    """Return σ(z) and, up to ``order``, σ′ and σ″."""
     none = z
     if name == "tanh":
         a = torch.tanh(z)
@@ -121,7 +126,7 @@ def _activate(name: str, z: torch.Tensor, order: int) -> tuple[torch.Tensor, tor
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """The order of a sum depends on the number of threads, and such small matrices gain nothing from more."""
+    """Use one thread: the order of a sum depends on their number, and such small matrices need no more."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-
-from porocore import TrainingProgress
 from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.surrogates.network.adam import MlpTraining
 from porocore.surrogates.network.network import Evaluator, Network
 from porocore.surrogates.network.sobolev import Autodiff
 from porocore.surrogates.network.surrogate import NetworkSurrogate
@@ -37,19 +34,13 @@ class TorchSurrogate(NetworkSurrogate):
         import torch  # noqa: F401
 
     def autodiff(self) -> Autodiff:
-        """See :class:`~porocore.surrogates.network.surrogate.NetworkSurrogate`; on one thread."""
+        """Return torch's automatic differentiation, on one thread."""
         from porocore_surrogate_torch.autodiff import TorchAutodiff
 
         return TorchAutodiff(self.options.device)
 
-    def train_mlp(
-        self,
-        data: ScaledData,
-        seed: int,
-        checkpoint: Path | None,
-        on_progress: Callable[[TrainingProgress], None] | None,
-    ) -> Network:
-        """By torch's Adam; torch's number of threads is put back."""
-        from porocore_surrogate_torch.training import train
+    def mlp_training(self, data: ScaledData, seed: int) -> MlpTraining:
+        """Return the training by torch's Adam."""
+        from porocore_surrogate_torch.training import TorchTraining
 
-        return train(data, self.options, seed, checkpoint, on_progress)
+        return TorchTraining(data, self.options, seed)

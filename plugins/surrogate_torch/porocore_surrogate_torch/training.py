@@ -1,113 +1,109 @@
-"""Training: full-batch Adam on the mean squared error, deterministic to the last bit, and resumable.
-
-All weights and biases are one vector θ, so that the state of Adam is two more vectors. Adam as in Kingma & Ba
-(2015); the learning rate falls along half a cosine to a hundredth of its first value.
-"""
+"""Training of the network of ``mlp`` by torch's Adam (Kingma & Ba 2015), deterministic to the last bit."""
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
-from typing import TypeAlias
 
 import torch
 
 from porocore import TrainingProgress
+from porocore.states import Array, IntArray
 from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.surrogates.network.adam import GAIN, MlpTraining, Part
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions
+from porocore.surrogates.network.sobolev import unpack_layers
+from porocore.surrogates.network.training_state import TrainingState
 from porocore_surrogate_torch.autodiff import choose_device
-from porocore_surrogate_torch.checkpoint import TrainingState
 from porocore_surrogate_torch.evaluator import one_thread
 
-Shapes: TypeAlias = list[tuple[int, ...]]
-
-#: Seconds of wall time between two checkpoints.
-CHECKPOINT_INTERVAL = 2.0
-#: Epochs between two looks at the validation loss, and between two reports of progress.
-VALIDATION_INTERVAL = 10
-REPORT_INTERVAL = 100
-#: Last learning rate over the first.
-DECAY = 1e-2
-#: Standard deviation of the first weights times √(inputs of the layer); σ' of a sigmoid is at most 1/4.
-GAIN = {"sigmoid": 2.0, "tanh": 1.0}
+Tensors = dict[str, torch.Tensor]
 
 
-def train(
-    data: ScaledData,
-    options: MlpOptions,
-    seed: int,
-    checkpoint: Path | None = None,
-    on_progress: Callable[[TrainingProgress], None] | None = None,
-) -> Network:
-    """The network with the smallest validation loss on the way.
+class TorchTraining(MlpTraining):
+    """Training by torch on one thread or a GPU; torch's number of threads is put back."""
 
-    Raises
-    ------
-    DataError
-        ``checkpoint`` exists and is damaged, or belongs to other data, options or another seed.
-    """
-    with one_thread(), torch.enable_grad():
-        return _train(data, options, seed, checkpoint, on_progress)
+    def __init__(self, data: ScaledData, options: MlpOptions, seed: int) -> None:
+        super().__init__(data, options, seed, "torch")
+        self._generator = torch.Generator().manual_seed(seed)
+        self._device = choose_device(options.device)
 
+    def run(
+        self,
+        checkpoint: Path | None = None,
+        on_progress: Callable[[TrainingProgress], None] | None = None,
+    ) -> Network:
+        """See :class:`~porocore.surrogates.network.adam.MlpTraining`."""
+        with one_thread(), torch.enable_grad():
+            return super().run(checkpoint, on_progress)
 
-def _train(
-    data: ScaledData,
-    options: MlpOptions,
-    seed: int,
-    checkpoint: Path | None,
-    on_progress: Callable[[TrainingProgress], None] | None,
-) -> Network:
-    generator = torch.Generator().manual_seed(seed)
-    shapes = _shapes(data.x.shape[1], options.hidden, len(data.components))
-    x_train, y_train, x_valid, y_valid = _split(data, options.validation_fraction, generator)
-    belongs_to = data.fingerprint(options.model_dump_json(), str(seed))
-    state = TrainingState.read(checkpoint, belongs_to) if checkpoint and checkpoint.exists() else None
-    state = state or TrainingState.first(_first_weights(shapes, options.activation, generator))
-    state.move(choose_device(options.device))
-    x_train, y_train, x_valid, y_valid = (
-        tensor.to(state.theta.device) for tensor in (x_train, y_train, x_valid, y_valid)
-    )
+    def permutation(self, count: int) -> IntArray:
+        """Return a random order by torch."""
+        order: IntArray = torch.randperm(count, generator=self._generator).numpy()
+        return order
 
-    theta = state.theta.requires_grad_()
-    adam = torch.optim.Adam([theta], lr=options.learning_rate, foreach=False)
-    state.restore(adam)
-    saved = time.monotonic()
-    last = _is_over(state, options)
-    while not last:
-        for group in adam.param_groups:
-            group["lr"] = _learning_rate(options, state.epoch)
-        adam.zero_grad()
-        loss = _loss(theta, shapes, options.activation, x_train, y_train)
-        loss.backward()  # type: ignore[no-untyped-call]
-        adam.step()
-        state.epoch += 1
-        if state.epoch % VALIDATION_INTERVAL and state.epoch < options.epochs:
-            continue
+    def first_weights(self) -> Array:
+        """Return normal weights scaled by the width before and normal biases."""
+        parts = []
+        for rows, columns in self.shapes:
+            parts.append(GAIN[self.options.activation] / math.sqrt(columns) * self._normal(rows * columns))
+            parts.append(self._normal(rows))
+        theta: Array = torch.cat(parts).numpy()
+        return theta
+
+    def start(self, state: TrainingState, training: Part, validation: Part) -> None:
+        """Put the data and the state on the device."""
+        self._state = state
+        self._training, self._validation = (
+            {name: self._tensor(array) for name, array in part.items()} for part in (training, validation)
+        )
+        self._theta = self._tensor(state.theta).requires_grad_()
+        self._adam = torch.optim.Adam([self._theta], lr=self.options.learning_rate, foreach=False)
+        if state.epoch:
+            moments = {
+                "step": torch.tensor(float(state.epoch), dtype=torch.float32),
+                "exp_avg": self._tensor(state.moment),
+                "exp_avg_sq": self._tensor(state.square),
+            }
+            groups = self._adam.state_dict()["param_groups"]
+            self._adam.load_state_dict({"state": {0: moments}, "param_groups": groups})
+
+    def step(self, rate: float) -> None:
+        """Take one step of torch's Adam."""
+        for group in self._adam.param_groups:
+            group["lr"] = rate
+        self._adam.zero_grad()
+        self._loss = mean_square(self._theta, self.shapes, self.options.activation, self._training)
+        self._loss.backward()  # type: ignore[no-untyped-call]
+        self._adam.step()
+        self._state.epoch += 1
+
+    def losses(self) -> tuple[float, float]:
+        """Copy the parameters and their moments into the state and return both losses."""
+        moments, state = self._adam.state[self._theta], self._state
+        state.theta, state.moment, state.square = (
+            tensor.detach().cpu().numpy().copy()
+            for tensor in (self._theta, moments["exp_avg"], moments["exp_avg_sq"])
+        )
         with torch.no_grad():
-            state.look(_loss(theta, shapes, options.activation, x_valid, y_valid).item())
-        last = _is_over(state, options)
-        if checkpoint and (last or time.monotonic() - saved >= CHECKPOINT_INTERVAL):
-            state.write(checkpoint, belongs_to, adam)
-            saved = time.monotonic()
-        if on_progress and (last or state.epoch % REPORT_INTERVAL == 0):
-            on_progress(TrainingProgress(state.epoch, options.epochs, loss.item(), state.validation_loss))
-    return _as_network(state.best_theta, shapes, options.activation)
+            validation = mean_square(self._theta, self.shapes, self.options.activation, self._validation)
+        return self._loss.item(), validation.item()
+
+    def _normal(self, count: int) -> torch.Tensor:
+        return torch.randn(count, generator=self._generator, dtype=torch.float64)
+
+    def _tensor(self, array: Array) -> torch.Tensor:
+        return torch.tensor(array, dtype=torch.float64, device=self._device)
 
 
-def _is_over(state: TrainingState, options: MlpOptions) -> bool:
-    """Whether the last epoch is done or the patience at an end; asked where the validation loss is known."""
-    return state.epoch >= options.epochs or state.epoch - state.best_epoch >= options.patience
-
-
-def _loss(
-    theta: torch.Tensor, shapes: Shapes, activation: str, x: torch.Tensor, target: torch.Tensor
+def mean_square(
+    theta: torch.Tensor, shapes: list[tuple[int, int]], activation: str, part: Tensors
 ) -> torch.Tensor:
-    """Mean of (N(x) − N(x₀) − N'(x₀)(x − x₀) − target)²; the last row of ``x`` is x₀."""
-    layers = _layers(theta, shapes)
+    """Return the mean of (N(x) − N(x₀) − N'(x₀)(x − x₀) − target)²; the last row of ``x`` is x₀."""
+    x = part["x"]
+    layers = unpack_layers(theta, shapes)
     a, slope, z = x, torch.empty(0), x
     for i, (W, b) in enumerate(layers):
         z = torch.addmm(b, a, W.T)
@@ -117,45 +113,4 @@ def _loss(
             rest = a[-1]
             slope = (rest * (1 - rest) if activation == "sigmoid" else 1 - rest * rest)[:, None] * slope
     remainder = z[:-1] - z[-1] - (x[:-1] - x[-1]) @ slope.T
-    return ((remainder - target) ** 2).mean()
-
-
-def _learning_rate(options: MlpOptions, epoch: int) -> float:
-    share = 0.5 * (1 + math.cos(math.pi * epoch / options.epochs))
-    return options.learning_rate * (DECAY + (1 - DECAY) * share)
-
-
-def _shapes(inputs: int, hidden: tuple[int, ...], outputs: int) -> Shapes:
-    """Of W and b, layer by layer."""
-    widths = [inputs, *hidden, outputs]
-    return [shape for before, width in pairwise(widths) for shape in ((width, before), (width,))]
-
-
-def _layers(theta: torch.Tensor, shapes: Shapes) -> list[tuple[torch.Tensor, torch.Tensor]]:
-    parts = torch.split(theta, [math.prod(shape) for shape in shapes])
-    views = [part.view(shape) for part, shape in zip(parts, shapes, strict=True)]
-    return list(zip(views[::2], views[1::2], strict=True))
-
-
-def _first_weights(shapes: Shapes, activation: str, generator: torch.Generator) -> torch.Tensor:
-    """Normal weights scaled by the width before, normal biases; the anchor makes the last bias irrelevant."""
-    parts = []
-    for shape in shapes:
-        gain = 1.0 if len(shape) == 1 else GAIN[activation] / math.sqrt(shape[1])
-        parts.append(gain * torch.randn(math.prod(shape), generator=generator, dtype=torch.float64))
-    return torch.cat(parts)
-
-
-def _split(data: ScaledData, fraction: float, generator: torch.Generator) -> tuple[torch.Tensor, ...]:
-    """Inputs, followed by the reference state, and targets: of the training part, then of the validation part."""
-    order = torch.randperm(len(data.x), generator=generator)
-    valid = min(max(1, round(fraction * len(order))), len(order) - 1)
-    x, rest, y = (torch.tensor(array, dtype=torch.float64) for array in (data.x, data.rest, data.target))
-    parts = (order[valid:], order[:valid])
-    return tuple(tensor for rows in parts for tensor in (torch.cat([x[rows], rest]), y[rows]))
-
-
-def _as_network(theta: torch.Tensor, shapes: Shapes, activation: str) -> Network:
-    layers = [(W.numpy().copy(), b.numpy().copy()) for W, b in _layers(theta.detach().cpu(), shapes)]
-    weights, biases = zip(*layers, strict=True)
-    return Network(activation, weights, biases)
+    return ((remainder - part["target"]) ** 2).mean()

@@ -35,7 +35,7 @@ def network(activation, widths):
 def test_the_same_as_numpy(activation, widths, n):
     net, x = network(activation, widths), np.random.default_rng(1).uniform(-2, 2, (n, widths[0]))
     found = TorchNetwork(net, torch.device("cpu"))
-    for name in ("curvatures", "slopes"):
+    for name in ("value_gradient_hessian", "value_and_gradient"):
         for one, other in zip(getattr(found, name)(x), getattr(net, name)(x), strict=True):
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.evaluate(x), net.evaluate(x), rtol=0, atol=1e-13)
@@ -43,7 +43,9 @@ def test_the_same_as_numpy(activation, widths, n):
 
 def test_several_outputs():
     net, x = network("tanh", (3, 8, 4)), np.random.default_rng(1).uniform(-2, 2, (50, 3))
-    for one, other in zip(TorchNetwork(net, torch.device("cpu")).slopes(x), net.slopes(x), strict=True):
+    for one, other in zip(
+        TorchNetwork(net, torch.device("cpu")).value_and_gradient(x), net.value_and_gradient(x), strict=True
+    ):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-13)
 
 
@@ -52,7 +54,9 @@ def test_far_away_nothing_overflows(activation):
     net = Network(activation, (np.eye(1), np.eye(1)), (np.zeros(1), np.zeros(1)))
     x = np.array([[-1000.0], [1000.0]])
     for one, other in zip(
-        TorchNetwork(net, torch.device("cpu")).curvatures(x), net.curvatures(x), strict=True
+        TorchNetwork(net, torch.device("cpu")).value_gradient_hessian(x),
+        net.value_gradient_hessian(x),
+        strict=True,
     ):
         np.testing.assert_allclose(one, other, atol=1e-14)
 
@@ -68,7 +72,7 @@ def test_torchs_own_differentiation_agrees():
             a = torch.tensor(W) @ (torch.nn.functional.softplus(a) if i else a) + torch.tensor(b)
         return a[0]
 
-    _, gradient, hessian = TorchNetwork(net, torch.device("cpu")).curvatures(x)
+    _, gradient, hessian = TorchNetwork(net, torch.device("cpu")).value_gradient_hessian(x)
     for row, point in enumerate(torch.tensor(x)):
         expected = torch.autograd.functional.jacobian(value, point)
         np.testing.assert_allclose(gradient[:, row], expected, rtol=0, atol=1e-12)

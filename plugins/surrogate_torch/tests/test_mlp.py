@@ -17,10 +17,11 @@ from porocore.surrogates.file.archive import read_archive
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.options import MlpOptions
+from porocore.surrogates.network.sobolev import layered_network
+from porocore.surrogates.network.training_state import FORMAT as TRAINING_FORMAT
 from porocore.testing.surrogate_laws.base import synthetic_training_set
 from porocore.testing.synthetic.cell import INPUTS
 from porocore_surrogate_torch import hooks, training
-from porocore_surrogate_torch.checkpoint import FORMAT as TRAINING_FORMAT
 from porocore_surrogate_torch.surrogate import TorchSurrogate
 
 
@@ -90,19 +91,24 @@ def test_a_linear_cell_needs_no_network(data, tmp_path):
 def test_what_is_trained_is_what_is_evaluated(data, fitted, activation):
     """The loss in torch against the model in numpy, and its gradient against differences."""
     scaled = ScaledData.from_training_set(data)
-    shapes = training._shapes(2, (7, 5), 3)
-    theta = training._first_weights(shapes, activation, torch.Generator().manual_seed(4))
-    network = training._as_network(theta, shapes, activation)
+    options = MlpOptions(hidden=(7, 5), activation=activation)
+    library = training.TorchTraining(scaled, options, seed=4)
+    theta = library.first_weights()
+    network = layered_network(theta, library.shapes, activation)
     model = AnchoredModel(
         scaled.linear, scaled.components, scaled.output_scale, network, fitted._fitted().sampled
     )
     error = (model.predict(data.states, tangent=False).mean_grad - data.responses.mean_grad).reshape(-1, 9)
     expected = ((error[:, scaled.components] / scaled.output_scale) ** 2).mean()
-    x, y = torch.tensor(np.concatenate([scaled.x, scaled.rest])), torch.tensor(scaled.target)
+    part = {
+        "x": torch.tensor(np.concatenate([scaled.x, scaled.rest])),
+        "target": torch.tensor(scaled.target),
+    }
 
     def loss(weights):
-        return training._loss(weights, shapes, activation, x, y)
+        return training.mean_square(weights, library.shapes, activation, part)
 
+    theta = torch.tensor(theta)
     assert loss(theta).item() == pytest.approx(expected, rel=1e-12)
     theta.requires_grad_()
     (gradient,) = torch.autograd.grad(loss(theta), theta)
@@ -163,9 +169,9 @@ def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     code = f"""
         from pathlib import Path
         from porocore.testing.surrogate_laws.base import synthetic_training_set
-        from porocore_surrogate_torch import training
+        from porocore.surrogates.network import adam
         from porocore_surrogate_torch.surrogate import TorchSurrogate
-        training.CHECKPOINT_INTERVAL = 0.0
+        adam.CHECKPOINT_INTERVAL = 0.0
         data = synthetic_training_set(100, seed=1)
         TorchSurrogate(epochs=700).fit(data, seed=2, checkpoint=Path({str(checkpoint)!r}))
     """

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -153,17 +153,14 @@ def _unpack_metadata(
 def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:
     """The model of a file with a network that evaluates as the caller likes."""
     if isinstance(model, AnchoredModel):
-        return replace(model, network=make_evaluator(cast(Network, model.network)))
+        return replace(model, network=make_evaluator(model.network.as_numpy))
     if model.network is None:
         return model
     part = model.network
-    return replace(model, network=replace(part, network=make_evaluator(cast(Network, part.network))))
+    return replace(model, network=replace(part, network=make_evaluator(part.network.as_numpy)))
 
 
-def _pack_network(network: Any, header: dict[str, Any], arrays: dict[str, Array]) -> None:
-    network = getattr(
-        network, "network", network
-    )  # an evaluator of a backend keeps the numbers it was made of
+def _pack_network(network: Network, header: dict[str, Any], arrays: dict[str, Array]) -> None:
     header["activation"], header["layers"] = network.activation, len(network.weights)
     for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
         arrays |= {f"network/{i}/weights": W, f"network/{i}/biases": b}
@@ -190,7 +187,7 @@ def _pack_anchored(model: AnchoredModel, header: dict[str, Any], arrays: dict[st
         "reference/Q": model.linear[:, 9].reshape(3, 3),
         "network/output_scale": model.output_scale,
     }
-    _pack_network(model.network, header, arrays)
+    _pack_network(model.network.as_numpy, header, arrays)
 
 
 def _unpack_anchored(
@@ -290,7 +287,7 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
         part = model.network
         header["network_terms"] = part.terms.name
         _pack_terms(part.terms, "network/terms", arrays)
-        _pack_network(part.network, header, arrays)
+        _pack_network(part.network.as_numpy, header, arrays)
 
 
 def _unpack_potential(

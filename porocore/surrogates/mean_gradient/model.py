@@ -83,7 +83,7 @@ class AnchoredModel:
     @cached_property
     def anchor(self) -> tuple[Array, Array]:
         """N(x₀) (outputs,) and N'(x₀) (d, outputs)."""
-        value, slopes = self.network.slopes(self.scaling.rest)
+        value, slopes = self.network.value_and_gradient(self.scaling.rest)
         return value[0], slopes[:, 0]
 
     def predict(self, states: MacroState, *, tangent: bool) -> CellResponse:
@@ -99,7 +99,7 @@ class AnchoredModel:
             x = self.scaling.scale(flat[:, columns])
             value, slope = self.anchor
             if tangent:
-                N, J = self.network.slopes(x)
+                N, J = self.network.value_and_gradient(x)
                 J = (J - slope[:, None]) * (self.output_scale / self.scaling.half[:, None])[:, None]
                 for k, column in enumerate(columns):
                     into = by_p if column == 9 else by_H[:, :, column]

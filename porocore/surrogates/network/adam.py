@@ -1,14 +1,15 @@
-"""Training the network of ``mlp``: full-batch Adam on the mean squared error, resumable to the last bit.
+"""Training of the network of ``mlp``: full-batch Adam on the mean squared error, resumable to the last bit.
 
-The loss is written once, in operations that torch and jax.numpy share, and differentiated by a library; Adam itself
-is a few lines of numpy on one vector of all parameters. The learning rate falls along half a cosine to a hundredth
-of its first value, and the weights with the smallest validation loss on the way are kept.
+All weights and biases are one vector θ. The learning rate falls along half a cosine to a hundredth of its first value,
+and the weights with the smallest validation loss are kept. A library brings its own Adam, or only differentiates the
+loss, which is written in operations that torch and jax.numpy share.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -17,16 +18,16 @@ from typing import Any
 import numpy as np
 
 from porocore.interfaces.surrogate import TrainingProgress
-from porocore.states import Array
+from porocore.states import Array, IntArray
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions
-from porocore.surrogates.network.sobolev import Autodiff, Loss, activate, unpack_layers
+from porocore.surrogates.network.sobolev import Autodiff, Loss, activate, layered_network, unpack_layers
 from porocore.surrogates.network.training_state import TrainingState
 
 #: Seconds of wall time between two checkpoints.
 CHECKPOINT_INTERVAL = 2.0
-#: Epochs between two looks at the validation loss, and between two reports of progress.
+#: Epochs between two validation losses, and between two reports of progress.
 VALIDATION_INTERVAL = 10
 REPORT_INTERVAL = 100
 #: Last learning rate over the first.
@@ -35,60 +36,124 @@ DECAY = 1e-2
 GAIN = {"sigmoid": 2.0, "tanh": 1.0}
 
 
-def train_mlp(
-    data: ScaledData,
-    options: MlpOptions,
-    seed: int,
-    autodiff: Autodiff,
-    backend: str,
-    checkpoint: Path | None = None,
-    on_progress: Callable[[TrainingProgress], None] | None = None,
-) -> Network:
-    """The network with the smallest validation loss on the way.
+#: One part of the data: scaled inputs ``x``, followed by those at rest, and ``target``.
+Part = dict[str, Array]
 
-    Raises
-    ------
-    DataError
-        ``checkpoint`` exists and is damaged, or belongs to another backend, other data, options or another seed.
-    RunFolderError
-        ``checkpoint`` cannot be written.
+
+class MlpTraining(ABC):
+    """Training of one network: the loop is here; a library draws random numbers, evaluates the loss and steps.
+
+    Attributes
+    ----------
+    data, options
+        Training data and settings.
+    shapes
+        (width, width before) of each layer.
     """
-    random = np.random.default_rng(seed)
-    widths = [data.x.shape[1], *options.hidden, len(data.components)]
-    shapes = [(width, before) for before, width in pairwise(widths)]
-    training, validation = split(data, options.validation_fraction, random)
-    belongs_to = data.fingerprint(backend, options.model_dump_json(), str(seed))
-    if checkpoint is not None and checkpoint.exists():
-        state = TrainingState.read(checkpoint, belongs_to)
-    else:
-        state = TrainingState.first(first_weights(shapes, options.activation, random))
-    loss = mean_square(autodiff.xp, shapes, options.activation)
-    train_loss, valid_loss = (autodiff.compile(loss, constants) for constants in (training, validation))
 
-    saved, last = time.monotonic(), _is_over(state, options)
-    while not last:
-        value, gradient = train_loss(state.theta)
-        state.step(gradient, learning_rate(options, state.epoch))
-        if state.epoch % VALIDATION_INTERVAL and state.epoch < options.epochs:
-            continue
-        state.look(valid_loss(state.theta)[0])
-        last = _is_over(state, options)
-        if checkpoint is not None and (last or time.monotonic() - saved >= CHECKPOINT_INTERVAL):
-            state.write(checkpoint, belongs_to)
-            saved = time.monotonic()
-        if on_progress is not None and (last or state.epoch % REPORT_INTERVAL == 0):
-            on_progress(TrainingProgress(state.epoch, options.epochs, value, state.validation_loss))
-    layers = unpack_layers(state.best_theta, shapes)
-    return Network(options.activation, tuple(W.copy() for W, _ in layers), tuple(b.copy() for _, b in layers))
+    def __init__(self, data: ScaledData, options: MlpOptions, seed: int, backend: str) -> None:
+        self.data, self.options = data, options
+        widths = [data.x.shape[1], *options.hidden, len(data.components)]
+        self.shapes = [(width, before) for before, width in pairwise(widths)]
+        self._owner = data.fingerprint(backend, options.model_dump_json(), str(seed))
+
+    @abstractmethod
+    def permutation(self, count: int) -> IntArray:
+        """Return a random order of the training states; drawn before the first weights."""
+
+    @abstractmethod
+    def first_weights(self) -> Array:
+        """Return random weights and biases of all layers."""
+
+    @abstractmethod
+    def start(self, state: TrainingState, training: Part, validation: Part) -> None:
+        """Continue from a state."""
+
+    @abstractmethod
+    def step(self, rate: float) -> None:
+        """Take one step of Adam and count the epoch."""
+
+    @abstractmethod
+    def losses(self) -> tuple[float, float]:
+        """Bring the state up to date; return the training loss before the last step and the validation loss."""
+
+    def run(
+        self,
+        checkpoint: Path | None = None,
+        on_progress: Callable[[TrainingProgress], None] | None = None,
+    ) -> Network:
+        """Return the network with the smallest validation loss.
+
+        Raises
+        ------
+        DataError
+            ``checkpoint`` exists and is damaged, or belongs to another backend, other data, options or another seed.
+        RunFolderError
+            ``checkpoint`` cannot be written.
+        """
+        options = self.options
+        parts = split(self.data, options.validation_fraction, self.permutation(len(self.data.x)))
+        if checkpoint is not None and checkpoint.exists():
+            state = TrainingState.read(checkpoint, self._owner)
+        else:
+            state = TrainingState.initial(self.first_weights())
+        self.start(state, *parts)
+        saved, last = time.monotonic(), _is_over(state, options)
+        while not last:
+            self.step(learning_rate(options, state.epoch))
+            if state.epoch % VALIDATION_INTERVAL and state.epoch < options.epochs:
+                continue
+            loss, validation_loss = self.losses()
+            state.validate(validation_loss)
+            last = _is_over(state, options)
+            if checkpoint is not None and (last or time.monotonic() - saved >= CHECKPOINT_INTERVAL):
+                state.write(checkpoint, self._owner)
+                saved = time.monotonic()
+            if on_progress is not None and (last or state.epoch % REPORT_INTERVAL == 0):
+                on_progress(TrainingProgress(state.epoch, options.epochs, loss, validation_loss))
+        return layered_network(state.best_theta, self.shapes, options.activation)
+
+
+class AutodiffTraining(MlpTraining):
+    """Training by Adam in numpy, with gradients by the library of ``autodiff``."""
+
+    def __init__(
+        self, data: ScaledData, options: MlpOptions, seed: int, backend: str, autodiff: Autodiff
+    ) -> None:
+        super().__init__(data, options, seed, backend)
+        self._random, self._autodiff = np.random.default_rng(seed), autodiff
+
+    def permutation(self, count: int) -> IntArray:
+        """Return a random order by numpy."""
+        return self._random.permutation(count)
+
+    def first_weights(self) -> Array:
+        """Return random weights by numpy."""
+        return first_weights(self.shapes, self.options.activation, self._random)
+
+    def start(self, state: TrainingState, training: Part, validation: Part) -> None:
+        """Compile the losses of both parts."""
+        loss = mean_square(self._autodiff.xp, self.shapes, self.options.activation)
+        self._state, self._loss = state, math.nan
+        self._train, self._validate = (self._autodiff.compile(loss, part) for part in (training, validation))
+
+    def step(self, rate: float) -> None:
+        """Take one step in numpy."""
+        self._loss, gradient = self._train(self._state.theta)
+        self._state.step(gradient, rate)
+
+    def losses(self) -> tuple[float, float]:
+        """Return both losses; the state is up to date."""
+        return self._loss, self._validate(self._state.theta)[0]
 
 
 def _is_over(state: TrainingState, options: MlpOptions) -> bool:
-    """Whether the last epoch is done or the patience at an end; asked where the validation loss is known."""
+    """Return whether the last epoch is done or the patience is exhausted."""
     return state.epoch >= options.epochs or state.epoch - state.best_epoch >= options.patience
 
 
 def mean_square(xp: Any, shapes: list[tuple[int, int]], activation: str) -> Loss:
-    """Mean of (N(x) − N(x₀) − N'(x₀)(x − x₀) − target)²; the last row of ``x`` is x₀."""
+    """Return the loss, the mean of (N(x) − N(x₀) − N'(x₀)(x − x₀) − target)²; the last row of ``x`` is x₀."""
 
     def evaluate(theta: Any, constants: Any) -> Any:
         x = constants["x"]
@@ -109,13 +174,13 @@ def mean_square(xp: Any, shapes: list[tuple[int, int]], activation: str) -> Loss
 
 
 def learning_rate(options: MlpOptions, epoch: int) -> float:
-    """Half a cosine over the epochs."""
+    """Return the learning rate, half a cosine over the epochs."""
     share = 0.5 * (1 + math.cos(math.pi * epoch / options.epochs))
     return options.learning_rate * (DECAY + (1 - DECAY) * share)
 
 
 def first_weights(shapes: list[tuple[int, int]], activation: str, random: np.random.Generator) -> Array:
-    """Normal weights scaled by the width before, normal biases; the anchor makes the last bias irrelevant."""
+    """Return normal weights scaled by the width before and normal biases; the anchor cancels the last bias."""
     parts = []
     for rows, columns in shapes:
         parts.append(random.normal(size=rows * columns) * GAIN[activation] / math.sqrt(columns))
@@ -123,11 +188,8 @@ def first_weights(shapes: list[tuple[int, int]], activation: str, random: np.ran
     return np.concatenate(parts)
 
 
-def split(
-    data: ScaledData, fraction: float, random: np.random.Generator
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Inputs ``x``, followed by the reference state, and ``target``: of the training and of the validation part."""
-    order = random.permutation(len(data.x))
+def split(data: ScaledData, fraction: float, order: IntArray) -> tuple[Part, Part]:
+    """Return the training and the validation part of the states in a random order."""
     count = min(max(1, round(fraction * len(order))), len(order) - 1)
     training, validation = (
         {"x": np.concatenate([data.x[rows], data.rest]), "target": data.target[rows]}

@@ -3,40 +3,51 @@
 from __future__ import annotations
 
 import itertools
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
 from porocore.states import Array
 
 ACTIVATIONS = ("sigmoid", "tanh", "softplus")
+#: Value (n,), gradient (d, n) and Hessian (d, d, n).
+Derivatives = tuple[Array, Array, Array]
 
 
-class Evaluator(Protocol):
-    """Whatever evaluates a network: numpy here, torch or jax in a plugin."""
+class Evaluator(ABC):
+    """Evaluation of a network with its derivatives: numpy here, torch or jax in a plugin.
 
+    All take x (n, d) and return values (n, o); derivatives lead with the input.
+    """
+
+    @property
+    @abstractmethod
+    def as_numpy(self) -> Network:
+        """The same network in numpy."""
+
+    @abstractmethod
     def evaluate(self, x: Array) -> Array:
-        """Values (n, o) at x (n, d)."""
+        """Return the values (n, o)."""
 
-    def slopes(self, x: Array) -> tuple[Array, Array]:
-        """Values (n, o) and ∂N_o/∂x_k (d, n, o), the input first."""
+    @abstractmethod
+    def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
+        """Return the values (n, o) and ∂N_o/∂x_k (d, n, o)."""
 
-    def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
-        """Of a network with one output: value (n,), gradient (d, n) and Hessian (d, d, n)."""
+    @abstractmethod
+    def value_gradient_hessian(self, x: Array) -> Derivatives:
+        """Return value (n,), gradient (d, n) and Hessian (d, d, n) of a network with one output."""
 
-
-def begun(network: Evaluator, x: Array) -> Callable[[], tuple[Array, Array, Array]]:
-    """Its curvatures at x (n, d), evaluated in the background where there is a ``begin``, until they are asked for."""
-    begin = getattr(network, "begin", None)
-    return partial(network.curvatures, x) if begin is None else begin(x)
+    def start(self, x: Array) -> Callable[[], Derivatives]:
+        """Start the same, in the background if the library can, and return a function that waits for the result."""
+        return partial(self.value_gradient_hessian, x)
 
 
 @dataclass(frozen=True, eq=False)
-class Network:
-    """N(x) = W_L a_{L-1} + b_L, a_l = σ(W_l a_{l-1} + b_l), a_0 = x, for rows x of d inputs; an :class:`Evaluator`.
+class Network(Evaluator):
+    """N(x) = W_L a_{L-1} + b_L, a_l = σ(W_l a_{l-1} + b_l), a_0 = x, for rows x of d inputs.
 
     Attributes
     ----------
@@ -61,6 +72,11 @@ class Network:
         ):
             raise ValueError(f"layers of shapes {widths} do not fit together")
 
+    @property
+    def as_numpy(self) -> Network:
+        """The network itself."""
+        return self
+
     def evaluate(self, x: Array) -> Array:
         """See :class:`Evaluator`."""
         a = x
@@ -69,7 +85,7 @@ class Network:
         values: Array = a @ self.weights[-1].T + self.biases[-1]
         return values
 
-    def slopes(self, x: Array) -> tuple[Array, Array]:
+    def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
         """See :class:`Evaluator`; pushed forward from layer to layer."""
         d, n = x.shape[1], len(x)
         a, J = x, np.repeat(np.eye(d)[:, None, :], n, axis=1)
@@ -85,7 +101,7 @@ class Network:
             )
         return a, J
 
-    def curvatures(self, x: Array) -> tuple[Array, Array, Array]:
+    def value_gradient_hessian(self, x: Array) -> Derivatives:
         """See :class:`Evaluator`.
 
         With J_l = ∂z_l/∂x and δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″(z_l)) J_l.

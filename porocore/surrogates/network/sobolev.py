@@ -31,7 +31,7 @@ Loss = Callable[[Any, Any], Any]
 
 
 class Autodiff(Protocol):
-    """How a backend differentiates."""
+    """Automatic differentiation of a library."""
 
     def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
         """``loss(θ, constants)`` → a function of θ (numpy, float64) that returns the loss and its gradient.
@@ -39,8 +39,9 @@ class Autodiff(Protocol):
         ``constants`` reach the loss as arrays of the library.
         """
 
-    #: The library's namespace, with ``tanh``, ``exp``, ``log1p``, ``abs``, ``stack`` and ``einsum``.
-    xp: Any
+    @property
+    def xp(self) -> Any:
+        """Namespace of the library, with ``tanh``, ``exp``, ``log1p``, ``abs`` and ``einsum``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,8 +207,7 @@ def train(
     )
     if on_progress is not None:
         on_progress(TrainingProgress(done, iterations, unit * float(found.fun), unit * float(found.fun)))
-    layers = unpack_layers(found.x, shapes)
-    return Network(activation, tuple(W.copy() for W, _ in layers), tuple(b.copy() for _, b in layers))
+    return layered_network(found.x, shapes, activation)
 
 
 def _first_weights(shapes: list[tuple[int, int]], activation: str, seed: int) -> Array:
@@ -230,6 +230,12 @@ def unpack_layers(theta: Any, shapes: list[tuple[int, int]]) -> list[tuple[Any, 
         layers.append((W, theta[at : at + rows]))
         at += rows
     return layers
+
+
+def layered_network(theta: Array, shapes: list[tuple[int, int]], activation: str) -> Network:
+    """Return the network whose parameters are θ (parameters,)."""
+    weights, biases = zip(*((W.copy(), b.copy()) for W, b in unpack_layers(theta, shapes)), strict=True)
+    return Network(activation, weights, biases)
 
 
 def activate(xp: Any, name: str, z: Any) -> tuple[Any, Any, Any]:

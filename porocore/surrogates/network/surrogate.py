@@ -1,4 +1,4 @@
-"""A surrogate whose networks some library trains: what is the same whichever library it is."""
+"""Surrogate whose networks a library trains: all that does not depend on the library."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
 from porocore.surrogates.error_estimate.models import with_mean_gradient_error
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.adam import AutodiffTraining, MlpTraining
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
 from porocore.surrogates.network.sobolev import Autodiff
@@ -53,7 +54,7 @@ class NetworkSurrogate(ModelSurrogate):
 
     @abstractmethod
     def autodiff(self) -> Autodiff:
-        """How the library differentiates, on the device of the options.
+        """Return the library's automatic differentiation, on the device of the options.
 
         Raises
         ------
@@ -61,15 +62,9 @@ class NetworkSurrogate(ModelSurrogate):
             The device is a GPU and there is none.
         """
 
-    @abstractmethod
-    def train_mlp(
-        self,
-        data: ScaledData,
-        seed: int,
-        checkpoint: Path | None,
-        on_progress: Callable[[TrainingProgress], None] | None,
-    ) -> Network:
-        """The network of ``mlp``, by Adam; see :meth:`fit`."""
+    def mlp_training(self, data: ScaledData, seed: int) -> MlpTraining:
+        """Return the training of ``mlp``: by Adam in numpy unless the library has its own."""
+        return AutodiffTraining(data, self.options, seed, self.backend, self.autodiff())
 
     def fit(
         self,
@@ -113,7 +108,7 @@ class NetworkSurrogate(ModelSurrogate):
             return self._with(model, data, errors)
         scaled = ScaledData.from_training_set(data)
         if scaled.components:
-            network = self.train_mlp(scaled, int(seed), checkpoint, on_progress)
+            network = self.mlp_training(scaled, int(seed)).run(checkpoint, on_progress)
         else:
             network = Network(self.options.activation, (), ())
         sampled = SampledRange.around(data.inputs, data.inputs.gather(data.states))

@@ -1,4 +1,4 @@
-"""Where a training by Adam stands: the weights, the moments, the best weights, and the epoch.
+"""State of a training by Adam: the weights, the moments, the best weights and the epoch, with their checkpoint.
 
 The learning rate follows from the epoch, so there is no scheduler to keep.
 """
@@ -24,7 +24,7 @@ BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-8
 
 @dataclass
 class TrainingState:
-    """State after ``epoch`` epochs; all arrays (parameters,) float64."""
+    """State after ``epoch`` epochs; all arrays have shape (parameters,)."""
 
     theta: Array
     moment: Array
@@ -36,20 +36,20 @@ class TrainingState:
     validation_loss: float = math.inf
 
     @classmethod
-    def first(cls, theta: Array) -> TrainingState:
-        """Before the first epoch."""
+    def initial(cls, theta: Array) -> TrainingState:
+        """Return the state before the first epoch."""
         return cls(theta.copy(), np.zeros_like(theta), np.zeros_like(theta), theta.copy())
 
     def step(self, gradient: Array, rate: float) -> None:
-        """One step of Adam."""
+        """Take one step of Adam with a gradient (parameters,) and a learning rate."""
         self.epoch += 1
         self.moment = BETA1 * self.moment + (1 - BETA1) * gradient
         self.square = BETA2 * self.square + (1 - BETA2) * gradient * gradient
         size = np.sqrt(self.square / (1 - BETA2**self.epoch)) + EPSILON
         self.theta = self.theta - rate / (1 - BETA1**self.epoch) * self.moment / size
 
-    def look(self, validation_loss: float) -> None:
-        """Keep the weights if their validation loss is the smallest so far."""
+    def validate(self, validation_loss: float) -> None:
+        """Record the validation loss; keep the weights if it is the smallest so far."""
         self.validation_loss = validation_loss
         if validation_loss < self.best_loss:
             self.best_loss, self.best_epoch = validation_loss, self.epoch

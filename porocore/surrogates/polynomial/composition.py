@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from porocore.states import Array
+from porocore.surrogates.network.network import Derivatives
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms
 
@@ -45,14 +46,10 @@ class Motion:
                 hessian[b, a] += more
 
 
-#: Value (n,), gradient (k, n) and Hessian (k, k, n).
-Derivatives = tuple[Array, Array, Array]
-
-
 class Part(Protocol):
     """A function of some terms."""
 
-    def begin(self, t: Array) -> Callable[[], Derivatives]:
+    def start(self, t: Array) -> Callable[[], Derivatives]:
         """Set about its derivatives at t (k, n), in the background if it can, and return what waits for them."""
 
 
@@ -73,14 +70,14 @@ class Sum:
     part: Part | None = None
     rows: tuple[int, ...] = ()
 
-    def begin(self, y: Array) -> Callable[[Array, Array, Array], None]:
+    def start(self, y: Array) -> Callable[[Array, Array, Array], None]:
         """Set about it at y (7, n).
 
         What is returned adds to a value (n,), a gradient (7, n) and a Hessian (7, 7, n), in place.
         """
         motion = Motion(self.terms, y) if self.terms.name != "plain" else None
         t = y[list(self.terms.variables)] if motion is None else motion.t
-        pending = None if self.part is None else self.part.begin(t[list(self.rows)])
+        pending = None if self.part is None else self.part.start(t[list(self.rows)])
 
         def finish(value: Array, gradient: Array, hessian: Array) -> None:
             if motion is None:
@@ -134,5 +131,5 @@ def composed(terms: Terms, polynomial: Polynomial, y: Array) -> tuple[Array, Arr
     hessian = np.zeros((o, VARIABLES, VARIABLES, n))
     for i in range(o):
         one = Polynomial(polynomial.exponents, polynomial.coefficients[i : i + 1])
-        Sum(terms, one).begin(y)(value[i], gradient[i], hessian[i])
+        Sum(terms, one).start(y)(value[i], gradient[i], hessian[i])
     return value, gradient, hessian

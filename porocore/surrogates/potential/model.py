@@ -18,8 +18,8 @@ import numpy.typing as npt
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
-from porocore.surrogates.network.network import Evaluator, begun
-from porocore.surrogates.polynomial.composition import Derivatives, Sum
+from porocore.surrogates.network.network import Derivatives, Evaluator
+from porocore.surrogates.polynomial.composition import Sum
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, plain
 from porocore.surrogates.potential.data import RestExpansion, variables
@@ -44,9 +44,9 @@ class NetworkPart:
     network: Evaluator
     terms: Terms
 
-    def begin(self, t: Array) -> Callable[[], Derivatives]:
+    def start(self, t: Array) -> Callable[[], Derivatives]:
         """See :class:`~porocore.surrogates.polynomial.composition.Part`."""
-        pending = begun(self.network, np.ascontiguousarray(t.T))
+        pending = self.network.start(np.ascontiguousarray(t.T))
 
         def finish() -> Derivatives:
             value, slope, curvature = pending()
@@ -63,7 +63,7 @@ class NetworkPart:
     @cached_property
     def _at_rest(self) -> tuple[Array, Array, Array]:
         """Value, slope and curvature by the terms at y = 0, as far as they make up N to second order in y."""
-        value, slope, curvature = self.network.curvatures(np.zeros((1, len(self.terms.weights))))
+        value, slope, curvature = self.network.value_gradient_hessian(np.zeros((1, len(self.terms.weights))))
         first, second = low_orders(self.terms)
         return value, slope[:, 0] * first, curvature[:, :, 0] * second
 
@@ -114,11 +114,11 @@ class PotentialModel:
 
     def potential(self, y: Array) -> tuple[Array, Array, Array]:
         """W (n,), ∂W/∂y (7, n) and ∂²W/∂y² (7, 7, n)."""
-        return self._begin(y)()
+        return self._start(y)()
 
-    def _begin(self, y: Array) -> Callable[[], Derivatives]:
+    def _start(self, y: Array) -> Callable[[], Derivatives]:
         """Set about the same, in the background where a backend can."""
-        parts = [part.begin(y) for part in self._everything]
+        parts = [part.start(y) for part in self._everything]
 
         def finish() -> Derivatives:
             value, gradient, hessian = self._second_order(y)
@@ -135,11 +135,11 @@ class PotentialModel:
         """The same at states outside the sampled box."""
         value, gradient, hessian = self._second_order(y)
         for part in self._coarse:
-            part.begin(y)(value, gradient, hessian)
+            part.start(y)(value, gradient, hessian)
         z, first, second = self.training_box.saturated(y)
         v, g, h = np.zeros_like(value), np.zeros_like(gradient), np.zeros_like(hessian)
         for part in self._fine:
-            part.begin(z)(v, g, h)
+            part.start(z)(v, g, h)
         hessian += first[:, None] * first[None, :] * h
         hessian[np.arange(len(y)), np.arange(len(y))] += second * g
         return value + v, gradient + first * g, hessian
@@ -190,7 +190,7 @@ class PotentialModel:
         """All responses of n states and, where asked for, their exact derivatives."""
         stretch = LogStretch.from_gradient(states.grad_u)
         y = variables(stretch, states.p)
-        pending = self._begin(y)
+        pending = self._start(y)
         mean_grad, derivatives = self._mean_grad(stretch, y, tangent)
         value, gradient, hessian = pending()
         if not tangent:
