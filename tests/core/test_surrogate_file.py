@@ -18,7 +18,7 @@ from porocore.states import MacroState
 from porocore.surrogates.conductivity.model import ConductivityModel
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.file.archive import read_archive, write_archive
-from porocore.surrogates.file.file import FORMAT, VERSION, Record, read, write
+from porocore.surrogates.file.file import FORMAT, VERSION, SurrogateMetadata, read, write
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.polynomial.fit import polynomial_model
@@ -32,7 +32,7 @@ from porocore.testing.compare import assert_identical
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set
 
-RECORD = Record("torch", {"hidden": [6]}, "cell-7", {"porocore": "0.1"}, {"stress": 0.1 + 0.2})
+RECORD = SurrogateMetadata("torch", {"hidden": [6]}, "cell-7", {"porocore": "0.1"}, {"stress": 0.1 + 0.2})
 
 
 def network(inputs, outputs, activation="tanh"):

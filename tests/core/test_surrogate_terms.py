@@ -7,7 +7,7 @@ import pytest
 
 from porocore.core.tensors.point_group import CUBIC
 from porocore.surrogates.polynomial.composition import Motion, Sum, composed
-from porocore.surrogates.polynomial.least_squares import Samples, fit
+from porocore.surrogates.polynomial.least_squares import RegressionData, fit
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import invariant, plain
 from porocore.testing.symmetry import cube_group
@@ -137,7 +137,7 @@ def samples_of(terms, polynomial, n, seed=0):
     value, gradient, _ = composed(terms, polynomial, y)
     active = terms.polynomial.exponents.any(axis=0)
     scale = np.where(active, gradient.std(axis=2), np.inf)
-    return Samples(y, value, gradient, value.std(axis=1), scale)
+    return RegressionData(y, value, gradient, value.std(axis=1), scale)
 
 
 @pytest.mark.parametrize(
