@@ -222,7 +222,7 @@ class CellResponse(_Batch):
     )
     tangent: CellTangent | None = field(default=None, metadata=rows_of(CellTangent))
     extrema: CellExtrema | None = field(default=None, metadata=rows_of(CellExtrema, name="peaks"))
-    outside: npt.NDArray[np.bool_] | None = field(
+    outside_training_range: npt.NDArray[np.bool_] | None = field(
         default=None,
         metadata=row(
             unit="-",

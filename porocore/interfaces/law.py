@@ -59,7 +59,7 @@ class MacroResponse(_Batch):
         det F̄, by which the drained volume is divided (1 in a linear law).
     transformed_conductivity : (n, 3, 3)
         K_t = K_ref/det F̄ with q = −K_ref ∇_X p (K in a linear law).
-    outside : (n,) bool
+    outside_training_range : (n,) bool
         The cell law was asked outside the range that it was trained on.
     """
 
@@ -70,7 +70,7 @@ class MacroResponse(_Batch):
     deformation: Array
     volume_ratio: Array
     transformed_conductivity: Array
-    outside: npt.NDArray[Any]
+    outside_training_range: npt.NDArray[Any]
     tangent: MacroTangent | None = None
 
 

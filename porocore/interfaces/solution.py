@@ -44,7 +44,7 @@ class History:
     #: Drained volume from the flux through the boundary: ∫∫ q·N dS dt.
     drained_flux: Array
     #: Volume share of the points at which the cell law was asked outside its sampled range.
-    outside: Array
+    outside_training_range: Array
     #: Largest deviation of the element means of P_E,22 from their average over the body.
     stress_spread: Array
     #: Newton iterations of the step.
@@ -65,7 +65,7 @@ class Profile:
     stress: Array  #: (elements, 3, 3)  P_E
     flux: Array  #: (elements, 3)  Ḡw
     element_p: Array  #: (elements,)
-    outside: Array  #: (elements,)  share of the element's points outside the sampled range
+    outside_training_range: Array  #: (elements,)  share of the element's points outside the sampled range
 
     @property
     def reference_conductivity(self) -> Array:
@@ -81,13 +81,22 @@ class Profile:
         return k
 
 
-#: Shapes of the fields of a profile in a file; all but the time.
+#: Names in files of the fields that have another one in Python.
+_FILE_NAMES = {"outside_training_range": "outside"}
+
+
+def file_name(field: str) -> str:
+    """Return the name in files of a field of a history or a profile."""
+    return _FILE_NAMES.get(field, field)
+
+
+#: Shapes of the fields of a profile; all but the time.
 PROFILE_SHAPES: dict[str, tuple[str | int, ...]] = {
     "u": ("nodes", 3),
     "p": ("nodes",),
     **{name: ("elements", 3, 3) for name in ("grad_u", "mean_grad", "deformation", "conductivity", "stress")},
     "flux": ("elements", 3),
-    **{name: ("elements",) for name in ("element_p", "outside")},
+    **{name: ("elements",) for name in ("element_p", "outside_training_range")},
 }
 
 
@@ -134,13 +143,13 @@ class MacroSolution:
             file.attrs["backend"] = self.backend
             file["points"], file["cells"] = self.points, self.cells
             for f in fields(History):
-                file[f"history/{f.name}"] = getattr(self.history, f.name)
+                file[f"history/{file_name(f.name)}"] = getattr(self.history, f.name)
             for kind in SERIES:
                 for name, values in getattr(self, kind).items():
                     file[f"{kind}/{name}"] = values
             for i, profile in enumerate(self.profiles):
                 for f in fields(Profile):
-                    file[f"profiles/{i}/{f.name}"] = getattr(profile, f.name)
+                    file[f"profiles/{i}/{file_name(f.name)}"] = getattr(profile, f.name)
 
     @classmethod
     def load_file(cls, path: Path) -> MacroSolution:
@@ -157,7 +166,8 @@ class MacroSolution:
                     f"{path}: expected a porocore solution of version 1; delete it and solve again"
                 )
             history = {
-                f.name: file.array(f"history/{f.name}", "steps", kind="number") for f in fields(History)
+                f.name: file.array(f"history/{file_name(f.name)}", "steps", kind="number")
+                for f in fields(History)
             }
             points = file.array("points", "nodes", 3)
             cells = file.array("cells", "elements", "nodes of an element", kind="int")
@@ -183,6 +193,7 @@ class MacroSolution:
 def read_profile(file: Contents, group: str) -> Profile:
     """Return the profile in a group of an open file."""
     arrays = {
-        name: file.array(f"{group}/{name}", at, *shape) for name, (at, *shape) in PROFILE_SHAPES.items()
+        name: file.array(f"{group}/{file_name(name)}", at, *shape)
+        for name, (at, *shape) in PROFILE_SHAPES.items()
     }
     return Profile(time=float(file.array(f"{group}/time")), **arrays)

@@ -127,7 +127,7 @@ class Surrogate(ABC):
 
     @abstractmethod
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """Responses and exact derivatives for n states; ``outside`` flags those that are not to be trusted.
+        """Responses and exact derivatives for n states; ``outside_training_range`` flags those not to be trusted.
 
         These are states whose error is estimated to exceed the tolerance of the training set, and those far from all
         that was sampled.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from porocore.core.files.csv_table import write_csv
 from porocore.core.units.results import ResultUnits
-from porocore.interfaces.solution import History, MacroSolution
+from porocore.interfaces.solution import History, MacroSolution, file_name
 from porocore.states import Array
 
 #: Of the fields of a history: the quantity ('' is a plain number), and in words.
@@ -19,7 +19,7 @@ HISTORY = {
     "pressure_max": ("pressure", "largest pore pressure"),
     "drained": ("volume", "drained volume, integral of the divergence of the flux"),
     "drained_flux": ("volume", "drained volume by the flux through the boundary"),
-    "outside": ("", "share of the body that is flagged"),
+    "outside_training_range": ("", "share of the body that is flagged"),
     "stress_spread": ("stress", "largest deviation of P_E,22 from its mean over the body"),
     "iterations": ("", "Newton iterations of the step"),
 }
@@ -53,7 +53,7 @@ def all_series(solution: MacroSolution) -> Iterator[Series]:
     """The history, then probes, reactions and inflows; time comes first."""
     for field in fields(History):
         quantity, words = HISTORY[field.name]
-        yield Series(field.name, quantity, words, getattr(solution.history, field.name))
+        yield Series(file_name(field.name), quantity, words, getattr(solution.history, field.name))
     for name, values in solution.probes.items():
         for i, (component, quantity) in enumerate(PROBE):
             yield Series(f"{name}: {component}", quantity, f"{component} at the probe {name}", values[:, i])

@@ -150,7 +150,7 @@ class OutputCheck:
         Values of the cell solver and of the surrogate.
     span
         Range of the output over the training states, to which errors are referred.
-    outside : (m,) bool
+    outside_training_range : (m,) bool
         Held-out states beyond the sampled range; shown, but not counted in the error unless all of them are.
     """
 
@@ -159,13 +159,16 @@ class OutputCheck:
     solved: Array
     predicted: Array
     span: float
-    outside: npt.NDArray[np.bool_]
+    outside_training_range: npt.NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        if not self.solved.shape == self.predicted.shape == self.outside.shape or self.solved.ndim != 1:
+        if (
+            not self.solved.shape == self.predicted.shape == self.outside_training_range.shape
+            or self.solved.ndim != 1
+        ):
             raise ValueError(
                 f"expected solved, predicted and outside of one length, got "
-                f"{self.solved.shape}, {self.predicted.shape} and {self.outside.shape}"
+                f"{self.solved.shape}, {self.predicted.shape} and {self.outside_training_range.shape}"
             )
         if not self.span > 0:
             raise ValueError(f"expected a positive span of '{self.plain}', got {self.span:g}")
@@ -173,12 +176,12 @@ class OutputCheck:
     @property
     def all_outside(self) -> bool:
         """Whether there are held-out states, and every one lies beyond the sampled range."""
-        return len(self.outside) > 0 and bool(self.outside.all())
+        return len(self.outside_training_range) > 0 and bool(self.outside_training_range.all())
 
     @property
     def counted(self) -> npt.NDArray[np.bool_]:
         """(m,) Held-out states that the error is over: those within the sampled range, or all where none is."""
-        return self.outside if self.all_outside else ~self.outside
+        return self.outside_training_range if self.all_outside else ~self.outside_training_range
 
 
 @dataclass(frozen=True, eq=False)

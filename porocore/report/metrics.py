@@ -76,9 +76,9 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
         "final_pressure": float(history.pressure_max[-1]),
         "drained": float(history.drained[-1]),
         "drained_flux": float(history.drained_flux[-1]),
-        "flagged_end": float(history.outside[-1]),
-        "flagged_largest": float(history.outside.max()),
-        "flagged_time_mean": time_mean(history.time, history.outside),
+        "flagged_end": float(history.outside_training_range[-1]),
+        "flagged_largest": float(history.outside_training_range.max()),
+        "flagged_time_mean": time_mean(history.time, history.outside_training_range),
         "flagged_first_time": _first_time(history, 0.0),
         "flagged_all_time": _first_time(history, 1 - 1e-9),
         "stress_spread": float(history.stress_spread.max()) / load if load > 0 else None,
@@ -90,7 +90,7 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
 
 def _first_time(history: History, share: float) -> float | None:
     """First time at which more than ``share`` of the body is flagged; None: never."""
-    beyond = np.flatnonzero(history.outside > share)
+    beyond = np.flatnonzero(history.outside_training_range > share)
     return float(history.time[beyond[0]]) if len(beyond) else None
 
 

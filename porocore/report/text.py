@@ -157,7 +157,7 @@ def _unjudged(surrogate: SurrogateSummary) -> list[str]:
     if not outputs or not all(check.all_outside for check in outputs):
         return []
     return [
-        f"None of the {len(outputs[0].outside)} held-out states lies within the range that the surrogate was trained "
+        f"None of the {len(outputs[0].solved)} held-out states lies within the range that the surrogate was trained "
         "on, so its errors are those beyond that range and say nothing of those within. Sample more states, so that "
         "they fill the ranges, or hold out more (sampling.test.count)."
     ]

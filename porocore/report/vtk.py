@@ -79,7 +79,7 @@ def _write_vtu(path: Path, solution: MacroSolution, profile: Profile) -> None:
             "P_E": rows(profile.stress),
             "flux": [profile.flux],
             "element_p": [profile.element_p],
-            "outside": [profile.outside],
+            "outside": [profile.outside_training_range],
         },
     )
     with atomic_path(path) as part:

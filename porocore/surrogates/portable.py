@@ -87,9 +87,9 @@ class ModelSurrogate(Surrogate):
         if slopes is not None:
             slopes = replace(slopes, conductivity_grad_u=by_H, conductivity_p=by_p)
         outside = self.conductivity.outside(states)
-        if response.outside is not None:
-            outside = outside | response.outside
-        return replace(response, conductivity=K, tangent=slopes, outside=outside)
+        if response.outside_training_range is not None:
+            outside = outside | response.outside_training_range
+        return replace(response, conductivity=K, tangent=slopes, outside_training_range=outside)
 
     def reasons(self, states: MacroState) -> list[str]:
         """See :class:`~porocore.Surrogate`."""

@@ -36,7 +36,12 @@ def moved(states: MacroState, column: int, step: float) -> MacroState:
 
 def assert_identical(found: CellResponse, expected: CellResponse, state: str) -> None:
     """Raise a violation unless both are alike to the last bit, derivatives and flags included."""
-    same("outside", there("outside", found.outside, state), there("outside", expected.outside, state), state)
+    same(
+        "outside_training_range",
+        there("outside_training_range", found.outside_training_range, state),
+        there("outside_training_range", expected.outside_training_range, state),
+        state,
+    )
     for name in RESPONSES:
         if getattr(expected, name) is not None:
             same(name, getattr(found, name), getattr(expected, name), state)

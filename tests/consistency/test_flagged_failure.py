@@ -25,7 +25,7 @@ class Departed(MacroLaw):
         response = NONLINEAR.respond(states, grad_p, memory, tangent=tangent)
         stress = np.where(states.grad_u[:, 1:2, 1:2] > -0.04, response.stress, np.nan)
         outside = np.full(len(states), self.flagged) & (np.abs(states.grad_u[:, 1, 1]) > 1e-3)
-        return replace(response, stress=stress, outside=outside)
+        return replace(response, stress=stress, outside_training_range=outside)
 
     def reasons(self, states):
         return [f"H22 = {H[1, 1]:.3f}, which was not sampled" for H in states.grad_u]

@@ -52,8 +52,8 @@ def test_nine_of_ten_errors_are_flagged_and_one_of_ten_of_the_others(solved, inp
     wrong = error > TOLERANCE
     assert wrong.sum() >= 5
     assert (~wrong).sum() >= 5
-    assert predicted.outside[wrong].mean() >= 0.9
-    assert predicted.outside[~wrong].mean() <= 0.1
+    assert predicted.outside_training_range[wrong].mean() >= 0.9
+    assert predicted.outside_training_range[~wrong].mean() <= 0.1
 
 
 @pytest.mark.slow

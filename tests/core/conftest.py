@@ -89,7 +89,7 @@ def make_column(
         pressure_max=0.9 * abs(load) * np.minimum(1, time / 0.5) * np.exp(-rate * time),
         drained=0.98 * WIDTH**2 * settled * 1.12,
         drained_flux=0.98 * WIDTH**2 * settled,
-        outside=outside,
+        outside_training_range=outside,
         stress_spread=np.full(len(time), 1e-9),
         iterations=np.where(time > 0, 3, 0),
     )

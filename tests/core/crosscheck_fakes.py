@@ -119,7 +119,7 @@ def surrogates():
             return CellResponse(
                 mean_grad=value.reshape(n, 3, 3),
                 status=np.zeros(n, dtype=int),
-                outside=~self.range.contains(x),
+                outside_training_range=~self.range.contains(x),
                 tangent=derivatives if tangent else None,
             )
 

@@ -40,7 +40,7 @@ class QuadraticCellLaw:
         return CellResponse(
             mean_grad=first.mean_grad + scalar * direction,
             status=first.status,
-            outside=states.p > 0.05,
+            outside_training_range=states.p > 0.05,
             tangent=CellTangent(
                 mean_grad_grad_u=first.tangent.mean_grad_grad_u + grad,
                 mean_grad_p=first.tangent.mean_grad_p + self.b * direction + scalar * self.c,
@@ -145,7 +145,7 @@ def test_each_point_stands_alone(law, points):
 
 def test_flags_of_the_cell_law_are_passed_on(law, points):
     states, grad_p, memory = points
-    outside = law.respond(states, grad_p, memory).outside
+    outside = law.respond(states, grad_p, memory).outside_training_range
     assert outside.tolist() == (states.p > 0.05).tolist()
     assert set(outside.tolist()) == {False, True}
 

@@ -120,14 +120,17 @@ def test_beyond_the_hull_of_pores_that_close_all_is_flagged():
 def test_a_surrogate_flags_by_it_and_its_file_carries_it(tmp_path):
     data = training("four")
     surrogate, states = PolynomialSurrogate().fit(data, seed=0), held_out(data.inputs)
-    flagged = surrogate.predict(states, tangent=False).outside
+    flagged = surrogate.predict(states, tangent=False).outside_training_range
     own = surrogate.conductivity.outside(states)
-    assert (flagged == own | replace(surrogate._fitted_model).predict(states, tangent=False).outside).all()
+    assert (
+        flagged
+        == own | replace(surrogate._fitted_model).predict(states, tangent=False).outside_training_range
+    ).all()
     assert 0 < own.mean() < 1
     surrogate.save(tmp_path / "surrogate.h5")
     read = NumpySurrogate.load(tmp_path / "surrogate.h5")
     assert (read.conductivity.outside(states) == own).all()
-    assert (read.predict(states, tangent=False).outside == flagged).all()
+    assert (read.predict(states, tangent=False).outside_training_range == flagged).all()
     assert read.reasons(states[:5]) == surrogate.reasons(states[:5])
 
 

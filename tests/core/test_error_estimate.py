@@ -56,7 +56,7 @@ def test_flags_follow_the_error_of_a_potential(study):
     states = held_out(data.inputs)
     predicted = surrogate.predict(states, tangent=False)
     error = share_of_range(predicted, respond(states), data, "stress", "fluid_volume")
-    assert_follows(predicted.outside, error, data.tolerance)
+    assert_follows(predicted.outside_training_range, error, data.tolerance)
 
 
 def test_the_hull_does_not(study):
@@ -66,11 +66,12 @@ def test_the_hull_does_not(study):
     surrogate = PolynomialSurrogate().fit(replace(data, tolerance=None), seed=0)
     predicted = surrogate.predict(states, tangent=False)
     assert (
-        predicted.outside == SampledRange.around(inputs, inputs.gather(data.states)).outside(states)
+        predicted.outside_training_range
+        == SampledRange.around(inputs, inputs.gather(data.states)).outside(states)
     ).all()
     error = share_of_range(predicted, respond(states), data, "stress", "fluid_volume")
     with pytest.raises(AssertionError):
-        assert_follows(predicted.outside, error, data.tolerance)
+        assert_follows(predicted.outside_training_range, error, data.tolerance)
 
 
 @pytest.mark.parametrize("study", STUDIES)
@@ -88,7 +89,9 @@ def test_flags_follow_the_error_of_a_network(study):
     model = AnchoredModel(scaled.linear, scaled.components, scaled.output_scale, network, sampled)
     states = held_out(data.inputs)
     predicted = with_mean_gradient_error(model, data).predict(states, tangent=False)
-    assert_follows(predicted.outside, share_of_range(predicted, respond(states), data, "mean_grad"), 0.05)
+    assert_follows(
+        predicted.outside_training_range, share_of_range(predicted, respond(states), data, "mean_grad"), 0.05
+    )
 
 
 def test_in_the_safe_box_no_estimate_is_near_the_tolerance(study):
@@ -96,8 +99,8 @@ def test_in_the_safe_box_no_estimate_is_near_the_tolerance(study):
     model = replace(surrogate._fitted_model)
     states = held_out(data.inputs)
     asked = replace(model, estimate=replace(model.estimate, safe=np.zeros((2, 7))))
-    flagged = surrogate.predict(states, tangent=False).outside
-    assert (flagged == asked.predict(states, tangent=False).outside).all()
+    flagged = surrogate.predict(states, tangent=False).outside_training_range
+    assert (flagged == asked.predict(states, tangent=False).outside_training_range).all()
 
 
 def test_far_states_are_flagged_whatever_is_estimated(study):
@@ -106,20 +109,20 @@ def test_far_states_are_flagged_whatever_is_estimated(study):
     inputs = data.inputs
     low, high = np.array(inputs.lower), np.array(inputs.upper)
     within = surrogate.predict(inputs.scatter([low, high]), tangent=False)
-    assert not within.outside.any()
+    assert not within.outside_training_range.any()
     beyond = inputs.scatter([low - 0.3 * (high - low), high + 0.3 * (high - low)])
-    assert surrogate.predict(beyond, tangent=False).outside.all()
+    assert surrogate.predict(beyond, tangent=False).outside_training_range.all()
     turned_inside_out = MacroState(np.array([np.diag([0.0, -1.2, 0.0])]), np.zeros(1))
-    assert surrogate.predict(turned_inside_out, tangent=False).outside.all()
+    assert surrogate.predict(turned_inside_out, tangent=False).outside_training_range.all()
 
 
 def test_the_file_carries_it(study, tmp_path):
     data, surrogate = study
     surrogate.save(tmp_path / "surrogate.h5")
     read, states = NumpySurrogate.load(tmp_path / "surrogate.h5"), held_out(data.inputs)
-    flagged = surrogate.predict(states, tangent=False).outside
+    flagged = surrogate.predict(states, tangent=False).outside_training_range
     assert 0 < flagged.mean() < 1
-    assert (read.predict(states, tangent=False).outside == flagged).all()
+    assert (read.predict(states, tangent=False).outside_training_range == flagged).all()
     assert read.reasons(states[:5]) == surrogate.reasons(states[:5])
 
 
@@ -138,7 +141,7 @@ def test_it_names_the_component():
 
 class Profile:
     def __init__(self, time, outside, H22):
-        self.time, self.outside = time, np.array(outside)
+        self.time, self.outside_training_range = time, np.array(outside)
         self.grad_u = np.zeros((2, 3, 3))
         self.grad_u[:, 1, 1] = H22
         self.element_p = np.full(2, 0.1)

@@ -97,9 +97,9 @@ def solve(law):
 def test_the_column_settles_as_with_the_cell_itself(fallback, dataset):
     exact = solve(ClosedLaw(Cell(), CLOSURE))
     plain = solve(ClosedLaw(fresh().fit(base(), seed=0), CLOSURE))
-    assert plain.outside.max() == pytest.approx(1)
+    assert plain.outside_training_range.max() == pytest.approx(1)
     learned = solve(law_of(fallback))
-    assert learned.outside.max() == 0
+    assert learned.outside_training_range.max() == 0
     assert np.abs(learned.settlement[1:] / exact.settlement[1:] - 1).max() < 5e-3
     assert np.abs(learned.pressure_max - exact.pressure_max).max() < 5e-3 * exact.pressure_max.max()
     work = fallback.work
@@ -118,7 +118,7 @@ def test_cells_are_solved_until_the_estimated_errors_are_within_the_tolerance(da
         learned = solve(law)
         assert law.extend(data.states[:3]) is None
     exact = solve(ClosedLaw(Cell(), CLOSURE))
-    assert learned.outside.max() == 0
+    assert learned.outside_training_range.max() == 0
     assert np.abs(learned.settlement[1:] / exact.settlement[1:] - 1).max() < 5e-3
     assert 0 < extend.work.solved < 40
 
@@ -128,7 +128,7 @@ def test_the_paper_closure_learns_as_well(fallback):
     closure = MeanGradientClosure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY)
     exact = solve(ClosedLaw(Cell(), closure))
     learned = solve(law_of(fallback, closure))
-    assert learned.outside.max() == 0
+    assert learned.outside_training_range.max() == 0
     assert np.abs(learned.settlement[1:] / exact.settlement[1:] - 1).max() < 5e-3
 
 
@@ -139,7 +139,7 @@ def test_what_was_solved_is_known_the_next_time(fallback, dataset):
     with CellPool(make) as pool:
         again = Fallback(pool, Dataset.open(dataset.path), base(), fresh, 0)
         repeated = solve(law_of(again))
-    assert repeated.outside.max() == 0
+    assert repeated.outside_training_range.max() == 0
     assert again.work.reused == solved
     assert again.work.solved < solved / 4
 
@@ -149,7 +149,7 @@ def test_cells_that_are_no_stable_equilibrium_are_kept_and_not_learned_from(fall
     history = solve(law_of(fallback))
     numbers = fallback.work.numbers()
     assert numbers["learned"] < numbers["solves"] == len(dataset)
-    assert history.outside[-1] > 0  # flagged: nothing could be learned there
+    assert history.outside_training_range[-1] > 0  # flagged: nothing could be learned there
     assert numbers["solves"] - numbers["learned"] < 12  # and it does not try again and again
 
 
@@ -166,9 +166,9 @@ def test_a_law_that_changes_moves_no_fluid(fallback):
     states = INPUTS.scatter(np.array([[-0.1, 0.05]]))
     memory = law.initial(1)
     response = law.respond(states, np.zeros((1, 3)), memory)
-    assert response.outside.all()
+    assert response.outside_training_range.all()
     memory = law.before_accept(response, response.memory)
     assert memory is not None
     still = law.respond(states, np.zeros((1, 3)), memory)
     assert still.storage == pytest.approx(0, abs=1e-15)
-    assert not still.outside.any()
+    assert not still.outside_training_range.any()

@@ -202,8 +202,8 @@ def test_warnings_come_before_the_summary(context, page):
 
 def replace_outside(context, share):
     solution = context.cases[0].nonlinear
-    outside = np.full_like(solution.history.outside, share)
-    return replace(solution, history=replace(solution.history, outside=outside))
+    outside = np.full_like(solution.history.outside_training_range, share)
+    return replace(solution, history=replace(solution.history, outside_training_range=outside))
 
 
 def test_says_how_far_the_conductivity_rises(context, page):
@@ -241,7 +241,7 @@ def test_flux_in_space_and_through_reference_area(context):
 
 def test_says_where_no_held_out_state_lies_in_the_sampled_range(context, unpictured):
     (check,) = context.surrogate.outputs
-    beyond = replace(check, outside=np.ones(len(check.outside), bool))
+    beyond = replace(check, outside_training_range=np.ones(len(check.outside_training_range), bool))
     other = replace(context, surrogate=replace(context.surrogate, outputs=(beyond,)))
     (warning,) = [text for text in all_warnings(other) if "held-out" in text]
     assert warning.startswith("None of the 40 held-out states lies within the range")

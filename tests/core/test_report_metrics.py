@@ -65,7 +65,9 @@ def test_flagged_shares(column):
     solution = column()
     time = solution.history.time
     outside = np.where(time > 75, 0.2, np.where(time > 50, 0.6, 0.0))
-    metrics = solution_metrics(replace(solution, history=replace(solution.history, outside=outside)))
+    metrics = solution_metrics(
+        replace(solution, history=replace(solution.history, outside_training_range=outside))
+    )
     assert metrics["flagged_end"] == 0.2
     assert metrics["flagged_largest"] == 0.6
     assert metrics["flagged_time_mean"] == pytest.approx((25 * 0.6 + 25 * 0.2) / 100, rel=1e-12)
@@ -148,10 +150,12 @@ def test_says_when_the_body_leaves_the_sampled_range(column):
     solution = column()
     time = solution.history.time
     outside = np.where(time > 75, 1.0, np.where(time > 50, 0.6, 0.0))
-    metrics = solution_metrics(replace(solution, history=replace(solution.history, outside=outside)))
+    metrics = solution_metrics(
+        replace(solution, history=replace(solution.history, outside_training_range=outside))
+    )
     assert metrics["flagged_first_time"] == time[time > 50][0]
     assert metrics["flagged_all_time"] == time[time > 75][0]
     first, all_of_it = (f"{time[time > t][0]:.3g}" for t in (50, 75))
     assert leaving(metrics) == f"the first points from t = {first}, all of it from t = {all_of_it}"
-    within = replace(solution, history=replace(solution.history, outside=np.zeros_like(time)))
+    within = replace(solution, history=replace(solution.history, outside_training_range=np.zeros_like(time)))
     assert solution_metrics(within)["flagged_first_time"] is None

@@ -2,6 +2,7 @@
 
 import sys
 
+import h5py
 import numpy as np
 import pytest
 
@@ -9,6 +10,7 @@ from porocore.core.files.plain_data import merged
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError, PluginError
+from porocore.macro.series import all_series
 from porocore.report.dimensional import dimensional_metrics, dimensional_rows
 from porocore.report.figures import body_figure, history_figure, series_figure
 from porocore.report.loading_mode import LoadingMode
@@ -34,6 +36,18 @@ def solution(column):
         reactions={"y-": np.outer(steps, [0, 3, 0])},
         inflow={"y+": -steps},
     )
+
+
+def test_the_flag_keeps_its_name_in_files(solution, tmp_path):
+    solution.save(tmp_path / "s.h5")
+    with h5py.File(tmp_path / "s.h5") as file:
+        assert "outside" in file["history"]
+        assert "outside" in file["profiles/0"]
+        assert not [name for name in (*file["history"], *file["profiles/0"]) if "range" in name]
+    read = type(solution).load_file(tmp_path / "s.h5")
+    flags = "outside_training_range"
+    np.testing.assert_array_equal(getattr(read.history, flags), getattr(solution.history, flags))
+    assert "outside" in {each.name for each in all_series(solution)}
 
 
 def test_a_solution_as_a_dataset(solution):

@@ -37,7 +37,7 @@ def test_fields_come_back(solution, tmp_path):
             "P_E": profile.stress,
             "flux": profile.flux,
             "element_p": profile.element_p,
-            "outside": profile.outside,
+            "outside": profile.outside_training_range,
         }.items():
             np.testing.assert_array_equal(cells.pop(name), expected.reshape(len(expected), -1).squeeze())
         assert not cells

@@ -18,7 +18,7 @@ from porocore.core.hdf5 import atomic_hdf5, opened
 from porocore.core.hdf5.contents import numbered
 from porocore.errors import DataError
 from porocore.interfaces.law import LawMemory, MacroLaw
-from porocore.interfaces.solution import read_profile
+from porocore.interfaces.solution import file_name, read_profile
 from porocore.macro.integration.adaptive import ErrorControl
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.integration.record import PROFILE, Record
@@ -67,7 +67,7 @@ def save(
             file["history"] = np.array(record.rows)
             for i, profile in enumerate(record.profiles):
                 for name in PROFILE:
-                    file[f"profiles/{i}/{name}"] = getattr(profile, name)
+                    file[f"profiles/{i}/{file_name(name)}"] = getattr(profile, name)
 
     d.communicator.on_root(write)
 

@@ -15,7 +15,7 @@ def flagged(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array) -> st
     It is the one with the largest displacement gradient, the same on all processes.
     """
     states, grad_p = d.states(x)
-    outside = law.respond(states, grad_p, memory, tangent=False).outside
+    outside = law.respond(states, grad_p, memory, tangent=False).outside_training_range
     count, points = (int(n) for n in d.communicator.sum(np.array([outside.sum(), len(outside)])))
     if not count:
         return ""

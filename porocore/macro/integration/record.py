@@ -55,7 +55,7 @@ class Record:
         """The initial state, t = 0."""
         d, whole = self.d, self.d.to_mesh(x)
         start = dict.fromkeys(HISTORY, 0.0)
-        start |= {"outside": _outside(d, response), "stress_spread": _spread(d, response)}
+        start |= {"outside_training_range": _outside(d, response), "stress_spread": _spread(d, response)}
         start |= self._extremes(whole)
         sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains))
         self.rows.append((*(start[name] for name in HISTORY), *(self._probe @ whole), *sums))
@@ -75,7 +75,7 @@ class Record:
             "ramp": d.problem.ramp(time),
             "drained": last["drained"] + squeezed,
             "drained_flux": last["drained_flux"] + outflow,
-            "outside": _outside(d, response),
+            "outside_training_range": _outside(d, response),
             "stress_spread": _spread(d, response),
             "iterations": float(step.iterations),
         }
@@ -115,7 +115,7 @@ class Record:
                 stress=d.all_means(response.stress),
                 flux=d.all_means(response.flux),
                 element_p=d.all_means(states.p),
-                outside=d.all_means(response.outside.astype(float)),
+                outside_training_range=d.all_means(response.outside_training_range.astype(float)),
             )
         )
 
@@ -141,7 +141,9 @@ class Record:
 
 
 def _outside(d: Discretisation, response: MacroResponse) -> float:
-    volume, outside = d.communicator.sum(np.array([d.weights.sum(), d.weights[response.outside].sum()]))
+    volume, outside = d.communicator.sum(
+        np.array([d.weights.sum(), d.weights[response.outside_training_range].sum()])
+    )
     return float(outside / volume)
 
 

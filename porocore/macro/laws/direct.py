@@ -80,7 +80,7 @@ class DirectCellLaw:
     restart the first solves begin at the undeformed cell.
 
     A cell without solution gives NaN, so that the macro step is refused and halved. Cells in an unstable
-    equilibrium keep their values and are flagged as ``outside``.
+    equilibrium keep their values and are flagged as ``outside_training_range``.
 
     Parameters
     ----------
@@ -135,7 +135,9 @@ class DirectCellLaw:
         response = CellResponse.concatenate([answers[key].response for key in wanted])[inverse]
         response = _moved(response, states, places[inverse] * GRID)
         unstable = response.status == int(Status.unstable)
-        return replace(response, outside=unstable, tangent=response.tangent if tangent else None)
+        return replace(
+            response, outside_training_range=unstable, tangent=response.tangent if tangent else None
+        )
 
     def _answers(self, wanted: dict[bytes, tuple[IntArray, bytes]]) -> dict[bytes, _Solved]:
         """In the order of ``wanted``; what is known already is not solved again."""
@@ -207,7 +209,7 @@ def _moved(response: CellResponse, states: MacroState, solved: Array) -> CellRes
 
 
 def _lean(response: CellResponse) -> CellResponse:
-    return replace(response, extrema=None, outside=None)
+    return replace(response, extrema=None, outside_training_range=None)
 
 
 def _missing(like: CellResponse) -> CellResponse:
@@ -216,7 +218,7 @@ def _missing(like: CellResponse) -> CellResponse:
     empty = {
         name: None if value is None else np.full_like(value, np.nan)
         for name, value in vars(like).items()
-        if name not in ("status", "tangent", "extrema", "outside")
+        if name not in ("status", "tangent", "extrema", "outside_training_range")
     }
     tangent = {
         name: None if value is None else np.full_like(value, np.nan)

@@ -53,7 +53,7 @@ class LearningLaw(ClosedLaw):
 
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """See :class:`~porocore.interfaces.law.MacroLaw`."""
-        outside = np.flatnonzero(response.outside)
+        outside = np.flatnonzero(response.outside_training_range)
         if not len(outside) or self._round >= self._rounds:
             self._round = 0
             return None
@@ -64,5 +64,5 @@ class LearningLaw(ClosedLaw):
         self._round += 1
         self.cell_law = wiser
         self._rest = prediction_of(wiser, MacroState.zeros(1))
-        known = replace(prediction_of(wiser, memory.states, tangent=False), outside=None)
+        known = replace(prediction_of(wiser, memory.states, tangent=False), outside_training_range=None)
         return self.closure.memory(memory.states, known)

@@ -163,7 +163,7 @@ class LinearPoroelasticity(MacroLaw):
             deformation=np.eye(3) + states.grad_u,
             volume_ratio=np.ones(n),
             transformed_conductivity=np.broadcast_to(c.conductivity, (n, 3, 3)),
-            outside=np.zeros(n, bool),
+            outside_training_range=np.zeros(n, bool),
             tangent=self._tangent(n) if tangent else None,
         )
 

@@ -28,7 +28,7 @@ class LinearCellLaw:
         return CellResponse(
             mean_grad=mean_grad.reshape(n, 3, 3) + states.p[:, None, None] * self.Q,
             status=np.full(n, int(Status.converged)),
-            outside=np.zeros(n, bool),
+            outside_training_range=np.zeros(n, bool),
             tangent=CellTangent(
                 mean_grad_grad_u=np.broadcast_to(self.M, (n, 3, 3, 3, 3)),
                 mean_grad_p=np.broadcast_to(self.Q, (n, 3, 3)),

@@ -61,7 +61,9 @@ class MeanGradientClosure(Closure):
             deformation=pore.F,
             volume_ratio=pore.J,
             transformed_conductivity=pore.transformed,
-            outside=np.zeros(len(p), bool) if cell.outside is None else cell.outside,
+            outside_training_range=np.zeros(len(p), bool)
+            if cell.outside_training_range is None
+            else cell.outside_training_range,
             tangent=self._tangent(p, pore, step, grad_p, cell.tangent) if tangent else None,
         )
 

@@ -21,7 +21,7 @@ NODAL: dict[str, tuple[int, ...]] = {"u": (3,), "p": ()}
 PER_ELEMENT: dict[str, tuple[int, ...]] = {
     **dict.fromkeys(("grad_u", "mean_grad", "deformation", "conductivity", "stress"), (3, 3)),
     "flux": (3,),
-    **dict.fromkeys(("element_p", "outside"), ()),
+    **dict.fromkeys(("element_p", "outside_training_range"), ()),
 }
 #: Columns of a row of each series against time.
 WIDTHS: dict[str, tuple[int, ...]] = {"probes": (4,), "reactions": (3,), "inflow": ()}

@@ -116,7 +116,7 @@ class Line:
 
     def series(self, profile: Profile, quantity: Quantity) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
         """Position, value and whether the law was asked beyond its range there, each (k,) or (e,)."""
-        flagged = profile.outside[self.elements] > 0
+        flagged = profile.outside_training_range[self.elements] > 0
         if not quantity.nodal:
             return self.element_y, quantity.take(profile)[self.elements], flagged
         slack = 1e-9 * float(self.node_y[-1] - self.node_y[0])

@@ -29,7 +29,7 @@ def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
         parity.plot(ends, ends, color=GREY, lw=1.0)
         deviation = 100 * (check.predicted - check.solved) / check.span
         for axes, y in ((parity, check.predicted), (error, deviation)):
-            beyond = check.outside
+            beyond = check.outside_training_range
             if beyond.any():
                 axes.plot(check.solved[beyond], y[beyond], "o", ms=4, mfc="white", mec=GREY, mew=0.9)
             axes.plot(check.solved[~beyond], y[~beyond], "o", ms=4, mfc=BLUE, mec="white", mew=0.4)
@@ -70,7 +70,7 @@ def training_figure(curve: TrainingCurve) -> Figure:
 
 
 def _error_text(check: OutputCheck) -> str:
-    rms, worst, beyond = rms_percent(check), worst_percent(check), int(check.outside.sum())
+    rms, worst, beyond = rms_percent(check), worst_percent(check), int(check.outside_training_range.sum())
     if rms is None or worst is None:
         text = "no held-out states"
     else:

@@ -10,7 +10,7 @@ import numpy as np
 
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError, PluginError
-from porocore.interfaces.solution import MacroSolution, Profile
+from porocore.interfaces.solution import MacroSolution, Profile, file_name
 from porocore.macro.series import HISTORY
 from porocore.states import Array
 from porocore.study.run_folder.files import LINEAR
@@ -132,7 +132,7 @@ class Solved:
             raise _missing("xarray") from error
         s, history = self.solution, self.solution.history
         found: dict[str, Any] = {
-            name: self._variable(("time",), getattr(history, name), quantity, words)
+            file_name(name): self._variable(("time",), getattr(history, name), quantity, words)
             for name, (quantity, words) in HISTORY.items()
             if name != "time"
         }
@@ -198,7 +198,7 @@ class Solved:
             ("P_E", profile.stress, stress),
             ("K_t", profile.conductivity, self.units.factor("conductivity")),
             ("flux", profile.flux, self.units.factor("velocity")),
-            ("outside", profile.outside, 1.0),
+            ("outside", profile.outside_training_range, 1.0),
         ):
             grid.cell_data[name] = values.reshape(count, -1) * factor if values.ndim > 1 else values * factor
         grid.field_data["time"] = np.array([profile.time])

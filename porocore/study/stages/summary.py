@@ -329,11 +329,11 @@ def flagged_place(solution: MacroSolution, surrogate: Surrogate) -> str:
 
     Of elements alike it is the first at the latest kept time; empty where no kept time shows one.
     """
-    shares = [float(profile.outside.max(initial=0.0)) for profile in solution.profiles]
+    shares = [float(profile.outside_training_range.max(initial=0.0)) for profile in solution.profiles]
     if not max(shares, default=0.0) > 0:
         return ""
     profile = solution.profiles[len(shares) - 1 - int(np.argmax(shares[::-1]))]
-    element = int(np.argmax(profile.outside))
+    element = int(np.argmax(profile.outside_training_range))
     place = ", ".join(f"{x:.3g}" for x in solution.points[solution.cells[element]].mean(axis=0))
     state = MacroState(profile.grad_u[[element]], profile.element_p[[element]])
     (why,) = surrogate.reasons(state)

@@ -209,7 +209,11 @@ def held_out_errors(predicted: CellResponse, truth: CellResponse, data: Training
 
     Of the stress only the components that do work on the sampled inputs count; the others are not learned.
     """
-    inside = np.ones(len(truth), dtype=bool) if predicted.outside is None else ~predicted.outside
+    inside = (
+        np.ones(len(truth), dtype=bool)
+        if predicted.outside_training_range is None
+        else ~predicted.outside_training_range
+    )
     if not inside.any():
         inside[:] = True
     moved = [column for column in data.inputs.columns if column < 9]

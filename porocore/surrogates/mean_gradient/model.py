@@ -114,7 +114,7 @@ class AnchoredModel:
             mean_grad=mean_grad.reshape(n, 3, 3),
             status=np.full(n, int(Status.converged), dtype=np.int64),
             tangent=derivatives,
-            outside=self._outside(states, flat, mean_grad),
+            outside_training_range=self._outside(states, flat, mean_grad),
         )
 
     def beyond_linear(self, x: Array) -> Array:

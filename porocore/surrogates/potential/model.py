@@ -213,7 +213,7 @@ class PotentialModel:
             stress=stress,
             fluid_volume=-gradient[6],
             tangent=slopes if tangent else None,
-            outside=self._outside(states, y, gradient),
+            outside_training_range=self._outside(states, y, gradient),
         )
 
     def beyond_rest(self, y: Array, judged: tuple[int, ...], gradient: Array | None = None) -> Array:

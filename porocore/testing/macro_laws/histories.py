@@ -157,17 +157,19 @@ class Histories(Solving):
         near("drained", history.drained, history.drained_flux, state, rel=1e-10, within=1e-14)
 
     def test_share_outside_the_trained_range_is_a_volume(self) -> None:
-        narrow = AlteredLaw(LINEAR, lambda r, states, memory: replace(r, outside=states.p > 5e-4))
+        narrow = AlteredLaw(
+            LINEAR, lambda r, states, memory: replace(r, outside_training_range=states.p > 5e-4)
+        )
         solution = self.solve(confined_column(40, load=-1e-3, time=SHORT), narrow)
         layer = Terzaghi.from_coefficients(COEFFICIENTS, 7.5, 1e-3)
         y = np.linspace(0, 7.5, 4001)
         share = (layer.pressure(y, 6.0 - 0.1) > 5e-4).mean()
-        state, found = "a law that flags p > 5e-4", solution.history.outside
+        state, found = "a law that flags p > 5e-4", solution.history.outside_training_range
         near("outside", found[-1], share, state, within=0.02)
         near(
             "outside, the mean of the profile,",
             found[-1],
-            solution.profiles[-1].outside.mean(),
+            solution.profiles[-1].outside_training_range.mean(),
             state,
             within=1e-12,
         )

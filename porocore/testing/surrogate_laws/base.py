@@ -38,7 +38,7 @@ class SurrogateSuite(Files, Trainings):
         response = fitted.predict(unseen.states)
         n, state = len(unseen.states), these(unseen.states)
         same("status", response.status, np.zeros(n), state)
-        shapes = {"outside": (n,), "mean_grad": (n, 3, 3)}
+        shapes = {"outside_training_range": (n,), "mean_grad": (n, 3, 3)}
         for name, slopes in provided(response):
             value = getattr(response, name)
             for what, slope, shape in (("H", slopes[0], (*value.shape, 3, 3)), ("p", slopes[1], value.shape)):
@@ -190,12 +190,21 @@ class SurrogateSuite(Files, Trainings):
         x = np.array([[-0.1, 0.1], [-0.2001, 0.1], [-0.1, 0.2401], [0.0, 0.0], [0.1, 0.3]])
         states = INPUTS.scatter(x)
         states.grad_u[3, 0, 1] = 0.01
-        outside = there("outside", fitted.predict(states, tangent=False).outside, these(states))
+        outside = there(
+            "outside_training_range",
+            fitted.predict(states, tangent=False).outside_training_range,
+            these(states),
+        )
         for row, flagged in enumerate([False, True, True, True, True]):
             state = words(states.grad_u[row], states.p[row])
-            holds(bool(outside[row]) == flagged, state, f"outside = {flagged}", bool(outside[row]))
-        trained = fitted.predict(data.states, tangent=False).outside
-        count = int(there("outside", trained, "the states of the training").sum())
+            holds(
+                bool(outside[row]) == flagged,
+                state,
+                f"outside_training_range = {flagged}",
+                bool(outside[row]),
+            )
+        trained = fitted.predict(data.states, tangent=False).outside_training_range
+        count = int(there("outside_training_range", trained, "the states of the training").sum())
         holds(not count, "the states of the training", "none outside", f"{count} outside")
 
     def test_invalid_options_are_refused(self) -> None:
@@ -207,7 +216,12 @@ class SurrogateSuite(Files, Trainings):
 def _same_rows(found: CellResponse, expected: CellResponse, state: str) -> None:
     """Alike but for round-off, derivatives and flags included."""
     same("status", found.status, expected.status, state)
-    same("outside", there("outside", found.outside, state), there("outside", expected.outside, state), state)
+    same(
+        "outside_training_range",
+        there("outside_training_range", found.outside_training_range, state),
+        there("outside_training_range", expected.outside_training_range, state),
+        state,
+    )
     for name in RESPONSES:
         if getattr(expected, name) is not None:
             near(name, getattr(found, name), getattr(expected, name), state, within=1e-12)

@@ -20,7 +20,7 @@ READ = ("load", "loads")
 def arrays(response: CellResponse) -> dict[str, Array]:
     """Return what a surrogate predicts, with the derivatives, by names."""
     found = {name: getattr(response, name) for name in RESPONSES if getattr(response, name) is not None}
-    found["outside"] = np.asarray(response.outside, float)
+    found["outside_training_range"] = np.asarray(response.outside_training_range, float)
     for name, (by_H, by_p) in provided(response):
         found |= {f"d{name} by H": by_H, f"d{name} by p": by_p}
     return found

@@ -261,9 +261,9 @@ def _compare_pair(
 
 def _inside(predicted: CellResponse) -> npt.NDArray[np.bool_]:
     """Rows within the range that the surrogate was trained on."""
-    if predicted.outside is None:
+    if predicted.outside_training_range is None:
         return np.ones(len(predicted), dtype=bool)
-    return ~predicted.outside
+    return ~predicted.outside_training_range
 
 
 def _largest(difference: Array, span: float) -> float:

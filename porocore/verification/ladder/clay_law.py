@@ -62,7 +62,7 @@ class ClayLaw(MacroLaw):
             deformation=F,
             volume_ratio=J,
             transformed_conductivity=pulled / J[:, None, None],
-            outside=np.zeros(n, bool),
+            outside_training_range=np.zeros(n, bool),
             tangent=self._tangent(states, grad_p, F, J, cof, s, pulled, flux) if tangent else None,
         )
 

@@ -200,7 +200,7 @@ class ColumnMacroSolver(MacroSolver):
             float(max(*x[column.n + 1 :], *column.ends_of_p(x, time))),
             last[4] - volume * float((response.storage[cells] / response.volume_ratio[cells]).sum()),
             last[5] + dt * column.area * float(column.outflow),
-            float(response.outside[cells].mean()),
+            float(response.outside_training_range[cells].mean()),
             float(np.abs(stress - stress.mean()).max()),
             float(iterations),
         ]
@@ -229,7 +229,7 @@ class ColumnMacroSolver(MacroSolver):
             stress=response.stress[layer],
             flux=flux,
             element_p=states.p[layer],
-            outside=response.outside[layer].astype(float),
+            outside_training_range=response.outside_training_range[layer].astype(float),
         )
 
 

@@ -121,7 +121,13 @@ class TestFlagsAllWhereAnyIsOutside(Law):
     class solver(Altered):
         def law(self, law):
             return AlteredLaw(
-                law, lambda r, states, memory: replace(r, outside=np.full_like(r.outside, r.outside.any()))
+                law,
+                lambda r, states, memory: replace(
+                    r,
+                    outside_training_range=np.full_like(
+                        r.outside_training_range, r.outside_training_range.any()
+                    ),
+                ),
             )
 
 
@@ -131,4 +137,4 @@ class TestNoFlags(Law):
 
     class solver(Altered):
         def solution(self, solution):
-            return with_history(solution, outside=np.zeros_like)
+            return with_history(solution, outside_training_range=np.zeros_like)

@@ -147,7 +147,7 @@ class TestNeverOutside(_Law):
 
     class surrogate(Altered):
         def alter(self, response, states):
-            return replace(response, outside=np.zeros(len(states), dtype=bool))
+            return replace(response, outside_training_range=np.zeros(len(states), dtype=bool))
 
 
 class TestSwallowsOptions(_Law):
