@@ -153,7 +153,7 @@ def _equilibrium(
         response = respond(solid, outcome.equilibrium, tangent=tangent)
     except FactorError:
         return failed_response(Status.not_converged, tangent=tangent), None, None
-    if response.tangent is not None and not np.isfinite(response.tangent.mean_grad_grad_u).all():
+    if response.tangent is not None and not _finite(response.tangent):
         # The sensitivities did not reach their tolerance. Only an unstable state may be without derivatives.
         missing = failed_response(Status.not_converged, tangent=True)
         if response.status[0] != Status.unstable:
