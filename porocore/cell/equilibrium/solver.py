@@ -18,9 +18,10 @@ from porocore.cell.equilibrium.path import follow
 from porocore.cell.equilibrium.responses import respond
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh import CellMesh, Domain
+from porocore.core.fields.declaration import provided_fields
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
-from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 
 #: Relative to the forces that would act if nothing cancelled.
 TOLERANCE = 1e-11
@@ -163,6 +164,10 @@ def _equilibrium(
     if has_pores and response.fluid_volume is not None and response.fluid_volume[0] <= 0:
         return failed_response(Status.overlap, tangent=tangent), None, None
     return response, solid, outcome.equilibrium
+
+
+def _finite(tangent: CellTangent) -> bool:
+    return all(np.isfinite(derivative).all() for derivative in provided_fields(tangent).values())
 
 
 def _with_conductivity(
