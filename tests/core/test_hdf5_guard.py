@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import time
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from invoked import invoke
 
 from porocore.core.hdf5 import atomic_hdf5, guard, opened
 from porocore.core.hdf5.trial import SECONDS
 from porocore.errors import DataError
-
-sys.path.insert(0, str(Path(__file__).parent))
-from invoked import invoke
 
 TEXT = h5py.string_dtype()
 

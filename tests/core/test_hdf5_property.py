@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,14 +15,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from hdf5_samples import KINDS, flat, same, unsealed
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from porocore.core.hdf5.seal import seal_of
 from porocore.errors import PorocoreError
-
-sys.path.insert(0, str(Path(__file__).parent))
-from hdf5_samples import KINDS, flat, same, unsealed
 
 Damage = Callable[[bytes], bytes]
 #: Longer than a message beside the name of its file.

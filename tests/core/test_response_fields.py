@@ -1,11 +1,10 @@
 """Fields of a response: declared once; shapes, NaN rows, checks and the documentation derive from that."""
 
-import sys
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_cell import response
 
 from porocore.core.fields.check import response_fault
 from porocore.core.fields.declaration import declared_fields, documented, provided_fields, row, rows_of
@@ -26,9 +25,6 @@ from porocore.states import (
     MacroState,
     Status,
 )
-
-sys.path.insert(0, str(Path(__file__).parent))
-from fake_cell import response
 
 
 def right(n=2):

@@ -1,0 +1,21 @@
+"""What all tests share: modules in ``helpers``, and a made-up solution of a consolidating column."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from porocore.interfaces.solution import MacroSolution
+
+sys.path.insert(0, str(Path(__file__).parent / "helpers"))
+
+from made_up_column import make_column
+
+
+@pytest.fixture(scope="session")
+def column() -> Callable[..., MacroSolution]:
+    """Make a column: see :func:`make_column`."""
+    return make_column

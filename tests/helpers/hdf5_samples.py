@@ -1,0 +1,153 @@
+"""Small valid HDF5 files of every kind that is read back, and how each is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from fake_cell import response
+from made_up_column import make_column
+
+from porocore.core.hdf5.seal import seal_of
+from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.parallel import Communicator
+from porocore.interfaces.cell import CellField
+from porocore.interfaces.law import LawMemory
+from porocore.interfaces.records import SolvedState
+from porocore.interfaces.solution import MacroSolution
+from porocore.macro.integration import checkpoint
+from porocore.macro.integration.adaptive import ErrorControl
+from porocore.macro.integration.record import HistoryRecorder as Steps
+from porocore.sampling.datasets.layout import Block, Header, read_block, read_fields, write_block
+from porocore.states import MacroState, Status
+from porocore.surrogates.file import file as surrogate_file
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.network import Network
+
+INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))
+UNKNOWNS, POINTS = 7, 2
+
+
+def write_dataset(path: Path) -> None:
+    random = np.random.default_rng(0)
+    rows, kept = [], []
+    for i, status in enumerate((Status.converged, Status.overlap, Status.unstable)):
+        x = (0.05 * i, -0.1 * i)
+        value = random.standard_normal((3, 3)) if status.has_values else np.full((3, 3), np.nan)
+        record = SolvedState(
+            f"state {i}", x, INPUTS.scatter(x), response(value, value[0, 0], status), 0.5, None
+        )
+        rows.append((Block.from_record(path, record), 0))
+        kept.append(
+            CellField(np.zeros((3, 3)), x[0], "eighth", random.standard_normal((4, 3))) if i else None
+        )
+    write_block(path, Header(INPUTS, "cell", {"numpy": "2"}), Block.join(path, rows, 2), kept)
+
+
+def read_dataset(path: Path) -> Any:
+    header, block = read_block(path, "delete it")
+    rows = [(block, row) for row in range(len(block.keys))]
+    return header, block.keys, block.starts, block.x, block.states, block.response, list(read_fields(rows))
+
+
+def write_surrogate(path: Path) -> None:
+    random = np.random.default_rng(1)
+    network = Network(
+        "tanh", (random.normal(size=(4, 2)), random.normal(size=(3, 4))), (random.normal(size=4), np.zeros(3))
+    )
+    model = AnchoredModel(
+        random.normal(size=(9, 10)),
+        (0, 4, 8),
+        np.array([0.1, 1 / 3, 0.7]),
+        network,
+        SampledRange.around(INPUTS, random.random((9, 2))),
+    )
+    metadata = surrogate_file.SurrogateMetadata("torch", {"hidden": [4]}, "cell", {}, {"stress": 0.1})
+    surrogate_file.write(path, model, metadata)
+
+
+def write_solution(path: Path) -> None:
+    make_column(elements=(1, 1, 1), times=(1.0,), end=2.0).save(path)
+
+
+def _discretisation() -> Any:
+    """As much of one as a checkpoint asks for."""
+    mesh = SimpleNamespace(size=UNKNOWNS, weights=np.ones((1, POINTS)), element=None, n_u=6)
+    return SimpleNamespace(
+        communicator=Communicator(), mesh=mesh, problem=SimpleNamespace(probes={}), unknowns=np.arange(UNKNOWNS),
+        boundary=SimpleNamespace(supports={}, drains={}), n_points=POINTS, gathered=np.copy,
+        points_to_mesh=np.copy, points_from_mesh=np.copy,
+    )  # fmt: skip
+
+
+def _at_rest(n: int) -> LawMemory:
+    return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)))
+
+
+#: A law whose answers are in its memory.
+LAW: Any = SimpleNamespace(
+    name="fake", initial=_at_rest, respond=lambda s, g, memory, tangent: SimpleNamespace(memory=memory)
+)
+
+
+def _stepper() -> Any:
+    return SimpleNamespace(time=0.5, halvings=1, streak=0, proposed=np.inf)
+
+
+def write_checkpoint(path: Path) -> None:
+    d, column = _discretisation(), make_column(elements=(1, 1, 1), times=(), end=1.0)
+    steps = Steps(d)
+    steps.rows, steps.profiles = [(0.5,) * len(steps.columns)] * 2, list(column.profiles)
+    control = ErrorControl(np.ones(UNKNOWNS), 0.1, (1.0, 2.0))
+    checkpoint.save(path, "owner", _stepper(), control, d, np.arange(7.0), _at_rest(POINTS), steps)
+
+
+def read_checkpoint(path: Path) -> Any:
+    stepper, control = _stepper(), ErrorControl()
+    x, memory, steps = checkpoint.load(path, "owner", stepper, control, _discretisation(), LAW)
+    return vars(stepper), control, x, memory, steps.rows, steps.profiles
+
+
+#: Name to a writer and a reader.
+KINDS: dict[str, tuple[Callable[[Path], None], Callable[[Path], Any]]] = {
+    "data set": (write_dataset, read_dataset),
+    "surrogate": (write_surrogate, surrogate_file.read),
+    "solution": (write_solution, MacroSolution.load_file),
+    "checkpoint": (write_checkpoint, read_checkpoint),
+}
+
+
+def unsealed(content: bytes) -> bytes:
+    """Return a file of ours without its seal."""
+    return content[: -len(seal_of(b""))]
+
+
+def flat(content: Any, where: str = "") -> dict[str, Any]:
+    """Return every number, text and array of what was read, by where it is."""
+    if is_dataclass(content):
+        content = {f.name: getattr(content, f.name) for f in fields(content)}
+    if isinstance(content, (list, tuple)):
+        content = dict(enumerate(content))
+    if isinstance(content, dict):
+        found = {f"{where}/": sorted(map(str, content))}
+        for name, value in content.items():
+            found |= flat(value, f"{where}/{name}")
+        return found
+    return {where: content}
+
+
+def same(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Return whether two flat contents are equal to the bit."""
+    return one.keys() == other.keys() and all(_bits(one[name]) == _bits(other[name]) for name in one)
+
+
+def _bits(value: Any) -> Any:
+    if isinstance(value, (float, np.ndarray, np.generic)):
+        array = np.asarray(value)
+        return array.dtype.str, array.shape, array.tobytes()
+    return value

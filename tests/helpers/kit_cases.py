@@ -1,0 +1,127 @@
+"""The wrong implementations in ``wrong/``, each a right one with one thing spoilt, and the laws that catch them.
+
+What a class there says:
+
+``caught_by``
+    The law that it breaks; empty for a right one, which obeys all.
+``raises``
+    The error in which the law ends, where that is none of its own assertions.
+``slow``
+    That the law takes a second or more.
+
+``python tests/helpers/kit_cases.py`` writes ``docs/reference/caught.md``, a table of the laws with what each catches.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import porocore.testing
+from porocore.testing.suite import Suite, laws_of
+
+WRONG = Path(__file__).parents[1] / "testing" / "wrong"
+TABLE = Path(__file__).parents[2] / "docs" / "reference" / "caught.md"
+#: The suite of the classes in each file.
+SUITES: dict[str, type[Suite]] = {
+    "samplers": porocore.testing.SamplerSuite,
+    "cells": porocore.testing.CellSolverSuite,
+    "meshed": porocore.testing.MeshedCellSuite,
+    "contact": porocore.testing.CellContactSuite,
+    "surrogates": porocore.testing.PotentialSuite,
+    "macro_states": porocore.testing.MacroSolverSuite,
+    "macro_plates": porocore.testing.MacroSolverSuite,
+    "macro_bodies": porocore.testing.MacroSolverSuite,
+    "macro_histories": porocore.testing.MacroSolverSuite,
+    "macro_runs": porocore.testing.MacroSolverSuite,
+    "macro_columns": porocore.testing.MacroSolverSuite,
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A class of ``wrong/``."""
+
+    file: str
+    name: str
+    summary: str
+    caught_by: str
+    raises: str = ""
+    slow: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.file}.{self.name}"
+
+    def node(self, law: str = "") -> str:
+        """As pytest names it, or one of its laws."""
+        return f"{WRONG / self.file}.py::{self.name}" + (f"::{law}" if law else "")
+
+    @property
+    def words(self) -> str:
+        """What it does, after its name and its first line."""
+        name = re.sub(r"(?<=.)([A-Z])", r" \1", self.name.removeprefix("Test")).lower()
+        return f"{name} ({self.summary.rstrip('.')})" if self.summary else name
+
+
+def cases(file: str) -> Iterator[Case]:
+    """Read, not imported: backends are slow to import."""
+    for node in ast.parse((WRONG / f"{file}.py").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef) and node.name.startswith("Test"):
+            said = {
+                statement.targets[0].id: statement.value.value
+                for statement in node.body
+                if isinstance(statement, ast.Assign) and isinstance(statement.value, ast.Constant)
+            }
+            known = {key: said[key] for key in ("caught_by", "raises", "slow") if key in said}
+            summary = (ast.get_docstring(node) or "").partition("\n")[0]
+            yield Case(file, node.name, summary, **known)
+
+
+CASES = [case for file in SUITES for case in cases(file)]
+RIGHT = [case for case in CASES if not case.caught_by]
+WRONGS = [case for case in CASES if case.caught_by]
+
+
+def suites() -> list[type[Suite]]:
+    """All that the kit has."""
+    found = [getattr(porocore.testing, name) for name in porocore.testing.__all__]
+    return [suite for suite in found if isinstance(suite, type) and issubclass(suite, Suite)]
+
+
+def wrong_ones(suite: type[Suite], law: str) -> list[Case]:
+    """Those that a law of a suite catches.
+
+    Laws that several suites share are one law; those of one name in different suites are not.
+    """
+    return [
+        case
+        for case in WRONGS
+        if case.caught_by == law and getattr(SUITES[case.file], law) is getattr(suite, law)
+    ]
+
+
+def table() -> str:
+    """Every law, once, with what it catches."""
+    lines = [
+        "# What the laws of the conformance kit catch",
+        "",
+        "Every law of the [conformance kit](testing.md) is tested on implementations that break it, each made of a",
+        "right one by spoiling one thing. A law that suites share is listed once.",
+        "`python tests/helpers/kit_cases.py` writes this page.",
+    ]
+    listed: set[object] = set()
+    for suite in sorted(suites(), key=lambda suite: (len(suite.__mro__), suite.__name__)):
+        own = [law for law in laws_of(suite) if getattr(suite, law) not in listed]
+        lines += ["", f"## {suite.__name__}", "", "| law | catches |", "|---|---|"]
+        for law in own:
+            listed.add(getattr(suite, law))
+            words = law.removeprefix("test_").replace("_", " ")
+            lines.append(f"| {words} | {'; '.join(case.words for case in wrong_ones(suite, law))} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    TABLE.write_text(table(), encoding="utf-8")

@@ -1,0 +1,196 @@
+"""What is found before anything is solved: ``porocore check``, and faults with file, line and key."""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+import yaml
+from invoked import BENCHMARK, invoke
+from pydantic import ValidationError
+
+import porocore
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.core.inputs.input_space import NAMES, InputSpace
+from porocore.core.inputs.possible_states import least_volume
+from porocore.errors import ConfigurationError
+from porocore.macro.problem import TimePlan
+from porocore.plugins import registry
+from porocore.study import backends
+from porocore.study.config.config import load_config
+from porocore.study.preflight.checks import check_backends, check_sampling, outline
+
+
+def test_check_tells_what_a_run_would_do():
+    done = invoke("check", BENCHMARK.with_name("brain-indentation.yaml"))
+    assert done.exception is None, done.output
+    for part in (
+        "porosity: 0.41",
+        "macro-driven, ",
+        "body: box, 10 × 10 × 10 mm, 216 hexahedron elements",
+        "surface punch",
+        "u_2 = 0 to -0.6 mm until t = 20 s",
+        "probe beneath the punch at 0, 8, 0 mm",
+        "up to t = 2000 s",
+        "no faults; next: porocore run",
+    ):
+        assert part in done.stdout, part
+
+
+def study_of(tmp_path, **changes):
+    """The strip of examples/ with other values, by dotted key with ``__`` for the dot."""
+    data = yaml.safe_load(BENCHMARK.with_name("soil-strip.yaml").read_text(encoding="utf-8"))
+    for key, value in changes.items():
+        *sections, last = key.split("__")
+        part = data
+        for section in sections:
+            part = part.setdefault(section, {})
+        part[last] = value
+    path = tmp_path / "study.yaml"
+    path.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
+    return path
+
+
+def test_check_refuses_a_solid_that_a_run_refuses(tmp_path):
+    """By the same sentence; it was said before what the cell is like."""
+    path = study_of(tmp_path, cell__geometry={"kind": "sphere-pores", "lattice": "bcc", "radius": 0.7})
+    done = invoke("check", path)
+    assert isinstance(done.exception, ConfigurationError)
+    assert "the solid has no stiffness: there is no solid" in done.stdout
+    assert "no faults" not in done.stdout
+    with pytest.raises(ConfigurationError) as refused:
+        load_config(path).cell.require_stiffness()
+    assert str(refused.value) in str(done.exception)
+    assert "does not hang together" in str(refused.value)
+
+
+def test_check_refuses_a_cell_without_pores(tmp_path, monkeypatch):
+    monkeypatch.setattr(OrthogonalChannels, "porosity", 0.0)
+    with pytest.raises(ConfigurationError, match="has no pores"):
+        list(outline(load_config(BENCHMARK)))
+
+
+def test_check_notes_drained_surfaces_that_no_pore_leads_to(tmp_path):
+    path = study_of(tmp_path, cell__geometry={"kind": "sphere-pores", "lattice": "cubic", "radius": 0.3})
+    assert "note: the cell conducts no fluid in any direction" in invoke("check", path).stdout
+    path = study_of(tmp_path, cell__geometry={"kind": "orthogonal-channels", "axes": "x", "radius": 0.2})
+    assert "note: the cell conducts no fluid along y (K_22 = 0)" in invoke("check", path).stdout
+
+
+def test_default_profile_times_beyond_the_end_are_left_out():
+    assert TimePlan().profiles == (1.0, 10.0, 40.0)
+    assert TimePlan(end=10).profiles == (1.0, 10.0)
+    assert TimePlan.model_validate(TimePlan(end=5).model_dump()) == TimePlan(end=5)
+    with pytest.raises(ValidationError, match="a profile time lies behind end = 5"):
+        TimePlan(end=5, profiles=(1.0, 10.0, 40.0))
+
+
+@pytest.mark.parametrize(("count", "refused"), [(4, True), (9, True), (10, False)])
+def test_check_refuses_too_few_states_to_train_on(count, refused, tmp_path):
+    """Of four inputs; training would refuse them with the same words, after they were solved."""
+    path = study_of(
+        tmp_path, sampling__sampler="sobol", sampling__options={"count": count}, sampling__tolerance=None
+    )
+    config = load_config(path)
+    words = f"{count} states are too few to train on, at least 10 are needed"
+    with pytest.raises(ConfigurationError, match=words) if refused else nullcontext():
+        check_sampling(config, trained=True)
+    check_sampling(config, trained=False)
+
+
+def test_the_least_volume_of_a_box_is_that_of_no_sampled_state():
+    """Random states of random boxes have at least it, and one corner has it."""
+    generator = np.random.default_rng(3)
+    for names in (("H11",), ("H22", "p", "H12"), NAMES[:9]):
+        low = generator.uniform(-0.6, -0.1, len(names))
+        inputs = InputSpace(names, tuple(low), tuple(low + generator.uniform(0.1, 0.9, len(names))))
+        J, corner = least_volume(inputs)
+        states = inputs.scatter(
+            np.array(inputs.lower)
+            + generator.random((4000, len(names))) * np.ptp([inputs.lower, inputs.upper], axis=0)
+        )
+        assert np.linalg.det(np.eye(3) + states.grad_u).min() >= J - 1e-12
+        there = inputs.scatter([[corner.get(name, 0.0) for name in names]])
+        assert np.linalg.det(np.eye(3) + there.grad_u[0]) == pytest.approx(J, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("course", "words"),
+    [
+        ({"ramp": -0.6, "until": 20}, "u_2 = 0 to -0.6 until t = 20"),
+        ({"table": [[0, 0.1], [2, -0.5]]}, "u_2 = (0.1 at t = 0; -0.5 at t = 2)"),
+        (
+            {"table": [[i, i / 10] for i in range(9)]},
+            "u_2 = (0 at t = 0; 0.1 at t = 1; 0.2 at t = 2; …; 0.8 at t = 8)",
+        ),
+        ({"expression": "0.1*sin(t)"}, "u_2 = 0.1*sin(t)"),
+    ],
+)
+def test_check_says_how_a_course_goes(course, words, tmp_path):
+    path = study_of(tmp_path, macro__boundary__strip={"displacement": [None, course, None], "pressure": 0})
+    (line,) = [line for line in outline(load_config(path)) if "surface strip" in line]
+    assert line.split(": ", 1)[1] == f"{words}, p = 0"
+
+
+def test_check_notes_a_course_that_goes_on_beyond_the_end(tmp_path):
+    text = BENCHMARK.with_name("brain-indentation.yaml").read_text(encoding="utf-8")
+    path = tmp_path / "study.yaml"
+    assert "until: 20 s}" in text
+    for until, noted in (("2000 s", False), ("20000", True)):
+        path.write_text(text.replace("until: 20 s}", f"until: {until}}}"), encoding="utf-8")
+        lines = [
+            line for line in outline(load_config(path)) if "a course on the surface punch goes on" in line
+        ]
+        assert len(lines) == noted
+    assert "beyond the end, 2000 s" in lines[0]
+
+
+def test_the_checks_mesh_the_body_once(monkeypatch):
+    """A large body is not meshed for each of them."""
+    from porocore.macro.body import kinds
+
+    made = []
+    original = kinds.Box.make
+    monkeypatch.setattr(kinds.Box, "make", lambda self: made.append(1) or original(self))
+    kinds.make_body.cache_clear()
+    check_backends(porocore.load_config(BENCHMARK))
+    assert len(made) == 1
+    assert backends.backend_name("macro solver", porocore.load_config(BENCHMARK)) == "skfem"
+
+
+def test_check_notes_a_cell_solver_without_contact(monkeypatch):
+    solver = registry.get("cell solver", "skfem")
+    words = "note: the cell solver 'skfem' does not hold the pore wall against itself"
+    config = load_config(BENCHMARK)
+    assert words not in "\n".join(outline(config))
+    monkeypatch.setattr(solver, "contact", False)
+    assert words in "\n".join(outline(config))
+
+
+GYROID = {"kind": "tpms", "surface": "gyroid", "void_fraction": 0.4}
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        # Each size has a mesh of its own; of one size both phases share one.
+        (
+            {"geometry": GYROID, "mesh": {"size": 0.4, "fluid_size": 0.2, "element": "linear"}},
+            "cell.mesh: the pore wall of the fluid's mesh does not lie on that of the solid's",
+        ),
+        ({"supercell": [2, 1, 1]}, "conductivity: the conductivity of the deformed pore is that of one cell"),
+    ],
+    ids=["walls", "block"],
+)
+def test_check_refuses_a_cell_whose_fluid_cannot_follow(cell, words, tmp_path):
+    path = study_of(tmp_path, cell=cell, conductivity="deformed")
+    done = invoke("check", path)
+    assert isinstance(done.exception, ConfigurationError)
+    assert words in str(done.exception)
+    assert "no faults" not in done.stdout
+    assert invoke("check", study_of(tmp_path, cell=cell, conductivity="piola")).exception is None
+
+
+def test_check_passes_meshes_of_one_size_whose_fluid_follows(tmp_path):
+    mesh = {"size": 0.4, "fluid_size": 0.4, "element": "linear"}
+    path = study_of(tmp_path, cell={"geometry": GYROID, "mesh": mesh}, conductivity="deformed")
+    assert "no faults" in invoke("check", path).stdout

@@ -1,0 +1,161 @@
+"""Flags by the estimated error of a surrogate: they follow the error itself, and say which component drives it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flag_studies import FOUR, SEVEN, assert_follows, held_out
+
+from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.tensors.point_group import TRIVIAL
+from porocore.states import MacroState
+from porocore.study.stages.summary import flagged_place
+from porocore.surrogates.error_estimate.models import with_mean_gradient_error
+from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.network import Network
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.surrogates.portable import NumpySurrogate
+from porocore.testing.synthetic.potential_cell import potential_training_set, respond
+
+#: Inputs, training states, tolerance: some tenths of the held-out states are beyond it.
+STUDIES = {"four": (FOUR, 16, 5e-3), "seven": (SEVEN, 24, 2e-2)}
+
+
+def training(study):
+    """Of a cell of whose symmetry nothing is known."""
+    inputs, n, tolerance = STUDIES[study]
+    return replace(potential_training_set(n, seed=1, inputs=inputs), symmetry=TRIVIAL, tolerance=tolerance)
+
+
+def share_of_range(predicted, exact, data, *names):
+    """Largest error of each state."""
+    worst = np.zeros(len(exact))
+    for name in names:
+        known = getattr(data.responses, name).reshape(len(data.states), -1)
+        wrong = (getattr(predicted, name) - getattr(exact, name)).reshape(len(exact), -1)
+        worst = np.maximum(worst, np.abs(wrong).max(axis=1) / np.ptp(known, axis=0).max())
+    return worst
+
+
+@pytest.fixture(scope="module", params=STUDIES)
+def study(request):
+    data = training(request.param)
+    return data, PolynomialSurrogate().fit(data, seed=0)
+
+
+def test_flags_follow_the_error_of_a_potential(study):
+    data, surrogate = study
+    states = held_out(data.inputs)
+    predicted = surrogate.predict(states, tangent=False)
+    error = share_of_range(predicted, respond(states), data, "stress", "fluid_volume")
+    assert_follows(predicted.outside_training_range, error, data.tolerance)
+
+
+def test_the_hull_does_not(study):
+    """What was flagged before: without a tolerance."""
+    data, _ = study
+    states, inputs = held_out(data.inputs), data.inputs
+    surrogate = PolynomialSurrogate().fit(replace(data, tolerance=None), seed=0)
+    predicted = surrogate.predict(states, tangent=False)
+    assert (
+        predicted.outside_training_range
+        == SampledRange.around(inputs, inputs.gather(data.states)).outside(states)
+    ).all()
+    error = share_of_range(predicted, respond(states), data, "stress", "fluid_volume")
+    with pytest.raises(AssertionError):
+        assert_follows(predicted.outside_training_range, error, data.tolerance)
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_flags_follow_the_error_of_a_network(study):
+    """One that knows little: the first weights of a network, small, with the exact linear limit."""
+    data = replace(training(study), tolerance=0.05)
+    scaled, random = ScaledData.from_training_set(data), np.random.default_rng(0)
+    o, d = len(scaled.components), len(data.inputs)
+    network = Network(
+        "tanh",
+        (0.3 * random.standard_normal((8, d)), 0.3 * random.standard_normal((o, 8))),
+        (np.zeros(8), np.zeros(o)),
+    )
+    sampled = SampledRange.around(data.inputs, data.inputs.gather(data.states))
+    model = AnchoredModel(scaled.linear, scaled.components, scaled.output_scale, network, sampled)
+    states = held_out(data.inputs)
+    predicted = with_mean_gradient_error(model, data).predict(states, tangent=False)
+    assert_follows(
+        predicted.outside_training_range, share_of_range(predicted, respond(states), data, "mean_grad"), 0.05
+    )
+
+
+def test_in_the_safe_box_no_estimate_is_near_the_tolerance(study):
+    data, surrogate = study
+    model = replace(surrogate._fitted_model)
+    states = held_out(data.inputs)
+    asked = replace(model, estimate=replace(model.estimate, safe=np.zeros((2, 7))))
+    flagged = surrogate.predict(states, tangent=False).outside_training_range
+    assert (flagged == asked.predict(states, tangent=False).outside_training_range).all()
+
+
+def test_far_states_are_flagged_whatever_is_estimated(study):
+    data, _ = study
+    surrogate = PolynomialSurrogate().fit(replace(data, tolerance=1.0), seed=0)
+    inputs = data.inputs
+    low, high = np.array(inputs.lower), np.array(inputs.upper)
+    within = surrogate.predict(inputs.scatter([low, high]), tangent=False)
+    assert not within.outside_training_range.any()
+    beyond = inputs.scatter([low - 0.3 * (high - low), high + 0.3 * (high - low)])
+    assert surrogate.predict(beyond, tangent=False).outside_training_range.all()
+    turned_inside_out = MacroState(np.array([np.diag([0.0, -1.2, 0.0])]), np.zeros(1))
+    assert surrogate.predict(turned_inside_out, tangent=False).outside_training_range.all()
+
+
+def test_the_file_carries_it(study, tmp_path):
+    data, surrogate = study
+    surrogate.save(tmp_path / "surrogate.h5")
+    read, states = NumpySurrogate.load(tmp_path / "surrogate.h5"), held_out(data.inputs)
+    flagged = surrogate.predict(states, tangent=False).outside_training_range
+    assert 0 < flagged.mean() < 1
+    assert (read.predict(states, tangent=False).outside_training_range == flagged).all()
+    assert read.reasons(states[:5]) == surrogate.reasons(states[:5])
+
+
+def test_it_names_the_component():
+    surrogate = PolynomialSurrogate().fit(training("seven"), seed=0)
+    H = np.zeros((3, 3, 3))
+    H[0, 2, 1], H[1, 1, 1], H[2, 0, 1] = 0.05, -0.2, 0.1
+    H[2, 1, 1] = 0.01
+    said = surrogate.reasons(MacroState(H[1:], np.array([0.05, 0.05])))
+    assert said[0].startswith("H22 = −0.2, beyond [−0.1, 0.1], where the estimated error is ")
+    assert said[1].startswith("H12 = 0.1 in [−0.1, 0.1], where the estimated error is ")
+    four = PolynomialSurrogate().fit(training("four"), seed=0)
+    sheared = MacroState(H[2:], np.array([0.05]))
+    assert four.reasons(sheared) == ["H12 = 0.1, which was not sampled"]
+
+
+class Profile:
+    def __init__(self, time, outside, H22):
+        self.time, self.outside_training_range = time, np.array(outside)
+        self.grad_u = np.zeros((2, 3, 3))
+        self.grad_u[:, 1, 1] = H22
+        self.element_p = np.full(2, 0.1)
+
+
+class Solution:
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0], [1, 4, 0]])
+    cells = np.array([[0, 1], [2, 3]])
+
+    def __init__(self, *profiles):
+        self.profiles = profiles
+
+
+def test_it_says_where_in_the_body():
+    surrogate = PolynomialSurrogate().fit(training("four"), seed=0)
+    early, late = Profile(1.0, [0.0, 0.5], [0, -0.16]), Profile(2.0, [0.0, 1.0], [0, -0.2])
+    said = flagged_place(Solution(early, late, Profile(3.0, [0.25, 0.0], [0, 0])), surrogate)
+    assert said.startswith(
+        "So it is around (1, 3, 0) at t = 2: H22 = −0.2, beyond [−0.15, 0.1], where the est"
+    )
+    assert flagged_place(Solution(Profile(1.0, [0.0, 0.0], [0, 0])), surrogate) == ""
+    assert flagged_place(Solution(), surrogate) == ""
