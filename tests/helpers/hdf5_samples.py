@@ -22,7 +22,7 @@ from porocore.interfaces.records import SolvedState
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.integration import checkpoint
 from porocore.macro.integration.adaptive import ErrorControl
-from porocore.macro.integration.record import HistoryRecorder as Steps
+from porocore.macro.integration.record import Record as Steps
 from porocore.sampling.datasets.layout import Block, Header, read_block, read_fields, write_block
 from porocore.states import MacroState, Status
 from porocore.surrogates.file import file as surrogate_file
