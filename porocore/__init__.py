@@ -58,6 +58,10 @@ if TYPE_CHECKING:
     from porocore.study.api.study import Study as Study
     from porocore.study.config.config import RunConfig as RunConfig
     from porocore.study.config.config import load_config as load_config
+    from porocore.verification.local_fields.solve import write_local_fields as write_local_fields
+    from porocore.verification.reproduce import reproduce as reproduce
+    from porocore.verification.sensitivity.study import study_sensitivity as study_sensitivity
+    from porocore.verification.stability import map_stability as map_stability
 
 _HOMES = {
     "porocore.study.api.cells": ["CellProblem"],
@@ -87,6 +91,10 @@ _HOMES = {
     "porocore.core.inputs.sampled_range": ["SampledRange"],
     "porocore.interfaces.solution": ["History", "MacroSolution", "Profile", "StepReport"],
     "porocore.states": ["CellExtrema", "CellResponse", "CellTangent", "MacroState", "Status"],
+    "porocore.verification.local_fields.solve": ["write_local_fields"],
+    "porocore.verification.reproduce": ["reproduce"],
+    "porocore.verification.sensitivity.study": ["study_sensitivity"],
+    "porocore.verification.stability": ["map_stability"],
 }
 _MODULE_OF = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -1,4 +1,4 @@
-"""What the commands share."""
+"""Helpers that several commands use."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError, UnexpectedError
@@ -17,46 +15,14 @@ from porocore.errors import ConfigurationError, UnexpectedError
 if TYPE_CHECKING:
     from porocore.study.config.config import RunConfig
 
-ConfigArgument = Annotated[
-    Path | None,
-    typer.Argument(metavar="CONFIG", help="Configuration (YAML).", show_default="the packaged benchmark"),
-]
-FemOption = Annotated[
-    str | None,
-    typer.Option("--fem", metavar="NAME", help="Finite-element backend instead of the configured one."),
-]
-MacroOption = Annotated[
-    str | None,
-    typer.Option(
-        "--macro", metavar="NAME", help="Backend of the macroscale, where it is not that of the cell."
-    ),
-]
-SurrogateOption = Annotated[
-    str | None,
-    typer.Option("--surrogate", metavar="NAME", help="Surrogate backend instead of the configured one."),
-]
-ClosureOption = Annotated[
-    str | None,
-    typer.Option(
-        "--closure", metavar="NAME", help="mean-gradient or potential, instead of the configured one."
-    ),
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="DIR", help="Run folder.", show_default="runs/<name of the configuration>"),
-]
-ResumeOption = Annotated[
-    bool, typer.Option("--resume", help="Continue the run that the folder already holds.")
-]
-
 
 class Interrupted(Exception):
-    """Ctrl-C; the text says how to go on."""
+    """Ctrl-C, with the command to continue as text."""
 
 
 @contextmanager
 def interruptible(advice: str = "") -> Iterator[None]:
-    """Turn Ctrl-C into :class:`Interrupted`; typer would make a silent exit of it, and of the end of a stream, too."""
+    """Turn Ctrl-C into :class:`Interrupted`; typer would end silently, as it would at the end of a stream."""
     try:
         yield
     except EOFError as error:
@@ -82,7 +48,7 @@ def read_config(
     closure: str | None = None,
     macro: str | None = None,
 ) -> tuple[Path, RunConfig]:
-    """The configuration, the packaged one for None, with the chosen backends and closure."""
+    """Return path and configuration, the packaged one for None, with the chosen backends and closure."""
     from porocore.study.backends import with_closure
     from porocore.study.benchmark import benchmark_path
     from porocore.study.config.config import load_config
@@ -98,12 +64,12 @@ def read_config(
 
 
 def check_workers(workers: int | None) -> None:
-    """Refuse a number of processes that cannot be.
+    """Refuse a number of processes that is out of bounds.
 
     Raises
     ------
     ConfigurationError
-        It is below 1, or larger than any machine has use for.
+        The number is below 1 or above the limit.
     """
     from porocore.core.models.bounds import MOST_WORKERS
 
@@ -111,18 +77,33 @@ def check_workers(workers: int | None) -> None:
         raise ConfigurationError(f"--workers: expected 1 to {MOST_WORKERS}, got {echo(workers)}")
 
 
-def command(*words: object) -> str:
-    """A command to copy into a shell; None is left out."""
-    return shlex.join(["porocore", *(str(word) for word in words if word is not None)])
+def command(*words: object, **options: object) -> str:
+    """Return a command to copy into a shell.
+
+    Parameters
+    ----------
+    *words
+        Name and arguments of the command; None is left out.
+    **options
+        Values by option: True for a flag alone, a sequence for an option that is repeated, None or False for one that
+        is left out.
+    """
+    said = [str(word) for word in words if word is not None]
+    for name, given in options.items():
+        option = f"--{name.replace('_', '-')}"
+        for value in given if isinstance(given, list | tuple) else [given]:
+            if value is not None and value is not False:
+                said += [option] if value is True else [option, str(value)]
+    return shlex.join(["porocore", *said])
 
 
 def parse_inputs(option: str, what: str, text: str) -> dict[str, float]:
-    """``"H22=-0.2,p=0.1"`` → finite numbers by name.
+    """Return finite numbers by name from a text such as ``"H22=-0.2,p=0.1"``.
 
     Raises
     ------
     ConfigurationError
-        It is something else than ``what``; names ``option``.
+        The text is not ``what``; the message names ``option``.
     """
     found: dict[str, float] = {}
     for part in text.split(","):

@@ -20,7 +20,7 @@ from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.plugins.table import PluginRow
-from porocore.study import backends
+from porocore.study import backends, stages
 from porocore.study.benchmark import benchmark_path
 from porocore.study.config.config import load_config
 from porocore.study.run_folder.folder import RunFolder
@@ -57,13 +57,14 @@ def pipeline(monkeypatch):
 
         setattr(fake, name, call)
 
+    stage("solve_reference", lambda folder: [])
     stage("sample", lambda folder: [folder.dataset, folder.test_dataset])
     stage("train", lambda folder: [folder.surrogate])
     stage("solve", lambda folder: folder.solutions())
     stage("report", lambda folder: [folder.report])
     stage("run", lambda folder: [folder.report])
     monkeypatch.setitem(sys.modules, "porocore.study.stages.pipeline", fake)
-    monkeypatch.setattr(porocore.study.stages, "pipeline", fake, raising=False)
+    monkeypatch.setattr(stages, "pipeline", fake, raising=False)
     monkeypatch.setattr(backends, "check", lambda kind, config: None)
     return fake
 
@@ -132,7 +133,7 @@ def test_the_steps_follow_one_another(porocore_command, pipeline, tmp_path):
     assert len(printed.splitlines()) == 4
     assert f"next: porocore report {out}" in err
     assert porocore_command("report", out)[:2] == (0, f"{out / 'report.html'}\n")
-    assert [call[0] for call in pipeline.calls] == ["sample", "train", "solve", "report"]
+    assert [call[0] for call in pipeline.calls] == ["solve_reference", "sample", "train", "solve", "report"]
 
 
 @pytest.mark.parametrize(("step", "before"), [("train", "sample"), ("solve", "sample"), ("report", "sample")])
@@ -235,7 +236,7 @@ def test_an_interruption_says_how_to_go_on(porocore_command, pipeline, tmp_path,
     def interrupt(folder, config, **how):
         raise KeyboardInterrupt
 
-    pipeline.run = pipeline.sample = interrupt
+    pipeline.run = pipeline.solve_reference = interrupt
     out, config = tmp_path / "a run", str(benchmark_path())
     words = [config if word == "CONFIG" else word for word in words]
     status, printed, err = porocore_command(*words, "--out", out)

@@ -189,6 +189,7 @@ def test_the_options_of_the_command_line(tmp_path: Path, monkeypatch: pytest.Mon
         asked.append((config.sampling.executor, config.sampling.scheduler, how["retry_lost"]))
         raise KeyboardInterrupt
 
+    monkeypatch.setattr(pipeline, "solve_reference", lambda *given, **how: None)
     monkeypatch.setattr(pipeline, "sample", interrupted)
     monkeypatch.setattr(preflight, "check_reachable", reached.append)
     for more in ([*words], ["sample", str(out)]):

@@ -10,7 +10,7 @@ from porocore.cli.commands.cell import as_text
 from porocore.interfaces.cell import CellSolution
 from porocore.study.benchmark import benchmark_path
 from porocore.study.config.config import load_config
-from porocore.study.stages import pipeline
+from porocore.study.stages import reference
 
 
 class Plain(FakeCellSolver):
@@ -34,9 +34,9 @@ class Plainest(Plain):
     [(FakeCellSolver, {"tangent", "peaks"}, 0.4), (Plain, {"tangent"}, 0.4), (Plainest, set(), None)],
 )
 def test_a_state_is_shown_with_what_there_is(monkeypatch, solver, found, porosity):
-    monkeypatch.setattr(pipeline, "prepare_cell", lambda *_: (solver(Fake()), Fake()))
+    monkeypatch.setattr(reference, "prepare_cell", lambda *_: (solver(Fake()), Fake()))
     config = load_config(benchmark_path())
-    state = pipeline.solve_cell(config, np.diag([0.0, -0.1, 0.0]), 0.05)
+    state = reference.solve_cell(config, np.diag([0.0, -0.1, 0.0]), 0.05)
     assert state["status"] == "converged"
     assert {"tangent", "peaks"} & set(state) == found
     assert state["mean_grad"][1, 1] != 0

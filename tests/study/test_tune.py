@@ -32,6 +32,8 @@ from porocore.study.benchmark import crosscheck_path
 from porocore.study.config.config import load_config
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.tuning import tune
+from porocore.study.tuning.candidates import Candidate, candidates
+from porocore.study.tuning.training import Result, held_out_errors
 from porocore.testing.synthetic.cell import INPUTS, respond, synthetic_training_set
 
 #: Read by the plugin of tune_fakes.
@@ -180,10 +182,10 @@ def test_what_is_trained_is_not_trained_again(folder, command, log):
 
 def test_other_settings_are_not_mixed_up(folder, command, log):
     """A seed is part of what a candidate belongs to."""
-    grid = tune.candidates(folder.config, [1], [4], ["tanh"])
-    tune.tune(folder, folder.config, grid)
+    grid = candidates(folder.config, [1], [4], ["tanh"])
+    tune.train_all(folder, folder.config, grid)
     surrogate = folder.config.surrogate.model_copy(update={"seed": 5})
-    tune.tune(folder, folder.config.model_copy(update={"surrogate": surrogate}), grid)
+    tune.train_all(folder, folder.config.model_copy(update={"surrogate": surrogate}), grid)
     assert len(log()) == 2
     assert len(list(folder.path.glob("tune/*"))) == 2
 
@@ -235,15 +237,15 @@ def test_a_search_that_is_interrupted_goes_on(folder, fakes, log, command):
     assert len(log()) - before == 5 - kept
 
 
-def test_a_training_that_goes_astray_is_in_the_table_and_never_chosen(folder, command):
+def test_a_training_that_diverges_is_in_the_table_and_never_chosen(folder, command):
     status, out, err = command(
         folder.path, "--depths", 3, "--widths", 16, "--activations", "sigmoid", "--workers", 1
     )
     assert (status, out) == (2, "")
-    assert "every training went astray" in err
+    assert "all trainings diverged" in err
     status, out, err = command(folder.path, "--depths", 3, "--widths", "4,16", "--workers", 1)
     assert status == 0
-    assert "astray" in err
+    assert "diverged" in err
     assert yaml.safe_load(out)["surrogate"]["options"]["activation"] == "tanh"
     assert "NaN" not in (folder.path / "tune.json").read_text()
 
@@ -287,29 +289,29 @@ def test_only_the_stress_that_does_work_counts():
     truth = data.responses
     wrong = truth.stress.copy()
     wrong[:, 0, 0] += 1.0
-    assert tune.held_out_errors(replace(truth, stress=wrong), truth, data)["stress"] == 0.0
+    assert held_out_errors(replace(truth, stress=wrong), truth, data)["stress"] == 0.0
     wrong[:, 1, 1] += 0.01 * np.ptp(truth.stress[:, 1, 1])
-    assert tune.held_out_errors(replace(truth, stress=wrong), truth, data)["stress"] == pytest.approx(0.01)
+    assert held_out_errors(replace(truth, stress=wrong), truth, data)["stress"] == pytest.approx(0.01)
     everything = TrainingSet(data.states, truth, type(INPUTS)(NAMES, (-1.0,) * 10, (1.0,) * 10),
                              data.reference, "", {})  # fmt: skip
-    assert tune.held_out_errors(replace(truth, stress=wrong), truth, everything)["stress"] > 1
+    assert held_out_errors(replace(truth, stress=wrong), truth, everything)["stress"] > 1
 
 
 def test_the_first_good_one_is_chosen():
     def result(parameters, error):
-        return tune.Result(1, parameters, "tanh", parameters, error, {}, 0.0)
+        return Result(1, parameters, "tanh", parameters, error, {}, 0.0)
 
     results = [result(1, None), result(2, 0.0111), result(3, 0.0109), result(4, 0.01), result(5, 0.02)]
     assert tune.smallest_good(results, 0.1).parameters == 3
     assert tune.smallest_good(results, 0.0).parameters == 4
-    with pytest.raises(DataError, match="every training went astray"):
+    with pytest.raises(DataError, match="all trainings diverged"):
         tune.smallest_good(results[:1], 0.1)
 
 
 def test_the_grid(folder):
-    grid = tune.candidates(folder.config)
+    grid = candidates(folder.config)
     assert len(grid) == 3 * 4 * 2
-    assert tune.Candidate(3, 40, "sigmoid") in grid
-    assert tune.Candidate(3, 40, "sigmoid").parameters(2, 3) == 3 * 40 + 2 * 41 * 40 + 41 * 3
+    assert Candidate(3, 40, "sigmoid") in grid
+    assert Candidate(3, 40, "sigmoid").parameters(2, 3) == 3 * 40 + 2 * 41 * 40 + 41 * 3
     with pytest.raises(ConfigurationError):
-        tune.candidates(folder.config, [1], [])
+        candidates(folder.config, [1], [])

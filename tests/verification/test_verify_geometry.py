@@ -17,8 +17,8 @@ from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.errors import ConfigurationError
 from porocore.macro.reference import CellReference
 from porocore.study.config.config import load_config
-from porocore.study.stages.pipeline import solve_cell
-from porocore.study.stages.summary import _is_the_benchmark
+from porocore.study.publication import published_values
+from porocore.study.stages.reference import solve_cell
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dehghani2022.yaml"
 COARSE = MeshSettings(size=0.25, fluid_size=0.25)
@@ -188,9 +188,9 @@ def test_faults_name_the_keys_of_their_own_kind(tmp_path, text, key, message):
 
 def test_only_the_papers_cell_is_the_benchmark():
     config = load_config(EXAMPLE)
-    assert _is_the_benchmark(config)
+    assert published_values(config)
     other = config.cell.model_copy(update={"geometry": NECKS})
-    assert not _is_the_benchmark(config.model_copy(update={"cell": other}))
+    assert not published_values(config.model_copy(update={"cell": other}))
 
 
 def test_of_a_disconnected_cell_the_command_shows_what_there_is():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,8 @@ from porocore.cell.equilibrium.solver import EquilibriumCellSolver, PreparedCell
 from porocore.cell.stability.acoustic import acoustic_minimum
 from porocore.cell.stability.inertia import WAVES, negative_pivots
 from porocore.cell.stability.modes import lowest_eigenvalues
+from porocore.core.echo import echo
+from porocore.core.models.bounds import MOST_POINTS, SMALLEST_INTERVAL
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField
 from porocore.plugins.border import solution_of
@@ -23,21 +26,29 @@ EVENTS = ("crease", *WAVES, "acoustic")
 
 @dataclass(frozen=True)
 class LineSettings:
-    """How a line is examined.
+    """Steps of a line and accuracy of its onsets.
 
     Attributes
     ----------
     steps
-        Equal ones from start to goal.
+        Equal steps from start to goal.
     tolerance
         Width to which the interval of an onset is bisected, in the component of (H, p) that moves most.
     eigenvalues
-        Whether the lowest eigenvalue of every wave vector is wanted at every state.
+        Compute the lowest eigenvalue of every wave vector at every state.
     """
 
     steps: int = 12
     tolerance: float = 0.005
     eigenvalues: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.steps <= MOST_POINTS:
+            raise ConfigurationError(f"steps: expected 1 to {MOST_POINTS}, got {echo(self.steps)}")
+        if not SMALLEST_INTERVAL <= self.tolerance < math.inf:
+            raise ConfigurationError(
+                f"tolerance: expected at least {SMALLEST_INTERVAL:g}, got {self.tolerance:g}"
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from porocore.core.files.csv_table import write_csv
 from porocore.core.hdf5 import Contents, Kind, atomic_hdf5, opened
 from porocore.core.hdf5.contents import numbered
 from porocore.core.inputs.input_space import NAMES
+from porocore.core.models.bounds import MOST_LINES
 from porocore.errors import ConfigurationError, DataError
 from porocore.states import Array, Status
 
@@ -77,6 +78,10 @@ class MapPlan:
             raise ConfigurationError(
                 "the lines of a stability map go nowhere; give an input along them, not 0"
             )
+        if len(self.values) > MOST_LINES:
+            raise ConfigurationError(
+                f"{len(self.values)} lines of a stability map; at most {MOST_LINES} are followed"
+            )
         if not self.values or len(set(self.values)) < len(self.values):
             raise ConfigurationError(f"expected different values of {self.across}, got {list(self.values)}")
 
@@ -104,7 +109,7 @@ class MapPlan:
         }
 
 
-def map_stability(
+def follow_lines(
     solver: EquilibriumCellSolver,
     prepared: PreparedCell,
     plan: MapPlan,

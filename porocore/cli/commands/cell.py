@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -13,22 +12,17 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from porocore.cli.common import (
-    ConfigArgument,
-    FemOption,
-    interruptible,
-    located,
-    parse_inputs,
-    read_config,
-)
+from porocore.cli.common import interruptible, located, parse_inputs, read_config
+from porocore.cli.options import ConfigArgument, FemOption, JsonOption
 from porocore.core.echo import cut, echo
 from porocore.core.files.plain_data import json_ready
 from porocore.errors import ConfigurationError
 
 #: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
 ZERO = 1e-12
-#: Characters of a state in the name of its files.
-LONGEST_NAME = 120
+NoPicturesOption = Annotated[
+    bool, typer.Option("--no-pictures", help="Write only what ParaView reads; pyvista is not needed.")
+]
 
 
 class _StateByDefault(TyperGroup):
@@ -42,7 +36,7 @@ class _StateByDefault(TyperGroup):
 
 cell = typer.Typer(
     cls=_StateByDefault,
-    help="The cell: one state (state, also where no command is named), its local fields, or its pores (show).",
+    help="Solve one state of the cell (state, the default), write its local fields, or show its pores.",
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -60,13 +54,13 @@ def state(
         ),
     ] = "0 0 0; 0 0 0; 0 0 0",
     p: Annotated[float, typer.Option("--p", help="Pore pressure, positive in compression, E = 1.")] = 0.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Solve the cell for one macroscopic state.
 
     Prints porosity, conductivity and the responses of the cell with their derivatives, those of fourth order
-    with --json only. A state that has no solution is an answer too: its status tells why, and in the JSON object
-    its responses are null.
+    with --json only. The status of a state without solution tells why there is none; its responses are null in the
+    JSON object.
     """
     from porocore.core.inputs.possible_states import require_possible
 
@@ -87,46 +81,30 @@ def fields(
     config: ConfigArgument = None,
     at: Annotated[
         str,
-        typer.Option("--at", metavar="NAME=VALUE,…", help="The state: H11 … H33 and p that are not zero."),
+        typer.Option("--at", metavar="NAME=VALUE,…", help="State: H11 … H33 and p that are not zero."),
     ] = "H22=-0.1",
     fem: FemOption = None,
-    no_pictures: Annotated[
-        bool, typer.Option("--no-pictures", help="Only the file for ParaView; pyvista is not needed.")
-    ] = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where file and pictures go.")] = Path(
+    no_pictures: NoPicturesOption = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of file and pictures.")] = Path(
         "runs/fields"
     ),
 ) -> None:
     """Solve one state and write its local fields.
 
-    A .vtu file of the whole cell for ParaView with the micro displacement, F, J, the strain energy density and
-    stresses; and two pictures, the micro displacement on the deformed cell and the strain energy density on the
-    undeformed one.
+    Writes a .vtu file of the whole cell for ParaView with the micro displacement, F, J, the strain energy density and
+    stresses. Draws the micro displacement on the deformed cell and the strain energy density on the undeformed one.
     Pictures need pyvista (pip install 'porocore[pictures]') and no display.
     """
     path, settings = read_config(config, fem)
     asked = parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at)
     with interruptible(), located(path):
-        from porocore.core.files.atomic import new_folder
-        from porocore.study.preflight.checks import find_backends
-        from porocore.verification.local_fields.solve import solve_and_write, state_row
+        from porocore.verification.local_fields.solve import write_local_fields
 
-        state_row(settings.cell, asked)
-        find_backends(settings, ["cell solver"])
-        new_folder(out)
-        found = solve_and_write(
-            settings.cell,
-            settings.fem,
-            out,
-            asked,
-            name=re.sub(r"[^A-Za-z0-9.+-]+", "_", at.strip())[:LONGEST_NAME],
-            pictures=not no_pictures,
-        )
-    extrema = found.response.extrema
+        found = write_local_fields(settings, out, asked, name=at, pictures=not no_pictures)
     from porocore.states import Status
 
     typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")
-    if extrema is not None:
+    if (extrema := found.response.extrema) is not None:
         typer.echo(
             f"strain energy density: mean <Ψ>_s {extrema.energy_mean[0]:.6g}, largest {extrema.energy[0]:.6g}"
         )
@@ -137,18 +115,16 @@ def fields(
 @cell.command()
 def show(
     config: ConfigArgument = None,
-    no_pictures: Annotated[
-        bool, typer.Option("--no-pictures", help="Only the files for ParaView; pyvista is not needed.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where files and picture go.")] = Path(
+    no_pictures: NoPicturesOption = False,
+    as_json: JsonOption = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of files and picture.")] = Path(
         "runs/cell"
     ),
 ) -> None:
     """Mesh the cell and show it; nothing is solved.
 
-    Prints porosity, number and quality of the elements, how solid and fluid hang together from cell to cell, and
-    whether opposite faces match. Writes both phases as .vtu files for ParaView, and a picture.
+    Prints porosity, number and quality of the elements, how solid and fluid are connected from cell to cell, and
+    if opposite faces match. Writes both phases as .vtu files for ParaView, and a picture.
     Pictures need pyvista (pip install 'porocore[pictures]') and no display.
     """
     path, settings = read_config(config, None)
@@ -173,12 +149,12 @@ def show(
 
 
 def parse_grad_u(text: str) -> list[list[float]]:
-    """``"a b c; d e f; g h i"`` → three rows; commas may stand for spaces.
+    """Return the three rows of a text such as ``"a b c; d e f; g h i"``; commas may stand for spaces.
 
     Raises
     ------
     ConfigurationError
-        It is not nine finite numbers in three rows.
+        The text is not nine finite numbers in three rows.
     """
     try:
         rows = [[float(word) for word in row.replace(",", " ").split()] for row in text.split(";")]
@@ -195,10 +171,9 @@ def parse_grad_u(text: str) -> list[list[float]]:
 
 
 def as_text(result: Mapping[str, Any]) -> str:
-    """The same for reading.
+    """Return a result as text, without fourth-order derivatives.
 
-    The fourth-order derivatives are in the JSON only. A state without values shows what does not depend on
-    it, and its status in words; numbers below :data:`ZERO` are shown as 0.
+    A state without values shows only its status and what does not depend on it. Numbers below :data:`ZERO` are 0.
     """
     lines = []
     for name, value in result.items():
@@ -217,7 +192,7 @@ def as_text(result: Mapping[str, Any]) -> str:
 
 
 def _described(status: str) -> str:
-    """Its name, and what it means unless all is well."""
+    """Return the name of a status, with its meaning unless the state converged."""
     from porocore.report.text import MEANINGS
     from porocore.states import Status
 
@@ -226,7 +201,7 @@ def _described(status: str) -> str:
 
 
 def _is_empty(value: Any) -> bool:
-    """Whether it holds nothing but null, as the responses of a state without values do."""
+    """Return True for data that hold nothing but null, such as the responses of a state without values."""
     if isinstance(value, Mapping):
         return all(map(_is_empty, value.values()))
     return all(map(_is_empty, value)) if isinstance(value, list) else value is None

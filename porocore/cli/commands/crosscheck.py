@@ -1,21 +1,18 @@
-"""``porocore crosscheck``: every installed backend on one case, each held against the others."""
+"""``porocore crosscheck``: every installed backend on one case, compared with the others."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from porocore.cli.common import interruptible, read_config
+from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
 
 if TYPE_CHECKING:
     from porocore.verification.crosscheck import CrossCheck
-
-#: Columns of the table where standard output is no terminal.
-WIDTH = 130
 
 
 def crosscheck(
@@ -24,24 +21,24 @@ def crosscheck(
         typer.Argument(metavar="CONFIG", help="Configuration (YAML).", show_default="a small packaged case"),
     ] = None,
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Where crosscheck.json and crosscheck.html go.")
+        Path, typer.Option("--out", metavar="DIR", help="Folder of crosscheck.json and crosscheck.html.")
     ] = Path("runs/crosscheck"),
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print what crosscheck.json holds instead of the table.")
+        bool, typer.Option("--json", help="Print the content of crosscheck.json instead of the table.")
     ] = False,
     fem: Annotated[
         list[str] | None,
-        typer.Option("--fem", metavar="NAME", help="Only these finite-element backends; repeat it."),
+        typer.Option("--fem", metavar="NAME", help="Only this finite-element backend. Repeatable."),
     ] = None,
     surrogate: Annotated[
         list[str] | None,
-        typer.Option("--surrogate", metavar="NAME", help="Only these surrogates; repeat it."),
+        typer.Option("--surrogate", metavar="NAME", help="Only this surrogate. Repeatable."),
     ] = None,
 ) -> None:
     """Run every pair of finite-element backend and surrogate on one case and compare the results.
 
-    Compared are averages, derivatives and conductivity of the cell, predictions of the surrogates, and histories
-    of the body under its first load. Exit status 1 when a difference exceeds its tolerance or a backend fails.
+    Compares averages, derivatives and conductivity of the cell, predictions of the surrogates, and histories of the
+    body under its first load. Exit status 1 when a difference exceeds its tolerance or a backend fails.
     """
     from porocore.study.benchmark import crosscheck_path
 
@@ -75,18 +72,11 @@ def crosscheck(
 
 
 def _print(result: CrossCheck) -> None:
-    from rich.console import Console as RichConsole
-    from rich.table import Table
     from rich.text import Text
 
     from porocore.verification.crosscheck.html import PARTS
 
-    shown = RichConsole(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("", "quantity", "at", "who"):
-        table.add_column(heading)
-    for heading in ("difference", "tolerance", ""):
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = plain_table(("", "quantity", "at", "who", "difference", "tolerance", ""), range(4, 7))
     part = None
     for line in result.comparisons:
         title = PARTS[line.part][0] if line.part != part else ""
@@ -95,7 +85,7 @@ def _print(result: CrossCheck) -> None:
         verdict = "[green]pass[/green]" if line.passed else "[red]FAIL[/red]"
         verdict = "[dim]skipped[/dim]" if line.skipped else verdict
         table.add_row(title, Text(line.quantity), Text(line.case), Text(line.pair), *numbers, verdict)
-    shown.print(table)
+    page().print(table)
     for line in result.comparisons:
         if line.reason and (line.skipped or not line.passed):
             typer.echo(line.describe())

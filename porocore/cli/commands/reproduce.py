@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from porocore.cli.common import FemOption, SurrogateOption, check_workers, command, interruptible, read_config
+from porocore.cli.common import check_workers, command, interruptible
+from porocore.cli.options import FemOption, ResumeOption, SurrogateOption
 from porocore.core.console import Console
-from porocore.core.echo import echo
-from porocore.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from porocore.plugins.kinds import Kind
-
-PAPERS = ("dehghani2022",)
 
 
 def reproduce(
@@ -25,7 +19,7 @@ def reproduce(
         typer.Option(
             "--figure",
             metavar="N",
-            help="Only this figure, such as 13 or 13a; several times.",
+            help="Only this figure, such as 13 or 13a. Repeatable.",
             show_default="all",
         ),
     ] = None,
@@ -40,61 +34,33 @@ def reproduce(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", help="Where everything goes.", show_default="runs/reproduce-PAPER"
+            "--out", metavar="DIR", help="Folder of all results.", show_default="runs/reproduce-PAPER"
         ),
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue the reproduction that the folder already holds.")
-    ] = False,
+    resume: ResumeOption = False,
 ) -> None:
-    """Recompute all figures, numbers and statements of a publication's numerical part, and set ours beside them.
+    """Recompute all figures, numbers and statements of a publication's numerical part, and compare them.
 
     Writes figures/*.png, reproduction.md and index.html, and prints the path of the last. With --figure, only what
     these figures need is computed, and their paths are printed.
     """
-    if paper not in PAPERS:
-        raise ConfigurationError(f"unknown publication {echo(paper)}; expected {', '.join(PAPERS)}")
     check_workers(workers)
     again = command(
-        "reproduce", paper, *(w for f in figure or () for w in ("--figure", f)), *(["--fem", fem] if fem else []),
-        *(["--surrogate", surrogate] if surrogate else []), *([] if pictures else ["--no-pictures"]),
-        *(["--out", out] if out else []), "--resume",
-    )  # fmt: skip
-    from porocore.verification.reproduce.catalogue import chosen
-
-    figures = chosen(figure)
+        "reproduce",
+        paper,
+        figure=figure,
+        fem=fem,
+        surrogate=surrogate,
+        no_pictures=not pictures,
+        out=out,
+        resume=True,
+    )
     with interruptible(again):
-        from porocore.core.files.atomic import new_folder
-        from porocore.study.benchmark import as_stated_path
-        from porocore.study.preflight.checks import find_backends
-        from porocore.verification.local_fields.pictures import require
-        from porocore.verification.reproduce.make import claim_folder, draw, write_pages
-        from porocore.verification.reproduce.study import Results
+        from porocore.verification import reproduce as reproduction
 
-        if pictures and any(f.stage == "fields" for f in figures):
-            require()
-        _, config = read_config(None, fem, surrogate)
-        _, stated = read_config(as_stated_path(), fem, surrogate)
-        if workers is not None:
-            config = config.model_copy(
-                update={"sampling": config.sampling.model_copy(update={"workers": workers})}
-            )
-        results = Results(
-            out or Path("runs") / f"reproduce-{paper}",
-            config,
-            stated,
-            config.sampling.worker_count(),
-            Console(),
-            pictures,
-        )
-        needed: tuple[Kind, ...] = ("cell solver",)
-        if any(f.stage == "column" for f in figures):
-            needed = ("cell solver", "macro solver", "sampler", "surrogate")
-        find_backends(config, needed)
-        new_folder(results.folder)
-        claim_folder(results, resume=resume)
-        paths = draw(results, figures)
-        if figure is None:
-            paths = [write_pages(results, figures, f"porocore reproduce {paper}")]
+        paths = reproduction.reproduce(
+            paper, out, figures=figure, fem=fem, surrogate=surrogate, workers=workers, pictures=pictures,
+            resume=resume, console=Console(),
+        )  # fmt: skip
     for path in paths:
         typer.echo(path)

@@ -1,4 +1,4 @@
-"""``porocore init``, ``schema`` and ``check``: from nothing to a configuration that is worth to be run."""
+"""``porocore init``, ``schema`` and ``check``: a configuration before its run."""
 
 from __future__ import annotations
 
@@ -7,33 +7,24 @@ from typing import Annotated
 
 import typer
 
-from porocore.cli.common import (
-    ClosureOption,
-    ConfigArgument,
-    FemOption,
-    MacroOption,
-    SurrogateOption,
-    command,
-    interruptible,
-    located,
-    read_config,
-)
+from porocore.cli.common import command, interruptible, located, read_config
+from porocore.cli.options import ClosureOption, ConfigArgument, FemOption, MacroOption, SurrogateOption
 from porocore.errors import ConfigurationError
 
 
 def init(
     kind: Annotated[
         str | None,
-        typer.Argument(metavar="KIND", help="Which example to start from.", show_default="lists them"),
+        typer.Argument(metavar="KIND", help="Example to start from.", show_default="lists them"),
     ] = None,
     to: Annotated[
         Path | None,
         typer.Option("--to", metavar="FILE", help="The new file.", show_default="KIND.yaml"),
     ] = None,
 ) -> None:
-    """Write a commented configuration to start from; without KIND, list what there is.
+    """Write a commented configuration to start from; without KIND, list the examples.
 
-    Prints the path of the file. A file that is there already is never overwritten.
+    Prints the path of the file. An existing file is never overwritten.
     """
     from porocore.study.examples import example, examples
 
@@ -54,12 +45,12 @@ def init(
 def schema(
     to: Annotated[
         Path | None,
-        typer.Option("--to", metavar="FILE", help="Where it goes.", show_default="standard output"),
+        typer.Option("--to", metavar="FILE", help="File of the schema.", show_default="standard output"),
     ] = None,
 ) -> None:
-    """Print the JSON schema of the configuration, by which editors complete and check it.
+    """Print the JSON schema of the configuration, with which editors complete and check it.
 
-    With --to it is written to a file, whose path is printed; an older schema there is replaced.
+    --to FILE writes it to a file instead and prints the path; an older schema there is replaced.
     """
     from porocore.core.files.atomic import atomic_path, place_for
     from porocore.study.config.schema import DIALECT, schema_text
@@ -81,7 +72,7 @@ def check(
     surrogate: SurrogateOption = None,
     closure: ClosureOption = None,
 ) -> None:
-    """Check a configuration and tell what a run of it would do; nothing is solved or written.
+    """Check a configuration and outline its run; nothing is solved or written.
 
     Meshes the cell and the body, and looks for surfaces, boundary conditions, probes and backends.
     """
@@ -105,6 +96,6 @@ def _write_new(path: Path, text: str) -> None:
     from porocore.core.files.atomic import atomic_path, place_for
 
     if place_for(path, "--to").exists():
-        raise ConfigurationError(f"{path} is there already and is not overwritten; choose another --to")
+        raise ConfigurationError(f"{path} exists and is not overwritten; choose another --to")
     with atomic_path(path) as part:
         part.write_text(text, encoding="utf-8")

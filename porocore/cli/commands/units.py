@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from porocore.cli.tables import page, plain_table
 from porocore.core.echo import echo
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from porocore.core.units.scales import Scales
-
-WIDTH = 110
 
 
 def units(
@@ -29,39 +27,31 @@ def units(
     scenario: Annotated[
         list[str] | None,
         typer.Option(
-            "--scenario", metavar="NAME", help="brain-tissue or soil; several times.", show_default="both"
+            "--scenario", metavar="NAME", help="brain-tissue or soil. Repeatable.", show_default="both"
         ),
     ] = None,
     force: Annotated[
-        float | None, typer.Option(metavar="N", help="Your own scenario: force f_c; E is f_c/L².")
+        float | None, typer.Option(metavar="N", help="Force f_c of your own scenario; E is f_c/L².")
     ] = None,
     pore: Annotated[float | None, typer.Option(metavar="M", help="Its pore size d.")] = None,
     length: Annotated[float | None, typer.Option(metavar="M", help="Its length L.")] = None,
     viscosity: Annotated[float, typer.Option(metavar="PA_S", help="Its viscosity μ_c.")] = 1.0,
 ) -> None:
-    """Tell what dimensionless results amount to in SI units.
+    """Convert dimensionless results to SI units.
 
-    The scenarios of the paper are brain tissue and soil; any other is given by its four characteristic values.
+    The scenarios of the paper are brain tissue and soil; four characteristic values give any other.
     """
-    from rich.console import Console
-    from rich.table import Table
-
     from porocore.core.units.scales import QUANTITIES, known_quantity
 
     scenarios = _scenarios(scenario, force, pore, length, viscosity)
     wanted = [_value(text) for text in values or [f"{name}=1" for name in QUANTITIES]]
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("quantity", no_wrap=True)
-    table.add_column("dimensionless", justify="right", no_wrap=True)
-    for name in scenarios:
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("scale", no_wrap=True)
+    headings = ("quantity", "dimensionless", *scenarios, "unit", "scale")
+    table = plain_table(headings, range(1, len(headings) - 2))
     for name, value in wanted:
         quantity = known_quantity(name)
         found = [f"{value * scales.factor(name):.4g}" for scales in scenarios.values()]
         table.add_row(name, f"{value:g}", *found, quantity.unit, quantity.formula)
-    Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False).print(table)
+    page().print(table)
 
 
 def _scenarios(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from porocore.cli.common import interruptible
+from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
 
 if TYPE_CHECKING:
@@ -23,24 +23,26 @@ WIDTH = 150
 def verify(
     fem: Annotated[
         list[str] | None,
-        typer.Option("--fem", metavar="NAME", help="Only these finite-element backends; repeat it."),
+        typer.Option("--fem", metavar="NAME", help="Only this finite-element backend. Repeatable."),
     ] = None,
     case: Annotated[
-        list[str] | None, typer.Option("--case", metavar="NAME", help="Only these cases; repeat it.")
+        list[str] | None, typer.Option("--case", metavar="NAME", help="Only this case. Repeatable.")
     ] = None,
     long: Annotated[
         bool,
-        typer.Option("--long", help="Finer meshes and shorter steps, some minutes instead of one or two."),
+        typer.Option(
+            "--long", help="Use finer meshes and shorter steps; takes some minutes instead of one or two."
+        ),
     ] = False,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write what was found as JSON, too.")
+        Path | None, typer.Option("--out", metavar="FILE", help="Write the results as JSON, too.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
-    """Solve cases whose answers are known from elsewhere and print how far off porocore is.
+    """Solve cases with known answers and print the errors of porocore.
 
-    Permeabilities of published packings, identities of the cell, linear consolidation, and consolidation at large
-    strain. Exit status 1 when an error is larger than allowed or a backend fails; docs/verification.md has the sources.
+    The cases are permeabilities of published packings, identities of the cell, linear consolidation, and consolidation
+    at large strain. Exit status 1 when an error is too large or a backend fails; docs/verification.md has the sources.
     """
     with interruptible():
         from porocore.core.files.atomic import place_for
@@ -74,18 +76,13 @@ def verify(
 
 
 def _print(rows: Sequence[Row]) -> None:
-    from rich.console import Console as RichConsole
-    from rich.table import Table
     from rich.text import Text
 
     from porocore.verification.ladder.cases import CASES
 
-    shown = RichConsole(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("case", "", "backend", "quantity"):
-        table.add_column(heading)
-    for heading in ("reference", "ours", "error", "allowed", "order", ""):
-        table.add_column(heading, justify="right", no_wrap=True)
+    shown = page(WIDTH)
+    headings = ("case", "", "backend", "quantity", "reference", "ours", "error", "allowed", "order", "")
+    table = plain_table(headings, range(4, 10))
     for row in rows:
         verdict = "[green]pass[/green]" if row.passed else "[red]FAIL[/red]"
         cells: tuple[Any, ...] = (Text(row.reason), *["–"] * 5)

@@ -24,6 +24,8 @@ from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
 from porocore.study.stages.solving import USUAL_LAWS, LawKind
 from porocore.study.stages.stage_files import load_solution, load_surrogate
+from porocore.study.tuning.candidates import DEPTHS, WIDTHS, candidates
+from porocore.study.tuning.tune import Tuning, tune
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +111,7 @@ class Study:
     def sample(self, *, retry_lost: bool = False) -> Samples:
         """Solve the cell for the sampled states and for the held-out ones; the former are returned."""
         with self.folder as folder, located(self._document):
+            pipeline.solve_reference(folder, self.config, console=self._console)
             pipeline.sample(folder, self.config, console=self._console, retry_lost=retry_lost)
         dataset = Dataset.open(folder.dataset, identity=self.config.stages.sampling)
         return Samples(tuple(self.config.sampling.inputs), dataset.x(), dataset.states(), dataset.responses())
@@ -120,6 +123,33 @@ class Study:
         with self.folder as folder:
             pipeline.train(folder, self.config, console=self._console)
         return load_surrogate(folder, self.config)
+
+    def tune(
+        self,
+        *,
+        depths: Sequence[int] = DEPTHS,
+        widths: Sequence[int] = WIDTHS,
+        activations: Sequence[str] | None = None,
+        margin: float = 0.1,
+        workers: int | None = None,
+    ) -> Tuning:
+        """Train networks of several sizes and choose the smallest that is about as good as the best.
+
+        Parameters
+        ----------
+        depths, widths
+            Numbers of hidden layers, and their widths.
+        activations
+            Activations; by default all that the model has.
+        margin
+            Share by which the error of the chosen network may exceed that of the best.
+        workers
+            Processes; by default as configured for sampling.
+        """
+        grid = candidates(self.config, depths, widths, activations)
+        self.sample()
+        with self.folder as folder:
+            return tune(folder, self.config, grid, console=self._console, margin=margin, workers=workers)
 
     def solve(self, laws: Sequence[LawKind] = USUAL_LAWS) -> Solutions:
         """Solve the macroscopic problem under every load with each of ``laws``.

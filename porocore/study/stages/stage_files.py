@@ -1,4 +1,4 @@
-"""What one stage of a run hands to the next: read from the run folder, and checked to belong to it."""
+"""The files that one stage of a run hands to the next, read and checked to belong to the run."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from porocore.macro.reference import CellReference
 from porocore.plugins.registry import registry
 from porocore.sampling.campaign import is_complete
 from porocore.sampling.datasets.dataset import Dataset, describe
+from porocore.sampling.samplers.random_states import RandomStates
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.abilities import require_conductivity
@@ -29,7 +30,7 @@ from porocore.study.stages.exploration import inform
 def prepare_cell(
     backend: str, options: dict[str, Any], cell: Cell, conductivity: str = "piola"
 ) -> tuple[CellSolver, Any]:
-    """A cell solver and what it has prepared; worker processes call this once.
+    """Return a cell solver and the cell that it has prepared; worker processes call this once.
 
     Raises
     ------
@@ -45,19 +46,19 @@ def prepare_cell(
 
 
 def load_reference(folder: RunFolder, config: RunConfig) -> CellReference:
-    """The undeformed cell of the run."""
+    """Return the undeformed cell of the run."""
     return CellReference.load(folder.require(folder.reference, "sample"), config.stages.cell)
 
 
 def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
-    """Of the run's cell."""
+    """Return linear poroelasticity of the run's cell."""
     return LinearCoefficients.from_reference(
         reference.response, reference.solid_fraction, config.cell.solid, reference.conductivity
     )
 
 
 def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
-    """The surrogate that the closure of ``config`` needs.
+    """Return the surrogate that the closure of ``config`` needs.
 
     Raises
     ------
@@ -83,13 +84,13 @@ def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
 
 
 def train_command(folder: RunFolder, config: RunConfig) -> str:
-    """How to train the surrogate that ``config`` needs, but for the folder."""
+    """Return the command that trains the surrogate of ``config``, without the folder."""
     own = config.closure == folder.written.closure
     return "train" if own else f"train --closure {config.closure}"
 
 
 def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
-    """A macro solution of the run.
+    """Return a macro solution of the run.
 
     Raises
     ------
@@ -106,8 +107,14 @@ def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
     return solution
 
 
+def held_out_states(config: RunConfig) -> RandomStates:
+    """Return the sampler of the held-out states."""
+    test = config.sampling.test
+    return RandomStates(config.sampling.input_space(), count=test.count, seed=test.seed)
+
+
 def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
-    """The stable states of the run, in contact or not.
+    """Return the stable states of the run, in contact or not.
 
     Raises
     ------
@@ -138,12 +145,12 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
 
 
 def finished(folder: RunFolder, path: Path, identity: str, sampler: Sampler) -> Dataset:
-    """The dataset at ``path`` if it holds every state that its sampler asks for.
+    """Return the data set at ``path`` if it holds every state that its sampler asks for.
 
     Raises
     ------
     DataError
-        It does not.
+        A state is missing.
     """
     dataset = Dataset.open(path, inputs=folder.config.sampling.input_space(), identity=identity)
     if not is_complete(sampler, dataset):

@@ -33,7 +33,7 @@ from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.provenance import versions
 from porocore.study.stages.exploration import inform
-from porocore.study.stages.pipeline import prepare_cell
+from porocore.study.stages.stage_files import prepare_cell
 from porocore.verification.crosscheck.attempt import attempt
 from porocore.verification.crosscheck.cells import RESPONSES
 from porocore.verification.crosscheck.comparison import SPREAD, Comparison

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +11,16 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.core.echo import cut
+from porocore.core.files.atomic import new_folder
 from porocore.core.inputs.input_space import NAMES
 from porocore.core.inputs.possible_states import require_possible
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.plugins.border import solution_of
 from porocore.report.text import MEANINGS
 from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.study.config.config import RunConfig
 from porocore.study.config.sections import FemSettings
+from porocore.study.preflight.checks import find_backends
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.verification.local_fields.nodal import NodalFields
 from porocore.verification.local_fields.points import PointFields
@@ -29,6 +33,9 @@ PAPER_STATES: dict[str, dict[str, float]] = {
     "uni": {"H11": 0.4},
     "shear": {"H12": 0.4},
 }
+
+#: Characters of a state in the name of its files.
+LONGEST_NAME = 120
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +103,45 @@ def solve_and_write(
         title = in_words(state, mathtext=True) + ("" if status is Status.converged else f" ({status.name})")
         drawn = render(vtu, nodal, folder, name, title)
     return LocalFields(response, points, nodal, vtu, drawn)
+
+
+def write_local_fields(
+    config: RunConfig,
+    folder: Path | str,
+    state: Mapping[str, float],
+    *,
+    name: str | None = None,
+    pictures: bool = True,
+) -> LocalFields:
+    """Solve one state of the cell of a configuration and write its local fields.
+
+    Parameters
+    ----------
+    config
+        The study; only its cell and finite elements count.
+    folder
+        Place of the files; files of the same name are replaced.
+    state
+        Inputs H11 … H33 and p that are not zero.
+    name
+        Name of the files; by default it tells the state.
+    pictures
+        Draw two pictures, which needs pyvista.
+
+    Raises
+    ------
+    ConfigurationError, PorocoreError, RunFolderError
+        See :func:`solve_and_write`.
+    PluginError
+        The backend is missing.
+    """
+    state_row(config.cell, state)
+    find_backends(config, ["cell solver"])
+    if name is None:
+        name = ",".join(f"{key}={value:g}" for key, value in state.items()) or "rest"
+    name = re.sub(r"[^A-Za-z0-9.+-]+", "_", name.strip())[:LONGEST_NAME]
+    folder = new_folder(Path(folder))
+    return solve_and_write(config.cell, config.fem, folder, state, name=name, pictures=pictures)
 
 
 def state_row(cell: Cell, state: Mapping[str, float]) -> Array:

@@ -5,7 +5,7 @@ They are numbered as in the paper. Figures 1, 10 and 12 are sketches and hold no
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Literal
@@ -147,7 +147,7 @@ FIGURES: tuple[PaperFigure, ...] = (
 )
 
 
-def chosen(wanted: list[str] | None) -> tuple[PaperFigure, ...]:
+def chosen(wanted: Sequence[str] | None) -> tuple[PaperFigure, ...]:
     """The figures with these numbers, ``13`` or ``13a``; all for None.
 
     Raises

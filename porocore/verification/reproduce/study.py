@@ -11,24 +11,20 @@ from typing import TYPE_CHECKING
 from porocore.core.console import Console
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.reference import CellReference
-from porocore.sampling.datasets.dataset import Dataset
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
-from porocore.study.stages.stage_files import (
-    linear_coefficients,
-    load_reference,
-    load_surrogate,
-    prepare_cell,
-)
-from porocore.study.stages.stage_times import stage_runs, stage_times, timed
-from porocore.study.stages.summary import gather
+from porocore.study.stages.figures_of_merit import figures_of_merit
+from porocore.study.stages.results import RunResults
+from porocore.study.stages.stage_files import linear_coefficients, prepare_cell
+from porocore.study.stages.stage_times import timed
+from porocore.study.stages.summary import report_context
 from porocore.verification.local_fields.solve import PAPER_STATES, LocalFields, solve_and_write
 from porocore.verification.reproduce.calls import CallTimes, call_times
 from porocore.verification.reproduce.column import Column
 from porocore.verification.sensitivity.results import Sensitivity
-from porocore.verification.sensitivity.study import Progress, run_study
+from porocore.verification.sensitivity.study import SensitivityProgress, run_study
 from porocore.verification.sensitivity.tables import write_table
 
 if TYPE_CHECKING:
@@ -72,26 +68,23 @@ class Results:
         run = RunFolder.claim(self.folder / "column", first, resume=True)
         with run:
             with self._stage("column"):
+                pipeline.solve_reference(run, first, console=self.console)
                 pipeline.sample(run, first, console=self.console)
                 for config in (first, second):
                     pipeline.train(run, config, console=self.console)
                     pipeline.solve(run, config, console=self.console)
                 if not run.report.exists():
                     pipeline.report(run, first, console=self.console)
-            reference, timings = load_reference(run, first), stage_times(run.timings)
-            surrogates = {c.closure: load_surrogate(run, c) for c in (first, second)}
-            coefficients = linear_coefficients(reference, first)
-            context, metrics = gather(
-                run, first, reference, coefficients, surrogates, timings, stage_runs(run.timings)
-            )
+            results = RunResults.load(run, first)
+            context = report_context(results)
         return Column(
             config=first,
             context=context,
-            metrics=metrics,
-            dataset=Dataset.open(run.dataset, identity=first.stages.sampling),
-            held_out=Dataset.open(run.test_dataset, identity=first.stages.test),
-            surrogate=surrogates[first.closure],
-            timings=timings,
+            metrics=figures_of_merit(results, context),
+            dataset=results.dataset,
+            held_out=results.held_out,
+            surrogate=results.surrogates[first.closure],
+            timings=results.timings,
         )
 
     @cached_property
@@ -100,9 +93,8 @@ class Results:
         folder = self.folder / "sensitivity"
         with self._stage("sensitivity"), self.console.task("sensitivity", "states") as task:
 
-            def show(progress: Progress) -> None:
-                detail = f"{progress.load} {progress.value:g} {progress.status.name.replace('_', ' ')}"
-                task.update(progress.done, progress.expected, detail=detail)
+            def show(progress: SensitivityProgress) -> None:
+                task.update(progress.done, progress.expected, detail=str(progress))
 
             study = run_study(
                 self.config.cell,

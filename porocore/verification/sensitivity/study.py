@@ -11,31 +11,36 @@ from pathlib import Path
 from typing import Any
 
 from porocore.cell.cell import Cell
-from porocore.errors import DataError
+from porocore.core.files.atomic import new_folder
+from porocore.core.inputs.possible_states import require_possible
+from porocore.errors import DataError, RunFolderError
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.macro.reference import CellReference
 from porocore.sampling.execution import CellPool
 from porocore.states import Status
+from porocore.study.config.config import RunConfig
 from porocore.study.config.sections import FemSettings
+from porocore.study.preflight.checks import find_backends
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.verification.sensitivity.file import load, save
 from porocore.verification.sensitivity.line import HalfLine, Walk
-from porocore.verification.sensitivity.plan import StudyPlan
+from porocore.verification.sensitivity.plan import StudyPlan, states_of
 from porocore.verification.sensitivity.results import Sensitivity, line_name
+from porocore.verification.sensitivity.tables import write_table
 
 FILE = "sensitivity.h5"
 
 
 @dataclass(frozen=True)
-class Progress:
-    """After one state.
+class SensitivityProgress:
+    """Progress of a study after one state.
 
     Attributes
     ----------
     load, value, status
-        What was solved.
+        State that was solved.
     done, expected
-        States so far, and in all if every load reaches its goal from here on.
+        Solved states, and all if every load reaches its goal from here on.
     """
 
     load: str
@@ -43,6 +48,89 @@ class Progress:
     status: Status
     done: int
     expected: int
+
+    def __str__(self) -> str:
+        return f"{self.load} {self.value:g} {self.status.name.replace('_', ' ')}"
+
+
+@dataclass(frozen=True, eq=False)
+class SensitivityFiles:
+    """Results of a study and the files that show them.
+
+    Attributes
+    ----------
+    study
+        All responses.
+    table
+        ``sensitivity.csv``.
+    pictures
+        Figures by name.
+    """
+
+    study: Sensitivity
+    table: Path
+    pictures: dict[str, Path]
+
+
+def study_sensitivity(
+    config: RunConfig,
+    folder: Path | str,
+    plan: StudyPlan | None = None,
+    *,
+    workers: int | None = None,
+    resume: bool = False,
+    on_state: Callable[[SensitivityProgress], None] = lambda progress: None,
+) -> SensitivityFiles:
+    """Study the cell of a configuration under one load at a time, as far as it can be solved.
+
+    Parameters
+    ----------
+    config
+        The study; only its cell, finite elements and conductivity count.
+    folder
+        Place of ``sensitivity.h5``, ``sensitivity.csv`` and the figures.
+    plan
+        Loads; by default all of the paper.
+    workers
+        Processes; by default as configured for sampling.
+    resume
+        Continue the study that the folder holds.
+    on_state
+        Called after every state.
+
+    Raises
+    ------
+    ConfigurationError
+        No cell can be in a state of the plan.
+    RunFolderError
+        The folder cannot be written, or holds a study and ``resume`` is not given.
+    DataError, PluginError, PorocoreError
+        See :func:`run_study`.
+    """
+    from porocore.verification.sensitivity.figures import write_figures
+
+    folder, plan = Path(folder), StudyPlan() if plan is None else plan
+    for name, _, goal in plan.half_lines():
+        state = states_of(name, goal)
+        require_possible(
+            state.grad_u[0], float(state.p[0]), config.cell.modulus, f"--loads: {name} = {goal:g}"
+        )
+    if (folder / FILE).exists() and not resume:
+        raise RunFolderError(
+            f"{folder} already holds a study; add --resume to continue it, or choose another --out"
+        )
+    find_backends(config, ["cell solver"])
+    study = run_study(
+        config.cell,
+        config.fem,
+        new_folder(folder),
+        plan,
+        conductivity=config.conductivity,
+        workers=config.sampling.worker_count() if workers is None else workers,
+        on_state=on_state,
+        provenance={"config": config.resolved_yaml()},
+    )
+    return SensitivityFiles(study, write_table(folder, study), write_figures(folder, study))
 
 
 def run_study(
@@ -53,24 +141,24 @@ def run_study(
     *,
     conductivity: ConductivityLaw = "piola-unrotated",
     workers: int = 1,
-    on_state: Callable[[Progress], None] = lambda progress: None,
+    on_state: Callable[[SensitivityProgress], None] = lambda progress: None,
     provenance: Mapping[str, str] | None = None,
 ) -> Sensitivity:
     """Solve every half line of a plan that ``folder`` does not hold yet.
 
-    Every state starts from the field of the one before it on its half line. What is found does not depend on the
-    number of workers, nor on interruptions: ``sensitivity.h5`` takes in each half line when it is finished.
+    Every state starts from the field of the one before it on its half line. The results depend neither on the
+    number of workers nor on interruptions: each half line enters ``sensitivity.h5`` when it is finished.
 
     Parameters
     ----------
     cell, fem
         The cell and the backend that solves it.
     folder
-        Where ``sensitivity.h5`` lies or will lie.
+        Place of ``sensitivity.h5``.
     plan
         By default all loads of the paper, see :data:`porocore.verification.sensitivity.plan.SWEEPS`.
     conductivity
-        Of which K_t is told; by default the paper's.
+        Law of K_t; by default the paper's.
     workers
         Processes; with 1 everything is solved in this one.
     on_state
@@ -87,27 +175,8 @@ def run_study(
     PorocoreError
         The undeformed cell cannot be solved, or a worker process died.
     """
-    plan = StudyPlan() if plan is None else plan
-    path, identity = folder / FILE, study_identity(cell, fem, plan, conductivity)
-    if path.exists():
-        study = load(path)
-        if study.identity != identity:
-            raise DataError(
-                f"{path}: holds the study of another cell, backend or plan; choose another --out or delete it"
-            )
-    else:
-        solver, prepared = prepare_cell(fem.backend, fem.options, cell, conductivity)
-        reference = CellReference.compute(solver, prepared, cell, identity)
-        study = Sensitivity(
-            plan,
-            identity,
-            reference.resting(conductivity),
-            reference.conductivity,
-            {},
-            dict(provenance or {}),
-            conductivity,
-        )
-        save(path, study)
+    plan, path = StudyPlan() if plan is None else plan, folder / FILE
+    study = _load_or_begin(path, cell, fem, plan, conductivity, dict(provenance or {}))
     walks = [
         Walk(name, sign, goal, plan.sweeps[name].step, plan.tolerance, study.rest)
         for name, sign, goal in plan.half_lines()
@@ -119,6 +188,31 @@ def run_study(
             for line in _Campaign(study, pool, walks, on_state).lines():
                 study.lines[line_name(line.load, line.sign)] = line
                 save(path, study)
+    return study
+
+
+def _load_or_begin(
+    path: Path,
+    cell: Cell,
+    fem: FemSettings,
+    plan: StudyPlan,
+    conductivity: ConductivityLaw,
+    provenance: dict[str, str],
+) -> Sensitivity:
+    """Return the study that the file holds, or a new one with the undeformed cell alone."""
+    identity = study_identity(cell, fem, plan, conductivity)
+    if path.exists():
+        study = load(path)
+        if study.identity != identity:
+            raise DataError(
+                f"{path}: holds the study of another cell, backend or plan; choose another --out or delete it"
+            )
+        return study
+    solver, prepared = prepare_cell(fem.backend, fem.options, cell, conductivity)
+    reference = CellReference.compute(solver, prepared, cell, identity)
+    rest = reference.resting(conductivity)
+    study = Sensitivity(plan, identity, rest, reference.conductivity, {}, provenance, conductivity)
+    save(path, study)
     return study
 
 
@@ -136,7 +230,11 @@ class _Campaign:
     """Half lines that share the workers of a pool, the longest first."""
 
     def __init__(
-        self, study: Sensitivity, pool: CellPool, walks: list[Walk], on_state: Callable[[Progress], None]
+        self,
+        study: Sensitivity,
+        pool: CellPool,
+        walks: list[Walk],
+        on_state: Callable[[SensitivityProgress], None],
     ) -> None:
         self.study, self.pool, self.on_state = study, pool, on_state
         self._idle = list(enumerate(walks))  # a heap: first the one that the plan names first
@@ -166,4 +264,6 @@ class _Campaign:
         self._done += 1
         ahead = self._ahead[id(walk)] - 1
         self._ahead[id(walk)] = 0 if walk.done else max(ahead if status.has_values else 1, 1)
-        self.on_state(Progress(walk.load, value, status, self._done, self._done + sum(self._ahead.values())))
+        self.on_state(
+            SensitivityProgress(walk.load, value, status, self._done, self._done + sum(self._ahead.values()))
+        )

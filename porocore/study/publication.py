@@ -1,0 +1,39 @@
+"""Facts of the benchmark's publication that a report shows beside a run that repeats it."""
+
+from __future__ import annotations
+
+from porocore.cell.cell import Cell
+from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.macro.body.kinds import Box
+from porocore.report.context import DEHGHANI_ZILIAN, Published
+from porocore.study.config.config import RunConfig
+
+
+def published_values(config: RunConfig) -> Published | None:
+    """Return the values of Dehghani & Zilian for their cell and column with either radius; None for other studies."""
+    macro, geometry = config.macro, config.cell.geometry
+    same = (
+        isinstance(geometry, OrthogonalChannels)
+        and geometry.axes == "xyz"
+        and geometry.radius in (0.2, 0.25)
+        and isinstance(macro.body, Box)
+        and macro.body.size == (0.1, 7.5, 0.1)
+        and -0.2 in macro.loads
+    )
+    return DEHGHANI_ZILIAN if same else None
+
+
+def crease_line(cell: Cell) -> tuple[float, float] | None:
+    """Return (a, b) of the benchmark's cell, None for others.
+
+    Beyond H_22 = a + b p the ridges of its solid crease on a very fine mesh.
+    """
+    geometry = cell.geometry
+    same = (
+        isinstance(geometry, OrthogonalChannels)
+        and geometry.axes == "xyz"
+        and abs(geometry.radius - 0.25) < 1e-12
+        and cell.solid == NeoHookean(poisson_ratio=0.35)
+    )
+    return (-0.15, -0.33) if same else None

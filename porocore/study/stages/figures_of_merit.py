@@ -1,0 +1,103 @@
+"""The figures of merit of a run, ready for JSON."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from porocore.macro.oscillation import diffusion_time
+from porocore.report.context import ReportContext, SurrogateSummary
+from porocore.report.dimensional import dimensional_metrics
+from porocore.report.law_differences import case_gaps
+from porocore.report.loading_mode import reactions
+from porocore.report.metrics import report_metrics, rms_percent, worst_percent
+from porocore.report.statuses import solved_shares, visited_shares
+from porocore.states import Status
+from porocore.study.stages.results import RunResults
+
+
+def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, Any]:
+    """Return what ``metrics.json`` holds, apart from the times of the stages."""
+    closure, limit = (
+        context.surrogate.closure_error,
+        diffusion_time(results.config.macro, results.coefficients),
+    )
+    found: dict[str, Any] = {
+        "cell": _cell(results),
+        "sampling": _sampling(results, context),
+        "surrogate": _surrogate(context),
+        "closure": None if closure is None else closure.for_json(),
+        "macro": [
+            {
+                **values,
+                "mesh_diffusion_time": limit,
+                "gaps": case_gaps(case),
+                "cell_states": visited_shares(case.nonlinear, context.sampling),
+            }
+            for values, case in zip(report_metrics(context.cases)["cases"], context.cases, strict=True)
+        ],
+    }
+    if context.drive.displaced:
+        found["reactions"] = [
+            {"law": each.law, "load": each.load, "surfaces": reactions(each)}
+            for each in results.all_solutions
+        ]
+    if context.units.given:
+        found["dimensional"] = dimensional_metrics(results.all_solutions, context.units)
+    if context.other_surrogates:
+        found["other_surrogates"] = {each.closure: _errors(each) for each in context.other_surrogates}
+    if context.fallbacks:
+        found["fallback"] = [asdict(done) for done in context.fallbacks]
+    if context.direct:
+        found["direct"] = [asdict(cost) | {"speed_up": cost.speed_up} for cost in context.direct]
+    return found
+
+
+def _cell(results: RunResults) -> dict[str, Any]:
+    reference, coefficients = results.reference, results.coefficients
+    return {
+        "porosity": reference.porosity,
+        "conductivity": reference.conductivity.tolist(),
+        "M_2222": float(coefficients.mean_grad_grad_u[1, 1, 1, 1]),
+        "M_2211": float(coefficients.mean_grad_grad_u[1, 1, 0, 0]),
+        "Q_11": float(coefficients.mean_grad_p[0, 0]),
+        "C_eff_2222": float(coefficients.stiffness[1, 1, 1, 1]),
+        "biot_coefficient": float(coefficients.biot[1, 1]),
+        "biot_modulus": coefficients.biot_modulus,
+        "consolidation_coefficient": coefficients.consolidation_coefficient(),
+    }
+
+
+def _sampling(results: RunResults, context: ReportContext) -> dict[str, Any]:
+    dataset, held_out = results.dataset, results.held_out
+    return {
+        "states": len(dataset),
+        "statuses": _counts(dataset.responses().status),
+        "shares": solved_shares(context.sampling),
+        "solve_seconds_mean": float(np.mean(dataset.seconds())),
+        "held_out_states": len(held_out),
+        "held_out_statuses": _counts(held_out.responses().status),
+    }
+
+
+def _surrogate(context: ReportContext) -> dict[str, Any]:
+    outputs = context.surrogate.outputs
+    return {
+        "training_states": context.surrogate.training_states,
+        "test_states": int(outputs[0].counted.sum()) if outputs else 0,
+        "test_states_beyond_range": bool(outputs) and outputs[0].all_outside,
+        **_errors(context.surrogate),
+    }
+
+
+def _errors(summary: SurrogateSummary) -> dict[str, Any]:
+    return {
+        "rms_error_percent_of_range": {check.plain: rms_percent(check) for check in summary.outputs},
+        "largest_error_percent_of_range": {check.plain: worst_percent(check) for check in summary.outputs},
+    }
+
+
+def _counts(status: Any) -> dict[str, int]:
+    return {s.name: int((status == s).sum()) for s in Status if (status == s).any()}

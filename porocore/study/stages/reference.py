@@ -1,0 +1,73 @@
+"""The cell stage: the undeformed cell of a run. Beside it, one state of a cell on its own."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from porocore.core.console import Console
+from porocore.macro.drainage import undrained
+from porocore.macro.reference import CellReference
+from porocore.plugins.border import conductivity_of, solution_of
+from porocore.states import MacroState, Status
+from porocore.study.config.config import RunConfig
+from porocore.study.preflight.symmetry_notes import broken_by_the_mesh
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.stages.stage_files import load_reference, prepare_cell
+from porocore.study.stages.stage_times import timed
+
+
+def solve_reference(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
+    """Solve the undeformed cell unless the folder holds it; tell its properties and what is wrong with them."""
+    if not folder.reference.exists():
+        fem, cell = config.fem, config.cell
+        solver, prepared = prepare_cell(fem.backend, fem.options, cell, config.conductivity)
+        with timed(folder.timings, "cell"):
+            CellReference.compute(solver, prepared, cell, config.stages.cell).save(folder.reference)
+    reference = load_reference(folder, config)
+    diagonal = ", ".join(f"{k:.4g}" for k in np.diag(reference.conductivity))
+    console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
+    for warning in (
+        *undrained(config.macro, reference.conductivity),
+        *broken_by_the_mesh(reference.response, config.cell.point_group),
+    ):
+        console.warn(warning)
+
+
+def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
+    """Solve one state of the cell; return the responses and their derivatives as nested dictionaries of arrays.
+
+    A solid that is not connected has no responses; at rest, porosity and conductivity are returned.
+    """
+    began = time.perf_counter()
+    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell, config.conductivity)
+    conductivity = conductivity_of(solver, prepared)
+    geometry = config.cell.geometry
+    if (disconnected := config.cell.disconnected) and p == 0 and not np.any(grad_u):
+        return {
+            "porosity": geometry.porosity,
+            "conductivity": conductivity,
+            "solid": f"disconnected: {disconnected}",
+            "seconds": {"set_up": time.perf_counter() - began},
+        }
+    rest = solution_of(solver, prepared, MacroState.zeros(1), tangent=False).response
+    ready = time.perf_counter()
+    response = solution_of(solver, prepared, MacroState.single(grad_u, p)).response
+    found: dict[str, Any] = {
+        "porosity": geometry.porosity if rest.fluid_volume is None else float(rest.fluid_volume[0]),
+        "conductivity": conductivity,
+        "status": Status(int(response.status[0])).name,
+        "mean_grad": response.mean_grad[0],
+    }
+    for name in ("stress", "fluid_volume", "potential"):
+        values = getattr(response, name)
+        found[name] = None if values is None else values[0]
+    if response.conductivity is not None and response.min_fluid_jacobian is not None:
+        found["deformed_conductivity"] = response.conductivity[0]
+        found["min_fluid_jacobian"] = response.min_fluid_jacobian[0]
+    for part, holder in (("tangent", response.tangent), ("peaks", response.extrema)):
+        if holder is not None:
+            found[part] = {name: value[0] for name, value in vars(holder).items() if value is not None}
+    return found | {"seconds": {"set_up": ready - began, "solve": time.perf_counter() - ready}}

@@ -1,0 +1,71 @@
+"""The sampling stage: the states that a sampler asks for, and the held-out ones.
+
+States that the data sets hold are not solved again.
+"""
+
+from __future__ import annotations
+
+from porocore.core.console import Console
+from porocore.interfaces.sampler import Sampler
+from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_campaign
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool
+from porocore.states import Status
+from porocore.study.backends import make_backend
+from porocore.study.config.config import RunConfig
+from porocore.study.preflight.symmetry_notes import uncovered
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder.provenance import versions
+from porocore.study.stages.exploration import inform
+from porocore.study.stages.stage_files import held_out_states, load_reference, prepare_cell
+from porocore.study.stages.stage_times import timed
+
+
+def sample(folder: RunFolder, config: RunConfig, *, console: Console, retry_lost: bool = False) -> None:
+    """Solve the sampler's states and the held-out random states.
+
+    With ``retry_lost``, states over which workers died or hung in an earlier session are solved again.
+    """
+    inputs = config.sampling.input_space()
+    for warning in uncovered(inputs, config.cell.point_group):
+        console.warn(warning)
+    sampler: Sampler = make_backend("sampler", config)
+    reference = load_reference(folder, config)
+    # Another closure than the one that the run began with learns from the same states.
+    inform(sampler, folder.written, reference)
+    provenance = {"config": config.resolved_yaml(), **versions(), **reference.mesh}
+    stages = [
+        ("sampling", sampler, folder.dataset, config.stages.sampling),
+        ("held-out states", held_out_states(config), folder.test_dataset, config.stages.test),
+    ]
+    arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
+    with CellPool(prepare_cell, arguments, **config.sampling.pool_options(), on_warning=console.warn) as pool:
+        for title, states, path, identity in stages:
+            dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
+            if retry_lost:
+                dataset.drop(dataset.ended(Status.lost))
+            with timed(folder.timings, title):
+                summary = _campaign(title, states, pool, dataset, console)
+            _tell(title, summary, folder, console)
+
+
+def _campaign(
+    title: str, sampler: Sampler, pool: CellPool, dataset: Dataset, console: Console
+) -> CampaignSummary:
+    with console.task(title, "states") as task:
+
+        def show(progress: CampaignProgress) -> None:
+            detail = "stopping after the running solves" if progress.stopping else ""
+            task.update(progress.done, progress.expected, failed=progress.failed, detail=detail)
+
+        return run_campaign(sampler, pool, dataset, on_progress=show)
+
+
+def _tell(title: str, summary: CampaignSummary, folder: RunFolder, console: Console) -> None:
+    counts = ", ".join(f"{n} {status.name.replace('_', ' ')}" for status, n in summary.counts.items())
+    console.note(f"{title}: {sum(summary.counts.values())} states: {counts}")
+    if lost := summary.counts.get(Status.lost, 0):
+        console.warn(
+            f"{title}: {lost} states were lost, each over two workers that died or exceeded the time limit; "
+            f"they count as failed; to try them again: porocore sample {folder.path} --retry-lost"
+        )

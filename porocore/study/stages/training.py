@@ -1,0 +1,113 @@
+"""The training stage: the surrogate that the closure needs, and the curve of its losses.
+
+An interrupted training continues from its checkpoint.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from porocore.core.console import Console
+from porocore.core.files.reading import read_text
+from porocore.errors import DataError, RunFolderError
+from porocore.interfaces.surrogate import Surrogate, TrainingProgress
+from porocore.states import Array
+from porocore.study.backends import make_backend
+from porocore.study.config.config import RunConfig
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.stages.stage_files import load_surrogate, training_set
+from porocore.study.stages.stage_times import timed
+
+HEADER = "epoch,loss,validation_loss"
+
+
+def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
+    """Fit the surrogate that the closure needs to the stable states, unless the folder holds it."""
+    path = folder.surrogate_of(config)
+    if path.exists():
+        load_surrogate(folder, config)
+        console.note(f"training: {path.name} is there already")
+        return
+    data = training_set(folder, config)
+    surrogate: Surrogate = make_backend("surrogate", config)
+    own = config.surrogate_model == folder.written.surrogate_model
+    stage = "training" if own else f"training, {config.surrogate_model}"
+    checkpoint = folder.training_checkpoint_of(config)
+    with timed(folder.timings, stage), console.task("training", "epochs") as task:
+        curve = TrainingCurveFile(folder.training_curve_of(config))
+
+        def show(progress: TrainingProgress) -> None:
+            curve.add(progress)
+            losses = f"loss {progress.loss:.2e}, validation {progress.validation_loss:.2e}"
+            task.update(progress.epoch, progress.epochs, detail=losses)
+
+        surrogate.fit(data, seed=config.surrogate.seed, checkpoint=checkpoint, on_progress=show)
+        surrogate.save(path)
+    checkpoint.unlink(missing_ok=True)
+
+
+class TrainingCurveFile:
+    """Losses of a training as a CSV file, one row for each report of progress, written at once.
+
+    A resumed training repeats the epochs since its checkpoint, so their rows stand twice.
+
+    Parameters
+    ----------
+    path
+        The file, made if it does not exist. An incomplete last row is removed.
+
+    Raises
+    ------
+    RunFolderError
+        The disk is full or read-only.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            text = read_text(path) if path.exists() else ""
+            whole = text[: text.rfind("\n") + 1] or f"{HEADER}\n"
+            if whole != text:
+                path.write_text(whole, encoding="utf-8")
+        except OSError as error:
+            raise self._cannot_write(error) from error
+
+    def add(self, progress: TrainingProgress) -> None:
+        """Append one row."""
+        row = f"{progress.epoch},{progress.loss:.6e},{progress.validation_loss:.6e}\n"
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(row)
+        except OSError as error:
+            raise self._cannot_write(error) from error
+
+    def _cannot_write(self, error: OSError) -> RunFolderError:
+        return RunFolderError(f"cannot write {self.path}: {error}; make room or choose another --out")
+
+
+def read_training_curve(path: Path) -> Array | None:
+    """Return rows (n, 3) of epoch, loss and validation loss, each epoch once; None without any.
+
+    Raises
+    ------
+    DataError
+        The file is damaged.
+    """
+    if not path.exists():
+        return None
+    try:
+        header, *rows = read_text(path).splitlines() or [HEADER]
+        if header != HEADER:
+            raise ValueError(f"its first line is not '{HEADER}'")
+        table = np.array([[float(word) for word in row.split(",")] for row in rows]).reshape(len(rows), 3)
+    except (OSError, ValueError) as error:
+        raise DataError(
+            f"{path}: not a record of losses ({error}); delete it, the report can do without"
+        ) from error
+    if not rows:
+        return None
+    _, first = np.unique(table[:, 0], return_index=True)
+    once: Array = table[first]
+    return once

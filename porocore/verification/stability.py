@@ -1,0 +1,143 @@
+"""The stability map of a configured cell, with its tables and its figure."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from porocore.cell.equilibrium.solver import EquilibriumCellSolver
+from porocore.cell.stability.line import StabilityLine
+from porocore.cell.stability.map import MapPlan, follow_lines, write_tables
+from porocore.core.files.atomic import atomic_path, new_folder
+from porocore.core.inputs.possible_states import require_possible
+from porocore.errors import ConfigurationError, RunFolderError
+from porocore.study.config.config import RunConfig
+from porocore.study.preflight.checks import find_backends
+from porocore.study.stages.stage_files import prepare_cell
+
+FILE, PICTURE = "stability.h5", "stability.png"
+
+
+@dataclass(frozen=True)
+class MapProgress:
+    """Progress of a map after one event.
+
+    Attributes
+    ----------
+    value
+        Input across the lines, on the line under way.
+    found
+        Description of the state or of the onset.
+    done, expected
+        Solved states, and all if every line reaches its goal.
+    """
+
+    value: float
+    found: str
+    done: int
+    expected: int
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityMap:
+    """Lines of a map and the files that show them.
+
+    Attributes
+    ----------
+    plan
+        The map that was asked for.
+    lines
+        One for each value of the plan.
+    tables
+        ``states.csv`` and ``onsets.csv``.
+    picture
+        ``stability.png``.
+    """
+
+    plan: MapPlan
+    lines: list[StabilityLine]
+    tables: tuple[Path, Path]
+    picture: Path
+
+
+def map_stability(
+    config: RunConfig,
+    folder: Path | str,
+    plan: MapPlan,
+    *,
+    resume: bool = False,
+    on_event: Callable[[MapProgress], None] = lambda progress: None,
+) -> StabilityMap:
+    """Map where the cell of a configuration creases, touches itself and becomes unstable.
+
+    Parameters
+    ----------
+    config
+        The study; only its cell and finite elements count.
+    folder
+        Place of ``stability.h5``, ``states.csv``, ``onsets.csv`` and ``stability.png``.
+    plan
+        Lines of states.
+    resume
+        Continue the map that the folder holds; finished lines are not solved again.
+    on_event
+        Called after every state and onset.
+
+    Raises
+    ------
+    ConfigurationError
+        No cell can be in a state of the plan, or the backend gives no access to its tangent.
+    RunFolderError
+        The folder cannot be written, or holds a map and ``resume`` is not given.
+    DataError
+        The folder holds the map of another cell, backend or plan.
+    PluginError
+        The backend is missing.
+    """
+    from porocore.report.figures.stability import stability_figure
+    from porocore.report.figures.style import png_bytes
+
+    folder = Path(folder)
+    for value in plan.values:
+        _, goal = plan.ends(value)
+        require_possible(
+            goal[:9], goal[9], config.cell.modulus, f"--along and --across: {plan.across} = {value:g}"
+        )
+    if (folder / FILE).exists() and not resume:
+        raise RunFolderError(
+            f"{folder} already holds a map; add --resume to continue it, or choose another --out"
+        )
+    find_backends(config, ["cell solver"])
+    new_folder(folder)
+    lines = _solve(config, folder / FILE, plan, on_event)
+    picture = folder / PICTURE
+    with atomic_path(picture) as part:
+        part.write_bytes(png_bytes(stability_figure(plan, lines)))
+    return StabilityMap(plan, lines, write_tables(folder, plan, lines), picture)
+
+
+def _solve(
+    config: RunConfig, path: Path, plan: MapPlan, on_event: Callable[[MapProgress], None]
+) -> list[StabilityLine]:
+    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
+    if not isinstance(solver, EquilibriumCellSolver):
+        raise ConfigurationError(
+            f"--fem: backend '{config.fem.backend}' gives no access to the tangent of its cell; "
+            "choose one that does, such as skfem"
+        )
+    states = plan.line.steps + 1
+    under_way, solved = 0, 0
+
+    def show(line: int, found: str) -> None:
+        nonlocal under_way, solved
+        under_way, solved = line, (0 if line != under_way else solved) + (not found.startswith("onset"))
+        expected = len(plan.values) * states
+        on_event(MapProgress(plan.values[line], found, min(expected, line * states + solved), expected))
+
+    described = plan.describe()
+    identity = hashlib.sha256(json.dumps([config.stages.cell, described]).encode()).hexdigest()[:16]
+    provenance = {"config": config.resolved_yaml(), "plan": json.dumps(described)}
+    return follow_lines(solver, prepared, plan, path, identity, provenance, show)
