@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import ufl
@@ -11,7 +10,9 @@ from mpi4py import MPI
 
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import tetrahedron_rule
-from porocore_fem_dolfinx import compat
+from porocore.states import Array, IntArray
+from porocore_fem_dolfinx import compat, elements
+from porocore_fem_dolfinx.types import CompiledExpression, Expr, Function, FunctionSpace
 
 
 class CellDomain:
@@ -34,7 +35,7 @@ class CellDomain:
         cells = mesh.cells[:, compat.from_vtk("tetrahedron", mesh.cells.shape[1])]
         self.domain = compat.make_mesh(MPI.COMM_SELF, "tetrahedron", mesh.order, mesh.points, cells)
         self.n_cells = self.domain.topology.index_map(3).size_local
-        self._all = np.arange(self.n_cells, dtype=np.int32)
+        self._all = np.arange(self.n_cells)
         self.points, weights = tetrahedron_rule(degree)
         self._reference_weights = weights
         self.dx = ufl.Measure(
@@ -50,35 +51,35 @@ class CellDomain:
         volume = self.expression(ufl.as_vector([abs(ufl.JacobianDeterminant(self.domain))]))
         self.weights = self.evaluate(volume)[:, :, 0] * weights
 
-    def move(self, points: Any) -> None:
+    def move(self, points: Array) -> None:
         """Put the nodes, in the core's order, to (nodes, 3); what is assembled from now on is of the moved mesh."""
         self.domain.geometry.x[:] = points[np.asarray(self.domain.geometry.input_global_indices)]
 
-    def lagrange(self, degree: int, shape: tuple[int, ...] = ()) -> Any:
+    def lagrange(self, degree: int, shape: tuple[int, ...] = ()) -> FunctionSpace:
         """A function space."""
-        return compat.function_space(self.domain, compat.lagrange_element("tetrahedron", degree, shape))
+        return compat.function_space(self.domain, elements.lagrange_element("tetrahedron", degree, shape))
 
-    def at_points(self, shape: tuple[int, ...]) -> Any:
+    def at_points(self, shape: tuple[int, ...]) -> tuple[Function, IntArray]:
         """A function with values at the quadrature points, and (cells, q) the place of each point among them."""
-        element = compat.values_at_points(self.points, self._reference_weights, shape)
+        element = elements.values_at_points(self.points, self._reference_weights, shape)
         space = compat.function_space(self.domain, element)
-        return compat.fem.Function(space), compat.cell_dofs(space.dofmap)
+        return compat.make_function(space), compat.cell_dofs(space.dofmap)
 
     @cached_property
-    def elements(self) -> Any:
+    def elements(self) -> IntArray:
         """(cells,) the core's element that each cell is."""
         return np.asarray(self.domain.topology.original_cell_index)
 
-    def expression(self, value: Any) -> Any:
+    def expression(self, value: Expr) -> CompiledExpression:
         """Compiled for the quadrature points."""
         return compat.expression(value, self.points)
 
-    def evaluate(self, compiled: Any) -> Any:
+    def evaluate(self, compiled: CompiledExpression) -> Array:
         """(cells, q, components) of an expression."""
         values = compat.evaluate(compiled, self.domain, self._all)
         return values.reshape(self.n_cells, len(self.points), -1)
 
-    def nodes_of(self, dofs: Any) -> Any:
+    def nodes_of(self, dofs: IntArray) -> IntArray:
         """The core's node at each dof of a Lagrange space whose dofs are nodes of the mesh, (dofs,).
 
         ``dofs`` is the (cells, k) table of the space. Dofs are ordered in a cell as its nodes are, vertices first, so

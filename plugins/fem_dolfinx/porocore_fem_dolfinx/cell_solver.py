@@ -12,6 +12,7 @@ from porocore.cell.meshing.quadrature import LARGEST_DEGREE
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore_fem_dolfinx.linalg import choose
+from porocore_fem_dolfinx.petsc_options import OptionValue
 from porocore_fem_dolfinx.solid import DolfinxSolid
 from porocore_fem_dolfinx.stokes import DolfinxStokes
 
@@ -36,7 +37,7 @@ class DolfinxCellSolver(EquilibriumCellSolver):
         *,
         quadrature_degree: int | None = None,
         solver: str = "auto",
-        petsc: Mapping[str, Any] | None = None,
+        petsc: Mapping[str, OptionValue] | None = None,
         **unknown: Any,
     ) -> None:
         if unknown:

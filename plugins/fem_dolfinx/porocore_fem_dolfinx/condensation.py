@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+import numpy.typing as npt
 from petsc4py import PETSc
 from scipy import sparse
 
+from porocore.states import Array, IntArray
 from porocore_fem_dolfinx import compat
 
 
@@ -22,7 +22,7 @@ class Condensation:
         With every image of a held dof.
     """
 
-    def __init__(self, images: Any, held: Any) -> None:
+    def __init__(self, images: IntArray, held: npt.NDArray[np.bool_]) -> None:
         classes = np.unique(images[~held])
         column = np.full(int(images.max()) + 1, -1, dtype=np.int64)
         column[classes] = np.arange(len(classes))
@@ -37,9 +37,9 @@ class Condensation:
         whole = len(classes) % 3 == 0 and (classes.reshape(-1, 3) % 3 == np.arange(3)).all()
         self._block = 3 if whole and len(images) % 3 == 0 else 1
         self._matrix: PETSc.Mat | None = None
-        self._keys: Any = None
+        self._keys: IntArray | None = None
 
-    def matrix(self, full: PETSc.Mat, entries: tuple[Any, Any, Any] | None = None) -> PETSc.Mat:
+    def matrix(self, full: PETSc.Mat, entries: tuple[IntArray, IntArray, Array] | None = None) -> PETSc.Mat:
         """Tᵀ A T, in a matrix that is used again by the next call; ``entries`` are rows, columns and values of more A.
 
         Entries that the pattern of A has no room for make another matrix.
@@ -53,37 +53,37 @@ class Condensation:
             return self._matrix
         rows, columns, values = entries
         more = self.T.T @ sparse.csr_matrix((values, (rows, columns)), shape=full.getSize()) @ self.T
-        if self._has_room(more):
+        if self._has_room(self._matrix, more):
             self._matrix.axpy(1.0, to_petsc(more), PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
             return self._matrix
         wider = self._matrix.duplicate(copy=True)
         wider.axpy(1.0, to_petsc(more), PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         return wider
 
-    def _has_room(self, more: Any) -> bool:
+    def _has_room(self, matrix: PETSc.Mat, more: sparse.csr_matrix) -> bool:
         """Whether every entry of a matrix of free unknowns lies within the pattern of Tᵀ A T."""
         if self._keys is None:
-            indptr, indices, _ = self._matrix.getValuesCSR()
+            indptr, indices, _ = matrix.getValuesCSR()
             rows = np.repeat(np.arange(self.size), np.diff(indptr))
             self._keys = np.sort(rows * self.size + indices)
         more = more.tocoo()
         return bool(np.isin(more.row.astype(np.int64) * self.size + more.col, self._keys).all())
 
-    def reduce(self, full: Any) -> Any:
+    def reduce(self, full: Array) -> Array:
         """Tᵀ f."""
-        return self.T.T @ full
+        return np.asarray(self.T.T @ full)
 
-    def expand(self, free: Any) -> Any:
+    def expand(self, free: Array) -> Array:
         """T x."""
-        return self.T @ free
+        return np.asarray(self.T @ free)
 
-    def restrict(self, full: Any) -> Any:
+    def restrict(self, full: Array) -> Array:
         """x of a u = T x."""
         counts = np.asarray(self.T.sum(axis=0)).ravel()
-        return (self.T.T @ full) / counts
+        return np.asarray((self.T.T @ full) / counts)
 
 
-def to_petsc(matrix: Any) -> PETSc.Mat:
+def to_petsc(matrix: sparse.csr_matrix) -> PETSc.Mat:
     """A copy of a scipy matrix on this process."""
     matrix = matrix.tocsr()
     matrix.sort_indices()
@@ -91,7 +91,7 @@ def to_petsc(matrix: Any) -> PETSc.Mat:
     return PETSc.Mat().createAIJ(matrix.shape, csr=csr, comm=PETSc.COMM_SELF)
 
 
-def to_scipy(matrix: PETSc.Mat) -> Any:
+def to_scipy(matrix: PETSc.Mat) -> sparse.csr_matrix:
     """A copy of a matrix that lives on this process."""
     indptr, indices, data = matrix.getValuesCSR()
     return sparse.csr_matrix((data, indices, indptr), shape=matrix.getSize())

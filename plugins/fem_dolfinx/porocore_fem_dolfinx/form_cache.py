@@ -14,11 +14,14 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from cffi import VerificationError
 
 from porocore.errors import PluginError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 def folder(version: str) -> Path:
@@ -28,7 +31,7 @@ def folder(version: str) -> Path:
 
 
 @contextmanager
-def compiling(forms: Path, comm: Any) -> Iterator[None]:
+def compiling(forms: Path, comm: MPI.Intracomm) -> Iterator[None]:
     """Around everything that may compile into the folder ``forms``, on all processes of the MPI communicator.
 
     Raises

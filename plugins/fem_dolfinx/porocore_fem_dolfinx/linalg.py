@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -11,12 +10,13 @@ from petsc4py import PETSc
 from porocore.cell.equilibrium.discrete import FactorError
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
+from porocore.states import Array
 from porocore_fem_dolfinx import compat
-from porocore_fem_dolfinx.petsc_options import OF_OPTIONS, SolverOptions, explanation
+from porocore_fem_dolfinx.petsc_options import OF_OPTIONS, OptionValue, SolverOptions, explanation
 
 CHOICES = ("auto", "mumps", "cholmod", "gamg")
 #: MUMPS counts negative pivots; CHOLMOD's LLᵀ only notices that there are some.
-DEFAULTS: dict[str, dict[str, Any]] = {
+DEFAULTS: dict[str, dict[str, OptionValue]] = {
     "mumps": {
         "ksp_type": "preonly",
         "pc_type": "cholesky",
@@ -79,7 +79,7 @@ class SymmetricSolver:
         Number of negative pivots of the matrix in use, 1 standing for "some"; -1 where that is not known.
     """
 
-    def __init__(self, solver: str, petsc: Mapping[str, Any], unknowns: int) -> None:
+    def __init__(self, solver: str, petsc: Mapping[str, OptionValue], unknowns: int) -> None:
         kind = choose(solver, unknowns)
         self._options = SolverOptions(DEFAULTS[kind], petsc, "fem.options.petsc")
         self._ksp = self._make()
@@ -98,7 +98,7 @@ class SymmetricSolver:
     @property
     def is_factor(self) -> bool:
         """Whether one application is the solution, so that it may precondition the iteration for another matrix."""
-        return self._ksp.getType() == "preonly"
+        return bool(self._ksp.getType() == "preonly")
 
     def use(self, matrix: PETSc.Mat, accuracy: float = 1e-12) -> None:
         """Set up for ``matrix``.
@@ -141,7 +141,7 @@ class SymmetricSolver:
             elif kind == "cholmod":
                 self.negative = 0  # or setUp had failed
 
-    def solve(self, rhs: Any) -> Any:
+    def solve(self, rhs: Array) -> Array:
         """x with K x = rhs, both (n,).
 
         Raises
@@ -157,7 +157,7 @@ class SymmetricSolver:
         b = PETSc.Vec().createWithArray(rhs, comm=PETSc.COMM_SELF)
         x = b.duplicate()
         self._apply(b, x)
-        solution = x.array.copy()
+        solution: Array = x.array.copy()
         if not np.isfinite(solution).all():
             raise FactorError("the solution is not finite")
         return solution
@@ -176,7 +176,7 @@ class SymmetricSolver:
                 self.negative = 1
             raise FactorError(f"PETSc's solver stopped for reason {reason}")
 
-    def iterate(self, matrix: PETSc.Mat, rhs: Any, accuracy: float, limit: int) -> Any:
+    def iterate(self, matrix: PETSc.Mat, rhs: Array, accuracy: float, limit: int) -> Array | None:
         """x with K x = rhs for another matrix, by conjugate gradients with this factor; None after ``limit`` steps.
 
         None, too, where the iteration meets a direction of negative curvature.

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from mpi4py import MPI
+
 from porocore.core.echo import echo
 from porocore.core.parallel import Communicator
 from porocore.errors import ConfigurationError
@@ -14,7 +16,8 @@ from porocore.macro.integration.solver import TimeSteppingMacroSolver
 from porocore.macro.problem import MacroProblem
 from porocore_fem_dolfinx import compat  # noqa: F401 - h5py before everything that brings MPI and PETSc
 from porocore_fem_dolfinx.macro_assembly import DolfinxDiscretisation
-from porocore_fem_dolfinx.macro_communicator import MPI, MpiCommunicator
+from porocore_fem_dolfinx.macro_communicator import MpiCommunicator
+from porocore_fem_dolfinx.petsc_options import OptionValue
 
 
 class DolfinxMacroSolver(TimeSteppingMacroSolver):
@@ -34,7 +37,11 @@ class DolfinxMacroSolver(TimeSteppingMacroSolver):
     distributed = True
 
     def __init__(
-        self, *, petsc: Mapping[str, Any] | None = None, checkpoint_seconds: float = 5.0, **unknown: Any
+        self,
+        *,
+        petsc: Mapping[str, OptionValue] | None = None,
+        checkpoint_seconds: float = 5.0,
+        **unknown: Any,
     ) -> None:
         if unknown:
             raise ConfigurationError(

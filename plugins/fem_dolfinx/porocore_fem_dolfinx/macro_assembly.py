@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from dolfinx import fem
+from mpi4py import MPI
 from petsc4py import PETSc
+from scipy import sparse
 
 from porocore.core.parallel import Communicator
 from porocore.interfaces.law import MacroResponse, MacroTangent
@@ -16,14 +16,15 @@ from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.problem import MacroProblem
-from porocore.states import MacroState
+from porocore.states import Array, MacroState
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.macro_forms import MacroForms
 from porocore_fem_dolfinx.macro_linear import PetscLinearSolver
 from porocore_fem_dolfinx.macro_space import make_space
+from porocore_fem_dolfinx.petsc_options import OptionValue
 
 
-class DolfinxDiscretisation(Discretisation):
+class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
     """MacroForms, matrix and linear solver of one problem."""
 
     def __init__(
@@ -31,9 +32,9 @@ class DolfinxDiscretisation(Discretisation):
         problem: MacroProblem,
         mesh: BodyMesh,
         boundary: BoundaryData,
-        comm: Any,
+        comm: MPI.Intracomm,
         communicator: Communicator,
-        petsc: Mapping[str, Any],
+        petsc: Mapping[str, OptionValue],
     ) -> None:
         self.space = space = make_space(mesh, comm)
         super().__init__(
@@ -46,7 +47,7 @@ class DolfinxDiscretisation(Discretisation):
             dofs=space.dofs,
             communicator=communicator,
         )
-        self._u, self._p = fem.Function(space.V), fem.Function(space.Q)
+        self._u, self._p = compat.make_function(space.V), compat.make_function(space.Q)
         self._forms = MacroForms(space)
         self._matrix = self._forms.new_matrix()
         self._comm, self._in_frames = comm, None
@@ -58,7 +59,7 @@ class DolfinxDiscretisation(Discretisation):
             weakref.finalize(self, _free, self._matrix, self._solver)
         self._try_solver()
 
-    def _expansion(self, comm: Any) -> Any:
+    def _expansion(self, comm: MPI.Intracomm) -> PETSc.Mat | None:
         """Matrix from the unknowns of the equations to the free ones; None without plates, where they are the same."""
         if not self.plates:
             return None
@@ -92,7 +93,7 @@ class DolfinxDiscretisation(Discretisation):
         with self._solver.trial():
             self.solve(self.system(tangent, 1.0), np.ones(len(self.unknowns)), np.zeros(len(self.prescribed)))
 
-    def _rotation(self, comm: Any) -> Any:
+    def _rotation(self, comm: MPI.Intracomm) -> PETSc.Mat | None:
         """Qᵀ as a PETSc matrix; None where all unknowns are Cartesian."""
         if self.rotation is None:
             return None
@@ -104,15 +105,15 @@ class DolfinxDiscretisation(Discretisation):
         matrix.assemble()
         return matrix
 
-    def states_of(self, x: Any) -> tuple[MacroState, Any]:
+    def states_of(self, x: Array) -> tuple[MacroState, Array]:
         """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
         return self._forms.states(x)
 
-    def contributions(self, response: MacroResponse) -> tuple[Any, Any, Any]:
+    def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
         """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
         return self._forms.contributions(response)
 
-    def add_copies(self, values: Any) -> Any:
+    def add_copies(self, values: Array) -> Array:
         """By PETSc's scatters."""
         total = np.zeros_like(values)
         for function, of, owned in (
@@ -124,7 +125,7 @@ class DolfinxDiscretisation(Discretisation):
             total[of[:owned]] = function.x.array[:owned]
         return total
 
-    def _with_copies(self, values: Any) -> Any:
+    def _with_copies(self, values: Array) -> Array:
         """All local unknowns from the owned ones."""
         whole = np.empty(len(self.unknowns))
         for function, of, owned in (
@@ -136,7 +137,9 @@ class DolfinxDiscretisation(Discretisation):
             whole[of] = function.x.array
         return whole
 
-    def system(self, tangent: MacroTangent, dt: float, follower: Any = None) -> Any:
+    def system(
+        self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None
+    ) -> PETSc.Mat:
         """A PETSc matrix; the next call overwrites it."""
         self._forms.assemble(tangent, dt, self._matrix)
         if follower is not None:
@@ -146,7 +149,7 @@ class DolfinxDiscretisation(Discretisation):
         self._in_frames = self._matrix.ptap(self._to_frames, result=self._in_frames)
         return self._in_frames
 
-    def _add(self, follower: Any) -> None:
+    def _add(self, follower: sparse.csr_matrix) -> None:
         """Its entries couple nodes of one element, so that the matrix has places for them."""
         first = self._comm.scan(self.owned) - self.owned
         number = np.zeros(self.mesh.size)
@@ -161,7 +164,7 @@ class DolfinxDiscretisation(Discretisation):
                 )
         self._matrix.assemble()
 
-    def magnitudes(self, system: Any, x: Any) -> Any:
+    def magnitudes(self, system: PETSc.Mat, x: Array) -> Array:
         """|A| |x| where owned."""
         starts, columns, values = system.getValuesCSR()
         # Columns are numbered process by process.
@@ -170,7 +173,7 @@ class DolfinxDiscretisation(Discretisation):
         terms[: self.owned] = np.add.reduceat(np.abs(values) * sizes[columns], starts[:-1])
         return terms
 
-    def solve(self, system: Any, right: Any, jump: Any, *, again: bool = False) -> Any:
+    def solve(self, system: PETSc.Mat, right: Array, jump: Array, *, again: bool = False) -> Array:
         """By the configured solver, on the free unknowns."""
         change = np.zeros(len(self.unknowns))
         change[self.prescribed] = jump
@@ -183,7 +186,7 @@ class DolfinxDiscretisation(Discretisation):
         return self._with_copies(change)
 
 
-def _free(matrix: Any, solver: PetscLinearSolver) -> None:
+def _free(matrix: PETSc.Mat, solver: PetscLinearSolver) -> None:
     """At once: dolfinx leaves its matrices to the caller, petsc4py all others to PETSc's collection of garbage."""
     solver.destroy()
     matrix.destroy()

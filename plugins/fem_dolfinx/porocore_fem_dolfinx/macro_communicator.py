@@ -22,22 +22,23 @@ PATIENCE = 10.0
 class MpiCommunicator(Communicator):
     """All processes of a communicator."""
 
-    def __init__(self, comm: Any) -> None:
+    def __init__(self, comm: MPI.Intracomm) -> None:
         self.comm, self.rank, self.size = comm, comm.rank, comm.size
         # Of its own, since a process may come here while another one is still at work together.
         self._meetings = comm.Dup()
 
     def on_root(self, action: Callable[[], T]) -> T:
         """On process 0; the value or the exception is sent to all."""
-        outcome: Any = None
+        outcome: tuple[T, Exception | None] | tuple[None, Exception] | None = None
         if self.rank == 0:
             try:
                 outcome = action(), None
             except Exception as error:  # noqa: BLE001 - raised below, on every process
                 outcome = None, error
-        value, error = self.comm.bcast(outcome, root=0)
-        if error is not None:
-            raise error
+        value: T
+        value, failure = self.comm.bcast(outcome, root=0)
+        if failure is not None:
+            raise failure
         return value
 
     def sum(self, value: Any) -> Any:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from petsc4py import PETSc
 
 from porocore.interfaces.law import MacroResponse, MacroTangent
-from porocore.states import MacroState
-from porocore_fem_dolfinx import compat
+from porocore.states import Array, MacroState
+from porocore_fem_dolfinx import compat, elements
 from porocore_fem_dolfinx.macro_space import MacroSpace
+from porocore_fem_dolfinx.types import Function
 
 _RESPONSE = {"stress": (3, 3), "storage": (), "flux": (3,)}
 _TANGENT: dict[str, tuple[int, ...]] = {
@@ -32,46 +32,46 @@ class MacroForms:
 
     def __init__(self, space: MacroSpace) -> None:
         self._space, domain = space, space.domain
-        self._slots = None
+        self._slots = np.empty(0, dtype=np.int64)
         self._functions = {name: self._at_points(shape) for name, shape in {**_RESPONSE, **_TANGENT}.items()}
         degree = space.element.degree
         dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": degree, "quadrature_rule": "default"})
-        self._u, self._p = fem.Function(space.V), fem.Function(space.Q)
+        self._u, self._p = compat.make_function(space.V), compat.make_function(space.Q)
         self._build_states()
         self._build_residual(dx)
         self._build_tangent(dx)
 
-    def _at_points(self, shape: tuple[int, ...]) -> Any:
+    def _at_points(self, shape: tuple[int, ...]) -> Function:
         """A function with values at the quadrature points; UFL takes tensors of rank 3 and 4 as matrices."""
         flat = shape if len(shape) < 3 else (int(np.prod(shape[:-2])), 9)
         space, element = self._space, self._space.element
-        at_points = compat.quadrature_element(element.shape, element.degree, flat)
+        at_points = elements.quadrature_element(element.shape, element.degree, flat)
         points = compat.function_space(space.domain, at_points)
-        if self._slots is None:
+        if not len(self._slots):
             # The same for all shapes: dofmaps of these spaces count points.
             self._slots = compat.cell_dofs(points.dofmap)[: len(space.cells)][:, space.order].ravel()
-        return fem.Function(points)
+        return compat.make_function(points)
 
     def _build_states(self) -> None:
         u, p = self._u, self._p
         grad_u, grad_p = ufl.grad(u), ufl.grad(p)
         components = [*(grad_u[i, j] for i in range(3) for j in range(3)), p, *(grad_p[i] for i in range(3))]
         element = self._space.element
-        points = compat.quadrature_points(element.shape, element.degree)[self._space.order]
+        points = elements.quadrature_points(element.shape, element.degree)[self._space.order]
         self._states = compat.expression(ufl.as_vector(components), points)
 
-    def _build_residual(self, dx: Any) -> None:
+    def _build_residual(self, dx: ufl.Measure) -> None:
         """Tested with functions that are not joined between elements, so that each element's share is seen."""
         domain, f, cell = self._space.domain, self._functions, self._space.element.shape
-        v = ufl.TestFunction(compat.function_space(domain, compat.broken_element(cell, 2, (3,))))
-        s = ufl.TestFunction(compat.function_space(domain, compat.broken_element(cell, 1)))
+        v = ufl.TestFunction(compat.function_space(domain, elements.broken_element(cell, 2, (3,))))
+        s = ufl.TestFunction(compat.function_space(domain, elements.broken_element(cell, 1)))
         self._residual = [
             compat.form(ufl.inner(f["stress"], ufl.grad(v)) * dx),
             compat.form(f["storage"] * s * dx),
             compat.form(ufl.dot(f["flux"], ufl.grad(s)) * dx),
         ]
 
-    def _build_tangent(self, dx: Any) -> None:
+    def _build_tangent(self, dx: ufl.Measure) -> None:
         f, V, Q = self._functions, self._space.V, self._space.Q
         v, s, du, dp = ufl.TestFunction(V), ufl.TestFunction(Q), ufl.TrialFunction(V), ufl.TrialFunction(Q)
         self._dt = compat.constant(self._space.domain, 1.0)
@@ -92,12 +92,12 @@ class MacroForms:
             ]
         )
 
-    def _fill(self, name: str, values: Any) -> None:
+    def _fill(self, name: str, values: Array) -> None:
         function = self._functions[name]
         points = len(self._slots)
         function.x.array.reshape(-1, values[0].size)[self._slots] = values.reshape(points, -1)
 
-    def states(self, x: Any) -> tuple[MacroState, Any]:
+    def states(self, x: Array) -> tuple[MacroState, Array]:
         """H, p and ∇p at the points of this process from its local unknowns."""
         space = self._space
         self._u.x.array[:], self._p.x.array[:] = x[space.of_u], x[space.of_p]
@@ -105,7 +105,7 @@ class MacroForms:
         grad_u = np.ascontiguousarray(values[:, :9]).reshape(-1, 3, 3)
         return MacroState(grad_u, values[:, 9].copy()), values[:, 10:].copy()
 
-    def contributions(self, response: MacroResponse) -> tuple[Any, Any, Any]:
+    def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
         """∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4)."""
         for name in _RESPONSE:
             self._fill(name, getattr(response, name))
@@ -114,11 +114,11 @@ class MacroForms:
         )
         return forces, stored, moved
 
-    def new_matrix(self) -> Any:
+    def new_matrix(self) -> PETSc.Mat:
         """For :meth:`assemble`."""
         return compat.block_matrix(self._tangent)
 
-    def assemble(self, tangent: MacroTangent, dt: float, matrix: Any) -> None:
+    def assemble(self, tangent: MacroTangent, dt: float, matrix: PETSc.Mat) -> None:
         """The derivative of the residual."""
         for name in _TANGENT:
             self._fill(name, getattr(tangent, name))

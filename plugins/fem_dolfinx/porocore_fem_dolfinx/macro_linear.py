@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from porocore.errors import ConfigurationError
 from porocore.macro.integration.discretisation import StepFailed
-from porocore_fem_dolfinx.petsc_options import SolverOptions, explanation
+from porocore.states import Array, IntArray
+from porocore_fem_dolfinx.petsc_options import OptionValue, SolverOptions, explanation
 
+Mask: TypeAlias = npt.NDArray[np.bool_]
 KEY = "macro.options.petsc"
-DEFAULTS: dict[str, Any] = {
+DEFAULTS: dict[str, OptionValue] = {
     "ksp_type": "preonly",
     "pc_type": "lu",
     "pc_factor_mat_solver_type": "mumps",
@@ -52,12 +56,17 @@ class PetscLinearSolver:
     """
 
     def __init__(
-        self, comm: Any, petsc: Mapping[str, Any], free: Any, is_force: Any, expansion: Any = None
+        self,
+        comm: MPI.Intracomm,
+        petsc: Mapping[str, OptionValue],
+        free: IntArray,
+        is_force: Mask,
+        expansion: PETSc.Mat | None = None,
     ) -> None:
         self._comm, self._free, self._expansion = comm, free, expansion
-        self._rows: Any = None
-        self._free_matrix: Any = None
-        self._matrix: Any = None
+        self._rows: PETSc.IS | None = None
+        self._free_matrix: PETSc.Mat | None = None
+        self._matrix: PETSc.Mat | None = None
         self._options = SolverOptions(DEFAULTS, petsc, KEY)
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setTolerances(rtol=ACCURACY, max_it=ITERATIONS)
@@ -71,7 +80,7 @@ class PetscLinearSolver:
         if self._ksp.getPC().getType() == "fieldsplit":
             self._split(is_force)
 
-    def _split(self, is_force: Any) -> None:
+    def _split(self, is_force: Mask) -> None:
         """Tell the preconditioner which unknowns are displacements."""
         size, n_u = len(is_force), int(is_force.sum())
         start = self._comm.scan(size) - size
@@ -105,7 +114,7 @@ class PetscLinearSolver:
             ) from failure
         self._options.check_used()
 
-    def solve(self, matrix: Any, right: Any, *, again: bool = False) -> Any:
+    def solve(self, matrix: PETSc.Mat, right: Array, *, again: bool = False) -> Array:
         """x (f,) with A x = ``right`` (equations,), where A are the free rows and columns of ``matrix``.
 
         ``again``: the factor of the system before may still serve.
@@ -154,7 +163,8 @@ class PetscLinearSolver:
             )
         if self._expansion is not None:
             x = self._expansion * x
-        return x.array.copy()
+        solution: Array = x.array.copy()
+        return solution
 
     def _breakdown(self) -> str:
         """Why there is no factor: of MUMPS by its own code, -10 being a pivot that vanished."""
@@ -167,7 +177,7 @@ class PetscLinearSolver:
                 return f"MUMPS ended with error {code}"
         return "the tangent is singular: the body may not be held against rigid motions"
 
-    def _iterate(self, b: Any, x: Any, *, reuse: bool) -> int:
+    def _iterate(self, b: PETSc.Vec, x: PETSc.Vec, *, reuse: bool) -> int:
         """PETSc's reason for stopping; negative without a solution."""
         self._ksp.getPC().setReusePreconditioner(reuse)
         if self._keeps:

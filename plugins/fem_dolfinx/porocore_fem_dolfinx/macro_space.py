@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from porocore.errors import ConfigurationError
 from porocore.macro.body.element import ReferenceElement
 from porocore.macro.body.mesh import BodyMesh
-from porocore_fem_dolfinx import compat
+from porocore.states import IntArray
+from porocore_fem_dolfinx import compat, elements
+from porocore_fem_dolfinx.types import FunctionSpace, Mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,21 +45,21 @@ class MacroSpace:
     """
 
     element: ReferenceElement
-    domain: Any
-    cells: Any
-    V: Any
-    Q: Any
-    of_u: Any
-    of_p: Any
+    domain: Mesh
+    cells: IntArray
+    V: FunctionSpace
+    Q: FunctionSpace
+    of_u: IntArray
+    of_p: IntArray
     owned_u: int
     owned_p: int
-    unknowns: Any
-    elements: Any
-    dofs: Any
-    order: Any
+    unknowns: IntArray
+    elements: IntArray
+    dofs: IntArray
+    order: IntArray
 
 
-def make_space(mesh: BodyMesh, comm: Any) -> MacroSpace:
+def make_space(mesh: BodyMesh, comm: MPI.Intracomm) -> MacroSpace:
     """Distribute the core's mesh over the processes.
 
     Raises
@@ -82,8 +84,8 @@ def make_space(mesh: BodyMesh, comm: Any) -> MacroSpace:
         raise ConfigurationError(
             f"macro.body: {len(mesh.cells)} elements are too few for {comm.size} processes; start fewer"
         )
-    V = compat.function_space(domain, compat.lagrange_element(cell, 2, (3,)))
-    Q = compat.function_space(domain, compat.lagrange_element(cell, 1))
+    V = compat.function_space(domain, elements.lagrange_element(cell, 2, (3,)))
+    Q = compat.function_space(domain, elements.lagrange_element(cell, 1))
     owned_u, copied_u = (3 * n for n in _sizes(V))
     owned_p, copied_p = _sizes(Q)
     owned = owned_u + owned_p
@@ -103,7 +105,7 @@ def make_space(mesh: BodyMesh, comm: Any) -> MacroSpace:
     return MacroSpace(
         element,
         domain,
-        np.arange(count, dtype=np.int32),
+        np.arange(count),
         V,
         Q,
         of_u,
@@ -117,14 +119,14 @@ def make_space(mesh: BodyMesh, comm: Any) -> MacroSpace:
     )
 
 
-def _sizes(space: Any) -> tuple[int, int]:
+def _sizes(space: FunctionSpace) -> tuple[int, int]:
     index_map = space.dofmap.index_map
     return index_map.size_local, index_map.num_ghosts
 
 
-def _quadrature_order(element: ReferenceElement) -> Any:
+def _quadrature_order(element: ReferenceElement) -> IntArray:
     """Both number the corners of an element alike, so it is the same in all."""
-    theirs = compat.quadrature_points(element.shape, element.degree)
+    theirs = elements.quadrature_points(element.shape, element.degree)
     distance = np.abs(theirs[None] - element.points[:, None]).max(axis=2)
     assert distance.min(axis=1).max() < 1e-12
-    return distance.argmin(axis=1)
+    return np.asarray(distance.argmin(axis=1))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import ufl
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore_fem_dolfinx import compat
+from porocore_fem_dolfinx.types import Expr, Mesh
 
 
-def energy_density(material: NeoHookean, F: Any, domain: Any) -> Any:
+def energy_density(material: NeoHookean, F: Expr, domain: Mesh) -> Expr:
     """Ψ(F); the material's constants can change without a new compilation."""
     mu, lam = (compat.constant(domain, value) for value in (material.mu, material.lam))
     log_J = ufl.ln(ufl.det(F))

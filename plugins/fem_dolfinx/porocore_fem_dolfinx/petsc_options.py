@@ -5,13 +5,15 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Mapping
 from itertools import count
-from typing import Any
+from typing import TypeAlias
 
 import petsc4py.PETSc
 from petsc4py import PETSc
 
 from porocore.errors import ConfigurationError
 
+#: Value of a PETSc option; True and None stand for an option without one.
+OptionValue: TypeAlias = str | int | float | bool | None
 _numbers = count()
 #: Prefix of each set of options that PETSc has been told; its database holds 512 options in all, so none is told twice.
 _prefixes: dict[tuple[tuple[str, str], ...], str] = {}
@@ -28,7 +30,7 @@ class SolverOptions:
     defaults
         What holds where the user says nothing.
     chosen
-        The user's options, without a prefix: ``{"ksp_type": "cg"}``. True and None stand for an option without value.
+        The user's options, without a prefix: ``{"ksp_type": "cg"}``.
     key
         Where they stand in the configuration, for messages.
 
@@ -38,7 +40,9 @@ class SolverOptions:
         A name or a value is of a kind that no option has.
     """
 
-    def __init__(self, defaults: Mapping[str, Any], chosen: Mapping[str, Any], key: str) -> None:
+    def __init__(
+        self, defaults: Mapping[str, OptionValue], chosen: Mapping[str, OptionValue], key: str
+    ) -> None:
         self.key, self.chosen = key, dict(chosen)
         for name, value in chosen.items():
             if not isinstance(name, str) or not isinstance(value, str | int | float | bool | None):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
+from scipy import sparse
 
 from porocore.cell.cell import Cell
 from porocore.cell.contact.model import make_contact_model
@@ -20,18 +20,20 @@ from porocore.cell.equilibrium.discrete import (
     Iterate,
     LoadStepFailed,
     Sensitivities,
+    second_derivatives,
 )
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.symmetry.parity import UNIT_LOADS, held_displacements
-from porocore.states import Status
+from porocore.cell.symmetry.parity import UNIT_LOADS
+from porocore.states import Array, Status
 from porocore_fem_dolfinx import compat
-from porocore_fem_dolfinx.cell_mesh import CellDomain
-from porocore_fem_dolfinx.condensation import Condensation, to_scipy
+from porocore_fem_dolfinx.condensation import to_scipy
 from porocore_fem_dolfinx.linalg import SymmetricSolver
+from porocore_fem_dolfinx.petsc_options import OptionValue
 from porocore_fem_dolfinx.solid_forms import SolidForms
 from porocore_fem_dolfinx.solid_forms_pointwise import PointwiseForms
 from porocore_fem_dolfinx.solid_forms_ufl import UflForms
+from porocore_fem_dolfinx.solid_space import SolidSpace
 
 #: More iterations than this cost more than a new factor.
 PATIENCE = 18
@@ -42,79 +44,76 @@ SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
 class DolfinxIterate(Iterate):
     """u¹ as the values ``u`` of the function space's dofs, flat; everything else is computed when it is asked for."""
 
-    def __init__(self, problem: DolfinxSolid, H: Any, p: float, u: Any) -> None:
+    def __init__(self, problem: DolfinxSolid, H: Array, p: float, u: Array) -> None:
         self.problem, self.H, self.p, self.u = problem, H, p, u
         self.contact = problem.contact
 
     @cached_property
-    def values(self) -> Any:
+    def values(self) -> Array:
         """∇u¹ (9), P + p cof F (9), Ψ and J at the quadrature points, (cells, q, 20)."""
         return self.problem.loaded(self).values()
 
     @cached_property
     def energy(self) -> float:
-        energy = self.problem.integral(self.values[:, :, 18] + self.p * self.values[:, :, 19])
+        energy = self.problem.space.integral(self.values[:, :, 18] + self.p * self.values[:, :, 19])
         return float(energy if self.touching is None else energy + self.touching.forces.energy)
 
     @cached_property
-    def residual(self) -> Any:
+    def residual(self) -> Array:
         forces = self.problem.loaded(self).residual()
         if self.touching is not None:
-            forces += self.problem.to_dofs(
+            forces += self.problem.space.to_dofs(
                 self.touching.forces.by_displacement(len(self.problem.mesh.points))
             )
-        return self.problem.free("").reduce(forces)
+        return self.problem.space.free("").reduce(forces)
 
     @property
     def min_jacobian(self) -> float:
         return float(self.values[:, :, 19].min())
 
     @property
-    def displacement(self) -> Any:
-        return self.problem.to_nodes(self.u)
+    def displacement(self) -> Array:
+        return self.problem.space.to_nodes(self.u)
 
 
 class DolfinxTangentFactor(FactorisedTangent):
     """What a solid's solver of one class holds until another matrix needs it."""
+
+    iterate: DolfinxIterate
 
     def __init__(self, problem: DolfinxSolid, iterate: DolfinxIterate, parity: str, shift: float) -> None:
         self.problem, self.iterate, self.parity, self.shift = problem, iterate, parity, shift
         self.token = object()
         self.negative = problem.make(self)
 
-    def solve(self, rhs: Any) -> Any:
+    def solve(self, rhs: Array) -> Array:
         if rhs.ndim == 1:
             return self.problem.apply_factor(self, rhs)
         return np.stack([self.problem.apply_factor(self, column) for column in rhs.T], axis=1)
 
 
-class DolfinxSolid(DiscreteSolid):
+class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
     """Π and its derivatives on one mesh."""
 
     def __init__(
-        self, cell: Cell, mesh: CellMesh, *, degree: int, solver: str, petsc: Mapping[str, Any]
+        self, cell: Cell, mesh: CellMesh, *, degree: int, solver: str, petsc: Mapping[str, OptionValue]
     ) -> None:
         self.mesh, self.material = mesh, cell.solid.on(mesh)
         self._solver, self._petsc = solver, petsc
-        self.domain = CellDomain(mesh, degree)
-        space = self.domain.lagrange(mesh.order, (3,))
-        self._cell_dofs = compat.cell_dofs(space.dofmap)
-        self._node = self.domain.nodes_of(self._cell_dofs)
-        self._dof = np.argsort(self._node)
+        self.space = space = SolidSpace(mesh, degree)
         self._forms: SolidForms = (
-            UflForms(self.domain, space, self.material)
+            UflForms(space.domain, space.functions, self.material)
             if isinstance(self.material, NeoHookean)
-            else PointwiseForms(self.domain, space, self.material)
+            else PointwiseForms(space.domain, space.functions, self.material)
         )
         self._least_stress = 1e-3 * self.material.mean_moduli()[1]
         self.contact = make_contact_model(mesh, cell.contact, self.material)
-        self._free: dict[str, Condensation] = {}
         self._solvers: dict[str, SymmetricSolver] = {}
         #: Token of the factor that the solver of a class holds.
         self._in_use: dict[str, object] = {}
         self._base: SymmetricSolver | None = None
         self._kept: SymmetricSolver | None = None
-        self._full: Any = None
+        self._full: PETSc.Mat | None = None
         self._full_of: Callable[[], DolfinxIterate | None] = lambda: None
         self._shift = 0.0
 
@@ -122,59 +121,35 @@ class DolfinxSolid(DiscreteSolid):
 
     def loaded(self, iterate: DolfinxIterate) -> SolidForms:
         """The forms, of a state."""
-        self._forms.load(iterate)
+        self._forms.load(iterate, iterate.u)
         return self._forms
-
-    def to_nodes(self, u: Any) -> Any:
-        """(nodes, 3) in the order of the mesh, of values at the dofs."""
-        return u.reshape(-1, 3)[self._dof]
-
-    def to_dofs(self, values: Any) -> Any:
-        """Values at the dofs, flat, of (nodes, 3) in the order of the mesh."""
-        return np.ascontiguousarray(values[self._node]).ravel()
-
-    def integral(self, values: Any) -> Any:
-        """∫ over the domain of values (cells, q, ...)."""
-        return np.tensordot(self.domain.weights, values, axes=2)
-
-    def free(self, parity: str) -> Condensation:
-        """The free unknowns of a class of perturbations."""
-        if parity not in self._free:
-            images = 3 * self.mesh.periodic_class[self._node][:, None] + np.arange(3)
-            held = held_displacements(self.mesh, parity)[self._node]
-            self._free[parity] = Condensation(images.ravel(), held.ravel())
-        return self._free[parity]
 
     # ---- the discrete solid ---------------------------------------------------------------------
 
-    def iterate_at(self, H: Any, p: float, displacement: Any = None) -> DolfinxIterate:
+    def iterate_at(self, H: Array, p: float, displacement: Array | None = None) -> DolfinxIterate:
         u = np.zeros((len(self.mesh.points), 3)) if displacement is None else displacement
-        return DolfinxIterate(self, H, p, self.to_dofs(u))
+        return DolfinxIterate(self, H, p, self.space.to_dofs(u))
 
-    def moved(self, iterate: Any, change: Any, H: Any, p: float) -> DolfinxIterate:
-        return DolfinxIterate(self, H, p, iterate.u + self.free("").expand(change))
+    def moved(self, iterate: DolfinxIterate, change: Array, H: Array, p: float) -> DolfinxIterate:
+        return DolfinxIterate(self, H, p, iterate.u + self.space.free("").expand(change))
 
-    def force_scale(self, iterate: Any) -> float:
-        size = np.linalg.norm(iterate.values[:, :, 9:18], axis=2)
-        size = np.maximum(size, self._least_stress) * self.domain.weights
-        # ∇N is about the inverse of the length of an element.
-        length = np.cbrt(6 * self.domain.weights.sum(axis=1))
-        forces = np.repeat(size.sum(axis=1) / length, 3 * len(self._cell_dofs[0]))
-        dofs = 3 * self._cell_dofs[:, :, None] + np.arange(3)
-        nodal = np.bincount(dofs.ravel(), forces, minlength=3 * len(self._node))
-        return float(np.linalg.norm(self.free("").restrict(nodal)))
+    def force_scale(self, iterate: DolfinxIterate) -> float:
+        size = np.maximum(np.linalg.norm(iterate.values[:, :, 9:18], axis=2), self._least_stress)
+        return float(np.linalg.norm(self.space.free("").restrict(self.space.nodal_sums(size))))
 
-    def load_change(self, iterate: Any, dH: Any, dp: float) -> Any:
-        return self.free("").reduce(self._load_vector(iterate, "", dH, dp))
+    def load_change(self, iterate: DolfinxIterate, dH: Array, dp: float) -> Array:
+        return self.space.free("").reduce(self._load_vector(iterate, "", dH, dp))
 
-    def _load_vector(self, iterate: DolfinxIterate, parity: str, dH: Any, dp: float) -> Any:
+    def _load_vector(self, iterate: DolfinxIterate, parity: str, dH: Array, dp: float) -> Array:
         forces = self.loaded(iterate).load_change(dH, dp)
         if iterate.touching is not None:
-            forces += self.to_dofs(iterate.touching.blocks(parity).load_change(len(self.mesh.points), dH))
+            forces += self.space.to_dofs(
+                iterate.touching.blocks(parity).load_change(len(self.mesh.points), dH)
+            )
         return forces
 
     def reset(self) -> None:
-        for comm in (PETSc.COMM_SELF, self.domain.domain.comm):
+        for comm in (PETSc.COMM_SELF, self.space.domain.domain.comm):
             compat.collect_garbage(comm)
         self._kept, self._shift = None, 0.0
 
@@ -182,12 +157,12 @@ class DolfinxSolid(DiscreteSolid):
         """The factor made last on this path, at first the undeformed cell's, which is made only once."""
         if self._kept is None:
             if self._base is None:
-                self._base = SymmetricSolver(self._solver, self._petsc, self.free("").size)
+                self._base = SymmetricSolver(self._solver, self._petsc, self.space.free("").size)
                 self._base.use(self._matrix(self.iterate_at(np.zeros((3, 3)), 0.0), ""))
             self._kept = self._base
         return self._kept
 
-    def solve(self, iterate: Any, rhs: Any, accuracy: float) -> Any:
+    def solve(self, iterate: DolfinxIterate, rhs: Array, accuracy: float) -> Array:
         try:
             kept = self._kept_factor()
             if kept.is_factor:
@@ -204,7 +179,7 @@ class DolfinxSolid(DiscreteSolid):
         except FactorError as error:
             raise LoadStepFailed(Status.not_converged) from error
 
-    def _matrix(self, iterate: DolfinxIterate, parity: str) -> Any:
+    def _matrix(self, iterate: DolfinxIterate, parity: str) -> PETSc.Mat:
         """The tangent for the free unknowns of a class; the next call for this class changes it."""
         self._in_use.pop(parity, None)
         if self._full_of() is not iterate:
@@ -214,10 +189,10 @@ class DolfinxSolid(DiscreteSolid):
             # A state knows its problem: held in turn, both would stay until Python looks for circles.
             self._full_of = weakref.ref(iterate)
         if iterate.touching is None:
-            return self.free(parity).matrix(self._full)
+            return self.space.free(parity).matrix(self._full)
         rows, columns, values = iterate.touching.blocks(parity).entries
-        rows, columns = (3 * self._dof[i // 3] + i % 3 for i in (rows, columns))
-        return self.free(parity).matrix(self._full, (rows, columns, values))
+        rows, columns = (3 * self.space.dof[i // 3] + i % 3 for i in (rows, columns))
+        return self.space.free(parity).matrix(self._full, (rows, columns, values))
 
     def _factor(
         self,
@@ -238,7 +213,7 @@ class DolfinxSolid(DiscreteSolid):
         if shift:
             matrix.shift(shift * float(np.abs(matrix.getDiagonal().array).mean()))
         if parity not in self._solvers:
-            self._solvers[parity] = SymmetricSolver(self._solver, self._petsc, self.free(parity).size)
+            self._solvers[parity] = SymmetricSolver(self._solver, self._petsc, self.space.free(parity).size)
         solver = self._solvers[parity]
         if not parity:
             self._kept = None  # should the factorisation break down, what is left of it must not be used
@@ -247,7 +222,7 @@ class DolfinxSolid(DiscreteSolid):
             self._kept = solver
         return solver.negative
 
-    def _shifted(self, iterate: DolfinxIterate, rhs: Any) -> Any:
+    def _shifted(self, iterate: DolfinxIterate, rhs: Array) -> Array:
         # Neighbouring iterates need about the same shift, and less of it brings them on faster.
         shift = max(self._shift / 4, SMALLEST_SHIFT)
         while shift < LARGEST_SHIFT:
@@ -262,10 +237,10 @@ class DolfinxSolid(DiscreteSolid):
             shift *= 4
         raise LoadStepFailed(Status.not_converged)
 
-    def factor(self, iterate: Any, parity: str, shift: float = 0.0) -> DolfinxTangentFactor:
+    def factor(self, iterate: DolfinxIterate, parity: str, shift: float = 0.0) -> DolfinxTangentFactor:
         return DolfinxTangentFactor(self, iterate, parity, shift)
 
-    def apply_factor(self, factor: DolfinxTangentFactor, rhs: Any) -> Any:
+    def apply_factor(self, factor: DolfinxTangentFactor, rhs: Array) -> Array:
         """x with (K − shift·M) x = rhs, (n,); factorised again where the solver of the class serves another matrix."""
         if self._in_use.get(factor.parity) is not factor.token:
             self.make(factor)
@@ -278,20 +253,21 @@ class DolfinxSolid(DiscreteSolid):
         return negative
 
     def release(self, parity: str) -> None:
-        for kept in (self._free, self._solvers, self._in_use):
-            kept.pop(parity, None)
+        self.space.release(parity)
+        self._solvers.pop(parity, None)
+        self._in_use.pop(parity, None)
 
-    def tangent(self, iterate: Any, parity: str) -> Any:
+    def tangent(self, iterate: DolfinxIterate, parity: str) -> sparse.csr_matrix:
         return to_scipy(self._matrix(iterate, parity))
 
-    def reduced(self, values: Any, parity: str) -> Any:
-        return self.free(parity).reduce(self.to_dofs(values))
+    def reduced(self, values: Array, parity: str) -> Array:
+        return self.space.free(parity).reduce(self.space.to_dofs(values))
 
-    def expanded(self, x: Any, parity: str) -> Any:
-        return self.to_nodes(self.free(parity).expand(x))
+    def expanded(self, x: Array, parity: str) -> Array:
+        return self.space.to_nodes(self.space.free(parity).expand(x))
 
-    def sums(self, iterate: Any) -> DomainIntegrals:
-        total = self.integral(iterate.values)
+    def sums(self, iterate: DolfinxIterate) -> DomainIntegrals:
+        total = self.space.integral(iterate.values)
         return DomainIntegrals(
             grad=total[:9].reshape(3, 3),
             stress=total[9:18].reshape(3, 3),
@@ -301,14 +277,14 @@ class DolfinxSolid(DiscreteSolid):
             largest_energy=float(iterate.values[:, :, 18].max()),
         )
 
-    def sensitivities(self, factor: Any, columns: Sequence[int]) -> Sensitivities:
+    def sensitivities(self, factor: DolfinxTangentFactor, columns: Sequence[int]) -> Sensitivities:
         iterate, parity = factor.iterate, factor.parity
-        condensation = self.free(parity)
+        condensation = self.space.free(parity)
         R, explicit = [], []
         for column in columns:
             load = UNIT_LOADS[column], float(column == 9)
             R.append(condensation.reduce(self._load_vector(iterate, parity, *load)))
-            explicit.append(self.integral(self.loaded(iterate).stress_change(*load)))
+            explicit.append(self.space.integral(self.loaded(iterate).stress_change(*load)))
         U, indefinite = [], False
         for r in R:
             try:
@@ -317,11 +293,6 @@ class DolfinxSolid(DiscreteSolid):
                 U.append(np.full(condensation.size, np.nan))
                 indefinite = indefinite or self._solvers[parity].negative > 0
         grad = np.array([[g @ condensation.expand(u) for g in self._forms.means] for u in U])
-        # ∂²Π/∂θ∂θ' at fixed u¹; Π is linear in p.
-        direct = [
-            [explicit[a][j] if j < 9 else (explicit[b][i] if i < 9 else 0.0) for b, j in enumerate(columns)]
-            for a, i in enumerate(columns)
-        ]
-        return Sensitivities(
-            grad.reshape(-1, 3, 3), np.array(direct) + np.array(R) @ np.array(U).T, indefinite
-        )
+        direct = second_derivatives(columns, np.array(explicit))
+        second = direct + np.array(R) @ np.array(U).T
+        return Sensitivities(grad.reshape(-1, 3, 3), second, indefinite)

@@ -6,13 +6,16 @@ import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import ufl
+from petsc4py import PETSc
 
+from porocore.cell.equilibrium.discrete import Iterate
+from porocore.states import Array
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
+from porocore_fem_dolfinx.types import Expr, FunctionSpace
 
 
 class SolidForms(ABC):
@@ -26,52 +29,47 @@ class SolidForms(ABC):
         Of u¹.
     """
 
-    def __init__(self, domain: CellDomain, space: Any) -> None:
+    def __init__(self, domain: CellDomain, space: FunctionSpace) -> None:
         self.domain, self.space = domain, space
-        self.function = compat.fem.Function(space)
+        self.function = compat.make_function(space)
         self.dH = compat.constant(domain.domain, np.zeros((3, 3)))
         self.grad_v = ufl.grad(ufl.TestFunction(space))
-        self._here: Callable[[], Any] = lambda: None
+        self._loaded: Callable[[], Iterate | None] = lambda: None
         self._mean = compat.form(ufl.inner(self.dH, self.grad_v) * domain.dx)
 
-    def load(self, iterate: Any) -> None:
-        """Put a state (its u, H and p) into what the forms refer to."""
-        if self.iterate is not iterate:
-            self.function.x.array[:] = iterate.u
-            self._here = weakref.ref(iterate)  # a state knows these forms
-            self.changed()
-
-    @property
-    def iterate(self) -> Any:
-        """Iterate that was put in, None where it is gone."""
-        return self._here()
+    def load(self, iterate: Iterate, u: Array) -> None:
+        """Put an iterate, with u¹ at the dofs, into what the forms refer to."""
+        if self._loaded() is not iterate:
+            self.function.x.array[:] = u
+            self._loaded = weakref.ref(iterate)  # an iterate knows these forms
+            self.set_load(iterate.H, iterate.p)
 
     @abstractmethod
-    def changed(self) -> None:
-        """Another state has been put in."""
+    def set_load(self, H: Array, p: float) -> None:
+        """Put in the load of another iterate, whose u¹ has been put in."""
 
     @abstractmethod
-    def values(self) -> Any:
+    def values(self) -> Array:
         """∇u¹ (9), P + p cof F (9), Ψ and J at the quadrature points, (cells, q, 20)."""
 
     @abstractmethod
-    def residual(self) -> Any:
+    def residual(self) -> Array:
         """∂Π/∂u, (dofs,)."""
 
     @abstractmethod
-    def tangent(self, matrix: Any) -> Any:
+    def tangent(self, matrix: PETSc.Mat | None) -> PETSc.Mat:
         """∂²Π/∂u² as a PETSc matrix, into one that this method has made before, or None."""
 
     @abstractmethod
-    def load_change(self, dH: Any, dp: float) -> Any:
+    def load_change(self, dH: Array, dp: float) -> Array:
         """Change of the residual by the load alone, (dofs,)."""
 
     @abstractmethod
-    def stress_change(self, dH: Any, dp: float) -> Any:
+    def stress_change(self, dH: Array, dp: float) -> Array:
         """Change of P + p cof F by the load alone, (cells, q, 9)."""
 
     @cached_property
-    def means(self) -> list[Any]:
+    def means(self) -> list[Array]:
         """g with g·u = ∫ ∂u_i/∂Y_j dV, for each (i, j)."""
         vectors = []
         for unit in np.eye(9).reshape(9, 3, 3):
@@ -80,6 +78,6 @@ class SolidForms(ABC):
         return vectors
 
 
-def flat(tensor: Any) -> list[Any]:
+def flat(tensor: Expr) -> list[Expr]:
     """The nine components of a UFL tensor, row by row."""
     return [tensor[i, j] for i in range(3) for j in range(3)]

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import ufl
+from petsc4py import PETSc
 
 from porocore.cell.materials.material import StrainEnergy
 from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.states import Array, IntArray
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
 from porocore_fem_dolfinx.solid_forms import SolidForms, flat
+from porocore_fem_dolfinx.types import FunctionSpace
 
 
 class PointwiseResponse:
@@ -30,14 +32,14 @@ class PointwiseResponse:
         The core's element that each cell is.
     """
 
-    def __init__(self, material: StrainEnergy, grad: Any, H: Any, p: float, order: Any) -> None:
+    def __init__(self, material: StrainEnergy, grad: Array, H: Array, p: float, order: IntArray) -> None:
         self.material, self.grad, self.p, self.order = material, grad, p, order
         self.F = np.eye(3) + H + grad
         self.by_element = np.empty_like(self.F)
         self.by_element[order] = self.F
 
     @cached_property
-    def values(self) -> Any:
+    def values(self) -> Array:
         """∇u¹ (9), P + p cof F (9), Ψ and J, (cells, q, 20)."""
         stress = self.material.stress(self.by_element)[self.order] + self.p * cofactor(self.F)
         energy = self.material.energy_density(self.by_element)[self.order]
@@ -46,14 +48,14 @@ class PointwiseResponse:
         return np.concatenate([part if part.ndim == 3 else part[..., None] for part in parts], axis=2)
 
     @cached_property
-    def moduli(self) -> Any:
+    def moduli(self) -> Array:
         """A + p ∂cof F/∂F, (cells, q, 9, 9)."""
         moduli = self.material.tangent(self.by_element)[self.order]
         if self.p:
             moduli = moduli + self.p * cofactor_tangent(self.F)
         return moduli.reshape(*self.F.shape[:2], 9, 9)
 
-    def change(self, dH: Any, dp: float) -> Any:
+    def change(self, dH: Array, dp: float) -> Array:
         """Change of P + p cof F by the load alone, (cells, q, 9)."""
         change = self.moduli @ np.asarray(dH).reshape(9)
         return change + dp * cofactor(self.F).reshape(change.shape) if dp else change
@@ -70,7 +72,7 @@ class PointwiseForms(SolidForms):
         Of every element of the mesh.
     """
 
-    def __init__(self, domain: CellDomain, space: Any, material: StrainEnergy) -> None:
+    def __init__(self, domain: CellDomain, space: FunctionSpace, material: StrainEnergy) -> None:
         super().__init__(domain, space)
         self._material, dx, grad_v = material, domain.dx, self.grad_v
         grad_u = ufl.grad(self.function)
@@ -81,48 +83,38 @@ class PointwiseForms(SolidForms):
         change = ufl.dot(self._moduli, grad_du)
         self._residual = compat.form(ufl.inner(self._stress, grad_v) * dx)
         self._tangent = compat.form(ufl.dot(change, ufl.as_vector(flat(grad_v))) * dx)
-        self._response: PointwiseResponse | None = None
+        self.response: PointwiseResponse
 
-    def changed(self) -> None:
+    def set_load(self, H: Array, p: float) -> None:
         """See :class:`SolidForms`."""
-        self._response = None
+        grad = self.domain.evaluate(self._grad)
+        grad = grad.reshape(*grad.shape[:2], 3, 3)
+        self.response = PointwiseResponse(self._material, grad, H, p, self.domain.elements)
 
-    @property
-    def response(self) -> PointwiseResponse:
-        """At the state that was put in."""
-        if self._response is None:
-            grad = self.domain.evaluate(self._grad)
-            grad = grad.reshape(*grad.shape[:2], 3, 3)
-            iterate = self.iterate
-            self._response = PointwiseResponse(
-                self._material, grad, iterate.H, iterate.p, self.domain.elements
-            )
-        return self._response
-
-    def values(self) -> Any:
+    def values(self) -> Array:
         """See :class:`SolidForms`."""
         return self.response.values
 
-    def residual(self) -> Any:
+    def residual(self) -> Array:
         """See :class:`SolidForms`."""
         return self._forces(self.response.values[:, :, 9:18])
 
-    def tangent(self, matrix: Any) -> Any:
+    def tangent(self, matrix: PETSc.Mat | None) -> PETSc.Mat:
         """See :class:`SolidForms`."""
         self._moduli.x.array.reshape(-1, 81)[self._moduli_places] = self.response.moduli.reshape(
             *self._moduli_places.shape, 81
         )
         return compat.assemble_matrix(self._tangent, matrix)
 
-    def load_change(self, dH: Any, dp: float) -> Any:
+    def load_change(self, dH: Array, dp: float) -> Array:
         """See :class:`SolidForms`."""
         return self._forces(self.response.change(dH, dp))
 
-    def stress_change(self, dH: Any, dp: float) -> Any:
+    def stress_change(self, dH: Array, dp: float) -> Array:
         """See :class:`SolidForms`."""
         return self.response.change(dH, dp)
 
-    def _forces(self, stress: Any) -> Any:
+    def _forces(self, stress: Array) -> Array:
         """∫ S:∇v dV, (dofs,), of S (cells, q, 9)."""
         self._stress.x.array.reshape(-1, 9)[self._stress_places] = stress
         return compat.assemble_vector(self._residual)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import ufl
+from petsc4py import PETSc
 
 from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.states import Array
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
 from porocore_fem_dolfinx.material import energy_density
 from porocore_fem_dolfinx.solid_forms import SolidForms, flat
+from porocore_fem_dolfinx.types import FunctionSpace
 
 
 class UflForms(SolidForms):
@@ -25,7 +26,7 @@ class UflForms(SolidForms):
         Its strain energy.
     """
 
-    def __init__(self, domain: CellDomain, space: Any, material: NeoHookean) -> None:
+    def __init__(self, domain: CellDomain, space: FunctionSpace, material: NeoHookean) -> None:
         super().__init__(domain, space)
         dx, grad_v = domain.dx, self.grad_v
         self._H = compat.constant(domain.domain, np.zeros((3, 3)))
@@ -47,29 +48,29 @@ class UflForms(SolidForms):
         self._state = domain.expression(ufl.as_vector([*flat(grad_u), *flat(stress), energy, J]))
         self._stress_change = domain.expression(ufl.as_vector(flat(change)))
 
-    def changed(self) -> None:
+    def set_load(self, H: Array, p: float) -> None:
         """See :class:`SolidForms`."""
-        self._H.value[...] = self.iterate.H
-        self._p.value = self.iterate.p
+        self._H.value[...] = H
+        self._p.value = p
 
-    def values(self) -> Any:
+    def values(self) -> Array:
         """See :class:`SolidForms`."""
         return self.domain.evaluate(self._state)
 
-    def residual(self) -> Any:
+    def residual(self) -> Array:
         """See :class:`SolidForms`."""
         return compat.assemble_vector(self._residual)
 
-    def tangent(self, matrix: Any) -> Any:
+    def tangent(self, matrix: PETSc.Mat | None) -> PETSc.Mat:
         """See :class:`SolidForms`."""
         return compat.assemble_matrix(self._tangent, matrix)
 
-    def load_change(self, dH: Any, dp: float) -> Any:
+    def load_change(self, dH: Array, dp: float) -> Array:
         """See :class:`SolidForms`."""
         self.dH.value[...], self._dp.value = dH, dp
         return compat.assemble_vector(self._change)
 
-    def stress_change(self, dH: Any, dp: float) -> Any:
+    def stress_change(self, dH: Array, dp: float) -> Array:
         """See :class:`SolidForms`."""
         self.dH.value[...], self._dp.value = dH, dp
         return self.domain.evaluate(self._stress_change)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import ufl
+from petsc4py import PETSc
 from scipy import sparse
 
 from porocore.cell.conductivity.fluid import DiscreteFluid
@@ -80,7 +79,7 @@ class DolfinxStokes(DiscreteFluid):
         return integrals
 
 
-def _saddle_point(A: Any, B: Any, loads: list[Any]) -> list[Any]:
+def _saddle_point(A: sparse.csr_matrix, B: sparse.csr_matrix, loads: list[Array]) -> list[Array]:
     """w of [A Bᵀ; B 0] (w, p) = (f, 0) for each f."""
     n, m = A.shape[0], B.shape[0]
     # A stored zero on the diagonal: PETSc's factorisations want to find one there.
@@ -99,7 +98,7 @@ def _saddle_point(A: Any, B: Any, loads: list[Any]) -> list[Any]:
         matrix.destroy()
 
 
-def _taken(matrix: Any) -> Any:
+def _taken(matrix: PETSc.Mat) -> sparse.csr_matrix:
     """As a scipy matrix; that of PETSc is freed, which dolfinx leaves to its caller."""
     copy = to_scipy(matrix)
     matrix.destroy()

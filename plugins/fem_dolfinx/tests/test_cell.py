@@ -15,7 +15,7 @@ from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.states import MacroState, Status
-from porocore_fem_dolfinx import compat, condensation, linalg, solid
+from porocore_fem_dolfinx import compat, condensation, linalg, solid_space
 from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
 
 COARSE = MeshSettings(size=0.2, fluid_size=0.14)
@@ -110,7 +110,9 @@ def test_a_singular_matrix_is_an_error_of_its_own(solver):
 
 def test_a_cell_that_cannot_be_factorised_is_a_status(monkeypatch):
     """Nothing holds the whole cell against translations, and the options refuse to pivot."""
-    monkeypatch.setattr(solid, "held_displacements", lambda mesh, odd: np.zeros((len(mesh.points), 3), bool))
+    monkeypatch.setattr(
+        solid_space, "held_displacements", lambda mesh, odd: np.zeros((len(mesh.points), 3), bool)
+    )
     monkeypatch.setattr(linalg.SymmetricSolver, "use", _breaks_down)
     backend = DolfinxCellSolver()
     response = backend.solve(backend.prepare(Cell(mesh=COARSE, symmetry="none")), STATE).response

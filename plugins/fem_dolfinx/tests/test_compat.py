@@ -8,7 +8,7 @@ import pytest
 import ufl
 from mpi4py import MPI
 
-from porocore_fem_dolfinx import compat
+from porocore_fem_dolfinx import compat, elements
 
 EDGES = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]]  # VTK's order
 CORNERS = {
@@ -64,7 +64,7 @@ def test_the_tables_of_a_mesh_and_of_a_space_lead_back_to_the_cells():
     assert {frozenset(row) for row in original[compat.geometry_dofs(mesh)].tolist()} == {
         frozenset(row) for row in cells.tolist()
     }
-    space = compat.function_space(mesh, compat.lagrange_element("tetrahedron", 2))
+    space = compat.function_space(mesh, elements.lagrange_element("tetrahedron", 2))
     table = compat.cell_dofs(space.dofmap)
     assert table.shape == (2, 10)
     assert set(table.ravel()) == set(range(5 + 9))  # the two share a face with its three edges
@@ -79,7 +79,7 @@ def test_the_tables_of_a_mesh_and_of_a_space_lead_back_to_the_cells():
 @pytest.mark.parametrize("shape", [(), (3,), (3, 3)])
 def test_lagrange_elements_hold_a_linear_field_of_every_shape(cell, shape):
     mesh = one_cell(cell)
-    space = compat.function_space(mesh, compat.lagrange_element(cell, 1, shape))
+    space = compat.function_space(mesh, elements.lagrange_element(cell, 1, shape))
     function = compat.fem.Function(space)
     assert function.ufl_shape == shape
     slopes = np.arange(1.0, 1 + max(1, int(np.prod(shape))))
@@ -97,7 +97,7 @@ def parts(function):
 @pytest.mark.parametrize("shape", [(), (3,), (3, 3)])
 def test_quadrature_functions_carry_their_values_to_the_points_of_the_rule(shape):
     mesh = one_cell("tetrahedron", moved=lambda x: 2 * x)
-    space = compat.function_space(mesh, compat.quadrature_element("tetrahedron", 2, shape))
+    space = compat.function_space(mesh, elements.quadrature_element("tetrahedron", 2, shape))
     function = compat.fem.Function(space)
     points, _ = basix.make_quadrature(basix.CellType.tetrahedron, 2)
     at = compat.expression(ufl.SpatialCoordinate(mesh), points)
@@ -139,9 +139,9 @@ def test_two_rules_in_one_process_are_told_apart():
 
 def test_a_mixed_element_has_the_unknowns_of_its_parts():
     mesh = one_cell("tetrahedron")
-    quadratic = compat.lagrange_element("tetrahedron", 2, (3,))
-    linear = compat.lagrange_element("tetrahedron", 1)
-    space = compat.function_space(mesh, compat.mixed_element(quadratic, linear))
+    quadratic = elements.lagrange_element("tetrahedron", 2, (3,))
+    linear = elements.lagrange_element("tetrahedron", 1)
+    space = compat.function_space(mesh, elements.mixed_element(quadratic, linear))
     assert compat.cell_dofs(space.dofmap).shape == (1, 30 + 4)
     function = compat.fem.Function(space)
     function.sub(0).interpolate(lambda x: np.array([x[0] ** 2, x[1], 0 * x[0]]))
@@ -153,7 +153,7 @@ def test_a_mixed_element_has_the_unknowns_of_its_parts():
 def test_an_expression_is_evaluated_at_the_given_points_of_the_given_cells():
     corners = np.array([*CORNERS["tetrahedron"], [1, 1, 1]], dtype=float)
     mesh = compat.make_mesh(MPI.COMM_SELF, "tetrahedron", 1, corners, np.array([[0, 1, 2, 3], [1, 2, 3, 4]]))
-    space = compat.function_space(mesh, compat.lagrange_element("tetrahedron", 2, (3,)))
+    space = compat.function_space(mesh, elements.lagrange_element("tetrahedron", 2, (3,)))
     u = compat.fem.Function(space)
     u.interpolate(lambda x: np.array([x[0] * x[1], x[2] ** 2, x[0] + 2 * x[1]]))
     x = ufl.SpatialCoordinate(mesh)
@@ -182,7 +182,7 @@ def test_a_constant_changes_without_compiling_again():
 def test_a_function_and_its_vector_share_their_values():
     mesh = one_cell("hexahedron")
     function = compat.fem.Function(
-        compat.function_space(mesh, compat.lagrange_element("hexahedron", 1, (3,)))
+        compat.function_space(mesh, elements.lagrange_element("hexahedron", 1, (3,)))
     )
     vector = compat.vector_of(function)
     assert vector.getSize() == 24
@@ -194,7 +194,7 @@ def test_a_function_and_its_vector_share_their_values():
 
 def test_the_mass_matrix_and_the_load_of_a_hexahedron():
     mesh = one_cell("hexahedron")
-    space = compat.function_space(mesh, compat.lagrange_element("hexahedron", 1))
+    space = compat.function_space(mesh, elements.lagrange_element("hexahedron", 1))
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     factor = compat.constant(mesh, 1.0)
     mass = compat.form(factor * u * v * ufl.dx)

@@ -1,0 +1,88 @@
+"""Finite elements, of basix.ufl or of the old UFL."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.states import Array
+from porocore_fem_dolfinx.library import MODERN, ufl
+from porocore_fem_dolfinx.types import Element
+
+
+def lagrange_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Element:
+    """Of a scalar, vector or tensor field."""
+    if MODERN:
+        import basix.ufl
+
+        return basix.ufl.element("Lagrange", cell, degree, shape=shape)
+    if not shape:
+        return ufl.FiniteElement("Lagrange", cell, degree)
+    if len(shape) == 1:
+        return ufl.VectorElement("Lagrange", cell, degree, dim=shape[0])
+    return ufl.TensorElement("Lagrange", cell, degree, shape=shape)
+
+
+def broken_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Element:
+    """The same functions as :func:`lagrange_element`, not joined between cells."""
+    if MODERN:
+        import basix.ufl
+
+        return basix.ufl.element("Lagrange", cell, degree, shape=shape, discontinuous=True)
+    return (
+        ufl.VectorElement("DG", cell, degree, dim=shape[0])
+        if shape
+        else ufl.FiniteElement("DG", cell, degree)
+    )
+
+
+def quadrature_points(cell: str, degree: int) -> Array:
+    """(q, 3) points of the default rule of this degree, in the order of :func:`quadrature_element`."""
+    import basix
+
+    return np.asarray(basix.make_quadrature(getattr(basix.CellType, cell), degree)[0])
+
+
+def quadrature_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Element:
+    """Values at the points of the default rule of this degree."""
+    if MODERN:
+        import basix.ufl
+
+        return basix.ufl.quadrature_element(cell, value_shape=shape, degree=degree)
+    if not shape:
+        return ufl.FiniteElement("Quadrature", cell, degree, quad_scheme="default")
+    if len(shape) == 1:
+        return ufl.VectorElement("Quadrature", cell, degree, dim=shape[0], quad_scheme="default")
+    return ufl.TensorElement("Quadrature", cell, degree, shape=shape, quad_scheme="default")
+
+
+# Degrees of the default rule on a tetrahedron with 1, 4 and 14 points, and of n x n x n products of Gauss-Jacobi rules.
+_RULES_BY_SIZE = {1: (1, "default"), 4: (2, "default"), 14: (4, "default")} | {
+    n**3: (2 * n - 2, "Gauss-Jacobi") for n in range(4, 8)
+}
+
+
+def values_at_points(points: Array, weights: Array, shape: tuple[int, ...] = ()) -> Element:
+    """Element of values at points (q, 3) of the reference tetrahedron, for integrals with the rule of these points.
+
+    Elements of the old UFL have the points of basix's own rules. FFCx never looks at them: a value belongs to the point
+    of the same number in whatever rule the integral has, so one with as many points will do.
+    """
+    if MODERN:
+        import basix.ufl
+
+        # Copies: the bindings of 0.9 take no array that cannot be written.
+        rule = {"points": np.array(points), "weights": np.array(weights)}
+        return basix.ufl.quadrature_element("tetrahedron", value_shape=shape, **rule)
+    degree, scheme = _RULES_BY_SIZE[len(points)]
+    if not shape:
+        return ufl.FiniteElement("Quadrature", "tetrahedron", degree, quad_scheme=scheme)
+    return ufl.TensorElement("Quadrature", "tetrahedron", degree, shape=shape, quad_scheme=scheme)
+
+
+def mixed_element(*elements: Element) -> Element:
+    """Of several fields."""
+    if MODERN:
+        import basix.ufl
+
+        return basix.ufl.mixed_element(list(elements))
+    return ufl.MixedElement(*elements)

@@ -1,0 +1,63 @@
+"""The installed dolfinx: imported after h5py, and checked for its version and its kind of numbers.
+
+Other modules take dolfinx from here, so that h5py always comes first.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from importlib.util import find_spec
+
+import h5py  # noqa: F401 - dolfinx 0.5 loads its own HDF5 for every library that comes later; h5py must have found its own
+import numpy as np
+
+from porocore.errors import PluginError
+
+try:
+    import dolfinx
+    import ufl
+    from dolfinx import fem, mesh
+except ImportError as error:
+    raise PluginError(
+        f"dolfinx is installed but cannot be imported ({error}); the dolfinx of Debian 12 needs numpy below 2: "
+        "pip install 'numpy<2'"
+    ) from error
+
+import dolfinx.fem.petsc as fem_petsc  # an attribute in 0.5, a module of its own later
+from petsc4py import PETSc
+
+__all__ = ["MODERN", "PETSc", "dolfinx", "fem", "fem_petsc", "mesh", "ufl"]
+
+OLDEST, NEWEST = (0, 5), (0, 9)
+VERSION = tuple(int(number) for number in re.findall(r"\d+", dolfinx.__version__)[:2])
+
+
+def _check_version() -> None:
+    if VERSION < OLDEST or not hasattr(fem, "Expression"):
+        raise PluginError(
+            f"dolfinx {dolfinx.__version__} is too old: porocore-fem-dolfinx works with "
+            f"{_text(OLDEST)} (Debian 12) to {_text(NEWEST)} (Debian 13); install one of these"
+        )
+    if VERSION > NEWEST:
+        raise PluginError(
+            f"dolfinx {dolfinx.__version__} is newer than what porocore-fem-dolfinx was written for, "
+            f"{_text(OLDEST)} (Debian 12) to {_text(NEWEST)} (Debian 13); install one of these"
+        )
+    if np.issubdtype(PETSc.ScalarType, np.complexfloating):
+        raise PluginError(
+            "this dolfinx uses complex numbers and porocore needs real ones; on Debian install "
+            "python3-dolfinx-real and set PETSC_DIR to the real build, or remove python3-dolfinx-complex"
+        )
+
+
+def _text(version: tuple[int, ...]) -> str:
+    return ".".join(map(str, version))
+
+
+_check_version()
+#: Elements of basix.ufl instead of those of the old UFL.
+MODERN = find_spec("basix.ufl") is not None and VERSION >= (0, 7)
+# "Applying str() to a metadata value" for every quadrature rule of our own.
+logging.getLogger("UFL").setLevel(logging.ERROR)
+logging.getLogger("FFCx").setLevel(logging.ERROR)

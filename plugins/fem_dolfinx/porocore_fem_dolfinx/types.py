@@ -1,0 +1,104 @@
+"""What this plugin uses of the objects of dolfinx and UFL, whose own types differ from version to version."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+from porocore.states import Array, IntArray
+
+if TYPE_CHECKING:
+    import ufl
+    from mpi4py import MPI
+    from petsc4py import PETSc
+
+#: Expression and integral of UFL.
+Expr: TypeAlias = "ufl.core.expr.Expr"
+Form: TypeAlias = "ufl.Form"
+#: Finite element, of basix.ufl or of the old UFL; nothing is asked of it.
+Element: TypeAlias = object
+#: Compiled form, or lists of them; only dolfinx looks into it.
+CompiledForm: TypeAlias = object
+
+
+class CompiledExpression(Protocol):
+    """Compiled expression, to be evaluated in cells."""
+
+    eval: Callable[..., Array]
+
+
+class IndexMap(Protocol):
+    """Numbers of the cells, or of the nodes of a space, on this process."""
+
+    size_local: int
+    num_ghosts: int
+
+
+class Topology(Protocol):
+    """Cells of a mesh."""
+
+    original_cell_index: IntArray
+
+    def index_map(self, dimension: int) -> IndexMap: ...
+
+
+class Adjacency(Protocol):
+    """Numbers of each cell in one array, before dolfinx 0.7."""
+
+    array: IntArray
+    num_nodes: int
+
+
+class Geometry(Protocol):
+    """Nodes of a mesh, (nodes, 3)."""
+
+    x: Array
+    input_global_indices: IntArray
+    dofmap: IntArray | Adjacency
+
+
+class Mesh(Protocol):
+    """Mesh on the processes of a communicator."""
+
+    comm: MPI.Intracomm
+    topology: Topology
+    geometry: Geometry
+
+
+class DofMap(Protocol):
+    """Unknowns of each cell."""
+
+    index_map: IndexMap
+    list: IntArray | Adjacency
+
+
+class FunctionSpace(Protocol):
+    """Finite element space."""
+
+    dofmap: DofMap
+
+    def tabulate_dof_coordinates(self) -> Array: ...
+
+
+class Values(Protocol):
+    """Values of a function on this process, copies of others' last."""
+
+    array: Array
+    petsc_vec: PETSc.Vec
+
+    def scatter_forward(self) -> None: ...
+
+
+class Function(Protocol):
+    """Function of a space, which is an expression too."""
+
+    x: Values
+
+
+class Constant(Protocol):
+    """Constant of a compiled form, which is an expression too."""
+
+    value: Any
+
+    def __getitem__(self, index: tuple[Expr, ...]) -> Expr: ...
+    def __truediv__(self, other: float) -> Expr: ...
