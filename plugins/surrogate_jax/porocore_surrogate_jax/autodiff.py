@@ -17,13 +17,10 @@ from porocore_surrogate_jax.library import choose_device, compiled
 class JaxAutodiff:
     """Compiled reverse mode in double precision; see :class:`porocore.surrogates.network.sobolev.Autodiff`."""
 
+    xp: ModuleType = jnp
+
     def __init__(self, device: str) -> None:
         self.device = choose_device(device)
-
-    @property
-    def xp(self) -> ModuleType:
-        """The namespace of jax.numpy."""
-        return jnp
 
     def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
         """See :class:`porocore.surrogates.network.sobolev.Autodiff`."""

@@ -15,7 +15,7 @@ import jax
 
 from porocore.errors import ConfigurationError
 
-jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call]
+jax.config.update("jax_enable_x64", True)
 
 R = TypeVar("R")
 

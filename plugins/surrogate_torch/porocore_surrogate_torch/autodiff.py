@@ -17,13 +17,10 @@ from porocore_surrogate_torch.evaluator import available_device, one_thread
 class TorchAutodiff:
     """Reverse mode in double precision, on one thread or a GPU; see :mod:`porocore.surrogates.network.sobolev`."""
 
+    xp: ModuleType = torch
+
     def __init__(self, device: str) -> None:
         self.device = choose_device(device)
-
-    @property
-    def xp(self) -> ModuleType:
-        """The namespace of torch."""
-        return torch
 
     def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
         """See :class:`porocore.surrogates.network.sobolev.Autodiff`."""

@@ -76,7 +76,7 @@ class TorchTraining(MlpTraining):
             group["lr"] = rate
         self._adam.zero_grad()
         self._loss = mean_square(self._theta, self.shapes, self.options.activation, self._training)
-        self._loss.backward()  # type: ignore[no-untyped-call]
+        self._loss.backward()
         self._adam.step()
         self._state.epoch += 1
 
