@@ -3,7 +3,7 @@
 PORO := .venv/bin/porocore
 RUN ?= runs/dehghani2022
 
-.PHONY: run test test-slow lint docs dist benchmarks clean
+.PHONY: run test test-slow coverage lint docs dist benchmarks clean
 
 run: .venv/.ready-run
 	$(PORO) run --out $(RUN) --resume
@@ -14,6 +14,10 @@ test: .venv/.ready-test
 # Everything, the tests marked slow included.
 test-slow: .venv/.ready-test
 	sh tools/test.sh --run-slow
+
+# The fast tests once more, with the lines of core and plugins that they run; pages below build/coverage.
+coverage: .venv/.ready-test
+	sh tools/test.sh --cov=porocore --cov=plugins --cov-report=term:skip-covered --cov-report=html:build/coverage
 
 lint: .venv/.ready-test
 	.venv/bin/ruff check .
