@@ -1,4 +1,4 @@
-"""What flows through porocore: macroscopic states in, responses of the cell out.
+"""Macroscopic states, and the responses of the cell to them.
 
 Every array is float64 and is led by the batch axis of length n. Derivatives carry the indices of the
 response first and those of the variable last. Everything is dimensionless: stresses,
@@ -21,10 +21,16 @@ IntArray: TypeAlias = npt.NDArray[np.int64]
 
 
 class Status(IntEnum):
-    """How a cell solve ended.
+    """Outcome of a cell solve.
 
     ``unstable`` keeps its values (the residual is met, the tangent is indefinite), and so does ``contact``; the
     others hold NaN.
+
+    Examples
+    --------
+    >>> from porocore import Status
+    >>> [status.name for status in Status if status.has_values and not status.stable]
+    ['unstable']
     """
 
     converged = 0
@@ -43,17 +49,17 @@ class Status(IntEnum):
 
     @property
     def has_values(self) -> bool:
-        """Whether the responses of such a state are numbers."""
+        """True where the responses of such a state are numbers."""
         return self in (Status.converged, Status.unstable, Status.contact)
 
     @property
     def stable(self) -> bool:
-        """Whether the cell stays in such a state: what a surrogate may learn from."""
+        """True where the equilibrium is stable; a surrogate learns from these only."""
         return self in (Status.converged, Status.contact)
 
 
 class _Batch:
-    """Selecting rows of a dataclass of arrays, nested ones included."""
+    """Dataclass of arrays whose rows can be selected, nested ones included."""
 
     def __getitem__(self, rows: Any) -> Self:
         picked = {}
@@ -87,6 +93,14 @@ class MacroState(_Batch):
         H = ∇_X u⁰, H_ij = ∂u_i/∂X_j [-].
     p : (n,)
         Pore pressure, positive in compression [E].
+
+    Examples
+    --------
+    >>> from porocore import MacroState
+    >>> pressed = MacroState.single(np.diag([0.0, -0.1, 0.0]), p=0.02)
+    >>> states = MacroState.concatenate([MacroState.zeros(2), pressed])
+    >>> len(states), states[2:].p
+    (3, array([0.02]))
     """
 
     grad_u: Array
@@ -105,12 +119,12 @@ class MacroState(_Batch):
 
     @classmethod
     def single(cls, grad_u: npt.ArrayLike, p: float = 0.0) -> MacroState:
-        """One state as a batch of length 1."""
+        """Return one state as a batch of length 1."""
         return cls(np.asarray(grad_u, dtype=float).reshape(1, 3, 3), np.array([float(p)]))
 
     @classmethod
     def zeros(cls, n: int) -> MacroState:
-        """The undeformed state, n times."""
+        """Return the undeformed state, n times."""
         return cls(np.zeros((n, 3, 3)), np.zeros(n))
 
 
@@ -179,10 +193,18 @@ class CellExtrema(_Batch):
 @documented
 @dataclass(frozen=True, eq=False)
 class CellResponse(_Batch):
-    """What a cell solver returns and a surrogate predicts; a response that is not provided is None.
+    """Responses of n states, solved or predicted; a response that is not provided is None.
 
     Rows whose status has no values hold NaN in every response, derivative and extremum. ``conductivity`` and
     ``min_fluid_jacobian`` are there with the conductivity law ``deformed`` only.
+
+    Examples
+    --------
+    >>> from porocore import CellResponse, Status, failed_response
+    >>> solved = CellResponse(mean_grad=np.zeros((1, 3, 3)), status=np.array([Status.converged]))
+    >>> failed = CellResponse(mean_grad=np.full((1, 3, 3), np.nan), status=np.array([Status.inverted]))
+    >>> CellResponse.concatenate([solved, failed]).valid
+    array([ True, False])
     """
 
     mean_grad: Array = field(
@@ -263,7 +285,7 @@ class CellResponse(_Batch):
 
     @property
     def stable(self) -> npt.NDArray[np.bool_]:
-        """Rows of stable equilibria, with contact or without: what a surrogate may learn from, (n,) bool."""
+        """Rows of stable equilibria, with or without contact, from which a surrogate learns, (n,) bool."""
         return np.isin(self.status, [status for status in Status if status.stable])
 
 

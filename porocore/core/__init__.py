@@ -1,1 +1,1 @@
-"""What every other room speaks: inputs, formulas, units, files, tensors, messages. It imports no other room."""
+"""Inputs, formulas, units, files, tensors and messages, which all rooms use. It imports no other room."""

@@ -1,4 +1,4 @@
-"""How a run speaks while it works: a live bar on a terminal, plain lines now and then elsewhere.
+"""Progress of a run: a live bar on a terminal, occasional plain lines elsewhere.
 
 Everything goes to standard error; standard output is for results.
 """
@@ -19,7 +19,7 @@ INTERVAL = 15.0
 
 
 class Task:
-    """One piece of work whose end is known, at least roughly.
+    """One task whose total amount of work is known, at least roughly.
 
     Parameters
     ----------
@@ -88,19 +88,19 @@ class Console:
         self._live: Progress | None = None
 
     def note(self, text: str) -> None:
-        """One line."""
+        """Print one line."""
         if self._live is None:
             print(text, file=self.stream, flush=True)
         else:
             self._live.console.print(text, markup=False, highlight=False, soft_wrap=True)
 
     def warn(self, text: str) -> None:
-        """One line that should not be overlooked."""
+        """Print one line that is marked as a warning."""
         self.note(f"warning: {text}")
 
     @contextmanager
     def task(self, title: str, unit: str) -> Iterator[Task]:
-        """Show a piece of work while the block runs, and at its end what was done and how long it took."""
+        """Show the progress of a task while the block runs, and its duration at the end."""
         begun = self.clock()
         with self._bar(title) if self.stream.isatty() else self._lines(title) as show:
             task = Task(title, unit, show, self.clock)
@@ -140,7 +140,7 @@ class Console:
 
 
 def duration(seconds: float) -> str:
-    """``1 h 05 min``, ``3 min 20 s`` or ``1.4 s``."""
+    """Return a duration as text: ``1 h 05 min``, ``3 min 20 s`` or ``1.4 s``."""
     if seconds < 60:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
     minutes, rest = divmod(round(seconds), 60)

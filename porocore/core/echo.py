@@ -1,4 +1,4 @@
-"""What came, quoted in a message: whole where it is short, its beginning where it is long."""
+"""Words of messages: the given value, quoted or cut, and names that are similar to it."""
 
 from __future__ import annotations
 

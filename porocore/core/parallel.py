@@ -1,4 +1,4 @@
-"""Several processes at one macro problem: what the launcher says, and how the processes act together.
+"""Processes that share one macro problem: their rank and number, and their communication.
 
 The core knows no MPI. A backend that distributes its work derives its own :class:`Communicator`.
 """
@@ -25,7 +25,7 @@ _LONGEST_WAIT = 30.0
 
 
 def launched() -> tuple[int, int]:
-    """Rank of this process and number of processes, as an MPI launcher has set them; (0, 1) without one.
+    """Return rank and number of processes as an MPI launcher has set them; (0, 1) without one.
 
     Slurm's own variables alone are no sign of MPI: a batch script has them too.
     """
@@ -38,7 +38,7 @@ def launched() -> tuple[int, int]:
 
 
 def let_the_first_speak() -> None:
-    """Before a process other than the first ends with an error that all have.
+    """Wait before a process other than the first ends with an error that all have.
 
     A launcher ends all processes as soon as one has failed, so the one that is to tell the error must not be
     overtaken; it ends this wait. Once MPI runs, leaving it waits for the others anyway.
@@ -59,25 +59,25 @@ class Communicator:
     size: int = 1
 
     def on_root(self, action: Callable[[], T]) -> T:
-        """Do something on process 0 only; its value, or the exception that it raised, reaches all."""
+        """Run an action on process 0 only; all processes receive its value or its exception."""
         return action()
 
     def sum(self, value: Any) -> Any:
-        """Sum of a number, or of an array entry by entry, over the processes."""
+        """Return the sum of a number, or of an array entry by entry, over the processes."""
         return value
 
     def max(self, value: float) -> float:
-        """Over the processes."""
+        """Return the largest value over the processes."""
         return value
 
     @contextmanager
     def united(self) -> Iterator[None]:
-        """A block from which either all processes come out, or none: an error of one alone ends them all."""
+        """Run a block that all processes complete, or none: an error of one alone ends them all."""
         yield
 
     @contextmanager
     def holding(self, resource: Any) -> Iterator[None]:
-        """Within a context manager such as a locked folder, which process 0 alone enters and leaves."""
+        """Hold a context manager, such as a locked folder, that process 0 alone enters and leaves."""
         with self.united(), ExitStack() as stack:
             self.on_root(partial(_enter, stack, resource))
             yield

@@ -1,4 +1,4 @@
-"""One abstract class for each part that can be exchanged; no implementation lives here."""
+"""One abstract class for each exchangeable part, without implementations."""
 
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.macro import MacroSolver

@@ -42,7 +42,7 @@ class CellField:
     u: Array
 
     def perturbed(self, mode: Array, amplitude: float) -> CellField:
-        """A start that leaves this equilibrium along a mode (nodes, 3), scaled to a largest component of ``amplitude``.
+        """Return a start displaced along a mode (nodes, 3), which is scaled to a largest component ``amplitude``.
 
         Where the energy falls along the mode, a solve from here under the same load ends in the buckled state.
         """

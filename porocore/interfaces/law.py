@@ -1,4 +1,4 @@
-"""What the macro solver asks at its quadrature points: a macroscopic law.
+"""Macroscopic law, evaluated by the macro solver at its quadrature points.
 
 Linear poroelasticity (:mod:`porocore.macro.laws.linear`) and a closed cell law (:mod:`porocore.macro.laws`) are both of
 this kind, so one macro code path serves all and each checks the others.
@@ -19,7 +19,7 @@ from porocore.states import Array, MacroState, _Batch
 
 @dataclass(frozen=True, eq=False)
 class LawMemory(_Batch):
-    """What a law needs to know of the last accepted time, for n points."""
+    """State of a law at the last accepted time, for n points."""
 
     states: MacroState
     mean_grad: Array  #: (n, 3, 3)  <∇_Y u¹>_s
@@ -75,7 +75,17 @@ class MacroResponse(_Batch):
 
 
 class MacroLaw(ABC):
-    """Stress, fluid storage and flux as functions of (H, p, ∇_X p) and of the last accepted state."""
+    """Stress, fluid storage and flux as functions of (H, p, ∇_X p) and of the last accepted state.
+
+    Examples
+    --------
+    >>> from porocore import MacroState
+    >>> from porocore.testing.synthetic.response import linear_law
+    >>> law, state = linear_law(), MacroState.single(np.diag([0.0, -0.01, 0.0]), p=0.002)
+    >>> response = law.respond(state, grad_p=np.array([[0.0, 1e-3, 0.0]]), memory=law.initial(1))
+    >>> response.stress[:, 1, 1].round(5), response.storage.round(5), response.flux[0].round(5)
+    (array([-0.00603]), array([-0.00724]), array([ 0.     , -0.00194,  0.     ]))
+    """
 
     #: Short name for reports and checkpoints.
     name: str
@@ -86,19 +96,19 @@ class MacroLaw(ABC):
 
     @abstractmethod
     def initial(self, n: int) -> LawMemory:
-        """Memory of n points at rest, H = 0 and p = 0."""
+        """Return the memory of n points at rest, H = 0 and p = 0."""
 
     @abstractmethod
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
     ) -> MacroResponse:
-        """Response at n points; ``grad_p`` is ∇_X p (n, 3)."""
+        """Return the response at n points; ``grad_p`` is ∇_X p (n, 3)."""
 
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
-        """Asked with the response of a converged step, and the memory that it began from, before it is accepted.
+        """Return None to accept a converged step, or a new memory to solve it again.
 
-        None accepts it, as every law does that does not change. A law that has changed returns the memory of the last
-        accepted time by what it is now, and the step is solved again.
+        A law that does not change accepts every step. One that has changed since returns the memory of the last
+        accepted time by its present answers. ``memory`` is the one that the step began from.
         """
         return None
 
@@ -108,7 +118,7 @@ class MacroLaw(ABC):
 
 
 def fingerprint(*parts: str | float | Array) -> str:
-    """Hash of texts, numbers and arrays, for :attr:`MacroLaw.identity`."""
+    """Return the hash of texts, numbers and arrays, for :attr:`MacroLaw.identity`."""
     digest = hashlib.sha256()
     for part in parts:
         data = part.encode() if isinstance(part, str) else np.ascontiguousarray(part, dtype=float).tobytes()

@@ -26,7 +26,7 @@ Prepared = TypeVar("Prepared", default=Any)
 
 
 class MacroSolver(ABC, Generic[Prepared]):
-    """Finds u, p with ∫ P_E:∇δu = ∫ t̄·δu and ∫ Δstorage δp − Δt ∫ q·∇δp + Δt ∫ q̄ δp = 0 (backward Euler).
+    """Solver for u, p with ∫ P_E:∇δu = ∫ t̄·δu and ∫ Δstorage δp − Δt ∫ q·∇δp + Δt ∫ q̄ δp = 0 (backward Euler).
 
     The law is asked once an iteration for all quadrature points and returns the exact tangent; a step whose
     Newton iteration fails is halved. Inf–sup stable: quadratic u, linear p.
@@ -59,7 +59,7 @@ class MacroSolver(ABC, Generic[Prepared]):
 
     @abstractmethod
     def prepare(self, problem: MacroProblem) -> Prepared:
-        """Mesh, bases and boundary data; shared by solves with other laws."""
+        """Return mesh, bases and boundary data, shared by solves with several laws."""
 
     @abstractmethod
     def solve(
@@ -70,7 +70,7 @@ class MacroSolver(ABC, Generic[Prepared]):
         checkpoint: Path | None = None,
         on_step: Callable[[StepReport], None] | None = None,
     ) -> MacroSolution:
-        """Run through the time plan of the problem.
+        """Integrate the problem over its time plan.
 
         With ``checkpoint``, the state is written there from time to time, and a run that finds the file
         continues from it to the same solution.

@@ -47,26 +47,26 @@ class Sampler(ABC):
 
     @abstractmethod
     def ask(self) -> list[Request]:
-        """States that can be solved now, in any order; each is asked for once. Empty: wait for tells, or done."""
+        """Return states that can be solved now, in any order, each once; empty: wait for results, or done."""
 
     @abstractmethod
     def tell(self, key: str, response: CellResponse) -> None:
-        """The outcome (one row) of a state that was asked for; a failed one has its status and NaN."""
+        """Take the response (one row) of a requested state; a failed one has its status and NaN."""
 
     @property
     @abstractmethod
     def done(self) -> bool:
-        """Whether every state has been asked for and told."""
+        """True when every state has been asked for and told."""
 
     @property
     @abstractmethod
     def expected(self) -> int:
-        """An estimate of how many states there will be in all, for the progress display."""
+        """Estimated number of all states, for the progress display."""
 
 
 @dataclass(frozen=True, eq=False)
 class Exploration:
-    """Where macro runs go with what is known so far.
+    """Macroscopic states that macro runs visit with a surrogate of the states solved so far.
 
     Attributes
     ----------
@@ -84,21 +84,21 @@ class Explore(Protocol):
     """Fits a surrogate and runs the macro problem with it; the same data give the same exploration."""
 
     def __call__(self, data: TrainingSet, *, elements: int, steps: int) -> Exploration:
-        """With at most ``elements`` along each axis of the body, and about ``steps`` time steps."""
+        """Explore with at most ``elements`` along each axis of the body and about ``steps`` time steps."""
 
 
 class Judgement(Protocol):
-    """How much the members of a committee disagree at m candidates, and what solving each of them is worth."""
+    """Disagreement of a committee at m candidates, and the value of solving each of them."""
 
     @property
     def disagreement(self) -> Array:
-        """The largest standard deviation among the members at each candidate, (m,), as a share of the range."""
+        """Largest standard deviation among the members at each candidate, (m,), as a share of the range."""
 
     def worth(self) -> Array:
         """Return the variance that solving each candidate takes from the fit, (m,), after those that were taken."""
 
     def take(self, candidate: int) -> None:
-        """Count with a solution at this candidate."""
+        """Assume a solution at this candidate."""
 
 
 class Judge(Protocol):
@@ -110,7 +110,7 @@ class Judge(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class StudyFacts:
-    """What a sampler may know of the study that it samples for.
+    """Study that a sampler samples for, as far as a sampler may know it.
 
     Attributes
     ----------
@@ -137,8 +137,8 @@ class StudyFacts:
 
 
 class StudySampler(Sampler):
-    """A sampler that learns while it samples, and so has to know what for."""
+    """Sampler that learns while it samples, and therefore has to know the study."""
 
     @abstractmethod
     def inform(self, study: StudyFacts) -> None:
-        """Called once, before the first :meth:`~porocore.Sampler.ask`."""
+        """Take the facts of the study, once, before the first :meth:`~porocore.Sampler.ask`."""

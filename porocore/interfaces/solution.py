@@ -1,4 +1,4 @@
-"""What a macro solve returns: the history, the profiles, and the mesh that they live on."""
+"""Solution of a macro problem: the history, the profiles, and their mesh."""
 
 from __future__ import annotations
 
@@ -69,13 +69,13 @@ class Profile:
 
     @property
     def reference_conductivity(self) -> Array:
-        """K_ref = det F̄ K_t (elements, 3, 3) of a cell's law, between ∇_X p and the flux through reference area."""
+        """Conductivity K_ref = det F̄ K_t (elements, 3, 3) of a cell's law, for the flux through reference area."""
         K_ref: Array = np.linalg.det(self.deformation)[:, None, None] * self.conductivity
         return K_ref
 
     @property
     def spatial_conductivity(self) -> Array:
-        """k = F₀ K_ref F₀ᵀ/J₀ (elements, 3, 3) of a cell's law, F₀ = I + H: that of the deformed body in space."""
+        """Conductivity k = F₀ K_ref F₀ᵀ/J₀ (elements, 3, 3) of the deformed body in space, F₀ = I + H."""
         F0 = np.eye(3) + self.grad_u
         k: Array = F0 @ self.reference_conductivity @ F0.swapaxes(1, 2) / np.linalg.det(F0)[:, None, None]
         return k

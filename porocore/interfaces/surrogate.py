@@ -20,7 +20,7 @@ MORE_STATES = (
 
 
 def least_states(inputs: int) -> int:
-    """How many stable states a surrogate of so many ``inputs`` needs: a slope and a bend along each, and two more."""
+    """Return how many stable states a surrogate needs: a slope and a curvature for each input, and two more."""
     return 2 * inputs + 2
 
 
@@ -47,6 +47,17 @@ class TrainingSet:
     tolerance
         States whose estimated error is larger, as a share of the range of what is learned, are to be flagged as
         outside; None: those beyond the hull of the training states are.
+
+    Examples
+    --------
+    >>> from porocore import InputSpace, MacroState, TrainingSet
+    >>> from porocore.testing.synthetic.cell import respond
+    >>> inputs = InputSpace.from_ranges({"H22": (-0.2, 0.05), "p": (0.0, 0.1)})
+    >>> states = inputs.scatter([[-0.1, 0.0], [0.02, 0.05]])
+    >>> rest = respond(MacroState.zeros(1))
+    >>> data = TrainingSet(states, respond(states), inputs, rest, identity="made-up", provenance={})
+    >>> data.responses.mean_grad.shape, data.reference.tangent.mean_grad_p.shape
+    ((2, 3, 3), (1, 3, 3))
     """
 
     states: MacroState
@@ -127,7 +138,7 @@ class Surrogate(ABC):
 
     @abstractmethod
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """Responses and exact derivatives for n states; ``outside_training_range`` flags those not to be trusted.
+        """Return responses and exact derivatives of n states; ``outside_training_range`` flags those not to be trusted.
 
         These are states whose error is estimated to exceed the tolerance of the training set, and those far from all
         that was sampled.

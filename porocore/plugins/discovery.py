@@ -1,4 +1,4 @@
-"""What installed packages offer, read from their entry points; a plugin that fails is kept with its reason.
+"""Offers of the installed packages, read from their entry points; a plugin that fails is kept with its reason.
 
 Nothing heavy is imported: listing plugins works when torch is slow to load, missing or broken.
 """
@@ -34,7 +34,7 @@ class Offered:
 
     @property
     def missing(self) -> list[str]:
-        """Required modules that are not there; found without importing them."""
+        """Required modules that are missing, found without importing them."""
         return [module for module in self.offer.requires if not _importable(module)]
 
     @property
@@ -54,7 +54,7 @@ class Broken:
 
 
 def discover() -> tuple[list[Offered], list[Broken]]:
-    """Read the entry points of group ``porocore``, one by one; what one does wrong costs the others nothing."""
+    """Read the entry points of group ``porocore`` one by one; a fault of one does not affect the others."""
     offers: list[Offered] = []
     broken: list[Broken] = []
     for found in entry_points():
@@ -184,6 +184,6 @@ def _importable(module: str) -> bool:
 
 
 def joined(names: Iterable[str]) -> str:
-    """As in "a, b and c"."""
+    """Return names as in "a, b and c"."""
     *head, last = list(names) or [""]
     return f"{', '.join(head)} and {last}" if head else last

@@ -13,7 +13,7 @@ from porocore.plugins.kinds import PROJECT
 
 @dataclass(frozen=True)
 class Source:
-    """Where an offer comes from.
+    """Distribution and module that an offer comes from.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Source:
 
     @property
     def in_full(self) -> str:
-        """With the file."""
+        """Text with the file."""
         return f"{self} ({self.file})" if self.file else str(self)
 
 

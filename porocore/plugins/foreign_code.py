@@ -23,7 +23,7 @@ MOST = 300
 
 @dataclass(frozen=True)
 class Attempt:
-    """What came of a call.
+    """Result of a call of foreign code.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ def attempt(call: Callable[..., Any], *arguments: Any) -> Attempt:
 
 @contextmanager
 def _standard_output_kept() -> Iterator[Callable[[], str]]:
-    """Keep what Python, a library or a child process writes to standard output; yields a function that returns it."""
+    """Keep the standard output of Python, libraries and child processes; yield a function that returns it."""
     python, kept = io.StringIO(), ""
     with suppress(AttributeError, OSError, ValueError):  # where there is none, or it is closed
         sys.stdout.flush()

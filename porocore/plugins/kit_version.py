@@ -10,7 +10,7 @@ KIT_VERSION = "3.0"
 
 
 def complaint(pinned: str) -> str:
-    """Why a suite that pins ``pinned`` is not one for this kit, and what to do; empty if it is."""
+    """Return why a suite that pins ``pinned`` does not fit this kit, and what to do; empty if it fits."""
     major = KIT_VERSION.partition(".")[0]
     if not pinned:
         return f'pins no version of the kit; write kit_version = "{major}" in the class'

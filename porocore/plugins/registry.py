@@ -38,15 +38,15 @@ class Registry:
 
     @classmethod
     def discover(cls) -> Registry:
-        """Of what is installed here."""
+        """Return the registry of the installed packages."""
         return cls(*discover())
 
     def names(self, kind: Kind) -> list[str]:
-        """Names that are offered for ``kind``."""
+        """Return the names that are offered for ``kind``."""
         return sorted({offered.offer.name for offered in self.offers if offered.kind == kind})
 
     def find(self, kind: Kind, name: str) -> Offered:
-        """The one offer of that name, with its dependencies present; imports nothing heavy.
+        """Return the one offer of that name, with its dependencies present; nothing heavy is imported.
 
         Raises
         ------
@@ -100,7 +100,7 @@ class Registry:
         return implementation
 
     def table(self) -> list[PluginRow]:
-        """Every plugin with its state and what to do about it."""
+        """Return every plugin with its state and what to do about it."""
         return plugin_rows(self.offers, self.broken)
 
     def _not_found(self, kind: Kind, name: str) -> str:
@@ -139,17 +139,17 @@ class Registry:
 
 @cache
 def registry() -> Registry:
-    """The registry of this process, discovered once."""
+    """Return the registry of this process, discovered once."""
     return Registry.discover()
 
 
 def get(kind: Kind, name: str) -> type[Any]:
-    """:meth:`Registry.get` of this process."""
+    """Return a class by :meth:`Registry.get` of this process."""
     return registry().get(kind, name)
 
 
 def plugins_table() -> list[PluginRow]:
-    """:meth:`Registry.table` of this process."""
+    """Return :meth:`Registry.table` of this process."""
     return registry().table()
 
 

@@ -52,7 +52,7 @@ class PluginRow:
 
 
 def plugin_rows(offers: Sequence[Offered], broken: Sequence[Broken]) -> list[PluginRow]:
-    """Every plugin with its state and what to do about it."""
+    """Return every plugin with its state and what to do about it."""
     rows = []
     for offered in offers:
         kind, offer = offered.kind, offered.offer

@@ -17,6 +17,13 @@ class NeoHookean(Material):
 
     Ψ = μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)², μ = 1/(2(1+ν)), λ = ν/((1+ν)(1−2ν))
     (Dehghani & Zilian, eq. Neo_Hookean). All methods work on arrays (..., 3, 3).
+
+    Examples
+    --------
+    >>> from porocore import NeoHookean
+    >>> solid = NeoHookean(poisson_ratio=0.3)
+    >>> solid.stress(np.diag([1.1, 1.0, 1.0])).diagonal().round(4)
+    array([0.1234, 0.055 , 0.055 ])
     """
 
     kind: Literal["neo-hookean"] = "neo-hookean"

@@ -1,4 +1,4 @@
-"""Whether a batch of responses is what the declaration of its fields says: types, shapes, numbers, NaN."""
+"""Check of a batch of responses against the declaration of its fields: types, shapes, numbers, NaN."""
 
 from __future__ import annotations
 

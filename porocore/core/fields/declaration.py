@@ -96,7 +96,7 @@ def provided_fields(batch: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def documented(batch: T) -> T:
-    """Add what the fields are to the documentation of a batch."""
+    """Add the declared fields to the documentation of a batch, before its examples."""
     lines = ["", "    Attributes", "    ----------"]
     for f in fields(batch):
         declared = f.metadata[_KEY]
@@ -104,5 +104,6 @@ def documented(batch: T) -> T:
             lines += [f"    {f.name} : {declared.heading}", f"        {declared.meaning} [{declared.unit}]"]
         else:
             lines += [f"    {f.name}", f"        See :class:`{declared.batch.__name__}`."]
-    batch.__doc__ = (batch.__doc__ or "").rstrip() + "\n" + "\n".join(lines) + "\n    "
+    text, heading, examples = (batch.__doc__ or "").partition("\n    Examples\n")
+    batch.__doc__ = "\n".join([text.rstrip(), *lines]) + (f"\n{heading}{examples}" if heading else "\n    ")
     return batch

@@ -18,7 +18,7 @@ RUN_RECORD = "run.json"
 
 
 def new_folder(path: Path) -> Path:
-    """Make a folder for results, or find it, before the work for them begins; returns it.
+    """Make a folder for results before the work for them begins, and return it.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def place_for(path: Path, option: str = "--out") -> Path:
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary path beside ``path`` that takes its place, once on the disk, when the block ends well.
+    """Yield a temporary path beside ``path``; it replaces ``path``, synchronised to the disk, if the block succeeds.
 
     Raises
     ------

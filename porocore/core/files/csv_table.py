@@ -12,7 +12,7 @@ from porocore.core.files.atomic import atomic_path
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
-    """Write one table, atomically; floats with eight digits. Returns the path.
+    """Write one table atomically, floats with eight digits, and return the path.
 
     Raises
     ------

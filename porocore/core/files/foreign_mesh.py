@@ -21,7 +21,7 @@ FARTHEST = 1e90
 
 
 def read_mesh(path: Path) -> Any:
-    """What meshio makes of a file.
+    """Read a mesh file with meshio.
 
     Raises
     ------

@@ -41,7 +41,7 @@ class FromFile(BaseModel):
         return self
 
     def checked(self, key: str) -> Path:
-        """The file, after another look at its content; ``key`` is that of this section.
+        """Return the path after checking the content again; ``key`` is that of this section.
 
         Raises
         ------
@@ -58,7 +58,7 @@ class FromFile(BaseModel):
 
 
 def absolute_path(given: str, info: ValidationInfo) -> str:
-    """Of a file that is validated behind the key ``sha256``; see :class:`FromFile`.
+    """Return the absolute path of a file, checked against the key ``sha256`` before it; see :class:`FromFile`.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def absolute_path(given: str, info: ValidationInfo) -> str:
 
 
 def _fault(path: Path) -> str | None:
-    """Why a path leads to no file; None: it does."""
+    """Return why a path leads to no file; None if it does."""
     try:
         require_ordinary(path, LARGEST)
     except FileNotFoundError:
@@ -88,7 +88,7 @@ def _fault(path: Path) -> str | None:
 
 
 def content_hash(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal digits.
+    """Return the SHA-256 of a file in hexadecimal digits.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from typing import Any
 
 
 def json_ready(value: Any) -> Any:
-    """Lists for arrays, null for what is not finite."""
+    """Return plain data: lists for arrays, None for numbers that are not finite."""
     if isinstance(value, Mapping):
         return {str(key): json_ready(item) for key, item in value.items()}
     if hasattr(value, "tolist"):
@@ -21,7 +21,7 @@ def json_ready(value: Any) -> Any:
 
 
 def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Nested settings in which those of ``above`` win.
+    """Return nested settings in which those of ``above`` win.
 
     An empty section, or one of another ``kind`` or ``backend``, replaces the whole section.
     """

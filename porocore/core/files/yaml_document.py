@@ -46,13 +46,13 @@ class YamlDocument:
 
     @classmethod
     def of(cls, settings: Mapping[str, Any], folder: Path) -> YamlDocument:
-        """Settings that are nested as in a file; all of them are on line 0."""
+        """Return the document of nested settings; all of them are on line 0."""
         data = {str(key): value for key, value in settings.items()}
         return cls(None, data, dict.fromkeys(_locations(data, ()), 0), folder)
 
     @classmethod
     def read(cls, path: Path) -> YamlDocument:
-        """Read one file.
+        """Read one YAML file.
 
         Raises
         ------
@@ -85,17 +85,17 @@ class YamlDocument:
         return location in self.lines
 
     def line(self, location: Location) -> int:
-        """Line of a location, or of the nearest enclosing one that stands in the file."""
+        """Return the line of a location, or of the nearest enclosing one in the file."""
         while location not in self.lines:
             location = location[:-1]
         return self.lines[location]
 
     def at_line(self, line: int) -> str:
-        """How a message begins that is about a line."""
+        """Return how a message about a line begins."""
         return f"{self.path}:{line}" if self.path is not None else "settings"
 
     def value(self, location: Location) -> Any:
-        """What stands at a location."""
+        """Return the value at a location."""
         value: Any = self.data
         for part in location:
             value = (

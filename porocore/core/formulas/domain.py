@@ -1,4 +1,4 @@
-"""Where a formula of one variable has no value: divisions by zero, roots of negative numbers, overflow."""
+"""Arguments at which a formula of one variable has no value: divisions by zero, roots of negative numbers, overflow."""
 
 from __future__ import annotations
 

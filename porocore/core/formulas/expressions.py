@@ -47,7 +47,7 @@ class Expression:
 
     @classmethod
     def parse(cls, text: str, names: Iterable[str], functions: Iterable[str] = FUNCTIONS) -> Expression:
-        """Read ``text``.
+        """Read the formula ``text``.
 
         Raises
         ------
@@ -59,7 +59,7 @@ class Expression:
 
     @property
     def names(self) -> set[str]:
-        """Those that occur, constants left out."""
+        """Names that occur, without the constants."""
         found = {node.id for node in ast.walk(self.tree) if isinstance(node, ast.Name)}
         return found - set(FUNCTIONS) - set(CONSTANTS)
 
@@ -75,7 +75,7 @@ class Expression:
         functions: dict[str, Callable[[Any], Any]],
         number: Callable[[float], Any] = float,
     ) -> Any:
-        """The formula in any algebra with + − * / **: by what stands for names, functions and numbers."""
+        """Return the formula in any algebra with + − * / **, given the values of names, functions and numbers."""
 
         def visit(node: ast.expr) -> Any:
             match node:
@@ -157,7 +157,7 @@ def _check(
 
 
 def _number(node: ast.AST) -> float | None:
-    """Of a constant, signs included; None for anything else."""
+    """Return the value of a constant with its signs; None for anything else."""
     if isinstance(node, ast.UnaryOp):
         inner = _number(node.operand)
         return None if inner is None else -inner

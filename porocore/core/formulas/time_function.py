@@ -1,4 +1,4 @@
-"""How a prescribed value goes with time."""
+"""Prescribed values as functions of time."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class TimeFunction(BaseModel):
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Times at which it bends, which a time step should hit."""
+        """Times at which the slope changes, which a time step should hit."""
         return (self.until,) if self.until is not None else tuple(time for time, _ in self.table)
 
     def at(self, time: float) -> float:

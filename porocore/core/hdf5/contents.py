@@ -146,7 +146,7 @@ class Contents:
         return dataset
 
     def _check_text_lengths(self, dataset: Stored, name: str) -> None:
-        """Texts lie apart from their array, which says how long each is and may name one text many times."""
+        """Check the lengths of texts: their array gives each length and may name one text many times."""
         count, offset = math.prod(dataset.shape), dataset.offset
         most = COMPRESSION * self._structure.size + SPARE
         if not count or not dataset.variable:

@@ -69,7 +69,7 @@ class _Trial:
         return self.owner == os.getpid() and self._process.poll() is None
 
     def end(self) -> None:
-        """Stop it."""
+        """Stop the process."""
         if self.alive():
             self._process.kill()
             self._process.communicate()

@@ -1,4 +1,4 @@
-"""What an HDF5 file is made of: groups, arrays and texts that lie in it, whole and no larger than it can hold."""
+"""Structure of an HDF5 file: groups, arrays and texts that are complete and no larger than the file can hold."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ _CRASHED = "HDF5 crashes with it, so it is damaged"
 
 
 def serve() -> None:
-    """Answer paths, one JSON text in each line of the input, by reasons against reading them; empty if there is none.
+    """Answer each path, one JSON text a line, by the reason against reading that file; empty if there is none.
 
     Each file is read in a process of its own, a copy of this one, which costs little.
     """

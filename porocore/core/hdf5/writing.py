@@ -24,7 +24,7 @@ LIBVER = ("v110", "v110")
 
 @contextmanager
 def atomic_hdf5(path: Path) -> Iterator[Any]:
-    """An open HDF5 file that takes the place of ``path``, whole, when the block ends well.
+    """Yield an open HDF5 file; it replaces ``path``, complete, if the block succeeds.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""The sampled inputs: which components of (H, p) move, in which box, and which range was sampled."""
+"""Sampled inputs: the components of (H, p) that vary, their box, and the range that was sampled."""

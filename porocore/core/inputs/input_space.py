@@ -1,4 +1,4 @@
-"""Named inputs of a study: which components of (H, p) move, and how far."""
+"""Named inputs of a study: components of (H, p) and their ranges."""
 
 from __future__ import annotations
 
@@ -30,6 +30,16 @@ class InputSpace:
         From ``H11`` … ``H33`` and ``p``.
     lower, upper
         Bounds, one for each name.
+
+    Examples
+    --------
+    >>> from porocore import InputSpace
+    >>> inputs = InputSpace.from_ranges({"H22": (-0.4, 0.04), "p": (-0.1, 0.1)})
+    >>> states = inputs.scatter([[-0.2, 0.05]])
+    >>> states.grad_u[:, 1, 1], states.p
+    (array([-0.2]), array([0.05]))
+    >>> inputs.gather(states)
+    array([[-0.2 ,  0.05]])
     """
 
     names: tuple[str, ...]
@@ -51,21 +61,21 @@ class InputSpace:
 
     @classmethod
     def from_ranges(cls, ranges: Mapping[str, tuple[float, float]]) -> InputSpace:
-        """From ``{"H22": (-0.4, 0.04), ...}``."""
+        """Return the space of ``{"H22": (-0.4, 0.04), ...}``."""
         low, high = zip(*ranges.values(), strict=True)
         return cls(tuple(ranges), tuple(low), tuple(high))
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """Position of each input in the ten components (H row by row, then p)."""
+        """Position of each input among the ten components (H row by row, then p)."""
         return tuple(NAMES.index(name) for name in self.names)
 
     def gather(self, states: MacroState) -> Array:
-        """The inputs of n states, (n, d)."""
+        """Return the inputs of n states, (n, d)."""
         return components(states)[list(self.columns)].T
 
     def without_rotation(self, states: MacroState) -> MacroState:
-        """States turned back so that F = I + H is upper triangular, with the same stretch.
+        """Return the states rotated so that F = I + H is upper triangular, with the same stretch.
 
         For an objective law they are the same, and inputs from the upper triangle of H reach all of them. Where a
         component below the diagonal is an input, and where det F is not positive, states stay as they are.
@@ -82,13 +92,13 @@ class InputSpace:
         return MacroState(back, states.p)
 
     def to_unit(self, x: Array) -> Array:
-        """Inputs (n, d) by their ranges: the box becomes the unit box."""
+        """Return inputs (n, d) scaled by their ranges: the box becomes the unit box."""
         low, high = np.array(self.lower), np.array(self.upper)
         unit: Array = (x - low) / (high - low)
         return unit
 
     def scatter(self, x: npt.ArrayLike) -> MacroState:
-        """States (n) from inputs (n, d), all other components zero."""
+        """Return n states from inputs (n, d), all other components zero."""
         rows: Array = np.atleast_2d(np.asarray(x, dtype=float))
         flat = np.zeros((len(rows), 10))
         flat[:, list(self.columns)] = rows
@@ -96,7 +106,7 @@ class InputSpace:
 
     @property
     def negligible(self) -> float:
-        """How far a component that is no input may move: so little beside the inputs that nothing is felt of it.
+        """Largest value of a component that is no input, small against the inputs, that is neglected.
 
         The symmetry of a body and its cell is broken as much by a mesh that does not have it.
         """
@@ -109,18 +119,18 @@ class InputSpace:
         return max(1e-6, NEGLIGIBLE * max(bounds, default=0.0))
 
     def moves_other(self, states: MacroState) -> npt.NDArray[np.bool_]:
-        """Rows (n,) in which a component that is no input moves."""
+        """Return the rows (n,) in which a component that is no input is not negligible."""
         return self.others_move(components(states))
 
     def others_move(self, rows: Array) -> npt.NDArray[np.bool_]:
-        """The same of the ten ``components`` (10, n)."""
+        """Return the same for the ten ``components`` (10, n)."""
         rest = rows[[column for column in range(10) if column not in self.columns]]
         moves: npt.NDArray[np.bool_] = np.abs(rest, out=rest).max(axis=0, initial=0.0) > self.negligible
         return moves
 
 
 def components(states: MacroState) -> Array:
-    """(10, n): H row by row, then p, each in one piece of memory."""
+    """Return (10, n): H row by row, then p, each contiguous in memory."""
     rows, H = np.empty((10, len(states))), states.grad_u.reshape(-1, 9)
     for i in range(9):
         rows[i] = H[:, i]
@@ -129,5 +139,5 @@ def components(states: MacroState) -> Array:
 
 
 def flatten(states: MacroState) -> Array:
-    """(n, 10): H row by row, then p."""
+    """Return (n, 10): H row by row, then p."""
     return np.concatenate([states.grad_u.reshape(-1, 9), states.p[:, None]], axis=1)

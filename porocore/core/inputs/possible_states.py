@@ -1,4 +1,4 @@
-"""Which macroscopic states there can be at all: det F > 0 and numbers that a cell could bear, before one is solved."""
+"""Check of macroscopic states before they are solved: det F > 0, and magnitudes that a cell could bear."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a surrogate was trained: the hull of the sampled inputs, and the question whether a state lies in it."""
+"""Sampled range of a surrogate: the hull of the sampled inputs, and which states lie in it."""
 
 from __future__ import annotations
 
@@ -37,6 +37,14 @@ class SampledRange:
         A, in inputs scaled to the ranges of ``inputs``.
     offsets : (m,)
         b.
+
+    Examples
+    --------
+    >>> from porocore import InputSpace, SampledRange
+    >>> inputs = InputSpace.from_ranges({"H22": (-0.4, 0.04), "p": (-0.1, 0.1)})
+    >>> sampled = SampledRange.around(inputs, [[-0.4, 0.0], [0.0, 0.1], [0.0, -0.1]])
+    >>> sampled.contains([[-0.1, 0.0], [-0.4, 0.1]])
+    array([ True, False])
     """
 
     inputs: InputSpace
@@ -45,7 +53,7 @@ class SampledRange:
 
     @classmethod
     def around(cls, inputs: InputSpace, points: npt.ArrayLike) -> SampledRange:
-        """Around ``points`` (n, d): their hull; their bounding box if they do not span the space or d is large."""
+        """Return the range of ``points`` (n, d): their hull; their bounding box if they span no volume or d is big."""
         d = len(inputs)
         given: Array = np.concatenate([np.asarray(points, dtype=float).reshape(-1, d), np.zeros((1, d))])
         known = np.unique(inputs.to_unit(given), axis=0)
@@ -65,7 +73,7 @@ class SampledRange:
         return cls(inputs, normals, np.minimum(offsets + beyond, box))
 
     def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
-        """Which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
+        """Return which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
         return _within(self._planes, np.atleast_2d(np.asarray(x, dtype=float)), tolerance)
 
     @cached_property
@@ -76,11 +84,11 @@ class SampledRange:
         return np.column_stack([normals, -self.offsets - normals @ low])
 
     def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
-        """Which states (n,) lie outside, or move a component that was not sampled."""
+        """Return which states (n,) lie outside, or vary a component that was not sampled."""
         return self._beyond(states, self._planes, 1e-9)
 
     def far(self, states: MacroState) -> npt.NDArray[np.bool_]:
-        """Tell which states (n,) lie ``FAR`` outside, or move a component that was not sampled.
+        """Return which states (n,) lie ``FAR`` outside, or vary a component that was not sampled.
 
         In more than ``CORNERED`` inputs the faces of the box count only: the corners that an even design leaves
         empty lie outside its hull, and a surrogate may know them well.
@@ -97,7 +105,7 @@ class SampledRange:
 
 
 def _within(planes: Array, rows: Array, by: float) -> npt.NDArray[np.bool_]:
-    """Tell which rows (n, d) lie beyond none of the planes (m, d + 1) by more than that."""
+    """Return which rows (n, d) lie beyond none of the planes (m, d + 1) by more than ``by``."""
     with_one = np.ones((planes.shape[1], len(rows)))
     with_one[:-1] = rows.T
     inside: npt.NDArray[np.bool_] = (planes @ with_one).max(axis=0) <= by
@@ -105,7 +113,7 @@ def _within(planes: Array, rows: Array, by: float) -> npt.NDArray[np.bool_]:
 
 
 def _spacing(points: Array) -> float:
-    """Distance of a point to its nearest neighbour, the median over all of them (n, d)."""
+    """Return the median distance of points (n, d) to their nearest neighbours."""
     if len(points) < 2:
         return 0.0
     return float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))

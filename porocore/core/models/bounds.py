@@ -1,10 +1,10 @@
-"""Bounds on what a configuration may ask for: beyond them it is a slip of the pen, and no machine would finish."""
+"""Bounds on numbers of a configuration; a larger one is a mistake, since no machine would finish."""
 
 from __future__ import annotations
 
 #: States of one sampling, and held-out ones.
 MOST_STATES = 1_000_000
-#: Time steps of one macro run; increments, profile times, corners of a course.
+#: Time steps of one macro run; increments, profile times, corners of a time function.
 MOST_STEPS, MOST_TIMES = 100_000, 10_000
 #: Elements of a structured body.
 MOST_ELEMENTS = 100_000

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Discriminator
 
 
 def by_kind(base: type[BaseModel], default: str) -> Discriminator:
-    """Tells the classes of a union apart by the ``kind`` of a mapping or of an instance of ``base``.
+    """Return the discriminator of a union by the ``kind`` of a mapping or of an instance of ``base``.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from porocore.states import Array
 
 
 def determinant(F: Array) -> Array:
-    """det F of (..., 3, 3), in closed form."""
+    """Return det F of F (..., 3, 3) in closed form."""
     det: Array = (
         F[..., 0, 0] * (F[..., 1, 1] * F[..., 2, 2] - F[..., 1, 2] * F[..., 2, 1])
         + F[..., 0, 1] * (F[..., 1, 2] * F[..., 2, 0] - F[..., 1, 0] * F[..., 2, 2])
@@ -18,7 +18,7 @@ def determinant(F: Array) -> Array:
 
 
 def cofactor(F: Array) -> Array:
-    """cof F = J F⁻ᵀ of (..., 3, 3), in closed form; ∂J/∂F."""
+    """Return cof F = J F⁻ᵀ = ∂J/∂F of F (..., 3, 3) in closed form."""
     cof = np.moveaxis(
         np.empty((3, 3, *F.shape[:-2]), F.dtype), (0, 1), (-2, -1)
     )  # component-first in memory: fast slices
@@ -41,7 +41,7 @@ def add_cofactor_tangent(A: Array, F: Array) -> None:
 
 
 def cofactor_tangent(F: Array) -> Array:
-    """∂cof F_ij / ∂F_kl = ε_ikm ε_jln F_mn, (..., 3, 3, 3, 3)."""
+    """Return ∂cof F_ij/∂F_kl = ε_ikm ε_jln F_mn, (..., 3, 3, 3, 3)."""
     tangent = np.zeros((*F.shape[:-2], 3, 3, 3, 3))
     for i, k, m, row in _PERMUTATIONS:
         for j, l, n, column in _PERMUTATIONS:

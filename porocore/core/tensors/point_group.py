@@ -65,27 +65,27 @@ class PointGroup:
 
     @cached_property
     def matrices(self) -> IntArray:
-        """The rotations as matrices Q (g, 3, 3)."""
+        """Rotations as matrices Q (g, 3, 3)."""
         return np.array(self.rotations, dtype=np.int64).reshape(-1, 3, 3)
 
     @property
     def name(self) -> str:
-        """Hermann–Mauguin symbol of the Laue class, such as ``m-3m``; it does not tell the directions of the axes."""
+        """Hermann–Mauguin symbol of the Laue class, such as ``m-3m``, without the directions of the axes."""
         return LAUE[len(self), max(_order(Q) for Q in self.matrices)]
 
     def __len__(self) -> int:
         return len(self.rotations)
 
     def __contains__(self, Q: npt.ArrayLike) -> bool:
-        """Whether a signed permutation (3, 3), or its product with the inversion, is among the operations."""
+        """Return whether a signed permutation (3, 3), or its product with the inversion, is an operation."""
         return as_rotation(Q) in self.rotations
 
     def __and__(self, other: PointGroup) -> PointGroup:
-        """The operations that both have."""
+        """Return the operations that both groups have."""
         return PointGroup(tuple(sorted(set(self.rotations) & set(other.rotations))))
 
     def __le__(self, other: PointGroup) -> bool:
-        """Whether the other group has all operations of this one."""
+        """Return whether the other group has all operations of this one."""
         return set(self.rotations) <= set(other.rotations)
 
     def kept(self, keeps: Callable[[IntArray], Any]) -> PointGroup:
@@ -115,7 +115,7 @@ def _product(a: Rotation, b: Rotation) -> Rotation:
 
 
 def _order(Q: IntArray) -> int:
-    """How often a rotation is repeated until nothing is turned; of the cube's: 1, 2, 3 or 4."""
+    """Return the order of a rotation of the cube: 1, 2, 3 or 4."""
     return {3: 1, -1: 2, 0: 3, 1: 4}[int(np.trace(Q))]
 
 

@@ -18,7 +18,7 @@ for _k, _i, _j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
 
 
 def polar_rotation(F: Array) -> Array:
-    """R (n, 3, 3) of F = R U (n, 3, 3) with det F > 0; exactly I where F is symmetric and positive definite.
+    """Return R (n, 3, 3) of F = R U, det F > 0; exactly I where F is symmetric and positive definite.
 
     By Newton's iteration R ← (R + R⁻ᵀ)/2, which begins at F (Higham, Functions of Matrices, ch. 8).
     """
@@ -33,7 +33,7 @@ def polar_rotation(F: Array) -> Array:
 
 
 def spin(F: Array, R: Array) -> Array:
-    """∂ω/∂F (n, 3, 9) of the rotation R of F, where dR = R Ω and Ω v = ω × v.
+    """Return ∂ω/∂F (n, 3, 9) of the rotation R of F, where dR = R Ω and Ω v = ω × v.
 
     From Rᵀ dF − dFᵀ R = Ω U + U Ω, which is the skew tensor of (tr U I − U) ω.
     """
@@ -45,13 +45,13 @@ def spin(F: Array, R: Array) -> Array:
 
 
 def cross_matrix(v: Array) -> Array:
-    """[v]× (n, 3, 3) with [v]× w = v × w of v (n, 3)."""
+    """Return [v]× (n, 3, 3) of v (n, 3), with [v]× w = v × w."""
     matrix: Array = -np.einsum("kij,nk->nij", PERMUTATION, v)
     return matrix
 
 
 def _is_stretch(F: Array) -> Array:
-    """Which of F (n, 3, 3) are symmetric and positive definite, (n,) bool; det F is positive."""
+    """Return which of F (n, 3, 3), with det F > 0, are symmetric and positive definite, (n,) bool."""
     size = np.abs(F).max(axis=(1, 2), initial=0.0)
     skew = np.abs(F - F.swapaxes(1, 2)).max(axis=(1, 2), initial=0.0)
     minor = F[:, 0, 0] * F[:, 1, 1] - F[:, 0, 1] * F[:, 1, 0]

@@ -13,7 +13,7 @@ TINY = 1e-300
 
 
 def symmetric_eigen(A: Array) -> tuple[Array, Array]:
-    """Eigenvalues (3, n) and eigenvectors (3, 3, n), in columns, of symmetric A (3, 3, n).
+    """Return eigenvalues (3, n) and eigenvectors (3, 3, n), in columns, of symmetric A (3, 3, n).
 
     By Jacobi's rotations, which converge quadratically; for thousands of matrices at once they are faster than a
     call of LAPACK for each.

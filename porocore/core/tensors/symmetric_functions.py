@@ -8,7 +8,7 @@ from porocore.states import Array
 
 
 def logarithm(A: Array) -> Array:
-    """ln A (..., r, r) of symmetric A; NaN where A is not positive definite."""
+    """Return ln A (..., r, r) of symmetric A; NaN where A is not positive definite."""
     values, vectors = np.linalg.eigh(A)
     with np.errstate(invalid="ignore", divide="ignore"):
         logs = np.where(values > 0, np.log(values), np.nan)
@@ -16,13 +16,13 @@ def logarithm(A: Array) -> Array:
 
 
 def exponential(A: Array) -> Array:
-    """exp A (..., r, r) of symmetric A: symmetric and positive definite."""
+    """Return exp A (..., r, r) of symmetric A, symmetric and positive definite."""
     values, vectors = np.linalg.eigh(A)
     return _composed(np.exp(values), vectors)
 
 
 def symmetric_exponential(A: Array, directions: Array) -> tuple[Array, Array]:
-    """exp A (n, r, r) of symmetric A (n, r, r), and its derivatives (n, d, r, r) along symmetric ``directions``.
+    """Return exp A (n, r, r) of symmetric A, and its derivatives (n, d, r, r) along symmetric ``directions``.
 
     In the eigenbasis a derivative is the direction times the divided differences of exp, entry by entry (Daleckii &
     Krein 1965; Higham, Functions of Matrices, ch. 3): (eˣ − eʸ)/(x − y) = e^((x+y)/2) sinh(z)/z with z = (x − y)/2.

@@ -1,4 +1,4 @@
-"""Which physical dimension or unit a key of the configuration has, declared beside the key.
+"""Physical dimension or unit of a key of the configuration, declared beside the key.
 
 ``Annotated[float, Dimension("time")]`` is a plain number for pydantic. :mod:`porocore.core.units.texts` finds the
 declaration where a text such as ``5 s`` stands, and the JSON schema allows such a text there.
@@ -31,7 +31,7 @@ MULTIPLES = {
 
 @dataclass(frozen=True)
 class Dimension:
-    """Of every number in the annotated value.
+    """Dimension of every number in the annotated value.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Dimension:
 
 @dataclass(frozen=True)
 class Unit:
-    """Of a number that always is in this unit, and so is written without it.
+    """Unit of a number that always has it, and so is written without it.
 
     Attributes
     ----------
@@ -71,13 +71,13 @@ class Carried:
 
 @dataclass(frozen=True)
 class ByKey:
-    """Of the values of a mapping, by their keys; the others are plain numbers."""
+    """Dimensions of the values of a mapping by their keys; the others are plain numbers."""
 
     dimensions: Mapping[str, Dimension]
 
 
 def _with_texts(schema: JsonSchema) -> JsonSchema:
-    """The schema with a number or a text with a unit wherever it has a number; references stay as they are."""
+    """Return the schema that accepts a text with a unit wherever it accepts a number; references are unchanged."""
     if schema.get("type") in ("number", "integer"):
         text = {"type": "string", "pattern": WITH_UNIT}
         outside: JsonSchema = {name: schema[name] for name in _OF_THE_KEY if name in schema}

@@ -48,14 +48,14 @@ class UnitError(ValueError):
 
 
 def has_unit(text: str) -> bool:
-    """Whether a text is a number followed by what may be a unit."""
+    """Return whether a text is a number followed by a possible unit."""
     return (
         len(text) <= LONGEST and _NUMBER_AND_UNIT.fullmatch(text) is not None and not _PLAIN.fullmatch(text)
     )
 
 
 def in_si(text: str, quantity: str) -> Fraction:
-    """The value of a text such as ``5 mm`` in the SI unit of a quantity, without rounding.
+    """Return the value of a text such as ``5 mm`` in the SI unit of a quantity, without rounding.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def in_si(text: str, quantity: str) -> Fraction:
 
 
 def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
-    """What one ``unit`` amounts to in the SI unit of a quantity.
+    """Return one ``unit`` in the SI unit of a quantity.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
 
 
 def pretty(unit: str) -> str:
-    """A unit as it is written in tables and on axes, such as ``mm³/s``."""
+    """Return a unit as it is written in tables and on axes, such as ``mm³/s``."""
     powers = re.sub(
         r"\s*(?:\*\*|\^)\s*(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit.strip()
     )
@@ -112,7 +112,7 @@ def _registry() -> Any:
 
 @lru_cache(maxsize=256)
 def _measured(unit: str) -> tuple[Fraction, frozenset[tuple[str, Any]] | None]:
-    """Factor to base units and dimensions; None where there is no such unit."""
+    """Return the factor to base units and the dimensions; None where there is no such unit."""
     import pint
 
     written = re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda power: f"**{power[0].translate(_DIGITS)}", unit)

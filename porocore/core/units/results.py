@@ -1,4 +1,4 @@
-"""In which units results are given."""
+"""Units of results."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class OutputUnits(BaseModel):
         return unit
 
     def of(self, quantity: str) -> str:
-        """The unit of a quantity."""
+        """Return the unit of a quantity."""
         name = _FIELD[quantity]
         given = getattr(self, name)
         if given is not None:
@@ -97,18 +97,18 @@ class ResultUnits:
 
     @property
     def given(self) -> bool:
-        """Whether results have units."""
+        """True where results have units."""
         return self.scales is not None
 
     def factor(self, quantity: str) -> float:
-        """By which a dimensionless result is multiplied; 1 without scales or for a plain number, whose name is ''."""
+        """Return the factor of a dimensionless result; 1 without scales or for a plain number, whose name is ''."""
         if self.scales is None or not quantity:
             return 1.0
         unit = unit_in_si(self.units.of(quantity), quantity)
         return float(QUANTITIES[quantity].factor(self.scales.exact) / unit)
 
     def name(self, quantity: str) -> str:
-        """Of the unit, such as ``mm``; a dash without scales or for a plain number."""
+        """Return the name of the unit, such as ``mm``; a dash without scales or for a plain number."""
         if self.scales is None or not quantity:
             return "–"
         return pretty(self.units.of(quantity))

@@ -1,4 +1,4 @@
-"""Characteristic values, and what one dimensionless unit of each quantity amounts to in SI units."""
+"""Characteristic values, and one dimensionless unit of each quantity in SI units."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ class ExactScales:
 
     @property
     def force(self) -> Fraction:
-        """f_c = E L² [N]."""
+        """Force f_c = E L² [N]."""
         return self.stress * self.length**2
 
     @property
     def velocity(self) -> Fraction:
-        """Of the fluid, f_c d²/(L³ μ_c) [m/s]."""
+        """Velocity of the fluid, f_c d²/(L³ μ_c) [m/s]."""
         return self.stress * self.pore**2 / (self.length * self.viscosity)
 
     @property
     def time(self) -> Fraction:
-        """L⁴ μ_c/(f_c d²) [s]."""
+        """Time L⁴ μ_c/(f_c d²) [s]."""
         return self.length / self.velocity
 
 
@@ -75,7 +75,7 @@ class Scales(BaseModel):
 
     @cached_property
     def exact(self) -> ExactScales:
-        """Without rounding, so that a value with a unit and its dimensionless number are the same to the last bit."""
+        """Scales without rounding: a value with a unit and its dimensionless number agree to the last bit."""
         length, pore, viscosity = map(as_written, (self.length, self.pore, self.viscosity))
         if self.modulus is not None:
             return ExactScales(as_written(self.modulus), length, pore, viscosity)
@@ -83,7 +83,7 @@ class Scales(BaseModel):
         return ExactScales(as_written(self.force) / length**2, length, pore, viscosity)
 
     def factor(self, quantity: str) -> float:
-        """What one dimensionless unit of a quantity amounts to, in the unit of :data:`QUANTITIES`.
+        """Return one dimensionless unit of a quantity in the unit of :data:`QUANTITIES`.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class Scales(BaseModel):
 
 
 def as_written(number: float) -> Fraction:
-    """The shortest decimal number that is this one to the last bit, which is what was written."""
+    """Return the shortest decimal number that equals this one to the last bit, as it was written."""
     return Fraction(repr(float(number)))
 
 
@@ -131,7 +131,7 @@ SCENARIOS: dict[str, Scales] = {
 
 
 def known_quantity(name: str) -> Quantity:
-    """A quantity by name.
+    """Return a quantity by name.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def known_quantity(name: str) -> Quantity:
 
 
 def known_scenario(name: str) -> Scales:
-    """A scenario by name.
+    """Return a scenario by name.
 
     Raises
     ------

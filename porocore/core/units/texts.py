@@ -1,4 +1,4 @@
-"""From texts with units in a configuration to numbers, at the keys that have a dimension."""
+"""Conversion of texts with units in a configuration to numbers, at the keys that have a dimension."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NO_SCALES = (
 def resolved(
     model: type[BaseModel], data: Any, scales: Scales | None
 ) -> tuple[Any, list[tuple[Location, str]]]:
-    """A copy of ``data``, which is to be validated as ``model``, with numbers for texts with units; and what is wrong.
+    """Return a copy of ``data``, to be validated as ``model``, with numbers for texts with units, and the faults.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class _Reader:
         dimension: Dimension | None,
         carried: Dimension | None,
     ) -> Any:
-        """``dimension`` is that of the value around this one, unless its own metadata says otherwise."""
+        """Convert one value; ``dimension`` is that of the enclosing value, unless its own metadata says otherwise."""
         while get_origin(annotation) is Annotated:
             annotation, *more = get_args(annotation)
             metadata = [*metadata, *more]
@@ -127,7 +127,7 @@ class _Reader:
 
 
 def _branch(annotation: Any, metadata: list[Any], data: Any) -> Any:
-    """The member of a union that a value other than a text belongs to; None if there is none that matters."""
+    """Return the member of a union that a value other than a text belongs to; None if none matters."""
     chooser = next((extra for extra in metadata if isinstance(extra, Discriminator)), None)
     for branch in get_args(annotation):
         extras = get_args(branch)[1:] if get_origin(branch) is Annotated else ()
@@ -141,13 +141,13 @@ def _branch(annotation: Any, metadata: list[Any], data: Any) -> Any:
 
 
 def _of_a_branch(annotation: Any) -> Dimension | None:
-    """The dimension of a member of a union that has one."""
+    """Return the dimension of a member of a union that has one."""
     extras = (extra for branch in get_args(annotation) for extra in get_args(branch)[1:])
     return next((extra for extra in extras if isinstance(extra, Dimension)), None)
 
 
 def _may_hold(branch: Any, data: Any) -> bool:
-    """Whether a branch is a container for data of this type."""
+    """Return whether a branch is a container for data of this type."""
     while get_origin(branch) is Annotated:
         branch = get_args(branch)[0]
     if get_origin(branch) in (Union, types.UnionType):

@@ -1,4 +1,4 @@
-"""What a macro solver returns."""
+"""Checked solutions of macro solvers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a cell solver returns."""
+"""Checked responses of cell solvers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who has made an object: kind, name, distribution and file of a plugin's class."""
+"""Origin of an object: kind, name, distribution and file of a plugin's class."""
 
 from __future__ import annotations
 

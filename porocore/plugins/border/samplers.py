@@ -1,4 +1,4 @@
-"""What a sampler asks for."""
+"""Checked requests of samplers."""
 
 from __future__ import annotations
 
@@ -50,17 +50,17 @@ class CheckedSampler:
         return list(requests)
 
     def tell(self, key: str, response: CellResponse) -> None:
-        """Tell the outcome of a state."""
+        """Tell the response of a state."""
         self.sampler.tell(key, response)
 
     @property
     def done(self) -> bool:
-        """Whether every state has been asked for and told."""
+        """True when every state has been asked for and told."""
         return bool(self.sampler.done)
 
     @property
     def expected(self) -> int:
-        """How many states there may be in all.
+        """Estimated number of all states.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What a surrogate predicts."""
+"""Checked predictions of surrogates."""
 
 from __future__ import annotations
 

@@ -132,13 +132,13 @@ def _check_name(name: str, kind: Kind) -> None:
 
 
 def _class_name(name: str, suffix: str) -> str:
-    """``my-grid`` → ``MyGridSampler``; what the name ends with already is not said twice."""
+    """Return ``MyGridSampler`` for ``my-grid``; an ending that the name has already is not repeated."""
     words = "".join(part.capitalize() for part in name.split("-"))
     return next(words + suffix[k:] for k in range(len(suffix), -1, -1) if words.endswith(suffix[:k]))
 
 
 def _author(distribution: str) -> str:
-    """As git knows the user."""
+    """Return the name of the user as git knows it."""
     try:
         found = subprocess.run(
             ["git", "config", "user.name"], capture_output=True, text=True, timeout=10, check=False

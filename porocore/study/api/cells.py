@@ -36,6 +36,16 @@ class CellProblem:
         The settings are faulty, or the cell cannot be meshed.
     PluginError
         The backend is missing.
+
+    Examples
+    --------
+    >>> from porocore import CellProblem
+    >>> cell = CellProblem({"mesh": {"size": 0.5, "fluid_size": 0.5}}, fem="skfem")
+    >>> round(cell.porosity, 4)
+    0.4123
+    >>> response = cell.response(np.diag([0.0, -0.1, 0.0]), p=0.05)
+    >>> response.stress[0].diagonal().round(3)
+    array([-0.048, -0.088, -0.048])
     """
 
     def __init__(

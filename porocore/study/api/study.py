@@ -72,6 +72,17 @@ class Study:
         As :func:`porocore.load_config`; or a wrong surface, boundary condition or probe.
     PluginError
         A backend is missing.
+
+    Examples
+    --------
+    >>> from porocore import Study
+    >>> study = Study("cartilage-confined", macro={"loads": [-0.05]}, out="plug", progress=False)
+    >>> study.config.closure, study.config.macro.loads
+    ('potential', (-0.05,))
+    >>> study.check()[0]
+    'Confined compression of a cartilage plug'
+
+    Every stage is a method, such as ``study.solve()[-0.05]["surrogate"].settlement``.
     """
 
     def __init__(
