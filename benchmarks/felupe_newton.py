@@ -44,7 +44,6 @@ def main() -> str:
     solver.solve_one(prepared, H / 2)
 
     def ours() -> None:
-        prepared.eighth.reset()
         follow(prepared.eighth, prepared.eighth.iterate_at(np.zeros((3, 3)), 0.0), H, 0.0, TOLERANCE)
 
     baseline, stress = best(lambda: felupe_solve(cell))

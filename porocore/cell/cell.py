@@ -1,4 +1,4 @@
-"""A cell: the pore geometry, the solid's material, the fluid's viscosity, and how finely it is meshed."""
+"""A cell: pore geometry, material of the solid, viscosity of the fluid, mesh size."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from porocore.core.units.dimensions import Dimension, Unit
 from porocore.errors import ConfigurationError
 
 Cells = Annotated[int, Field(ge=1, le=8)]
-#: A number is a name too: that of a tag.
+#: Name of a region; a number is the name of a tag.
 Region = Annotated[str, BeforeValidator(lambda name: str(name) if isinstance(name, int) else name)]
 
 
 class Cell(BaseModel):
-    """Everything that determines the cell problems, as it stands in the configuration."""
+    """Configuration of a cell: all that determines its cell problems."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -90,7 +90,7 @@ class Cell(BaseModel):
 
     @property
     def solid(self) -> Solid:
-        """What the solid is made of."""
+        """Material of the solid, or one for each of its regions."""
         if self.materials is not None:
             return Composite(self.materials)
         assert self.material is not None
@@ -104,19 +104,19 @@ class Cell(BaseModel):
 
     @property
     def symmetric(self) -> bool:
-        """Whether the pores have mirrors that may be made use of; the flow is then solved on the eighth."""
+        """True where the mirrors of the pores are used; the flow is then solved on the eighth."""
         return self.symmetry == "auto" and self.geometry.unfolding != "whole"
 
     @property
     def mirrored(self) -> bool:
-        """Whether states without shear are solved on the eighth."""
+        """True where states without shear are solved on the eighth."""
         return self.symmetric and self.solid.mirrored and self.supercell == (1, 1, 1)
 
     @cached_property
     def point_group(self) -> PointGroup:
-        """The operations of the cube that leave the cell as it is: its pores, its material and its block of cells.
+        """Point group of the cell: of its pores, its material and its block of cells.
 
-        It is that of what is described. A free mesh of it breaks some of them by its own error.
+        It is exact for the description; a free mesh breaks some of its operations by the discretisation error.
         """
         counts = np.array(self.supercell)
         return self.geometry.point_group.kept(
@@ -128,12 +128,12 @@ class Cell(BaseModel):
 
     @property
     def disconnected(self) -> str:
-        """Why the solid does not hang together from cell to cell, so that it has no stiffness; empty if it does.
+        """Reason why the solid is not connected across the periodic cell, so has no stiffness; empty if it is.
 
         Raises
         ------
         PorocoreError
-            Only a mesh can tell, and the geometry cannot be meshed.
+            A mesh is needed, and the geometry cannot be meshed.
         """
         known = self.geometry.disconnected
         if known is None:
@@ -159,16 +159,16 @@ class Cell(BaseModel):
         Raises
         ------
         ConfigurationError
-            The solid does not hang together from cell to cell.
+            The solid is not connected across the periodic cell.
         """
         if disconnected := self.disconnected:
             raise ConfigurationError(
-                f"cell.geometry: the solid of {self.geometry.description} does not hang together, so it has no "
-                f"stiffness and only its conductivity can be computed: {disconnected}"
+                f"cell.geometry: the solid of {self.geometry.description} is not connected across the periodic cell, "
+                f"so it has no stiffness and only its conductivity can be computed: {disconnected}"
             )
 
     def specification(self) -> dict[str, Any]:
-        """All that the cell problems depend on; of a file its content, not where it is."""
+        """Return all that the cell problems depend on; of a file its content, not its path."""
         return self.model_dump(mode="json", exclude={"geometry": {"path"}})
 
     @property
@@ -177,9 +177,9 @@ class Cell(BaseModel):
         return hashlib.sha256(json.dumps(self.specification()).encode()).hexdigest()[:16]
 
     def make_mesh(self, phase: Phase, domain: Domain) -> CellMesh:
-        """Mesh of one phase on the eighth or on the whole cell, the same on every machine and for every backend.
+        """Return the mesh of one phase on the eighth or on the whole cell, the same for every backend.
 
-        The whole solid is that of the supercell; the flow repeats itself in every cell.
+        The whole solid is that of the supercell; the fluid is that of one cell.
         """
         mesh = make_mesh(self.geometry, self.mesh, phase, domain)
         if phase == "solid" and domain == "whole" and self.supercell != (1, 1, 1):

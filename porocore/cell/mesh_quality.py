@@ -1,4 +1,4 @@
-"""What a meshed cell is like: porosity, size and quality of the meshes, connectivity, periodicity."""
+"""Mesh quality of a cell: porosity, size and shape of the elements, connectivity, periodicity."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from porocore.cell.meshing.mesh import CellMesh, Phase
 from porocore.cell.meshing.tetrahedra import EDGES, least_stretch, volume
 from porocore.states import Array, IntArray
 
-#: Corners of the four facets of a tetrahedron, each opposite to the corner of its place; outward.
+#: Corners of the four facets of a tetrahedron, outward; facet k is opposite to corner k.
 FACETS = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
 @dataclass(frozen=True)
 class PhaseQuality:
-    """The mesh of one phase of the whole cell.
+    """Mesh quality of one phase of the whole cell.
 
     Attributes
     ----------
     share
-        Its volume, by the mesh with its curved elements.
+        Volume of the mesh with its curved elements.
     tetrahedra, nodes
-        Their numbers.
+        Numbers of elements and nodes.
     regions
-        Share of each region, by name, where there are several.
+        Share of each region by name, where there are several.
     smallest_angle, low_angle
-        The smallest dihedral angle, and the one that a hundredth of the elements fall below [degrees].
+        Smallest dihedral angle, and its quantile of 1 % over the elements [degrees].
     least_stretch
-        Smallest volume element of a curved tetrahedron over that of the same with straight edges.
+        Smallest volume element of a curved tetrahedron over that of the same one with straight edges.
     pieces
-        How it hangs together.
+        Connected pieces.
     """
 
     share: float
@@ -48,24 +48,24 @@ class PhaseQuality:
 
 @dataclass(frozen=True)
 class MeshQuality:
-    """Of one whole cell.
+    """Mesh quality of one whole cell.
 
     Attributes
     ----------
     description
-        Of the geometry.
+        Description of the geometry.
     unfolding
-        The part that was meshed.
+        Part that was meshed.
     porosity
-        Of the geometry; that of the mesh is the fluid's share.
+        Porosity of the geometry; that of the mesh is the share of the fluid.
     solid, fluid
-        The meshes; None for a phase that is not there.
+        Quality of each phase; None for a phase that is absent.
     unmatched
-        Facets on the faces of the cell that the opposite face does not have.
+        Number of facets on the faces of the cell without a partner on the opposite face.
     disconnected
-        Why the solid has no stiffness; empty if it has.
+        Reason why the solid has no stiffness; empty if it has.
     blocked
-        Along which of "xyz" nothing can flow.
+        Axes out of "xyz" along which nothing can flow.
     """
 
     description: str
@@ -79,7 +79,7 @@ class MeshQuality:
 
 
 def measure_mesh_quality(cell: Cell) -> MeshQuality:
-    """Mesh both phases and look at them.
+    """Mesh both phases and measure their quality.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def measure_mesh_quality(cell: Cell) -> MeshQuality:
         cell.geometry.porosity,
         of_solid,
         of_fluid,
-        # Each phase has a mesh of its own where their sizes differ, so that the faces are looked at phase by phase.
+        # Where the sizes differ each phase has its own mesh, so faces are checked phase by phase.
         unmatched(solid) + unmatched(fluid),
         cell.geometry.disconnected or why_disconnected(of_solid.pieces if of_solid else ()),
         blocked(of_fluid.pieces if of_fluid else ()),
@@ -123,7 +123,7 @@ def _phase(mesh: CellMesh) -> PhaseQuality | None:
 
 
 def dihedral_angles(points: Array, cells: IntArray) -> Array:
-    """The six angles between the facets of each tetrahedron with straight edges, (M, 6) [degrees]."""
+    """Return the six angles between the facets of each tetrahedron with straight edges, (M, 6) [degrees]."""
     corners = points[cells[:, :4]][:, FACETS]
     normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
@@ -133,7 +133,7 @@ def dihedral_angles(points: Array, cells: IntArray) -> Array:
 
 
 def unmatched(mesh: CellMesh) -> int:
-    """Facets of a whole cell on its faces that have no partner on the opposite one.
+    """Return the number of facets on the faces of a whole cell without a partner on the opposite face.
 
     A wall that lies in a face counts too: the other phase is on the other side.
     """
@@ -142,7 +142,7 @@ def unmatched(mesh: CellMesh) -> int:
 
 
 def quality_lines(quality: MeshQuality) -> list[str]:
-    """For reading."""
+    """Return the mesh quality as lines of text."""
     lines = [f"geometry: {quality.description}"]
     part = {"wedge": "a 48th", "eighth": "an eighth", "whole": "the whole cell"}[quality.unfolding]
     mesh = f", of the mesh {quality.fluid.share:.6g}" if quality.fluid else ""

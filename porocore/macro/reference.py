@@ -73,7 +73,7 @@ class CellReference:
         Raises
         ------
         ConfigurationError
-            The cell has no pores, or its solid does not hang together.
+            The cell has no pores, or its solid is not connected across the periodic cell.
         PorocoreError
             The undeformed cell has no solution, which a mesh or backend fault must cause.
         """

@@ -1,4 +1,4 @@
-"""How the pieces of a phase hang together through the periodic cell, and what becomes of a solid that does not."""
+"""Connectivity of a phase across the periodic cell, and solids that are not connected."""
 
 import numpy as np
 import pytest

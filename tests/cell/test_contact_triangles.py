@@ -105,7 +105,7 @@ def test_forces_and_second_derivatives_of_walls(folded):
     n, h = len(u), 1e-6
     direction = np.random.default_rng(5).normal(size=u.shape)
     dH = np.random.default_rng(6).normal(size=(3, 3))
-    up, down = (contact.at(H + s * h * dH, u + s * h * direction, state) for s in (1, -1))
+    up, down = (contact.at(H + s * h * dH, u + s * h * direction, state.pairs) for s in (1, -1))
     slope = (state.forces.by_displacement(n) * direction).sum() + (state.forces.by_load * dH).sum()
     assert (up.forces.energy - down.forces.energy) / (2 * h) == pytest.approx(slope, rel=1e-6)
     change = (up.forces.by_displacement(n) - down.forces.by_displacement(n)) / (2 * h)
@@ -122,7 +122,7 @@ def test_walls_push_each_other_apart(folded):
     forces = state.forces.by_displacement(len(u))
     assert np.abs(forces).max() > 0
     np.testing.assert_allclose(forces.sum(axis=0), 0, atol=1e-12 * np.abs(forces).sum())
-    moved = contact.at(folded[2], u + np.array([0.1, -0.2, 0.3]), state)
+    moved = contact.at(folded[2], u + np.array([0.1, -0.2, 0.3]), state.pairs)
     assert moved.forces.energy == pytest.approx(state.forces.energy, rel=1e-10)
 
 

@@ -49,7 +49,6 @@ def states():
     found = {}
     for name, (radius, H, p) in STATES.items():
         solid = solid_of(cell_of(radius).make_mesh("solid", "eighth"))
-        solid.reset()
         outcome = follow(solid, solid.iterate_at(np.zeros((3, 3)), 0.0), np.diag(H), p, 1e-11)
         assert outcome.status == Status.converged, name
         found[name] = solid, outcome.equilibrium

@@ -202,7 +202,6 @@ def test_the_place_in_the_cell_does_not_matter(load):
                 for phase in ("solid", "fluid")
             )
             problem = solver.solid(settings, solid)
-            problem.reset()
             outcome = follow(problem, problem.iterate_at(np.zeros((3, 3)), 0.0), np.zeros((3, 3)), 0.0, 1e-11)
             tangent = respond(problem, outcome.equilibrium, tangent=True).tangent
             M, Q = tangent.mean_grad_grad_u[0], tangent.mean_grad_p[0]

@@ -60,7 +60,7 @@ def test_check_refuses_a_solid_that_a_run_refuses(tmp_path):
     with pytest.raises(ConfigurationError) as refused:
         load_config(path).cell.require_stiffness()
     assert str(refused.value) in str(done.exception)
-    assert "does not hang together" in str(refused.value)
+    assert "is not connected across the periodic cell" in str(refused.value)
 
 
 def test_check_refuses_a_cell_without_pores(tmp_path, monkeypatch):

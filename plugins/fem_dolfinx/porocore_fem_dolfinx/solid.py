@@ -266,7 +266,7 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
     def expanded(self, x: Array, parity: str) -> Array:
         return self.space.to_nodes(self.space.free(parity).expand(x))
 
-    def sums(self, iterate: DolfinxIterate) -> DomainIntegrals:
+    def integrals(self, iterate: DolfinxIterate) -> DomainIntegrals:
         total = self.space.integral(iterate.values)
         return DomainIntegrals(
             grad=total[:9].reshape(3, 3),

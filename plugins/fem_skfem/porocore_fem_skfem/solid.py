@@ -204,7 +204,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
     def expanded(self, x: Array, parity: str) -> Array:
         return self.field(x, parity)[:, self.nodes].T
 
-    def sums(self, iterate: SkfemIterate) -> DomainIntegrals:
+    def integrals(self, iterate: SkfemIterate) -> DomainIntegrals:
         grad = iterate.F - (np.eye(3) + iterate.H)[:, :, None]
         energy = self.response.energy_density(iterate)
         return DomainIntegrals(

@@ -1,8 +1,8 @@
-"""The displacement of the solid continued into the pore, so that the fluid's mesh follows the wall.
+"""Extension of the solid's displacement into the pore, so that the mesh of the fluid follows the wall.
 
-Only the wall matters: inside, any continuation that folds no element gives the same flow. The corners of the fluid's
-elements follow a harmonic field whose stiffness grows where elements are small, the middles of edges are halfway
-between them, and on the wall every node goes where the solid goes.
+Inside the pore any extension that folds no element gives the same flow. The corners of the fluid's elements follow a
+harmonic field with a larger stiffness in smaller elements, mid-edge nodes lie halfway between them, and on the wall
+every node follows the solid.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from porocore.states import Array, IntArray
 
 
 class HarmonicExtension:
-    """Continues u¹ from the solid to the fluid's nodes; set up once, applied by back substitution.
+    """Harmonic extension of u¹ from the solid to the nodes of the fluid; set up once, applied by back substitution.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class HarmonicExtension:
     Raises
     ------
     ConfigurationError
-        The walls of the two meshes do not lie upon each other.
+        The walls of the two meshes do not coincide.
     """
 
     def __init__(self, solid: CellMesh, fluid: CellMesh) -> None:
@@ -49,13 +49,13 @@ class HarmonicExtension:
         on_wall[self._corner_of[self._wall][self._corner_of[self._wall] >= 0]] = True
         matrix = _stiffness(fluid, self._corner_of[fluid.cells[:, :4]], len(self._corners))
         self._solves = [self._solver(matrix, on_wall, i) for i in range(3)]
-        #: The two ends of the edge in whose middle each node is; a corner is both itself.
+        #: Ends of the edge of each mid-edge node; a corner is both of its ends.
         self._ends = np.tile(np.arange(len(fluid.points)), (2, 1))
         for place, (a, b) in enumerate(EDGES, start=4):
             self._ends[:, fluid.cells[:, place]] = fluid.cells[:, [a, b]].T
 
     def _solver(self, matrix: csc_matrix, on_wall: npt.NDArray[np.bool_], i: int) -> Callable[[Array], Array]:
-        """The component u_i at the corners from its values on the wall, 0 on the mirror planes of axis i."""
+        """Return the map of u_i on the wall to u_i at all corners, with 0 on the mirror planes of axis i."""
         held = on_wall.copy()
         if self.fluid.domain == "eighth":
             held |= np.isin(self.fluid.points[self._node_of, i], (0.0, 0.5))
@@ -73,7 +73,7 @@ class HarmonicExtension:
         return solve
 
     def __call__(self, u: Array) -> Array:
-        """u¹ (nodes, 3) of the fluid from that of the solid (nodes, 3)."""
+        """Return u¹ (nodes, 3) of the fluid from that of the solid (nodes, 3)."""
         fluid = self.fluid
         on_wall = self._to_wall @ u
         if fluid.domain == "eighth":
@@ -89,7 +89,7 @@ class HarmonicExtension:
 
 
 def _stiffness(fluid: CellMesh, corners: IntArray, count: int) -> csc_matrix:
-    """Of linear elements, (corners, corners), each weighted by the inverse of its volume."""
+    """Return the stiffness matrix of linear elements, each weighted by the inverse of its volume."""
     edges = fluid.points[fluid.cells[:, 1:4]] - fluid.points[fluid.cells[:, :1]]
     inverse = np.linalg.inv(edges)  # columns: gradients of the last three shape functions
     gradients = np.concatenate([-inverse.sum(axis=2, keepdims=True), inverse], axis=2)

@@ -1,4 +1,4 @@
-"""What a finite element library contributes to the fluid cell problem: Stokes flow through a mesh that may be moved."""
+"""Interface of a discrete fluid: Stokes flow through a mesh that may be deformed."""
 
 from __future__ import annotations
 
@@ -11,31 +11,30 @@ from porocore.states import Array
 class DiscreteFluid(ABC):
     """Stokes flow of unit viscosity on one mesh of the fluid, with quadratic velocity and linear pressure.
 
-    On the mesh moved by x(Y), with F = ∂x/∂Y and J = det F, the weak form for the unit force e_j is::
+    On the mesh deformed by x(Y), with F = ∂x/∂Y and J = det F, the weak form for the unit force e_j is::
 
         ∫ J (∇w F⁻¹):(∇v F⁻¹) − q J F⁻ᵀ:∇v − s J F⁻ᵀ:∇w dY = ∫ J v_j dY
 
     for all v, s periodic in Y; w vanishes on the wall. x is quadratic in each element like Y itself, so this is the
-    integral of the undeformed cell with x in the place of Y, and the undeformed cell is the case x = Y.
+    weak form of the undeformed cell with x in place of Y, and the undeformed cell is the case x = Y.
 
     Attributes
     ----------
     mesh
-        The undeformed mesh, of quadratic elements.
+        Undeformed mesh of quadratic elements.
     """
 
     mesh: CellMesh
 
     @abstractmethod
     def flow(self, points: Array | None = None) -> Array:
-        """∫ w^j_i dx (3, 3) over the moved mesh for the three unit forces e_j.
+        """Return ∫ w^j_i dx (3, 3) over the deformed mesh for the three unit forces e_j.
 
         Parameters
         ----------
         points : (nodes, 3)
-            Where the nodes of ``mesh`` are, the undeformed ones by default. Opposite nodes stay opposite: they
-            differ by one vector for each pair of faces, and on the eighth the mirror planes stay at right angles to
-            the axes.
+            Positions of the nodes of ``mesh``, the undeformed ones by default. Partners on opposite faces differ by
+            one vector for each pair of faces; on the eighth the mirror planes stay normal to the axes.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The conductivity of a pore whose wall has moved with the solid."""
+"""Conductivity of a pore whose wall follows the solid."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from porocore.cell.meshing.tetrahedra import determinants
 from porocore.errors import PorocoreError
 from porocore.states import Array
 
-#: Of the rule at whose points the fluid must not be turned inside out: that of the flow.
+#: Degree of the rule at whose points J of the fluid must be positive, that of the flow.
 DEGREE = 4
 
 
@@ -37,7 +37,7 @@ class Pore:
         return self._of_cell(self.fluid.flow())
 
     def deformed(self, H: Array, u: Array, solid: CellMesh) -> tuple[Array, float]:
-        """K_ref μ_f (3, 3) of the pore deformed by x = (I + H) Y + u¹, and the smallest J of the fluid's mesh.
+        """Return K_ref μ_f (3, 3) of the pore deformed by x = (I + H) Y + u¹, and the smallest J of the fluid's mesh.
 
         With k the conductivity of the deformed cell, the flux through reference area is q = −K_ref ∇_X p with::
 
@@ -52,15 +52,15 @@ class Pore:
         u : (nodes, 3)
             u¹ on the solid.
         solid
-            Its mesh, of the same domain as the fluid's.
+            Mesh of the solid, of the same domain as the fluid's.
 
         Returns
         -------
         K : (3, 3)
-            Symmetric; NaN where an element of the fluid is turned inside out, as where walls touch, or where the
-            flow cannot be solved.
+            Symmetric; NaN where an element of the fluid is inverted, as where walls touch, or where the flow cannot
+            be solved.
         smallest : float
-            J at the points of the flow's quadrature; K has values where it is positive.
+            Smallest J at the points of the flow's quadrature; K has values where it is positive.
         """
         if solid.hash not in self._extensions:
             self._extensions = {solid.hash: HarmonicExtension(solid, self.fluid.mesh)}
@@ -78,7 +78,7 @@ class Pore:
         return (K + K.T) / 2, smallest
 
     def _volume_elements(self, points: Array) -> Array:
-        """det ∂x/∂ξ (elements, q) where the nodes lie at ``points``."""
+        """Return det ∂x/∂ξ (elements, q) for nodes at ``points``."""
         return determinants(points, self.fluid.mesh.cells, tetrahedron_rule(DEGREE)[0])
 
     @cached_property
@@ -86,5 +86,5 @@ class Pore:
         return self._volume_elements(self.fluid.mesh.points)
 
     def _of_cell(self, integrals: Array) -> Array:
-        """∫ over the whole cell: a flow of the eighth is odd or even under its mirrors."""
+        """Return integrals over the whole cell from those of the domain; the flow is odd or even under its mirrors."""
         return 8 * np.diag(np.diag(integrals)) if self.fluid.mesh.domain == "eighth" else integrals

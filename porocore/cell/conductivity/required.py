@@ -1,4 +1,4 @@
-"""What a cell must be like for its conductivity to follow the pore."""
+"""Requirements on a cell for the conductivity of the deformed pore."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def require_one_cell(cell: Cell) -> None:
 
 
 def require_one_wall(cell: Cell) -> None:
-    """Refuse one cell whose two meshes approximate the pore wall so differently that none follows the other.
+    """Refuse a cell whose two meshes approximate the pore wall too differently for one to follow the other.
 
     Raises
     ------

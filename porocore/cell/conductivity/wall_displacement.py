@@ -1,9 +1,9 @@
-"""Which displacement of the solid belongs to a node of the fluid on the pore wall.
+"""Interpolation of the solid's displacement to the nodes of the fluid on the pore wall.
 
-Solid and fluid are meshed each for itself, so the nodes of one wall are not those of the other, and between its nodes
-each wall is a polynomial of its own. A wall node of the fluid is therefore looked up in the elements of the solid along
-the wall: the element in whose own coordinates it lies, or lies least outside. Continued there, the solid's displacement
-is as accurate as the walls are near to each other, and exact where it is affine.
+Solid and fluid are meshed separately, so the nodes of their walls differ, and between its nodes each wall is its own
+polynomial. A wall node of the fluid is therefore located in the elements of the solid along the wall: in the element
+whose coordinates contain it, or nearly do. The displacement extrapolated there is as accurate as the walls are close,
+and exact where it is affine.
 """
 
 from __future__ import annotations
@@ -20,35 +20,35 @@ from porocore.cell.meshing.shape_functions import shape_functions
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
-#: Elements along the wall that are tried for each node, the nearest.
+#: Number of nearest elements along the wall that are tried for each node.
 CANDIDATES = 12
 ITERATIONS = 20
 ACCURACY = 1e-12
-#: In the coordinates of the element that a node is looked up in; farther outside, the walls do not belong together.
+#: Largest distance of a node outside its element, in element coordinates; farther off the walls do not coincide.
 FARTHEST = 0.5
-#: Elements whose coordinates of a point lie outside by the same, to this, are equally good.
+#: Tolerance of that distance within which elements are equally good.
 ALIKE = 1e-8
 
 
 def wall_interpolation(solid: CellMesh, fluid: CellMesh) -> tuple[IntArray, csr_matrix]:
-    """Wall nodes of the fluid, with every periodic image, and the matrix from the solid's nodal values to theirs.
+    """Return the wall nodes of the fluid, with every periodic image, and the matrix from the solid's nodal values.
 
     Parameters
     ----------
     solid, fluid
-        Of the same domain of the same cell.
+        Meshes of the same domain of one cell.
 
     Returns
     -------
     nodes : (k,)
-        Of the fluid.
+        Wall nodes of the fluid.
     matrix : (k, nodes of the solid)
         Periodic images have the same row.
 
     Raises
     ------
     ConfigurationError
-        The walls do not lie upon each other.
+        The walls do not coincide.
     """
     images = fluid.periodic_class
     walled = np.unique(fluid.wall)
@@ -63,9 +63,9 @@ def wall_interpolation(solid: CellMesh, fluid: CellMesh) -> tuple[IntArray, csr_
 
 
 def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Array, Array]:
-    """Where the points (k, 3) lie: m numbers of a point, its element, the coordinates (m, 3) in it, and its share.
+    """Locate points (k, 3): return m numbers of points, their elements, coordinates (m, 3) in them, and weights.
 
-    Elements that serve a point equally well share it, such as one and its mirror image: so symmetry is kept.
+    Equally good elements of a point, such as an element and its mirror image, share it, which preserves symmetry.
     """
     owners = _wall_elements(solid)
     centres = solid.points[solid.wall[:, :3]].mean(axis=1)
@@ -93,7 +93,7 @@ def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Arra
 
 
 def _wall_elements(solid: CellMesh) -> IntArray:
-    """The element that each facet of the wall belongs to."""
+    """Return the element of each facet of the wall."""
     facets = np.sort(solid.cells[:, FACETS].reshape(-1, 3), axis=1)
     wall = np.sort(solid.wall[:, :3], axis=1)
     _, inverse = np.unique(np.concatenate([facets, wall]), axis=0, return_inverse=True)
@@ -105,16 +105,16 @@ def _wall_elements(solid: CellMesh) -> IntArray:
 
 
 def _inverted(corners: Array, places: Array) -> tuple[Array, Array]:
-    """Element coordinates (k, 3) of places (k, 3), each in an element of its own (k, a, 3), and where there are any."""
+    """Return the coordinates (k, 3) of places (k, 3), each in its own element (k, a, 3), and which ones were found."""
     local = np.full((len(places), 3), 0.25)
     for _ in range(ITERATIONS):
         N, dN = shape_functions(local, corners.shape[1])
         error = np.einsum("ka,kai->ki", N, corners) - places
         if np.abs(error).max(initial=0.0) < ACCURACY:
             break
-        slope = np.einsum("kai,kaj->kij", corners, dN)
-        step = np.linalg.solve(slope + 1e-300 * np.eye(3), error[:, :, None])[:, :, 0]
-        # A node far from an element may have no place in its coordinates; it is then another element's.
+        jacobian = np.einsum("kai,kaj->kij", corners, dN)
+        step = np.linalg.solve(jacobian + 1e-300 * np.eye(3), error[:, :, None])[:, :, 0]
+        # A point far from an element may have no coordinates in it; another element contains it.
         local = np.clip(local - step, -3.0, 4.0)
     N, _ = shape_functions(local, corners.shape[1])
     error = np.einsum("ka,kai->ki", N, corners) - places

@@ -1,26 +1,35 @@
-"""What every model says of contact at one iterate."""
+"""Protocol of the contact state of one iterate."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
 from porocore.cell.contact.forces import Blocks, Forces
+from porocore.cell.contact.pairs import ContactPairs
 
 
 class ContactState(Protocol):
-    """Contact at one iterate."""
+    """Contact at one iterate.
+
+    Attributes
+    ----------
+    pairs
+        Contact pairs; None where they do not depend on the iterate.
+    """
+
+    pairs: ContactPairs | None
 
     @property
     def active(self) -> bool:
-        """Whether anything touches."""
+        """True where any point of the wall is in contact."""
 
     @property
     def depth(self) -> float:
-        """Of the deepest penetration."""
+        """Largest penetration."""
 
     @property
     def forces(self) -> Forces:
         """Energy and first derivatives."""
 
     def blocks(self, parity: str) -> Blocks:
-        """Second derivatives for perturbations that are odd under the mirrors of the named axes."""
+        """Return the second derivatives for the perturbations of a parity class."""

@@ -1,7 +1,7 @@
-"""What contact contributes at one iterate: an energy of the positions of some nodes, and its derivatives.
+"""Energy of contact at one iterate as a function of nodal positions, and its derivatives.
 
-The position of a node is x = F₀ X̃ + u, where X̃ is its place in the undeformed cell, periodic shift included; so
-one gradient and one matrix of second derivatives by positions serve the unknowns u and the load H at once.
+The position of a node is x = F₀ X̃ + u, where X̃ is its place in the undeformed cell, periodic shift included. So one
+gradient and one Hessian by positions give the derivatives by the unknowns u and by the load H.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from porocore.states import Array, IntArray
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Derivatives by the positions of k nodes, m times.
+    """Second derivatives by nodal positions, in m blocks of k nodes each.
 
     Attributes
     ----------
     nodes : (m, k)
-        Of the mesh; −1 for one that has no displacement of its own.
+        Nodes of the mesh; −1 for one without a displacement of its own.
     places : (m, k, 3)
-        X̃.
+        Undeformed places X̃.
     matrices : (m, 3k, 3k)
         ∂²E/∂x∂x, symmetric.
     """
@@ -33,12 +33,12 @@ class Blocks:
     matrices: Array
 
     def load_change(self, n: int, dH: Array) -> Array:
-        """∂²E/∂u∂H : δH, (n nodes, 3)."""
+        """Return ∂²E/∂u∂H : δH, (n nodes, 3)."""
         force = np.einsum("mab,mb->ma", self.matrices, self._moved(dH))
         return scatter(n, self.nodes, force.reshape(*self.nodes.shape, 3))
 
     def second(self, one: Array, other: Array) -> float:
-        """δH : ∂²E/∂H∂H : δH' at fixed u."""
+        """Return δH : ∂²E/∂H∂H : δH' at fixed u."""
         return float(np.einsum("ma,mab,mb->", self._moved(one), self.matrices, self._moved(other)))
 
     def _moved(self, dH: Array) -> Array:
@@ -46,7 +46,7 @@ class Blocks:
 
     @cached_property
     def entries(self) -> tuple[IntArray, IntArray, Array]:
-        """Rows, columns (unknown 3·node + i) and values of ∂²E/∂u∂u; equal places are to be added."""
+        """Rows, columns (unknown 3·node + i) and values of ∂²E/∂u∂u; entries at equal places add up."""
         m, k = self.nodes.shape
         dofs = (3 * self.nodes[:, :, None] + np.arange(3)).reshape(m, 3 * k)
         rows = np.repeat(dofs, 3 * k, axis=1).ravel()
@@ -62,13 +62,13 @@ class Forces:
     Attributes
     ----------
     energy : float
-        E.
+        Energy E.
     nodes : (m, k), places : (m, k, 3)
-        As in :class:`Blocks`.
+        See :class:`Blocks`.
     gradient : (m, k, 3)
         ∂E/∂x.
     share : float
-        Of the undeformed wall that is in contact.
+        Share of the undeformed wall that is in contact.
     """
 
     energy: float
@@ -78,7 +78,7 @@ class Forces:
     share: float
 
     def by_displacement(self, n: int) -> Array:
-        """∂E/∂u, (n nodes, 3)."""
+        """Return ∂E/∂u, (n nodes, 3)."""
         return scatter(n, self.nodes, self.gradient)
 
     @property
@@ -89,7 +89,7 @@ class Forces:
 
 
 def joined(parts: list[Blocks]) -> Blocks:
-    """All in one; blocks of fewer nodes get some that do nothing."""
+    """Return all blocks as one batch; smaller blocks are padded with zeros."""
     k = max(part.nodes.shape[1] for part in parts)
     nodes, places, matrices = [], [], []
     for part in parts:
@@ -101,7 +101,7 @@ def joined(parts: list[Blocks]) -> Blocks:
 
 
 def scatter(n: int, nodes: IntArray, values: Array) -> Array:
-    """DomainIntegrals (m, k, 3) at the nodes (m, k) into (n, 3); node −1 is left out."""
+    """Return values (m, k, 3) summed at their nodes (m, k), (n, 3); node −1 is left out."""
     own = nodes >= 0
     out = np.zeros((n, 3))
     np.add.at(out, nodes[own], values[own])

@@ -1,4 +1,4 @@
-"""What a solid problem asks of contact, and which kind serves which domain."""
+"""Protocol of a contact model, and the choice of one for a mesh."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from porocore.cell.contact.contact_state import ContactState
 from porocore.cell.contact.mirrors import MirrorContact
+from porocore.cell.contact.pairs import ContactPairs
 from porocore.cell.contact.pore_surface import pore_surface
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.contact.wall_contact import WallContact
@@ -17,34 +18,33 @@ from porocore.states import Array, IntArray
 
 
 class ContactModel(Protocol):
-    """Contact of one mesh.
+    """Contact of the pore wall of one mesh.
 
     Attributes
     ----------
     deepest
-        A penetration beyond this is no contact any more.
+        Largest accepted penetration.
     pairs_move
-        Whether what touches what depends on the iterate.
+        True where the contact pairs depend on the iterate.
     """
 
     deepest: float
     pairs_move: bool
 
-    def at(self, H: Array, u: Array, like: ContactState | None = None) -> ContactState:
-        """At u (nodes, 3) under H.
+    def at(self, H: Array, u: Array, pairs: ContactPairs | None = None) -> ContactState:
+        """Return the contact state of u (nodes, 3) under H, with the given contact pairs or with new ones.
 
-        What touches what is taken over from ``like`` where it is given: between iterates with the same pairs the
-        energy is continuously differentiable.
+        The energy is continuously differentiable as long as the pairs are the same.
         """
 
 
 def make_contact_model(
     mesh: CellMesh, settings: ContactSettings, material: StrainEnergy | None = None
 ) -> ContactModel | None:
-    """Of the wall of a mesh of the solid; None where the settings say so, or where there are no pores.
+    """Return the contact model of a mesh of the solid; None without pores or where the settings switch contact off.
 
-    The penalty is in units of the material's Young's modulus at small strains, averaged over directions and over the
-    elements at the wall; of 1 without a material.
+    The penalty stiffness is in units of Young's modulus at small strains, averaged over directions and over the
+    elements at the wall, or 1 without a material.
     """
     if settings.kind == "none" or not len(mesh.wall):
         return None
@@ -57,17 +57,17 @@ def make_contact_model(
 
 
 def _at_wall(mesh: CellMesh) -> IntArray:
-    """Elements with a facet on the wall."""
+    """Return the elements with a facet on the wall."""
     on_wall = np.zeros(len(mesh.points), dtype=bool)
     on_wall[mesh.wall] = True
     return np.flatnonzero(on_wall[mesh.cells[:, :4]].sum(axis=1) >= 3)
 
 
-#: In units of the mean edge of the wall's facets.
+#: Largest accepted penetration, in mean edges of the wall's facets.
 DEEPEST = 0.25
 
 
 def facet_edge(mesh: CellMesh) -> float:
-    """Mean edge h of the wall's facets, as if they were equilateral triangles."""
-    wall = pore_surface(mesh)
-    return float(np.sqrt(4 / np.sqrt(3) * wall.area / len(wall.facets)))
+    """Return the mean edge h of the wall's facets, taken as equilateral triangles."""
+    surface = pore_surface(mesh)
+    return float(np.sqrt(4 / np.sqrt(3) * surface.area / len(surface.facets)))

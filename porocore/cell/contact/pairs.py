@@ -1,4 +1,4 @@
-"""Which points of the wall face which triangles of the wall or of an image of it."""
+"""Search for contact pairs: points of the wall, and the triangles of the wall or of its images that they face."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from porocore.states import Array, IntArray
 
 #: The triangles of a facet (VTK order of its six nodes).
 SUBTRIANGLES = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
-#: Penetrations are seen up to so many times the deepest one that is accepted.
+#: Range of the search, in largest accepted penetrations.
 REACH = 1.5
-#: Walls face each other where the product of their normals lies below this.
+#: Two walls face each other where the product of their normals lies below this.
 OPPOSED = -0.5
-#: A point whose nearest one lies on an edge or a vertex is only held against it if it is nearly above or below it: the
-#: cosine between this direction and the normal. Else it lies beside the wall that faces it.
+#: Smallest cosine of the normal and the direction to a nearest point on an edge or a vertex; with a smaller one the
+#: point lies beside the wall.
 BESIDE = 0.9
-#: Walls that may come to touch see each other across the pore before; what lies behind a wall is the other side of the
-#: solid, however thin it is. Up to this sine, for facets in one plane.
+#: Only walls that face each other across the undeformed pore may touch; a wall behind a facet is the other side of the
+#: solid, however thin. Tolerance as a sine, for facets in one plane.
 BEHIND = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """The wall once more: shifted by periods, or reflected.
+    """Image of the wall, shifted by periods or reflected.
 
     Attributes
     ----------
     x, X : (nodes, 3)
-        Where the image of each node is, deformed and undeformed.
+        Deformed and undeformed position of the image of each node.
     reflected
-        A reflection turns the facets round.
+        True for a reflection, which reverses the orientation of the facets.
     """
 
     x: Array
@@ -44,22 +44,22 @@ class Image:
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """m points of the wall, each with the triangle that it is held against.
+    """Contact pairs: m points of the wall, each with the triangle that it faces.
 
     Attributes
     ----------
     N : (m, a)
         Shape functions at the point.
     weights : (m,)
-        Its undeformed area.
+        Undeformed area of the point.
     own : (m, a)
         Nodes of its facet.
     other : (m, 3)
         Nodes whose images are the triangle, outward from the solid.
     where : (m,)
-        Face, edge or vertex, see :mod:`porocore.cell.contact.triangles`.
+        Part of the triangle that is nearest: face, edge or vertex, see :mod:`porocore.cell.contact.triangles`.
     number, distance : (m,)
-        Of the point, and how near the triangle was when it was found.
+        Number of the point, and its distance from the triangle at the search.
     """
 
     N: Array
@@ -71,12 +71,16 @@ class Pairs:
     distance: Array
 
     def __getitem__(self, rows: IntArray) -> Pairs:
-        """Some of them."""
+        """Return the pairs in some rows."""
         return Pairs(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
+#: Contact pairs of the wall with each of its images, shifted by periods (3,).
+ContactPairs = list[tuple[Array, Pairs]]
+
+
 def nearest_only(images: list[Pairs]) -> list[Pairs]:
-    """Each point with the nearest of its triangles in several images."""
+    """Return the pairs with the nearest triangle of each point among several images."""
     distance = np.concatenate([pairs.distance for pairs in images])
     number = np.concatenate([pairs.number for pairs in images])
     image = np.repeat(np.arange(len(images)), [len(pairs.number) for pairs in images])
@@ -86,33 +90,35 @@ def nearest_only(images: list[Pairs]) -> list[Pairs]:
     return [pairs[np.sort(row[chosen][image[chosen] == i])] for i, pairs in enumerate(images)]
 
 
-def find_pairs(wall: PoreSurface, x: Array, X: Array, image: Image, reach: float) -> Pairs:
-    """Points that lie within ``reach`` of an opposite triangle, before it or behind; x, X (nodes, 3)."""
-    slave, master = _facing(wall, x, X, image, reach)
-    triangles = wall.facets[:, SUBTRIANGLES if wall.facets.shape[1] == 6 else np.array([[0, 1, 2]])]
+def find_pairs(surface: PoreSurface, x: Array, X: Array, image: Image, reach: float) -> Pairs:
+    """Return the points within ``reach`` of a facing triangle, before or behind it; x, X (nodes, 3)."""
+    slave, master = _facing(surface, x, X, image, reach)
+    triangles = surface.facets[:, SUBTRIANGLES if surface.facets.shape[1] == 6 else np.array([[0, 1, 2]])]
     if image.reflected:
         triangles = triangles[:, :, ::-1]
-    points = np.einsum("qa,pai->pqi", wall.N, x[wall.facets[slave]])
+    points = np.einsum("qa,pai->pqi", surface.N, x[surface.facets[slave]])
     gaps, where, cosines = nearest(points[:, :, None], image.x[triangles[master]][:, None])
     pair, point, triangle = np.nonzero((np.abs(gaps) < reach) & (cosines > BESIDE))
-    number = slave[pair] * len(wall.N) + point
+    number = slave[pair] * len(surface.N) + point
     order = np.lexsort((np.abs(gaps[pair, point, triangle]), number))
     chosen = order[np.unique(number[order], return_index=True)[1]]
     pair, point, triangle = pair[chosen], point[chosen], triangle[chosen]
     return Pairs(
-        wall.N[point],
-        wall.weights[slave[pair], point],
-        wall.facets[slave[pair]],
+        surface.N[point],
+        surface.weights[slave[pair], point],
+        surface.facets[slave[pair]],
         triangles[master[pair], triangle],
         where[pair, point, triangle],
-        slave[pair] * len(wall.N) + point,
+        slave[pair] * len(surface.N) + point,
         np.abs(gaps[pair, point, triangle]),
     )
 
 
-def _facing(wall: PoreSurface, x: Array, X: Array, image: Image, reach: float) -> tuple[IntArray, IntArray]:
-    """Pairs of facets, of the wall and of the image, that are near and face each other."""
-    corners = wall.facets[:, :3]
+def _facing(
+    surface: PoreSurface, x: Array, X: Array, image: Image, reach: float
+) -> tuple[IntArray, IntArray]:
+    """Return pairs of facets, of the wall and of the image, that are near and face each other."""
+    corners = surface.facets[:, :3]
     centres, normals, radii = _shape(x[corners])
     others, other_normals, _ = _shape(image.x[corners], reflected=image.reflected)
     span = 2 * float(radii.max()) + reach
@@ -135,7 +141,7 @@ def _facing(wall: PoreSurface, x: Array, X: Array, image: Image, reach: float) -
 
 
 def _shape(corners: Array, *, reflected: bool = False) -> tuple[Array, Array, Array]:
-    """Centres, unit normals (F, 3) and radii (F,) of triangles (F, 3, 3)."""
+    """Return centres, unit normals (F, 3) and radii (F,) of triangles (F, 3, 3)."""
     centres = corners.mean(axis=1)
     m = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)

@@ -1,4 +1,4 @@
-"""Points of the wall that have passed a triangle: the penalty on their distance from its plane."""
+"""Penalty energy of the points of the wall that have penetrated a triangle."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from porocore.states import Array, IntArray
 
 @dataclass(frozen=True, eq=False)
 class PenetratingPoints:
-    """The points that have passed their triangle, m of them, and how it moves with the nodes.
+    """m points that have penetrated their triangle, and the motion of both with the nodes.
 
     Attributes
     ----------
     points : (m, 3), corners : (m, 3, 3), where : (m,)
-        Positions, and what part of the triangle is nearest.
+        Positions, and the part of the triangle that is nearest.
     weights : (m,)
         Undeformed area times stiffness.
     motion : (m, 12, 3 k)
-        Of the point and the corners, by the positions of k nodes.
+        Derivative of point and corners by the positions of k nodes.
     nodes : (m, k), places : (m, k, 3)
-        As in :class:`~porocore.cell.contact.forces.Blocks`.
+        See :class:`~porocore.cell.contact.forces.Blocks`.
     """
 
     points: Array
@@ -38,33 +38,33 @@ class PenetratingPoints:
 
     @cached_property
     def distance(self) -> tuple[Array, Array, Array]:
-        """g, its slopes and its second derivatives by the point and the corners."""
+        """Distance g, its gradient and its Hessian by the positions of point and corners."""
         return distance_derivatives(self.points, self.corners, self.where)
 
     @property
     def energy(self) -> float:
-        """Σ weight g²/2."""
+        """Penalty energy Σ weight g²/2."""
         g = self.distance[0]
         return float(self.weights @ (g * g)) / 2
 
     @property
     def gradient(self) -> Array:
-        """By the positions of the nodes, (m, k, 3)."""
-        g, slope, _ = self.distance
-        gradient = ((self.weights * g)[:, None, None] * slope[:, None, :] @ self.motion)[:, 0]
-        return gradient.reshape(*self.nodes.shape, 3)
+        """Gradient of the energy by the positions of the nodes, (m, k, 3)."""
+        g, gradient, _ = self.distance
+        force = ((self.weights * g)[:, None, None] * gradient[:, None, :] @ self.motion)[:, 0]
+        return force.reshape(*self.nodes.shape, 3)
 
     @property
     def blocks(self) -> Blocks:
-        """Second derivatives."""
-        g, slope, bend = self.distance
-        inner = slope[:, :, None] * slope[:, None, :] + g[:, None, None] * bend
+        """Second derivatives of the energy."""
+        g, gradient, hessian = self.distance
+        inner = gradient[:, :, None] * gradient[:, None, :] + g[:, None, None] * hessian
         matrices = self.motion.swapaxes(1, 2) @ (self.weights[:, None, None] * inner) @ self.motion
         return Blocks(self.nodes, self.places, matrices)
 
 
 def motion_of(N: Array, corners: Array) -> Array:
-    """(m, 12, 3 (a + 3)) of points with shape functions N (m, a), and of corners that move by ``corners`` (3, 3)."""
+    """Return the motion (m, 12, 3 (a + 3)) of points, by N (m, a), and of triangles, by ``corners`` (3, 3) a corner."""
     m, a = N.shape
     motion = np.zeros((m, 4, 3, a + 3, 3))
     for i in range(3):

@@ -1,4 +1,4 @@
-"""The pore wall as points with weights, on the facets of a mesh of the solid."""
+"""The pore surface: quadrature points with weights on the wall's facets of a mesh of the solid."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import triangle_rule
 from porocore.states import Array, IntArray
 
-#: Of the rule on a facet: a crease begins as a fold within the facets next to a mirror plane.
+#: Degree of the rule on a facet: a crease begins as a fold within the facets next to a mirror plane.
 DEGREE = 7
 
 
 @dataclass(frozen=True, eq=False)
 class PoreSurface:
-    """F facets of a nodes each, with q quadrature points.
+    """The pore wall as F facets of a nodes each, with q quadrature points.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class PoreSurface:
     N : (q, a), dN : (q, a, 2)
         Shape functions and their derivatives by the two coordinates of a facet.
     weights : (F, q)
-        Undeformed area that belongs to each point.
+        Undeformed area of each point.
     """
 
     facets: IntArray
@@ -36,13 +36,13 @@ class PoreSurface:
 
     @property
     def area(self) -> float:
-        """Undeformed."""
+        """Undeformed area of the wall."""
         return float(self.weights.sum())
 
 
 @lru_cache(maxsize=8)
 def pore_surface(mesh: CellMesh) -> PoreSurface:
-    """The wall of a mesh of the solid."""
+    """Return the pore surface of a mesh of the solid."""
     points, weights = triangle_rule(DEGREE)
     N, dN = shape_functions(points, mesh.wall.shape[1])
     tangents = np.einsum("qas,fai->fqsi", dN, mesh.points[mesh.wall])
@@ -51,7 +51,7 @@ def pore_surface(mesh: CellMesh) -> PoreSurface:
 
 
 def shape_functions(points: Array, nodes: int) -> tuple[Array, Array]:
-    """N (q, a) and dN (q, a, 2) of a triangle of 3 or 6 nodes (VTK order) at points (q, 2) of the unit triangle."""
+    """Return N (q, a) and dN (q, a, 2) of a triangle of 3 or 6 nodes (VTK order) at points (q, 2)."""
     L = np.column_stack([1 - points.sum(axis=1), points])
     dL = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
     if nodes == 3:

@@ -1,4 +1,4 @@
-"""How the pore wall meets itself, as it stands in the configuration."""
+"""Settings of self-contact in the configuration."""
 
 from __future__ import annotations
 

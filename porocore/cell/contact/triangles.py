@@ -1,7 +1,7 @@
 """The signed distance of points from moving triangles, with first and second derivatives.
 
-It is the distance from the nearest point of the triangle, be it in the face, on an edge or a vertex. So the distance
-from a surface of triangles is continuous, and on its inner side continuously differentiable but for where two faces are
+It is the distance from the nearest point of the triangle, in the face, on an edge or at a vertex. So the distance from
+a surface of triangles is continuous; on its inner side it is continuously differentiable except where two faces are
 equally near.
 """
 
@@ -11,14 +11,14 @@ import numpy as np
 
 from porocore.states import Array, IntArray
 
-#: Where the nearest point lies: in the face (0), on the edge after vertex k (1 + k), on vertex k (4 + k).
+#: Codes of the part where the nearest point lies: the face (0), the edge after vertex k (1 + k), vertex k (4 + k).
 FACE, EDGE, VERTEX = 0, 1, 4
 
 
 def nearest(points: Array, triangles: Array) -> tuple[Array, IntArray, Array]:
-    """Signed distances, where the nearest points lie, and the cosine between their direction and the normal, (...).
+    """Return signed distances, the parts where the nearest points lie, and cosines of direction and normal, (...).
 
-    Of points (..., 3) and triangles (..., 3, 3), vertices in rows; positive on the side of the right-handed normal.
+    Points are (..., 3) and triangles (..., 3, 3), vertices in rows; positive on the side of the right-handed normal.
     """
     first = triangles[..., 0, :]
     m = np.cross(triangles[..., 1, :] - first, triangles[..., 2, :] - first)
@@ -43,14 +43,14 @@ def nearest(points: Array, triangles: Array) -> tuple[Array, IntArray, Array]:
 
 
 def distance_derivatives(points: Array, triangles: Array, where: IntArray) -> tuple[Array, Array, Array]:
-    """g (m,), ∂g/∂z (m, 12) and ∂²g/∂z² (m, 12, 12) with z = (x, x₁, x₂, x₃), the point and the vertices.
+    """Return g (m,), ∂g/∂z (m, 12) and ∂²g/∂z² (m, 12, 12) with z = (x, x₁, x₂, x₃), the point and the vertices.
 
-    Of the distance from the plane of the face, from the line of an edge, or from a vertex, as ``where`` says (m,).
+    g is the distance from the plane of the face, from the line of an edge, or from a vertex, by ``where`` (m,).
     """
     m = len(points)
-    g, slope, bend = np.zeros(m), np.zeros((m, 12)), np.zeros((m, 12, 12))
+    g, gradient, hessian = np.zeros(m), np.zeros((m, 12)), np.zeros((m, 12, 12))
     rows = np.flatnonzero(where == FACE)
-    g[rows], slope[rows], bend[rows] = _from_plane(points[rows], triangles[rows])
+    g[rows], gradient[rows], hessian[rows] = _from_plane(points[rows], triangles[rows])
     for k in range(3):
         for kind, vertices in ((EDGE + k, [k, (k + 1) % 3]), (VERTEX + k, [k])):
             rows = np.flatnonzero(where == kind)
@@ -62,13 +62,13 @@ def distance_derivatives(points: Array, triangles: Array, where: IntArray) -> tu
             d, first, second = measure(points[rows], part[:, vertices])
             places = np.concatenate([np.arange(3)] + [3 + 3 * v + np.arange(3) for v in vertices])
             g[rows] = sign * d
-            slope[np.ix_(rows, places)] = sign[:, None] * first
-            bend[np.ix_(rows, places, places)] = sign[:, None, None] * second
-    return g, slope, bend
+            gradient[np.ix_(rows, places)] = sign[:, None] * first
+            hessian[np.ix_(rows, places, places)] = sign[:, None, None] * second
+    return g, gradient, hessian
 
 
 def height(points: Array, triangles: Array) -> Array:
-    """A number (m,) with the sign of the distance: that of the height over the triangle's plane."""
+    """Return a multiple (m,) of the height over the triangle's plane, of the sign of the distance."""
     first = triangles[:, 0]
     m = np.cross(triangles[:, 1] - first, triangles[:, 2] - first)
     above: Array = ((points - first) * m).sum(axis=1)
@@ -76,8 +76,9 @@ def height(points: Array, triangles: Array) -> Array:
 
 
 def _from_plane(points: Array, triangles: Array) -> tuple[Array, Array, Array]:
-    """With m = e₁ × e₂, a = |m|, n = m/a, r = x − x₁, g = r·n and r_t = r − g n.
+    """Return the distance from the plane of a face, its gradient and its Hessian.
 
+    With m = e₁ × e₂, a = |m|, n = m/a, r = x − x₁, g = r·n and r_t = r − g n:
     δg = n·δr + r_t·δm/a and δ²g = 2 δr·δn + (r_t·δ²m − 2 (r_t·δm)(n·δm)/a − g |P δm|²/a)/a, where P = I − n nᵀ,
     δn = P δm/a and δ²m = 2 δe₁ × δe₂.
     """
@@ -97,17 +98,17 @@ def _from_plane(points: Array, triangles: Array) -> tuple[Array, Array, Array]:
     M = _cross(e1) @ E2 - _cross(e2) @ E1
     P = one - n[:, :, None] * n[:, None, :]
     along, across = (r_t[:, None] @ M)[:, 0], (n[:, None] @ M)[:, 0]
-    slope = (n[:, None] @ R)[:, 0] + along / a
+    gradient = (n[:, None] @ R)[:, 0] + along / a
     a = a[:, :, None]
     half = R.swapaxes(1, 2) @ P @ M / a
     half -= along[:, :, None] * across[:, None, :] / a**2
     half -= E1.swapaxes(1, 2) @ _cross(r_t) @ E2 / a
     half -= (g / 2)[:, None, None] * (M.swapaxes(1, 2) @ P @ M) / a**2
-    return g, slope, half + half.swapaxes(1, 2)
+    return g, gradient, half + half.swapaxes(1, 2)
 
 
 def _from_line(points: Array, ends: Array) -> tuple[Array, Array, Array]:
-    """d, and its derivatives by the point and the two ends (m, 9).
+    """Return the distance d from a line, its gradient and its Hessian by the point and the two ends (m, 9).
 
     With t the edge, L its length, c = t/L, e the direction of the distance, b = c × e, s the share of the foot and
     w = δr − s δt: δd = e·w and δ²d = (b·w)²/d − 2 (c·w)(e·δt)/L − d (e·δt)²/L².
@@ -129,12 +130,12 @@ def _from_line(points: Array, ends: Array) -> tuple[Array, Array, Array]:
     ew, cw, bw = ((v[:, None] @ w)[:, 0] for v in (e, c, np.cross(c, e)))
     et = (e[:, None] @ dt)[:, 0] / L[:, None]
     mixed = cw[:, :, None] * et[:, None, :]
-    bend = bw[:, :, None] * bw[:, None, :] / safe[:, None, None] - mixed - mixed.swapaxes(1, 2)
-    return d, ew, bend - d[:, None, None] * et[:, :, None] * et[:, None, :]
+    hessian = bw[:, :, None] * bw[:, None, :] / safe[:, None, None] - mixed - mixed.swapaxes(1, 2)
+    return d, ew, hessian - d[:, None, None] * et[:, :, None] * et[:, None, :]
 
 
 def _from_point(points: Array, vertices: Array) -> tuple[Array, Array, Array]:
-    """d, and its derivatives by the point and the vertex (m, 6)."""
+    """Return the distance d from a vertex, its gradient and its Hessian by the point and the vertex (m, 6)."""
     r = points - vertices[:, 0]
     d = np.linalg.norm(r, axis=1)
     safe = np.maximum(d, 1e-300)
@@ -145,7 +146,7 @@ def _from_point(points: Array, vertices: Array) -> tuple[Array, Array, Array]:
 
 
 def _cross(v: Array) -> Array:
-    """[v]× (m, 3, 3) with [v]× b = v × b."""
+    """Return [v]× (m, 3, 3) with [v]× b = v × b."""
     out = np.zeros((len(v), 3, 3))
     out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
     return out - out.swapaxes(1, 2)

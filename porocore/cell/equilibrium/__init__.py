@@ -1,1 +1,1 @@
-"""The solid cell problem as far as it does not depend on the finite element library: load path, averages, statuses."""
+"""The solid cell problem on any finite element library: load path, averages and their tangents, statuses."""

@@ -1,13 +1,14 @@
-"""What a finite element library contributes to the solid cell problem: one discrete energy and its derivatives."""
+"""Interface of a discrete solid: the energy of one mesh, its derivatives and linear solves."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Generic
+from typing import Any, Generic, Self
 
 import numpy as np
 from scipy import sparse
@@ -15,6 +16,7 @@ from typing_extensions import TypeVar
 
 from porocore.cell.contact.contact_state import ContactState
 from porocore.cell.contact.model import ContactModel
+from porocore.cell.contact.pairs import ContactPairs
 from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mass import lumped_mass
 from porocore.cell.meshing.mesh import CellMesh
@@ -27,7 +29,7 @@ class FactorError(Exception):
 
 
 class LoadStepFailed(Exception):
-    """Newton's iteration did not reach the load; ``status`` says what stood in the way."""
+    """Newton's iteration did not reach the load; ``status`` is the reason."""
 
     def __init__(self, status: Status) -> None:
         super().__init__(status.name)
@@ -35,7 +37,7 @@ class LoadStepFailed(Exception):
 
 
 class Iterate(ABC):
-    """u¹ under (H, p), in equilibrium or not. What is asked for is computed once.
+    """A displacement u¹ under (H, p), in equilibrium or not; each quantity is computed once, when it is first used.
 
     Attributes
     ----------
@@ -48,41 +50,41 @@ class Iterate(ABC):
     H: Array
     p: float
 
-    #: What the solid touches; None where there is no contact.
+    #: Contact of the pore wall; None where there is none.
     contact: ContactModel | None = None
-
-    _like: ContactState | None = None
+    #: Contact pairs of another iterate that this one reuses; None: they are searched at this iterate.
+    pairs: ContactPairs | None = None
 
     @cached_property
-    def _contact(self) -> ContactState | None:
-        if self.contact is None:
-            return None
-        return self.contact.at(self.H, self.displacement, self._like)
+    def _contact_state(self) -> ContactState | None:
+        return None if self.contact is None else self.contact.at(self.H, self.displacement, self.pairs)
 
     @property
     def touching(self) -> ContactState | None:
-        """Contact at this iterate, None where nothing touches."""
-        return self._contact if self._contact is not None and self._contact.active else None
+        """Contact state of this iterate; None where nothing touches."""
+        return self._contact_state if self._contact_state is not None and self._contact_state.active else None
 
-    def pair_like(self, other: Iterate) -> None:
-        """Let touch what touches at the other iterate; before anything else is asked for."""
-        if self.contact is not None and self.contact.pairs_move:
-            self._like = other._contact
+    @property
+    def contact_pairs(self) -> ContactPairs | None:
+        """Contact pairs of this iterate, reused or found; None where they do not depend on the iterate."""
+        return None if self._contact_state is None else self._contact_state.pairs
 
-    def pair_again(self) -> None:
-        """Look again what touches what."""
-        if self._like is None:
-            return
-        self._like = None
-        for name in ("_contact", "energy", "residual"):
-            self.__dict__.pop(name, None)
+    def with_pairs(self, pairs: ContactPairs | None) -> Self:
+        """Return this iterate with other contact pairs; with None, they are searched anew."""
+        if pairs is self.pairs:
+            return self
+        other = copy(self)
+        other.pairs = pairs
+        for name in ("_contact_state", "energy", "residual"):
+            other.__dict__.pop(name, None)
+        return other
 
     @property
     @abstractmethod
     def energy(self) -> float:
         """Π = ∫ (Ψ(F) + pJ) dV over the domain and the energy of contact.
 
-        Only asked for where :attr:`min_jacobian` is positive.
+        It is defined where :attr:`min_jacobian` is positive.
         """
 
     @property
@@ -103,7 +105,7 @@ class Iterate(ABC):
 
 @dataclass(frozen=True, eq=False)
 class DomainIntegrals:
-    """Integrals over the domain without what contact adds, and extremes over its quadrature points."""
+    """Integrals over the domain without contact, and extrema over its quadrature points."""
 
     grad: Array  #: (3, 3)  ∫ ∇u¹ dV
     stress: Array  #: (3, 3)  ∫ (P + p cof F) dV
@@ -115,16 +117,16 @@ class DomainIntegrals:
 
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
-    """How the equilibrium answers to k of the ten loads θ = (H_11, H_12, …, H_33, p).
+    """Sensitivities of the equilibrium to k of the ten loads θ = (H_11, H_12, …, H_33, p).
 
     Attributes
     ----------
     grad : (k, 3, 3)
         ∫ ∇u_θ dV; NaN where the linear solver did not reach its tolerance.
     second : (k, k)
-        ∂²Π/∂θ∂θ' at equilibrium: Π_θθ' + R_θᵀ u_θ' with R = ∂Π/∂u; of contact the share with u_θ only.
+        ∂²Π/∂θ∂θ' at equilibrium: Π_θθ' + R_θᵀ u_θ' with R = ∂Π/∂u. Contact contributes to the second term only.
     indefinite : bool
-        A direction of negative curvature was met on the way.
+        A direction of negative curvature was found on the way.
     """
 
     grad: Array
@@ -141,20 +143,20 @@ def second_derivatives(columns: Sequence[int], stresses: Array) -> Array:
 
 
 class FactorisedTangent(ABC):
-    """The inverse of K − shift·M of one class at one iterate, a value: it stays what it is, whatever comes after.
+    """Factorised tangent K − shift·M of one parity class at one iterate, a value that no later call changes.
 
-    A solid may keep fewer factors than there are values; one that has been displaced is made anew when it is applied.
+    A solid may store fewer factors than there are values; a displaced one is computed again when it is applied.
 
     Attributes
     ----------
     iterate
-        The iterate.
+        Iterate of the tangent.
     parity
-        The class.
+        Parity class.
     shift
-        Of the eigenvalues.
+        Shift of the eigenvalues.
     negative
-        Number of negative pivots, which is that of the eigenvalues below the shift; -1 where the solver cannot tell.
+        Number of negative pivots, equal to that of the eigenvalues below the shift; -1 where the solver cannot tell.
     """
 
     iterate: Iterate
@@ -173,7 +175,7 @@ class FactorisedTangent(ABC):
         """
 
 
-#: Types of the iterates and of the factorised tangents of a solid; it is given its own only.
+#: Types of the iterates and of the factorised tangents of a solid, which takes its own ones only.
 OwnIterate = TypeVar("OwnIterate", bound=Iterate, contravariant=True, default=Any)
 OwnFactor = TypeVar("OwnFactor", bound=FactorisedTangent, contravariant=True, default=Any)
 
@@ -181,18 +183,17 @@ OwnFactor = TypeVar("OwnFactor", bound=FactorisedTangent, contravariant=True, de
 class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
     """The discrete energy Π(u¹; H, p) on one mesh, with its first and second derivatives and linear solves.
 
-    On the eighth u¹·n = 0 on its six planes, which serves diagonal H and any p; a perturbation by H_12 or
-    H_21 is odd under the mirrors of x and y, ``parity="xy"``, and so on. On the whole cell u¹ is periodic and
-    one node is held.
+    On the eighth u¹·n = 0 on the six planes, which admits diagonal H and any p; a perturbation by H_12 or H_21 is odd
+    under the mirrors of x and y, ``parity="xy"``, and so on. On the whole cell u¹ is periodic and one node is held.
 
     Attributes
     ----------
     mesh
-        Of the solid.
+        Mesh of the solid.
     material
         Its strain energy, at F of shape (elements, points, 3, 3).
     contact
-        Of its wall; None where walls pass through each other.
+        Contact of the pore wall; None where walls may pass through each other.
     """
 
     mesh: CellMesh
@@ -201,40 +202,40 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
 
     @property
     def copies(self) -> float:
-        """How many images of the domain fill one cell; a block of n cells is averaged over."""
+        """Number of images of the domain that fill one cell; 1/n for a block of n cells."""
         return 8.0 if self.mesh.domain == "eighth" else 1.0 / math.prod(self.mesh.periods)
 
     def exchanged_axes(self, iterate: OwnIterate) -> tuple[str, ...]:
-        """Pairs of axes, "xz", whose exchange changes neither the solid nor u¹; none on the whole cell.
+        """Return the pairs of axes, "xz", whose exchange changes neither the solid nor u¹; none on the whole cell.
 
-        Fibres may tell the axes apart, so with them no pair is looked for.
+        Fibres may distinguish the axes; with them no pair is returned.
         """
         if self.mesh.domain == "whole" or not self.material.isotropic:
             return ()
         return exchanged_axes(self.mesh, iterate.H, iterate.displacement)
 
     def reset(self) -> None:
-        """A new path starts: forget what would make a solve depend on the one before it."""
+        """Release what would make a load path depend on the one before it; every path begins with this."""
 
     @abstractmethod
     def iterate_at(self, H: Array, p: float, displacement: Array | None = None) -> Iterate:
-        """Of u¹ (nodes, 3), or of u¹ = 0."""
+        """Return the iterate of u¹ (nodes, 3) or of u¹ = 0 under (H, p)."""
 
     @abstractmethod
     def moved(self, iterate: OwnIterate, change: Array, H: Array, p: float) -> Iterate:
-        """``iterate`` with ``change`` (n,) added to the free unknowns, under another load."""
+        """Return an iterate under another load, with ``change`` (n,) added to the free unknowns."""
 
     @abstractmethod
     def force_scale(self, iterate: OwnIterate) -> float:
-        """Norm of the nodal forces if nothing cancelled in them, with a floor of those of a strain of 1e-3."""
+        """Return the norm of the nodal forces without cancellation, at least that of a strain of 1e-3."""
 
     @abstractmethod
     def load_change(self, iterate: OwnIterate, dH: Array, dp: float) -> Array:
-        """Change of the residual, (n,), by the load alone."""
+        """Return the change of the residual, (n,), by the load alone."""
 
     @abstractmethod
     def solve(self, iterate: OwnIterate, rhs: Array, accuracy: float) -> Array:
-        """x (n,) with K x = rhs to a relative accuracy; with an indefinite K, of the least shifted K that is definite.
+        """Return x (n,) with K x = rhs to a relative accuracy; an indefinite K is shifted until it is definite.
 
         Raises
         ------
@@ -244,7 +245,7 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
 
     @abstractmethod
     def factor(self, iterate: OwnIterate, parity: str, shift: float = 0.0) -> FactorisedTangent:
-        """Return the factor of K − shift·M of one class of perturbations, with the :meth:`masses` M.
+        """Return the factorised tangent K − shift·M of one parity class, with the :meth:`masses` M.
 
         Raises
         ------
@@ -264,11 +265,11 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
 
     @abstractmethod
     def release(self, parity: str) -> None:
-        """Free the memory of what serves one class, not "" alone; it is made anew when it is needed."""
+        """Release the memory of one class other than ""; what is needed later is computed again."""
 
     @abstractmethod
     def tangent(self, iterate: OwnIterate, parity: str) -> sparse.csr_matrix:
-        """K of a class, a symmetric sparse matrix (n, n) of scipy's."""
+        """Return K of a class, a symmetric sparse matrix (n, n)."""
 
     @abstractmethod
     def reduced(self, values: Array, parity: str) -> Array:
@@ -276,19 +277,19 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
 
     @abstractmethod
     def expanded(self, x: Array, parity: str) -> Array:
-        """The field (nodes, 3) of the free unknowns (n,) of a class."""
+        """Return the field (nodes, 3) of the free unknowns (n,) of a class."""
 
     def masses(self, parity: str) -> Array:
-        """Lumped mass (n,) of each free unknown of a class, at density 1 of the undeformed solid."""
+        """Return the lumped mass (n,) of each free unknown of a class, at density 1 of the undeformed solid."""
         return self.reduced(np.repeat(lumped_mass(self.mesh)[:, None], 3, axis=1), parity)
 
     @abstractmethod
-    def sums(self, iterate: OwnIterate) -> DomainIntegrals:
-        """Over the domain."""
+    def integrals(self, iterate: OwnIterate) -> DomainIntegrals:
+        """Return the integrals over the domain that the averages of the cell are made of."""
 
     @abstractmethod
     def sensitivities(self, factor: OwnFactor, columns: Sequence[int]) -> Sensitivities:
-        """Return those to the loads in ``columns``, which all belong to the class of the unshifted ``factor``.
+        """Return the sensitivities to the loads in ``columns``, all of the class of the unshifted ``factor``.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Following a load from a known equilibrium to the wanted one.
+"""Load path from a known equilibrium to the wanted load.
 
 Each step: a predictor along the exact tangent, then Newton on Π with a line search that keeps J > 0 and
 lowers the energy.
@@ -15,23 +15,23 @@ from porocore.cell.meshing.overlap import mirror_gap, nodes_inside
 from porocore.states import Array, IntArray, Status
 
 ITERATIONS = 50
-#: After so many the pairs that touch stay as they are: at an edge a point may change to and fro for ever.
+#: After so many iterations the contact pairs are kept: at an edge a point may alternate between two triangles for ever.
 PAIRINGS = 12
-#: In any component of H, and in p over Young's modulus of the solid; a step beyond it seldom converges.
+#: Largest step in any component of H, and in p over Young's modulus of the solid; larger ones seldom converge.
 LARGEST_STEP = 0.16
 SMALLEST_STEP = 1 / 300
-#: A load of more than a thousand of the largest steps is not followed.
+#: A path of more than a thousand of the largest steps is refused.
 SHORTEST_SHARE = 1e-3
-#: Steps of one path that may fail; behind a bifurcation every further one would.
+#: Failed steps that end a path; behind a bifurcation every further one would fail.
 FAILURES = 6
 ARMIJO = 1e-4
-#: Of the linear system that predicts the next state.
+#: Relative accuracy of the linear system of the predictor.
 PREDICTOR_ACCURACY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class LoadPathResult:
-    """Where a load path ended: the equilibrium, None unless the wanted load was reached, and the status."""
+    """Result of a load path: its status, and the equilibrium, None unless the wanted load was reached."""
 
     status: Status
     equilibrium: Iterate | None
@@ -40,10 +40,11 @@ class LoadPathResult:
 
 
 def follow(problem: DiscreteSolid, start: Iterate, H: Array, p: float, tolerance: float) -> LoadPathResult:
-    """From ``start`` to (H, p) in adaptive steps, to a residual of ``tolerance`` times the force scale.
+    """Follow the load from ``start`` to (H, p) in adaptive steps, to a residual of ``tolerance`` times the force scale.
 
-    A state on the way whose walls overlap ends the path: what lies behind it is not reached without contact.
+    A state on the way whose walls overlap ends the path: without contact, the states behind it have no meaning.
     """
+    problem.reset()
     iterate, share = start, 0.0
     pressure = abs(p - start.p) / problem.material.mean_moduli()[0]
     largest = LARGEST_STEP / max(float(np.abs(H - start.H).max()), pressure, 1e-12)
@@ -69,14 +70,14 @@ def follow(problem: DiscreteSolid, start: Iterate, H: Array, p: float, tolerance
 
 
 def gap(problem: DiscreteSolid, iterate: Iterate) -> float:
-    """Of the wall to the mirror planes; NaN where the domain has none."""
+    """Return the smallest relative gap between pore wall and mirror planes; NaN where the domain has none."""
     if problem.mesh.domain == "whole":
         return float("nan")
     return mirror_gap(problem.mesh, iterate.H, iterate.displacement)
 
 
 def _overlaps(problem: DiscreteSolid, iterate: Iterate) -> bool:
-    """Whether the wall has passed through something that contact, if there is any, does not hold."""
+    """Return whether the wall penetrates a plane or another wall deeper than contact accepts."""
     touching = iterate.touching
     if touching is not None and problem.contact is not None and touching.depth > problem.contact.deepest:
         return True
@@ -84,13 +85,13 @@ def _overlaps(problem: DiscreteSolid, iterate: Iterate) -> bool:
         return problem.contact is None and gap(problem, iterate) < 0
     inside = nodes_inside(problem.mesh, iterate.H, iterate.displacement)
     held: IntArray = np.unique(touching.forces.nodes) if touching is not None else np.zeros(0, dtype=np.int64)
-    # A node that contact holds lies a little inside; any other has jumped through a wall unseen.
+    # A node in contact lies slightly inside; any other node inside has passed a wall between two iterates.
     images = problem.mesh.periodic_class
     return len(np.setdiff1d(images[inside], images[held])) > 0
 
 
 def _predict(problem: DiscreteSolid, iterate: Iterate, H: Array, p: float) -> Iterate:
-    """The equilibrium's first-order continuation to (H, p)."""
+    """Return the first-order continuation of the equilibrium to (H, p)."""
     change = -problem.load_change(iterate, H - iterate.H, p - iterate.p)
     if change.any():
         change = problem.solve(iterate, change, PREDICTOR_ACCURACY)
@@ -101,15 +102,15 @@ def _predict(problem: DiscreteSolid, iterate: Iterate, H: Array, p: float) -> It
 
 
 def _longest(problem: DiscreteSolid, change: Array) -> float:
-    """The share of a change that moves no node by more than contact can see."""
-    if problem.contact is None or not problem.contact.pairs_move:  # planes are seen from anywhere
+    """Return the share of a change that moves no node beyond the range of the contact search."""
+    if problem.contact is None or not problem.contact.pairs_move:  # the mirror planes are always known
         return 1.0
     moved = float(np.linalg.norm(problem.expanded(change, ""), axis=1).max())
     return min(1.0, problem.contact.deepest / max(moved, 1e-300))
 
 
 def _newton(problem: DiscreteSolid, iterate: Iterate, tolerance: float) -> tuple[Iterate, int]:
-    """The equilibrium near a first guess, and the number of linear systems solved."""
+    """Return the equilibrium near a first guess, and the number of linear systems solved."""
     scale = problem.force_scale(iterate)
     goal = tolerance * scale
     for iteration in range(ITERATIONS):
@@ -122,12 +123,13 @@ def _newton(problem: DiscreteSolid, iterate: Iterate, tolerance: float) -> tuple
         length, inverted = _longest(problem, change), True
         while length > 1e-3:
             trial = problem.moved(iterate, length * change, iterate.H, iterate.p)
-            trial.pair_like(iterate)
+            # With fixed pairs the energy along the line is smooth.
+            trial = trial.with_pairs(iterate.contact_pairs)
             if trial.min_jacobian > 0:
                 inverted = False
                 if trial.energy <= iterate.energy + ARMIJO * length * slope:
                     break
-                # Near the solution Π stalls at round-off, and the residual is what still falls.
+                # Near the solution Π stalls at round-off while the residual still decreases.
                 stalled = abs(slope) < 1e-9 * abs(iterate.energy) + 1e-14
                 if stalled and float(np.linalg.norm(trial.residual)) < norm:
                     break
@@ -136,9 +138,7 @@ def _newton(problem: DiscreteSolid, iterate: Iterate, tolerance: float) -> tuple
             if norm <= 100 * goal:  # round-off, not a failure of the step
                 return iterate, iteration
             raise LoadStepFailed(Status.inverted if inverted else Status.not_converged)
-        iterate = trial
-        if iteration < PAIRINGS:
-            iterate.pair_again()
+        iterate = trial.with_pairs(None) if iteration < PAIRINGS else trial
     if float(np.linalg.norm(iterate.residual)) <= goal:
         return iterate, ITERATIONS
     raise LoadStepFailed(Status.not_converged)

@@ -16,7 +16,7 @@ from porocore.states import Array, CellExtrema, CellResponse, CellTangent, Statu
 
 
 def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellResponse:
-    """One row of responses; ``unstable`` where the tangent of any parity class is indefinite.
+    """Return one row of responses; ``unstable`` where the tangent of any parity class is indefinite.
 
     Raises
     ------
@@ -43,13 +43,13 @@ def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellR
             )
             count = 1 if count < 0 and answer.indefinite else count
         counts.append(count)
-    # A solver that cannot count leaves the number unknown unless it met a negative direction.
+    # A solver that cannot count pivots leaves the number unknown unless it found a direction of negative curvature.
     negative = sum(max(count, 0) for count in counts) or min(counts)
     return _row(problem, iterate, negative, _tangent(iterate, mean_grad, second) if tangent else None)
 
 
 def _direct(iterate: Iterate, parity: str, columns: Sequence[int]) -> Array:
-    """∂²E/∂θ∂θ' of contact at fixed u¹."""
+    """Return ∂²E/∂θ∂θ' of the energy E of contact at fixed u¹."""
     direct = np.zeros((len(columns), len(columns)))
     if iterate.touching is not None:
         blocks = iterate.touching.blocks(parity)
@@ -62,25 +62,25 @@ def _direct(iterate: Iterate, parity: str, columns: Sequence[int]) -> Array:
 def _row(
     problem: DiscreteSolid, iterate: Iterate, negative: int, tangent: CellTangent | None
 ) -> CellResponse:
-    sums, copies = problem.sums(iterate), problem.copies
+    integrals, copies = problem.integrals(iterate), problem.copies
     seen = visible(problem.mesh)
     F0 = np.eye(3) + iterate.H
     J0 = float(determinant(F0))
     contact = iterate.touching.forces if iterate.touching is not None else None
-    energy = sums.energy + (contact.energy if contact else 0.0)
-    stress = sums.stress + (contact.by_load if contact else 0.0)
+    energy = integrals.energy + (contact.energy if contact else 0.0)
+    stress = integrals.stress + (contact.by_load if contact else 0.0)
     stable = Status.converged if contact is None else Status.contact
     return CellResponse(
-        mean_grad=(copies * seen * sums.grad)[None],
+        mean_grad=(copies * seen * integrals.grad)[None],
         status=np.array([Status.unstable if negative > 0 else stable], dtype=np.int64),
-        potential=np.array([copies * (energy + iterate.p * sums.volume) - iterate.p * J0]),
+        potential=np.array([copies * (energy + iterate.p * integrals.volume) - iterate.p * J0]),
         stress=(copies * seen * stress - iterate.p * cofactor(F0))[None],
-        fluid_volume=np.array([J0 - copies * sums.volume]),
+        fluid_volume=np.array([J0 - copies * integrals.volume]),
         tangent=tangent,
         extrema=CellExtrema(
-            grad=sums.largest_grad[None],
-            energy=np.array([sums.largest_energy]),
-            energy_mean=np.array([copies * sums.energy]),
+            grad=integrals.largest_grad[None],
+            energy=np.array([integrals.largest_energy]),
+            energy_mean=np.array([copies * integrals.energy]),
             min_jacobian=np.array([iterate.min_jacobian]),
             min_gap=np.array([gap(problem, iterate)]),
             negative_pivots=np.array([float(negative)]),
@@ -90,7 +90,7 @@ def _row(
 
 
 def _tangent(iterate: Iterate, mean_grad: Any, second: Any) -> CellTangent:
-    """Named derivatives from the columns of θ; adds the fluid's share −p J₀ of W."""
+    """Return the derivatives by name from the columns of θ, with the fluid's share −p J₀ of W."""
     F0 = np.eye(3) + iterate.H
     second[:9, :9] -= iterate.p * cofactor_tangent(F0).reshape(9, 9)
     second[:9, 9] -= cofactor(F0).ravel()

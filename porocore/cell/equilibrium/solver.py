@@ -1,4 +1,4 @@
-"""A cell solver around a discrete solid and a Stokes problem: domains, starts, statuses."""
+"""Cell solver around a discrete solid and a Stokes problem: domains, starts, statuses."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 
-#: Relative to the forces that would act if nothing cancelled.
+#: Residual relative to the nodal forces without cancellation.
 TOLERANCE = 1e-11
 
 
 class PreparedCell:
-    """What the states of a cell share; each domain is set up when it is first needed."""
+    """Set-up that all states of a cell share; each domain is set up when it is first needed."""
 
     def __init__(self, solver: EquilibriumCellSolver, cell: Cell, *, deformed: bool = False) -> None:
         self._solver, self.cell, self.deformed = solver, cell, deformed
@@ -49,7 +49,7 @@ class PreparedCell:
         return self._solver.solid(self.cell, self.cell.make_mesh("solid", domain))
 
     def pore(self, domain: Domain) -> Pore:
-        """The fluid of the eighth or of the whole cell; kept where it is needed for every state."""
+        """Return the pore of the eighth or of the whole cell; it is kept where every state needs it."""
         if domain in self._pores:
             return self._pores[domain]
         pore = Pore(self._solver.fluid(self.cell.make_mesh("fluid", domain)))
@@ -58,7 +58,7 @@ class PreparedCell:
         return pore
 
     def solid_for(self, H: Array) -> DiscreteSolid:
-        """The eighth where load and settings allow it."""
+        """Return the eighth where load and settings allow it, else the whole solid."""
         diagonal = np.abs(H - np.diag(np.diag(H))).max() == 0
         return self.eighth if diagonal and self.cell.mirrored else self.whole
 
@@ -71,7 +71,7 @@ class PreparedCell:
         return self.open_only(pore.undeformed) / self.cell.viscosity
 
     def open_only(self, K: Array) -> Array:
-        """K (3, 3) without what is left over by the discretisation along axes that the pores are closed to."""
+        """Return K (3, 3) with zeros along the axes that no pore runs along, where the discretisation leaves errors."""
         K = K.copy()
         for axis in self._closed:
             K[axis] = K[:, axis] = 0.0
@@ -92,11 +92,11 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
 
     @abstractmethod
     def solid(self, cell: Cell, mesh: CellMesh) -> DiscreteSolid:
-        """The solid problem on the mesh."""
+        """Return the solid problem on the mesh."""
 
     @abstractmethod
     def fluid(self, mesh: CellMesh) -> DiscreteFluid:
-        """The fluid problem on the mesh, for unit viscosity."""
+        """Return the fluid problem on the mesh, for unit viscosity."""
 
     def prepare(self, cell: Cell, *, deformed: bool = False) -> PreparedCell:
         """See :class:`~porocore.CellSolver`."""
@@ -142,12 +142,11 @@ def _solve_one(
 def _equilibrium(
     prepared: PreparedCell, H: Array, p: float, start: CellField | None, tangent: bool
 ) -> tuple[CellResponse, DiscreteSolid | None, Iterate | None]:
-    """The response, and where it has values the solid and its u¹."""
+    """Return the response and, where it has values, the solid and its equilibrium."""
     if not (np.isfinite(H).all() and np.isfinite(p)) or np.linalg.det(np.eye(3) + H) <= 0:
         return failed_response(Status.inverted, tangent=tangent), None, None
     solid = prepared.solid_for(H)
     try:
-        solid.reset()
         outcome = follow(solid, _start(solid, start), H, p, TOLERANCE)
         if outcome.equilibrium is None:
             return failed_response(outcome.status, tangent=tangent), None, None
@@ -173,7 +172,7 @@ def _finite(tangent: CellTangent) -> bool:
 def _with_conductivity(
     prepared: PreparedCell, response: CellResponse, solid: DiscreteSolid | None, iterate: Iterate | None
 ) -> CellResponse:
-    """With K_ref of the deformed pore and the smallest J of the fluid's mesh; NaN where the solid has no values."""
+    """Add K_ref of the deformed pore and the smallest J of the fluid's mesh; NaN where the solid has no values."""
     K, smallest = np.full((3, 3), np.nan), np.nan
     if solid is not None and iterate is not None:
         pore = prepared.pore(solid.mesh.domain)
@@ -185,7 +184,7 @@ def _with_conductivity(
 
 
 def _start(solid: DiscreteSolid, field: CellField | None) -> Iterate:
-    """The equilibrium of a field, if it is of this domain's mesh; else the undeformed cell."""
+    """Return the iterate of a field on this domain's mesh; else the undeformed cell."""
     if field is None or field.domain != solid.mesh.domain or len(field.u) != len(solid.mesh.points):
         return solid.iterate_at(np.zeros((3, 3)), 0.0)
     return solid.iterate_at(field.grad_u, field.p, field.u)

@@ -1,8 +1,8 @@
-"""How the pieces of a phase hang together through the periodic cell, and in which directions they run on forever.
+"""Connectivity of a phase across the periodic cell, and the directions in which its pieces percolate.
 
-Tetrahedra that share a facet are of one piece, across opposite faces of the cell too. A closed way through a piece that
-leaves the cell a times more upwards than downwards through its faces across x, b times through those across y and c
-times across z winds by (a, b, c). The piece runs on in the directions that the windings of all its ways span.
+Tetrahedra that share a facet belong to one piece, also across opposite faces of the cell. A closed path through a piece
+has the winding (a, b, c): the net number of crossings of the faces across x, y and z. The piece percolates in the
+directions that the windings of all its closed paths span.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from porocore.states import IntArray
 
 @dataclass(frozen=True)
 class Piece:
-    """One piece of a phase, with all its periodic images.
+    """Connected piece of a phase, with all its periodic images.
 
     Attributes
     ----------
     volume
-        In one cell, by straight edges.
+        Volume in one cell, with straight edges.
     rank
-        In how many independent directions it runs on: 3 through and through, 0 for a piece that is closed in itself.
+        Number of independent directions in which it percolates, 0 for an isolated piece.
     axes
-        Along which of "xyz" it gets anywhere.
+        Axes out of "xyz" along which it percolates.
     """
 
     volume: float
@@ -42,12 +42,12 @@ class Piece:
 
 @lru_cache(maxsize=8)
 def pieces(mesh: CellMesh) -> tuple[Piece, ...]:
-    """Of the mesh of a whole cell, the largest first.
+    """Return the connected pieces of the mesh of a whole cell, the largest first.
 
     Raises
     ------
     ValueError
-        The mesh is not of a whole cell.
+        The mesh is not that of a whole cell.
     """
     if mesh.domain != "whole":
         raise ValueError("connectivity is that of a whole cell")
@@ -56,7 +56,7 @@ def pieces(mesh: CellMesh) -> tuple[Piece, ...]:
     inner, across, shifts = _neighbours(mesh)
     count = len(mesh.cells)
     graph = coo_matrix((np.ones(len(inner)), (inner[:, 0], inner[:, 1])), shape=(count, count))
-    # Pieces within the cell, of which those that meet across its faces are then joined.
+    # First the pieces within the cell; those that meet across its faces are then joined.
     number, part = connected_components(graph, directed=False)
     links = np.unique(np.column_stack([part[across], shifts]), axis=0)
     roots, windings = _joined(number, links)
@@ -71,9 +71,9 @@ def pieces(mesh: CellMesh) -> tuple[Piece, ...]:
 
 
 def joined_by_nodes(mesh: CellMesh) -> IntArray:
-    """(N,) number of the part of the phase to which each node belongs, parts that share a node being one.
+    """Return the number (N,) of the part of the phase that each node belongs to; parts that share a node are one.
 
-    Periodic images are one node. This is what parts a continuous field; a pressure is fixed once for each part.
+    Periodic images are one node. A continuous field is connected on each part; a pressure is fixed once for each.
     """
     nodes = mesh.periodic_class
     count = int(nodes.max(initial=-1)) + 1
@@ -84,20 +84,20 @@ def joined_by_nodes(mesh: CellMesh) -> IntArray:
 
 
 def blocked(found: Iterable[Piece]) -> str:
-    """Along which of "xyz" no piece gets anywhere."""
+    """Return the axes out of "xyz" along which no piece percolates."""
     open_axes = {axis for piece in found for axis in piece.axes}
     return "".join(axis for axis in "xyz" if axis not in open_axes)
 
 
 def why_disconnected(found: tuple[Piece, ...]) -> str:
-    """Why a solid of these pieces has no stiffness; empty if it has."""
+    """Return the reason why a solid of these pieces has no stiffness; empty if it has."""
     if not found:
         return "there is no solid"
     if len(found) > 1:
         sizes = ", ".join(f"{piece.volume:.3g}" for piece in found[:6]) + (", …" if len(found) > 6 else "")
         return (
             f"it falls into {len(found)} pieces that do not touch, of the volumes {sizes}; join them, remove those "
-            "that float, or give a smaller cell.mesh.size if they should hang together"
+            "that float, or give a smaller cell.mesh.size if they should be connected"
         )
     if found[0].rank == 3:
         return ""
@@ -107,7 +107,7 @@ def why_disconnected(found: tuple[Piece, ...]) -> str:
 
 
 def _neighbours(mesh: CellMesh) -> tuple[IntArray, IntArray, IntArray]:
-    """Pairs of tetrahedra that share a facet within the cell, and across its faces with the cell of the second one."""
+    """Return pairs of tetrahedra with a common facet: within the cell; across its faces, and the cell of the second."""
     facets = mesh.cells[:, FACETS].reshape(-1, 3)
     owner = np.repeat(np.arange(len(mesh.cells)), 4)
     classes = facet_classes(mesh.points, facets, np.array(mesh.periods) - 0.5)
@@ -122,12 +122,12 @@ def _neighbours(mesh: CellMesh) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _joined(count: int, links: IntArray) -> tuple[list[int], dict[int, list[tuple[int, ...]]]]:
-    """Root of each of ``count`` parts, and the windings of closed ways by root.
+    """Return the root of each of ``count`` parts, and the windings of closed paths by root.
 
-    A link (a, b, x, y, z) says that part b of the cell at (x, y, z) touches part a of the cell at the origin.
+    A link (a, b, x, y, z) joins part b of the cell at (x, y, z) and part a of the cell at the origin.
     """
     parent = list(range(count))
-    offset = [np.zeros(3, dtype=np.int64) for _ in range(count)]  # cell of a part, seen from its parent
+    offset = [np.zeros(3, dtype=np.int64) for _ in range(count)]  # cell of a part relative to its parent
 
     def root(part: int) -> tuple[int, IntArray]:
         total = np.zeros(3, dtype=np.int64)

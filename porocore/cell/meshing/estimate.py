@@ -1,31 +1,31 @@
-"""How many elements a mesh will have, told before it is made."""
+"""Limit on the number of elements, checked before a mesh is made."""
 
 from __future__ import annotations
 
 from porocore.errors import ConfigurationError
 
-#: Tetrahedra of unit size in a unit cube; measured over drawn cells and level sets, 8 to 17.
+#: Tetrahedra of unit size in a unit cube; measured on drawn cells and level sets, 8 to 17.
 PER_CUBE = 12.0
 #: Tetrahedra along the fillets of a cell of unit size, times their radius; measured at radii of 0.02.
 PER_FILLET = 1300.0
-#: Elements that are made at most; the memory that meshing so many takes was not measured.
+#: Largest number of elements; the memory that meshing so many takes was not measured.
 MOST = 3_000_000
 
 
 def require_few(count: float, key: str) -> None:
-    """Refuse a mesh that no memory holds.
+    """Refuse a mesh with too many elements.
 
     Parameters
     ----------
     count
-        About how many elements it will have.
+        Approximate number of elements.
     key
-        Of the size that decides.
+        Configuration key of the size that decides.
 
     Raises
     ------
     ConfigurationError
-        They are too many.
+        There are too many elements.
     """
     if not count <= MOST:
         shown = f"{count:,.0f}" if count < 1e12 else f"{count:.0e}"

@@ -1,4 +1,4 @@
-"""A lumped mass, by which the eigenvalues of a tangent become numbers that do not depend on the mesh."""
+"""Lumped mass, which makes the eigenvalues of a tangent independent of the mesh."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.cell.meshing.shape_functions import shape_functions
 from porocore.states import Array
 
-#: Of the rule: it integrates the square of a quadratic shape function on a straight tetrahedron.
+#: Degree of the rule; it integrates the square of a quadratic shape function on a straight tetrahedron.
 DEGREE = 4
 
 
 @lru_cache(maxsize=8)
 def lumped_mass(mesh: CellMesh) -> Array:
-    """Share of each node in the undeformed volume, (nodes,), all positive.
+    """Return the share of each node in the undeformed volume, (nodes,), all positive.
 
     The diagonal of each element's consistent mass matrix, scaled to the element's volume [Hinton, Rock & Zienkiewicz,
     Earthquake Eng. Struct. Dyn. 4 (1976) 245–249]; row sums would be negative at the corners of quadratic elements.

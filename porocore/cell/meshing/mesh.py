@@ -1,4 +1,4 @@
-"""Meshes of the solid and of the fluid, unfolded by symmetry where a geometry meshes a part of the cell only."""
+"""Meshes of the solid and of the fluid, unfolded by symmetry where a geometry meshes a part of the cell."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ class CellMesh:
     Attributes
     ----------
     phase, domain
-        What is meshed.
+        Phase and domain of the mesh.
     points : (nodes, 3)
         Nodes.
     cells : (tetrahedra, 4 or 10)
         Linear or quadratic tetrahedra in VTK order, positively oriented.
     periods
-        Whole cells along each axis; a block extends from −½ to periods − ½ and is of the domain "whole".
+        Cells along each axis; a block extends from −½ to periods − ½ and has the domain "whole".
     regions : (tetrahedra,)
         Index of each element into ``region_names``; all 0 where none are given.
     region_names
@@ -83,17 +83,17 @@ class CellMesh:
 
     @property
     def order(self) -> int:
-        """1 or 2."""
+        """Order of the elements, 1 or 2."""
         return 1 if self.cells.shape[1] == 4 else 2
 
     @property
     def quadrature_degree(self) -> int:
-        """Of the solid problem: one point serves constant gradients, four serve the averages of quadratic elements."""
+        """Degree of the solid's quadrature: one point for constant gradients, four points for quadratic elements."""
         return 1 if self.order == 1 else 2
 
     @cached_property
     def quadratic(self) -> CellMesh:
-        """The same tetrahedra with a node in the middle of each edge, where they have none yet."""
+        """The mesh with mid-edge nodes; itself where it has them."""
         if self.order == 2:
             return self
         points, cells, _ = with_middles(self.points, self.cells)
@@ -131,12 +131,12 @@ class CellMesh:
 
     @property
     def _last(self) -> Array:
-        """Where the domain ends along each axis, (3,)."""
+        """Upper end of the domain along each axis, (3,)."""
         return np.array(self.periods) - 0.5
 
     @cached_property
     def periodic_class(self) -> npt.NDArray[np.int64]:
-        """(N,) number of each node when opposite faces of the domain are one; the identity on the eighth."""
+        """Number (N,) of each node with opposite faces identified; the identity on the eighth."""
         if self.domain == "eighth":
             return np.arange(len(self.points))
         wrapped = np.where(self.points == self._last, -0.5, self.points)
@@ -145,7 +145,7 @@ class CellMesh:
 
     @cached_property
     def hash(self) -> str:
-        """Of points and cells, and of the regions where there are several."""
+        """Hash of points and cells, and of the regions where there are several."""
         digest = hashlib.sha256(self.points.round(12).tobytes() + self.cells.tobytes())
         if len(self.region_names) > 1:
             digest.update(self.regions.tobytes() + "\0".join(self.region_names).encode())
@@ -154,14 +154,14 @@ class CellMesh:
 
 @lru_cache(maxsize=8)
 def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, domain: Domain) -> CellMesh:
-    """Mesh one phase; the eighth is part of the whole, so both give the same averages for symmetric loads.
+    """Return the mesh of one phase; the eighth is part of the whole, so symmetric loads have the same averages on both.
 
     Raises
     ------
     PorocoreError
         The geometry cannot be meshed.
     ValueError
-        The eighth of a cell without mirrors is asked for.
+        The domain is the eighth of a cell without mirrors.
     """
     if geometry.unfolding == "whole" and domain == "eighth":
         raise ValueError(f"{geometry.description}: the cell has no mirrors, and so no eighth")

@@ -1,4 +1,4 @@
-"""A cell that is meshed already: tetrahedra of both phases from a file."""
+"""Geometry from a mesh file with tetrahedra of both phases."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from porocore.states import Array, IntArray
 
 Tag = int | str
 Tags = Annotated[tuple[Tag, ...], Field(min_length=1)]
-#: Names under which meshing programs store the tags of elements, the first that a file has counts.
+#: Names under which meshing programs store the tags of elements; the first one in a file is used.
 TAG_DATA = ("gmsh:physical", "medit:ref", "phase", "region", "cell_tags", "material", "gmsh:geometrical")
-#: Of the length of the cell: what the extents along the axes may differ by.
+#: Largest difference of the extents along the axes, in lengths of the cell.
 CUBE = 1e-6
 
 
 class MeshFile(FromFile, PoreGeometry):
-    """Tetrahedra of solid and fluid, told apart by tags: names of physical groups, or numbers.
+    """Tetrahedra of solid and fluid, distinguished by tags: names of physical groups, or numbers.
 
-    The bounding box becomes the unit cell; it has to be a cube, and opposite faces need the same nodes. The mesh is
-    taken as it is, whatever ``cell.mesh.size`` says; straight elements of first order get the nodes that
-    ``cell.mesh.element`` asks for. Several tags of the solid are its regions.
+    The bounding box, a cube with the same nodes on opposite faces, becomes the unit cell. The mesh is used
+    as it is and ``cell.mesh.size`` is ignored; linear elements get the nodes that ``cell.mesh.element`` requires.
+    Several tags of the solid are its regions.
     """
 
     kind: Literal["mesh-file"]
@@ -65,18 +65,18 @@ class MeshFile(FromFile, PoreGeometry):
 
     @property
     def porosity(self) -> float:
-        """Of the mesh."""
+        """Porosity of the mesh."""
         fluid = _read(self)["fluid"]
         return volume(fluid.points, fluid.cells)
 
     @property
     def unfolding(self) -> Unfolding:
-        """A whole cell."""
+        """The whole cell."""
         return "whole"
 
     @property
     def point_group(self) -> PointGroup:
-        """That of the mesh of the solid: the operations that take its nodes and tetrahedra to themselves."""
+        """Point group of the mesh of the solid."""
         return PointGroup.generated([np.reshape(Q, (3, 3)) for Q in _region_maps(self)])
 
     def regions_after(self, Q: IntArray) -> RegionMap:
@@ -89,11 +89,11 @@ class MeshFile(FromFile, PoreGeometry):
         return f"mesh {Path(self.path).name}"
 
     def elements(self, size: float) -> float:
-        """Return 0: the mesh is there already."""
+        """Return 0, since no element is made."""
         return 0.0
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
-        """Of the file; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
+        """Return the tetrahedra of the file; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
 
         Raises
         ------
@@ -137,7 +137,7 @@ def _read(geometry: MeshFile) -> dict[Phase, Tetrahedra]:
         )
     points, cells = used(_unit_cell(path, np.asarray(mesh.points, dtype=np.float64), cells), cells)
     points = matched(points, cells, str(path))
-    cells = _turned(points, cells, path)
+    cells = _positive(points, cells, path)
 
     def of_phase(name: Phase) -> Tetrahedra:
         numbers = [tag for tag, of in phase.items() if of == name]
@@ -157,7 +157,7 @@ def _region_maps(geometry: MeshFile) -> dict[Rotation, RegionMap]:
 
 
 def _tags(geometry: MeshFile, path: Path, mesh: Any, blocks: list[int]) -> tuple[IntArray, dict[int, str]]:
-    """The tag of every tetrahedron, and the names of tags that have one."""
+    """Return the tag of every tetrahedron, and the names of the tags that have one."""
     known = sorted(mesh.cell_data)
     wanted = [geometry.tags] if geometry.tags else [name for name in TAG_DATA if name in known]
     if not wanted or wanted[0] not in known:
@@ -173,7 +173,7 @@ def _tags(geometry: MeshFile, path: Path, mesh: Any, blocks: list[int]) -> tuple
 
 
 def _numbers(geometry: MeshFile, path: Path, phase: str, tags: IntArray, names: dict[int, str]) -> list[int]:
-    """The tags of a phase as numbers."""
+    """Return the tags of a phase as numbers."""
     by_name = {name: number for number, name in names.items()}
     found = []
     for tag in getattr(geometry, phase):
@@ -192,7 +192,7 @@ def _listed(tags: IntArray, names: dict[int, str]) -> str:
 
 
 def _unit_cell(path: Path, points: Array, cells: IntArray) -> Array:
-    """Points moved and scaled so that the corners of the tetrahedra fill [−½, ½]³."""
+    """Return the points shifted and scaled so that the corners of the tetrahedra fill [−½, ½]³."""
     corners = points[np.unique(cells[:, :4])]
     low, high = corners.min(axis=0), corners.max(axis=0)
     extent = high - low
@@ -205,8 +205,8 @@ def _unit_cell(path: Path, points: Array, cells: IntArray) -> Array:
     return unit
 
 
-def _turned(points: Array, cells: IntArray, path: Path) -> IntArray:
-    """The tetrahedra with a positive volume; those of ten nodes must not fold over themselves either."""
+def _positive(points: Array, cells: IntArray, path: Path) -> IntArray:
+    """Return the tetrahedra oriented to a positive volume; those of ten nodes must not be folded either."""
     cells = cells.copy()
     negative = volumes(points, cells) < 0
     swapped = [1, 0, 2, 3] if cells.shape[1] == 4 else [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]

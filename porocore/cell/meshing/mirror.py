@@ -1,7 +1,7 @@
-"""Unfolding the mesh of a symmetric part of the cell by reflections.
+"""Unfolding of the mesh of a symmetric part of the cell by reflections.
 
-The images share their nodes on the mirror planes exactly, so the whole cell comes out with matching
-opposite faces and with the full symmetry of the cube, which no independent mesh generation would give.
+The images share their nodes on the mirror planes exactly, so the whole cell has matching opposite faces and the full
+symmetry of the cube.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ SWAPPED = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
 
 
 def wedge_to_eighth(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array, npt.NDArray[np.int64]]:
-    """Images of 0 ≤ x ≤ y ≤ z ≤ ½ under the six permutations of the coordinates."""
+    """Return the mesh of [0, ½]³ from that of 0 ≤ x ≤ y ≤ z ≤ ½, by the six permutations of the coordinates."""
     points = snap(points, [0.0, 0.5])
     for i, j in ((0, 1), (1, 2)):
         on_plane = np.abs(points[:, i] - points[:, j]) < 1e-9
@@ -31,14 +31,14 @@ def wedge_to_eighth(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array,
 
 
 def eighth_to_whole(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array, npt.NDArray[np.int64]]:
-    """Images of [0, ½]³ under the eight sign changes of the coordinates."""
+    """Return the mesh of the whole cell from that of [0, ½]³, by the eight sign changes of the coordinates."""
     points = snap(points, [0.0, 0.5])
     images = [(points * signs, bool(np.prod(signs) < 0)) for signs in product((1.0, -1.0), repeat=3)]
     return _merge(images, cells)
 
 
 def snap(points: Array, planes: list[float], tolerance: float = 1e-9) -> Array:
-    """Coordinates within ``tolerance`` of a plane are put onto it."""
+    """Return points with the coordinates within ``tolerance`` of a plane set onto it."""
     points = points.copy()
     for plane in planes:
         points[np.abs(points - plane) < tolerance] = plane
@@ -58,14 +58,14 @@ def _merge(
 
 
 def unfold_displacement(points: Array, u: Array, whole: Array) -> Array:
-    """A displacement of the eighth under a load that keeps its mirrors, on the whole cell, exactly.
+    """Return a displacement of the eighth under a load that preserves the mirrors on the whole cell, exactly.
 
     Parameters
     ----------
     points : (n, 3)
         Nodes of the eighth.
     u : (n, 3)
-        There; u_i vanishes on the planes X_i = 0 and X_i = ½.
+        Displacement; u_i vanishes on the planes X_i = 0 and X_i = ½.
     whole : (N, 3)
         Nodes of the whole cell, images of the eighth's by :func:`eighth_to_whole`.
 
@@ -77,7 +77,7 @@ def unfold_displacement(points: Array, u: Array, whole: Array) -> Array:
     Raises
     ------
     ValueError
-        A node of the whole is no image of one of the eighth.
+        A node of the whole cell is no image of one of the eighth.
     """
     known = snap(points, [0.0, 0.5]) + 0.0
     _, inverse = np.unique(np.concatenate([known, np.abs(whole) + 0.0]), axis=0, return_inverse=True)

@@ -1,7 +1,7 @@
-"""Whether the pore wall has passed through something, which J > 0 does not tell.
+"""Overlap of the pore wall with a mirror plane or with the solid, which J > 0 does not exclude.
 
-Under strong compression the ridges where two channels meet crease and fold through their mirror plane
-while J stays positive everywhere; without wall contact such a state is no valid data.
+Under strong compression the ridges where two channels meet crease and fold through their mirror plane while J stays
+positive everywhere; without contact such a state has no meaning.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.states import Array
 
-#: The eight tetrahedra of a quadratic one (VTK order of its ten nodes).
+#: Subdivision of a quadratic tetrahedron (VTK order) into eight linear ones.
 SUBDIVISION = np.array(
     [
         [0, 4, 6, 7],
@@ -29,26 +29,26 @@ SUBDIVISION = np.array(
         [6, 9, 7, 8],
     ]
 )
-#: Intervals along a facet's edge at which the wall is examined.
+#: Intervals along the edge of a facet in the grid of points on the wall.
 FACET_GRID = 8
-#: A node counts as inside a tetrahedron when all its barycentric coordinates exceed this.
+#: A node lies inside a tetrahedron if all its barycentric coordinates exceed this.
 DEPTH = 0.02
 
 
 def mirror_gap(mesh: CellMesh, grad_u: Array, u: Array) -> float:
-    """Smallest distance of the deformed wall to a mirror plane of the eighth, relative to the undeformed one.
+    """Return the smallest distance of the deformed wall to a mirror plane of the eighth over the undeformed one.
 
-    1 in the undeformed state; negative: the wall has passed through the plane. The wall is examined at a
-    grid of points on every facet, since a crease begins as a fold within the facets next to the plane.
+    It is 1 in the undeformed state, and negative where the wall has passed the plane. It is evaluated on a grid of
+    points on every facet, since a crease begins as a fold within the facets next to the plane.
 
     Parameters
     ----------
     mesh
-        Solid mesh of the eighth.
+        Mesh of the solid on the eighth.
     grad_u : (3, 3)
         Diagonal H.
     u : (nodes, 3)
-        u¹.
+        Displacement u¹.
     """
     X, weights = _wall_points(mesh)
     x = X * (1 + np.diag(grad_u)) + np.einsum("sa,kai->ksi", weights, u[mesh.wall]).reshape(-1, 3)
@@ -65,7 +65,7 @@ def mirror_gap(mesh: CellMesh, grad_u: Array, u: Array) -> float:
 
 @lru_cache(maxsize=8)
 def _wall_points(mesh: CellMesh) -> tuple[Array, Array]:
-    """Grid points on the wall's facets (points, 3), and their shape functions (samples, 3 or 6)."""
+    """Return grid points on the wall's facets (points, 3), and their shape functions (samples, 3 or 6)."""
     n = FACET_GRID
     grid = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)]) / n
     a, b, c = grid.T
@@ -78,9 +78,9 @@ def _wall_points(mesh: CellMesh) -> tuple[Array, Array]:
 
 
 def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int64]:
-    """Nodes of the deformed wall that lie inside the deformed solid, with themselves or with a periodic image.
+    """Return the nodes of the deformed wall that, or a periodic image of which, lie inside the deformed solid.
 
-    For the whole cell under any load; the arguments are those of :func:`mirror_gap`.
+    The domain is the whole cell under any load; arguments as of :func:`mirror_gap`.
     """
     F0 = np.eye(3) + grad_u
     x = mesh.points @ F0.T + u
@@ -114,7 +114,7 @@ def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int6
 
 
 def _depth(corners: Array, points: Array) -> npt.NDArray[np.float64]:
-    """Smallest barycentric coordinate of each point (n, 3) in its tetrahedron (n, 4, 3)."""
+    """Return the smallest barycentric coordinate of each point (n, 3) in its tetrahedron (n, 4, 3)."""
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     flat = np.abs(np.linalg.det(edges)) < 1e-14
     edges[flat] = np.eye(3)

@@ -1,4 +1,4 @@
-"""Whether the opposite faces of a meshed cell are the same, and making them the same to the last bit."""
+"""Periodicity of a mesh: partners on opposite faces, matched to the last bit."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ import numpy as np
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
-#: Of the length of the cell: nodes so close to a face lie on it, and nodes of opposite faces so close are partners.
+#: Tolerances of a node on a face and of partners on opposite faces, in lengths of the cell.
 ON_FACE, PARTNER = 1e-6, 1e-4
 FACETS = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
 def matched(points: Array, cells: IntArray, what: str) -> Array:
-    """Nodes (N, 3) of a mesh that fills [−½, ½]³, those on faces put where their partners on the opposite face are.
+    """Return the nodes (N, 3) of a mesh of [−½, ½]³, with nodes of opposite faces at exactly the same places.
 
     Parameters
     ----------
     cells : (M, 4) or (M, 10)
-        Of both phases.
+        Tetrahedra of both phases.
     what
-        Whose mesh it is, for the message.
+        Name of the mesh in messages.
 
     Raises
     ------
     ConfigurationError
-        A face has nodes without partners, or facets that the opposite face does not have.
+        A face has nodes or facets without partners on the opposite face.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -51,10 +51,10 @@ def matched(points: Array, cells: IntArray, what: str) -> Array:
 
 
 def facet_classes(points: Array, facets: IntArray, last: Array) -> IntArray:
-    """(K,) number of each facet (K, 3) of the block [−½, ``last``]³, that of its partner on the opposite face.
+    """Return the number (K,) of each facet (K, 3) of the block [−½, ``last``]³; partners have the same one.
 
-    Facets are told apart by their nodes in the block, not by the classes of these: where one or two elements span a
-    period, different facets have corners of the same classes.
+    Facets are identified by their nodes in the block, not by the periodic classes of these: where one or two elements
+    span a period, different facets have corners of the same classes.
     """
     corners = np.sort(facets[:, :3], axis=1)
     for axis in range(3):
@@ -74,7 +74,7 @@ def facet_classes(points: Array, facets: IntArray, last: Array) -> IntArray:
 
 
 def _check_facets(points: Array, cells: IntArray, what: str) -> None:
-    """The boundary of both phases together lies on the faces, and opposite faces have the same facets."""
+    """Refuse a mesh with boundary facets inside the cell, or with different facets on opposite faces."""
     facets = cells[:, FACETS].reshape(-1, 3)
     _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
     boundary = facets[first[count == 1]]

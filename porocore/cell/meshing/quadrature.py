@@ -1,4 +1,4 @@
-"""Quadrature of tetrahedra, here so that every backend integrates at the same points."""
+"""Quadrature of tetrahedra and triangles, the same for every backend."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LARGEST_DEGREE = 12
 
 @lru_cache(maxsize=16)
 def tetrahedron_rule(degree: int) -> tuple[Array, Array]:
-    """Points (q, 3) and weights (q,) on the unit tetrahedron, exact for polynomials up to ``degree``.
+    """Return points (q, 3) and weights (q,) on the unit tetrahedron, exact for polynomials up to ``degree``.
 
     One point for degree 1, four for 2, fourteen up to 5 (Walkington 2000, Quadrature on simplices of arbitrary
     dimension), and products of Gauss–Jacobi rules beyond. The weights sum to 1/6; all are positive.
@@ -48,13 +48,13 @@ def tetrahedron_rule(degree: int) -> tuple[Array, Array]:
 
 
 def _corners(a: float) -> Array:
-    """The four points with barycentric coordinates (a, a, a, 1 − 3a)."""
+    """Return the four points with barycentric coordinates (a, a, a, 1 − 3a)."""
     points: Array = a + np.vstack([np.zeros(3), np.eye(3) * (1 - 4 * a)])
     return points
 
 
 def _conical(n: int) -> tuple[Array, Array]:
-    """The image of n × n × n points of the cube whose one face is shrunk to an edge and then to a corner."""
+    """Return the rule of n × n × n Gauss–Jacobi points of the cube, collapsed to the tetrahedron."""
     (x, wx), (y, wy), (z, wz) = (
         ((s + 1) / 2, w / 2 ** (k + 1)) for k in range(3) for s, w in [roots_jacobi(n, k, 0)]
     )
@@ -66,7 +66,7 @@ def _conical(n: int) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=16)
 def triangle_rule(degree: int) -> tuple[Array, Array]:
-    """Points (q, 2) and weights (q,) on the unit triangle, exact for polynomials up to ``degree``.
+    """Return points (q, 2) and weights (q,) on the unit triangle, exact for polynomials up to ``degree``.
 
     Products of Gauss–Jacobi rules; the weights sum to ½ and are positive.
 

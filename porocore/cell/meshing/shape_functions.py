@@ -6,12 +6,12 @@ import numpy as np
 
 from porocore.states import Array
 
-#: Corners between which the middle nodes lie.
+#: Corners at the ends of the edges with mid-edge nodes.
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 
 
 def shape_functions(points: Array, nodes: int) -> tuple[Array, Array]:
-    """N (q, a) and dN (q, a, 3) of a tetrahedron of 4 or 10 nodes (VTK order) at points (q, 3) of the unit one."""
+    """Return N (q, a) and dN (q, a, 3) of a tetrahedron of 4 or 10 nodes (VTK order) at points (q, 3)."""
     L = np.column_stack([1 - points.sum(axis=1), points])
     dL = np.concatenate([[[-1.0, -1.0, -1.0]], np.eye(3)])
     if nodes == 4:

@@ -1,4 +1,4 @@
-"""A block of n₁ × n₂ × n₃ whole cells as one periodic domain, where modes of longer periods than the cell's live.
+"""A block of n₁ × n₂ × n₃ whole cells as one periodic domain, for modes of longer periods than the cell's.
 
 The block is [−½, n₁ − ½] × [−½, n₂ − ½] × [−½, n₃ − ½]; its first cell is the whole cell.
 """
@@ -14,13 +14,13 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.states import Array, IntArray
 
 Periods = tuple[int, int, int]
-#: Of the largest value of a field: what its copies may differ by where they meet.
+#: Largest difference of the copies of a field where they meet, relative to its largest value.
 SAME = 1e-6
 
 
 @lru_cache(maxsize=4)
 def block(mesh: CellMesh, periods: Periods) -> CellMesh:
-    """Copies of the mesh of a whole cell, joined at their faces.
+    """Return the mesh of a block: copies of the mesh of a whole cell, joined at their faces.
 
     Raises
     ------
@@ -39,19 +39,19 @@ def block(mesh: CellMesh, periods: Periods) -> CellMesh:
 
 
 def tiled(mesh: CellMesh, u: Array, periods: Periods, signs: tuple[int, int, int] = (1, 1, 1)) -> Array:
-    """A field of the whole cell on the block of its copies, (nodes of the block, 3).
+    """Return a field of the whole cell on a block of its copies, (nodes of the block, 3).
 
     Parameters
     ----------
     mesh
-        Of one whole cell.
+        Mesh of one whole cell.
     u : (nodes, 3)
-        The field at its nodes.
+        Field at its nodes.
     periods
         Cells of the block along each axis.
     signs
-        By which the field is multiplied from one cell to the next along each axis: 1 for a field of period one,
-        −1 for one that alternates, whose values on opposite faces of the cell are opposite.
+        Factor of the field from one cell to the next along each axis: 1 for period one, −1 for a field that alternates,
+        with opposite values on opposite faces of the cell.
 
     Raises
     ------
@@ -85,9 +85,9 @@ def _shifts(periods: Periods) -> Array:
 
 @lru_cache(maxsize=4)
 def _joined(mesh: CellMesh, periods: Periods) -> tuple[IntArray, IntArray]:
-    """Of all copies' nodes, one after the other: the first at each node of the block, and the block's node of each.
+    """Return the first copy of each node of the block, and the node of the block of each copy.
 
-    The copies' coordinates agree exactly where they meet, as those of opposite faces of the cell do.
+    The coordinates of copies agree exactly where they meet, as those of opposite faces of the cell do.
     """
     points = (mesh.points[None] + _shifts(periods)[:, None]).reshape(-1, 3)
     _, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)

@@ -1,4 +1,4 @@
-"""Tetrahedra as a geometry hands them to the mesh, and what is the same for every way of making them."""
+"""Tetrahedra that a geometry returns, and operations common to all of them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from porocore.states import Array, IntArray
 
 Phase = Literal["solid", "fluid"]
 Element = Literal["linear", "quadratic-straight", "quadratic-curved"]
-#: Corners of a tetrahedron between which its further nodes lie (VTK order).
+#: Corners at the ends of the edges with mid-edge nodes (VTK order).
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
-#: Of the rule at whose points the volume elements of curved tetrahedra are looked at, besides their nodes.
+#: Degree of the rule at whose points, besides the nodes, the volume elements of curved tetrahedra are evaluated.
 DEGREE = 4
 
 
@@ -28,11 +28,11 @@ class Tetrahedra:
     points : (N, 3)
         Nodes.
     cells : (M, 4) or (M, 10)
-        In VTK order, positively oriented.
+        Tetrahedra in VTK order, positively oriented.
     regions : (M,)
-        Index of each into ``region_names``; empty where none are told apart.
+        Index of each into ``region_names``; empty without regions.
     region_names
-        Of the parts of the phase; empty where none are told apart.
+        Names of the regions of the phase; empty without regions.
     """
 
     points: Array
@@ -42,22 +42,22 @@ class Tetrahedra:
 
 
 def used(points: Array, cells: IntArray) -> tuple[Array, IntArray]:
-    """The nodes that some tetrahedra use, and the tetrahedra in their numbers."""
+    """Return the nodes that some tetrahedra use, and the tetrahedra with these nodes renumbered."""
     kept, numbered = np.unique(cells, return_inverse=True)
     return points[kept], numbered.reshape(cells.shape)
 
 
 def with_middles(points: Array, cells: IntArray) -> tuple[Array, IntArray, IntArray]:
-    """Linear tetrahedra with a further node in the middle of each edge.
+    """Return linear tetrahedra with a mid-edge node on each edge.
 
     Returns
     -------
     points : (N + E, 3)
-        The middles behind the corners.
+        Corners, then mid-edge nodes.
     cells : (M, 10)
-        In VTK order.
+        Tetrahedra in VTK order.
     edges : (E, 2)
-        Ends of the edge of each middle.
+        Ends of the edge of each mid-edge node.
     """
     pairs = np.sort(cells[:, EDGES].reshape(-1, 2), axis=1)
     edges, inverse = np.unique(pairs, axis=0, return_inverse=True)
@@ -66,7 +66,7 @@ def with_middles(points: Array, cells: IntArray) -> tuple[Array, IntArray, IntAr
 
 
 def oriented(points: Array, cells: IntArray) -> IntArray:
-    """Linear tetrahedra with a positive volume: two corners of those that have a negative one are exchanged."""
+    """Return linear tetrahedra with a positive volume; two corners of those with a negative one are exchanged."""
     cells = cells.copy()
     negative = volumes(points, cells) < 0
     cells[negative] = cells[negative][:, [1, 0, 2, 3]]
@@ -74,30 +74,30 @@ def oriented(points: Array, cells: IntArray) -> IntArray:
 
 
 def volumes(points: Array, cells: IntArray) -> Array:
-    """Signed volume of each tetrahedron with straight edges, by its corners, (M,)."""
+    """Return the signed volume of each tetrahedron with straight edges, (M,)."""
     corners = points[cells[:, :4]]
     found: Array = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
     return found
 
 
 def volume(points: Array, cells: IntArray) -> float:
-    """Of all tetrahedra, curved as they are."""
+    """Return the volume of all tetrahedra with their curved edges."""
     at, weights = tetrahedron_rule(DEGREE)
     return float((determinants(points, cells, at) @ weights).sum()) if len(cells) else 0.0
 
 
 def determinants(points: Array, cells: IntArray, at: Array) -> Array:
-    """det ∂X/∂ξ of each tetrahedron at points (q, 3) of the unit one, (M, q)."""
+    """Return det ∂X/∂ξ of each tetrahedron at points (q, 3) of the unit one, (M, q)."""
     _, dN = shape_functions(at, cells.shape[1])
     found: Array = np.linalg.det(np.einsum("eai,qaj->eqij", points[cells], dN, optimize=True))
     return found
 
 
 def least_stretch(points: Array, cells: IntArray) -> Array:
-    """Smallest det ∂X/∂ξ of each tetrahedron over that of the one with straight edges, (M,).
+    """Return the smallest det ∂X/∂ξ of each tetrahedron over that with straight edges, (M,).
 
-    1 where the edges are straight; 0 or less where a curved element folds over itself. Looked at in its nodes and
-    in the fourteen points of a quadrature rule.
+    It is 1 for straight edges, and 0 or less where a curved element is folded. It is evaluated at the nodes and at the
+    fourteen points of a quadrature rule.
     """
     corners = np.vstack([np.zeros(3), np.eye(3)])
     at = np.concatenate([corners, corners[EDGES].mean(axis=1), tetrahedron_rule(DEGREE)[0]])

@@ -14,7 +14,7 @@ from porocore.states import Array, CellResponse
 
 #: Directions on the half sphere, about 2.5° apart.
 DIRECTIONS = 4000
-#: Of the sampled minima, so many best ones are refined.
+#: Number of sampled minima that are refined.
 REFINED = 12
 ITERATIONS = 500
 
@@ -26,11 +26,11 @@ class AcousticMinimum:
     Attributes
     ----------
     value : float
-        [E]; the material is strongly elliptic where it is positive.
+        Minimum [E]; the material is strongly elliptic where it is positive.
     direction : (3,)
-        n, the normal of the band.
+        n, normal of the band.
     polarisation : (3,)
-        m.
+        m, direction of the jump.
     """
 
     value: float
@@ -39,14 +39,14 @@ class AcousticMinimum:
 
 
 def acoustic_tensor(A: Array, n: Array) -> Array:
-    """Q (..., 3, 3), symmetrised, for directions (..., 3)."""
+    """Return Q (..., 3, 3), symmetrised, for directions (..., 3)."""
     Q = np.einsum("ijkl,...j,...l->...ik", A, n, n, optimize=True)
     symmetric: Array = (Q + np.swapaxes(Q, -1, -2)) / 2
     return symmetric
 
 
 def acoustic_minimum(A: Array) -> AcousticMinimum:
-    """Over all directions: a fine sample, then descent from its best.
+    """Return the minimum over all directions, by a fine sample and descent from its best points.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def acoustic_minimum(A: Array) -> AcousticMinimum:
     Returns
     -------
     AcousticMinimum
-        NaN throughout where A is not finite.
+        All NaN where A is not finite.
     """
     if not np.isfinite(A).all():
         return AcousticMinimum(float("nan"), np.full(3, np.nan), np.full(3, np.nan))
@@ -66,7 +66,7 @@ def acoustic_minimum(A: Array) -> AcousticMinimum:
     best = np.inf
     for _ in range(ITERATIONS):
         m = np.linalg.eigh(acoustic_tensor(A, n))[1][..., 0]
-        # At fixed m the form is quadratic in n: each half step takes its least value.
+        # At fixed m the form is quadratic in n: each half step takes its minimum.
         by_n = np.einsum("ijkl,ai,ak->ajl", A, m, m, optimize=True)
         values, vectors = np.linalg.eigh((by_n + by_n.transpose(0, 2, 1)) / 2)
         n = vectors[..., 0]
@@ -81,14 +81,14 @@ def acoustic_minimum(A: Array) -> AcousticMinimum:
 
 
 def acoustic_minima(response: CellResponse) -> Array:
-    """The values (n,) for every row of a response; NaN for rows without tangents."""
+    """Return the minima (n,) of the rows of a response; NaN for rows without tangents."""
     if response.tangent is None or response.tangent.stress_grad_u is None:
         return np.full(len(response), np.nan)
     return np.array([acoustic_minimum(A).value for A in response.tangent.stress_grad_u])
 
 
 def half_sphere(count: int) -> Array:
-    """Directions (count, 3) spread evenly over the half sphere z > 0, by the golden angle."""
+    """Return directions (count, 3) spread evenly over the half sphere z > 0, by the golden angle."""
     k = np.arange(count) + 0.5
     z = k / count
     angle = np.pi * (3 - np.sqrt(5)) * k
@@ -97,6 +97,6 @@ def half_sphere(count: int) -> Array:
 
 
 def _upward(n: Array) -> Array:
-    """Of ±n the one whose largest component is positive."""
+    """Return n or −n, whichever has a positive largest component."""
     upward: Array = n * np.sign(n[np.abs(n).argmax()])
     return upward

@@ -15,23 +15,23 @@ from porocore.cell.symmetry.parity import bloch_classes
 
 #: "110" is k = (π, π, 0), period two along x and y.
 WAVES = tuple(bloch_classes())
-#: Wave vectors that differ by the naming of the axes only.
+#: Wave vectors that differ in the names of the axes only.
 FAMILIES = {"0": ("000",), "100": ("100", "010", "001"), "110": ("110", "101", "011"), "111": ("111",)}
-#: Free unknowns up to which the factors of all classes are kept for the next state; they take some 6 kB an unknown.
+#: Free unknowns up to which the factors of all classes are kept for the next state, at about 6 kB an unknown.
 KEPT = 10_000
 
 
 def negative_pivots(solid: DiscreteSolid, iterate: Iterate, waves: Iterable[str] = WAVES) -> dict[str, int]:
-    """Number of unstable modes of each wave vector at an equilibrium; −1 where the linear solver cannot tell.
+    """Return the number of unstable modes of each wave vector at an equilibrium; −1 where the solver cannot tell.
 
     Parameters
     ----------
     solid
-        On the eighth.
+        Solid on the eighth.
     iterate
-        An equilibrium under a diagonal H.
+        Equilibrium under a diagonal H.
     waves
-        Out of :data:`WAVES`.
+        Wave vectors out of :data:`WAVES`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""One line of a map: states from its start to its goal, and where along it each kind of trouble begins."""
+"""One line of a stability map: states from its start to its goal, and the onset of each kind of event."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from porocore.interfaces.cell import CellField
 from porocore.plugins.border import solution_of
 from porocore.states import Array, CellResponse, IntArray, MacroState, Status
 
-#: What may begin along a line: the wall meets a mirror plane, a mode of a wave vector, loss of rank-one convexity.
+#: Events of a line: contact of the wall with a mirror plane, a mode of a wave vector, loss of rank-one convexity.
 EVENTS = ("crease", *WAVES, "acoustic")
 
 
@@ -33,7 +33,7 @@ class LineSettings:
     steps
         Equal steps from start to goal.
     tolerance
-        Width to which the interval of an onset is bisected, in the component of (H, p) that moves most.
+        Width to which the interval of an onset is bisected, in the component of (H, p) that changes most.
     eigenvalues
         Compute the lowest eigenvalue of every wave vector at every state.
     """
@@ -53,29 +53,28 @@ class LineSettings:
 
 @dataclass(frozen=True, eq=False)
 class StabilityLine:
-    """n states, of which the last may have failed, and onsets.
+    """n states along a line, of which the last may have failed, and the onsets of the events.
 
     Attributes
     ----------
     start, goal : (10,)
         H row by row, then p.
     share : (n,)
-        Of the way from start to goal.
+        Share of the way from start to goal.
     status, contact_share, min_gap : (n,)
         See :class:`~porocore.states.CellExtrema`.
     stress : (n, 3, 3)
-        P_E.
+        Total stress P_E.
     pivots : (n, 8)
-        Negative ones, for each of :data:`WAVES`; −1 where they are not known.
+        Number of negative pivots for each of :data:`WAVES`; −1 where unknown.
     eigenvalues : (n, 8)
-        The lowest ones; NaN where they were not asked for.
+        Lowest eigenvalue for each of :data:`WAVES`; NaN where not computed.
     acoustic : (n,)
         Smallest eigenvalue of the acoustic tensor [E].
     direction : (n, 3)
-        Of the normal that belongs to it.
+        Normal of that eigenvalue.
     onsets : (events, 2)
-        For each of :data:`EVENTS` the interval of ``share`` in which it begins; NaN where it does not, 0 and 0
-        where it is there from the start.
+        Interval of ``share`` in which each of :data:`EVENTS` begins; NaN for none, 0 and 0 if present at the start.
     """
 
     start: Array
@@ -95,12 +94,12 @@ class StabilityLine:
         return len(self.share)
 
     def states(self) -> Array:
-        """(n, 10): H row by row, then p."""
+        """Return the states (n, 10), H row by row, then p."""
         states: Array = self.start + self.share[:, None] * (self.goal - self.start)
         return states
 
     def onset(self, *events: str) -> Array:
-        """The state (10,) at the middle of the interval in which the first of some events begins; NaN if none does."""
+        """Return the state (10,) in the middle of the first onset interval of some events; NaN if none begins."""
         middles = [self.onsets[EVENTS.index(event)].mean() for event in events]
         if np.isnan(middles).all():
             return np.full(10, np.nan)
@@ -139,8 +138,9 @@ def follow_line(
 ) -> StabilityLine:
     """Solve the states of a line one after another and bisect every onset.
 
-    The line ends at the first state without values, and close to where values end. An onset lies between a state that
-    does not show it and the next one that does; in a state without values only the crease can show, by its status.
+    The line ends at the first state without values, within the tolerance of the last one with values. An onset lies
+    between a state without the event and the next one with it; a state without values shows the crease only, by its
+    status.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def follow_line(
         H is not diagonal, or the configuration excludes the eighth.
     """
     _check_symmetric(prepared, start, goal)
-    line = _Walk(solver, prepared, start, goal, settings, on_state)
+    line = _LineSolver(solver, prepared, start, goal, settings, on_state)
     states = list(line.states())
     return StabilityLine(
         start=start,
@@ -189,8 +189,8 @@ def _check_symmetric(prepared: PreparedCell, start: Array, goal: Array) -> None:
         )
 
 
-class _Walk:
-    """Along one line, from each state to the next."""
+class _LineSolver:
+    """Solver of the states of one line, each from the field of the one before."""
 
     def __init__(
         self,
@@ -207,7 +207,7 @@ class _Walk:
         self._between: dict[float, _State] = {}
 
     def states(self) -> Iterator[_State]:
-        """From the start on; behind the last one with values, at most one without, not farther than the tolerance."""
+        """Yield the states from the start on, and at most one without values, within the tolerance of the last one."""
         last: _State | None = None
         for share in np.linspace(0.0, 1.0, self.settings.steps + 1):
             state = self.examined(float(share), last)
@@ -249,7 +249,7 @@ class _Walk:
                 self._between[share] = middle
                 self.on_state(f"onset of {event}")
             if middle.field is None and not middle.shows(event):
-                break  # no state there: the interval stays as wide as it is
+                break  # without a state the interval cannot be bisected further
             low, high = (low, middle) if middle.shows(event) else (middle, high)
         return low.share, high.share
 

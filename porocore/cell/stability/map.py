@@ -1,4 +1,4 @@
-"""Several lines side by side: what is asked for, the lines that are finished, and the file that keeps them."""
+"""Stability maps: a plan of several lines, their solution, and the files of the results."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ class MapPlan:
     along
         Inputs that run together from zero to these values.
     across
-        The input that is held at one value on each line.
+        Input that is constant on each line.
     values
-        Of it.
+        Its values, one for each line.
     line
-        How each line is examined.
+        Settings of each line.
     """
 
     along: Mapping[str, float]
@@ -86,7 +86,7 @@ class MapPlan:
             raise ConfigurationError(f"expected different values of {self.across}, got {list(self.values)}")
 
     def ends(self, value: float) -> tuple[Array, Array]:
-        """Start and goal (10,) of the line at one value."""
+        """Return start and goal (10,) of the line at one value."""
         start = np.zeros(10)
         start[NAMES.index(self.across)] = value
         goal = start.copy()
@@ -96,11 +96,11 @@ class MapPlan:
 
     @property
     def leading(self) -> str:
-        """The input along the lines that moves most."""
+        """Input along the lines that changes most."""
         return max(self.along, key=lambda name: abs(self.along[name]))
 
     def describe(self) -> dict[str, Any]:
-        """Plain data, from which alone the lines follow."""
+        """Return the plan as plain data; the lines depend on nothing else."""
         return {
             "along": dict(self.along),
             "across": self.across,
@@ -118,16 +118,16 @@ def follow_lines(
     provenance: Mapping[str, str],
     on_state: Callable[[int, str], None] = lambda line, text: None,
 ) -> list[StabilityLine]:
-    """Every line of a plan; those that ``path`` holds already are not solved again, and each is kept when finished.
+    """Solve the lines of a plan that ``path`` does not hold yet, save each when it is finished, and return all.
 
     Parameters
     ----------
     identity
-        Of cell, backend and plan; a file of another one is not continued.
+        Identity of cell, backend and plan; a file of another one is not continued.
     provenance
-        Texts that the file keeps.
+        Texts that the file stores.
     on_state
-        Called after every state with the number of the line and what was found.
+        Called after every state with the number of the line and a text.
     """
     lines = load(path, identity) if path.exists() else []
     for i in range(len(lines), len(plan.values)):
@@ -180,7 +180,7 @@ def _read_line(file: Contents, group: str) -> StabilityLine:
 
 
 def write_tables(folder: Path, plan: MapPlan, lines: Sequence[StabilityLine]) -> tuple[Path, Path]:
-    """states.csv with one row for each state and onsets.csv with one for each line; returns their paths."""
+    """Write states.csv with one row a state and onsets.csv with one row a line, and return their paths."""
     inputs = (*plan.along, plan.across)
     columns = [NAMES.index(name) for name in inputs]
     header = [*inputs, "status", "contact_share", "min_gap", "acoustic"]

@@ -1,7 +1,7 @@
-"""The lowest eigenvalue of the tangent of a wave vector, and the mode that belongs to it.
+"""Lowest eigenvalue and mode of the tangent for a wave vector.
 
-K u = λ M u with the lumped mass M of the undeformed solid at density 1, so that λ is the least δ²Π per ∫|u|² dV and
-does not depend on the mesh but for the error of discretisation. In units of E and of the edge of the cell.
+K u = λ M u with the lumped mass M of the undeformed solid at density 1, so λ is the minimum of δ²Π per ∫|u|² dV and
+depends on the mesh by the discretisation error only. Units are E and the edge of the cell.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from porocore.cell.symmetry.parity import bloch_classes, odd_axes, translation
 from porocore.errors import PorocoreError
 from porocore.states import Array
 
-#: The first shift below the spectrum; others follow, four times as far.
+#: First shift below the spectrum and largest one; each is four times the one before.
 FIRST_SHIFT, LARGEST_SHIFT = -1.0, -1e6
-#: Of a node's place, in lengths of the cell.
+#: Tolerance of the position of a node, in lengths of the cell.
 NEAR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """The lowest mode of one class of perturbations.
+    """Lowest mode of one parity class.
 
     Attributes
     ----------
     value : float
         λ [E per squared edge of the cell]; negative: the energy falls along the mode.
     parity
-        The class.
+        Parity class.
     mesh
-        Of the eighth.
+        Mesh of the eighth.
     u : (nodes, 3)
-        The mode there, its largest component 1.
+        Mode on the eighth, of largest component 1.
     """
 
     value: float
@@ -52,14 +52,14 @@ class Mode:
 
     @property
     def periods(self) -> tuple[int, ...]:
-        """Of the mode, in cells along each axis."""
+        """Periods of the mode along the axes, in cells."""
         first, second = odd_axes(self.parity, 0), odd_axes(self.parity, 1)
         return tuple(2 if (a in first) != (a in second) else 1 for a in "xyz")
 
     def at(self, points: Array) -> Array:
-        """The mode (n, 3) at points (n, 3) anywhere that are mirror images of nodes of the eighth.
+        """Return the mode (n, 3) at points (n, 3) that are mirror images of nodes of the eighth.
 
-        Such are the nodes of the whole cell and of a block of whole cells.
+        The nodes of the whole cell and of a block of whole cells are such images.
 
         Raises
         ------
@@ -75,14 +75,14 @@ class Mode:
 
 
 def folded(points: Array, parity: str) -> tuple[Array, Array]:
-    """Into the eighth by mirrors: the images (n, 3), and by what a field of the class is multiplied there, (n, 3)."""
+    """Return the mirror images (n, 3) of points in the eighth, and the signs (n, 3) of a field of the class there."""
     first, second = odd_axes(parity, 0), odd_axes(parity, 1)
     there, signs = np.empty_like(points), np.ones_like(points)
     for axis, name in enumerate("xyz"):
         x = np.mod(points[:, axis], 2.0)
         at_0 = -1.0 if name in first else 1.0
         at_half = -1.0 if name in second else 1.0
-        # Four quarters of two cells: as it is, mirrored at ½, shifted by one cell (both mirrors), mirrored at 0.
+        # Four quarters of two cells: identity, mirror at ½, shift by one cell (both mirrors), mirror at 0.
         quarter = np.minimum((2 * x).astype(np.int64), 3)
         there[:, axis] = np.choose(quarter, [x, 1 - x, x - 1, 2 - x])
         factor = np.choose(quarter, [1.0, at_half, at_0 * at_half, at_0])
@@ -93,7 +93,7 @@ def folded(points: Array, parity: str) -> tuple[Array, Array]:
 
 
 def lowest_mode(solid: DiscreteSolid, iterate: Iterate, wave: str) -> Mode:
-    """Of all classes of a wave vector; rigid translations do not count.
+    """Return the lowest mode of all classes of a wave vector; rigid translations are left out.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def lowest_mode(solid: DiscreteSolid, iterate: Iterate, wave: str) -> Mode:
 
 
 def lowest_eigenvalues(solid: DiscreteSolid, iterate: Iterate, waves: Iterable[str]) -> dict[str, float]:
-    """λ of each wave vector; each class is asked once."""
+    """Return λ of each wave vector; each class is solved once."""
     swaps = solid.exchanged_axes(iterate)
     of_class: dict[str, float] = {}
     found = {}
@@ -126,10 +126,10 @@ def lowest_eigenvalues(solid: DiscreteSolid, iterate: Iterate, waves: Iterable[s
 
 
 def lowest_of_class(solid: DiscreteSolid, iterate: Iterate, parity: str) -> Mode:
-    """By Lanczos' iteration on the inverse, shifted below the spectrum, and Rayleigh's quotient of what it finds.
+    """Return the lowest mode of a class, by Lanczos' iteration with a shift below the spectrum.
 
-    A class that has a rigid translation is asked for its other modes: with Mt of the translation t taken out of M. One
-    component of one node is held there, so each field stands for those that differ from it by a translation.
+    In a class with a rigid translation t, M t is projected out of M, which leaves the other modes. One component of
+    one node is held there, so each field represents those that differ from it by a translation.
     """
     K, mass = solid.tangent(iterate, parity), solid.masses(parity)
     n = len(mass)
@@ -156,8 +156,8 @@ def lowest_of_class(solid: DiscreteSolid, iterate: Iterate, parity: str) -> Mode
             )
     inverse = LinearOperator((n, n), matvec=divide, dtype=float)
     M: Any = LinearOperator((n, n), matvec=weighed, dtype=float) if rigid else sparse.diags(mass)
-    begin = np.random.default_rng(0).normal(size=n)
-    _, vectors = eigsh(K, k=1, M=M, sigma=shift, OPinv=inverse, v0=begin, tol=1e-7)
+    start = np.random.default_rng(0).normal(size=n)
+    _, vectors = eigsh(K, k=1, M=M, sigma=shift, OPinv=inverse, v0=start, tol=1e-7)
     x = vectors[:, 0]
     value = float(x @ (K @ x)) / float(x @ weighed(x))
     u = solid.expanded(x, parity)
@@ -167,7 +167,7 @@ def lowest_of_class(solid: DiscreteSolid, iterate: Iterate, parity: str) -> Mode
 
 
 def _scaled(u: Array) -> Array:
-    """Of largest component one; of several that differ by round-off the first one is positive."""
+    """Return u scaled to a largest component of 1; of several within round-off the first one is positive."""
     size = np.abs(u)
     first = np.flatnonzero(size > 0.99 * size.max())[0]
     scaled: Array = u * np.sign(u.flat[first]) / size.max()
@@ -176,7 +176,7 @@ def _scaled(u: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Rigid:
-    """The translation t of a class: its axis, M t of the free unknowns, and tᵀMt with the held one."""
+    """Rigid translation t of a class: its axis, M t of the free unknowns, and tᵀMt including the held one."""
 
     axis: int
     along: Array
@@ -196,12 +196,12 @@ def _rigid(solid: DiscreteSolid, parity: str) -> _Rigid | None:
 def _factored(
     solid: DiscreteSolid, iterate: Iterate, parity: str, shift: float, rigid: _Rigid | None
 ) -> tuple[int, Any]:
-    """Number of eigenvalues below the shift, and the application of (K − shift·M)⁻¹."""
+    """Return the number of eigenvalues below the shift, and the application of (K − shift·M)⁻¹."""
     factor = solid.factor(iterate, parity, shift)
     count = factor.negative
     if rigid is None or count < 0:
         return count, factor.solve
-    # K − shift·(M − a aᵀ/m) = B + shift·a aᵀ/m, by Sherman and Morrison; its inertia by that of the bordered matrix.
+    # K − shift·(M − a aᵀ/m) = B + shift·a aᵀ/m by Sherman and Morrison; its inertia follows from the bordered matrix.
     solved = factor.solve(rigid.along)
     pivot = rigid.mass + shift * float(rigid.along @ solved)
 

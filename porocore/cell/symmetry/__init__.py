@@ -1,1 +1,1 @@
-"""Symmetry of a cell and of its states: point groups of point sets and meshes, parities, exchanges."""
+"""Symmetry of a cell and of its states: point groups, parities, exchanges of axes."""

@@ -1,4 +1,4 @@
-"""Which axes of a state may change places, so that what was found for one class of perturbations holds for another."""
+"""Exchanges of axes that leave a state unchanged; parity classes that they map onto each other have equal results."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.states import Array, IntArray
 
-#: Of a displacement, in lengths of the cell: states that differ by less are the same.
+#: Tolerance of displacements, in lengths of the cell.
 EQUAL = 1e-7
 
 
 def exchanged_axes(mesh: CellMesh, H: Array, u: Array) -> tuple[str, ...]:
-    """Pairs of axes, "xz", whose exchange changes neither the mesh of the eighth nor u¹ (nodes, 3) under H."""
+    """Return the pairs of axes, "xz", whose exchange changes neither the mesh of the eighth nor u¹ (nodes, 3)."""
     found = []
     for i, j in ((0, 1), (0, 2), (1, 2)):
         order = _exchange(mesh, i, j)
@@ -27,7 +27,7 @@ def exchanged_axes(mesh: CellMesh, H: Array, u: Array) -> tuple[str, ...]:
 
 
 def images(parity: str, swaps: Iterable[str]) -> set[str]:
-    """A class, and those that exchanges of axes make of it."""
+    """Return the orbit of a parity class under exchanges of axes."""
     swaps = tuple(swaps)
     found, fresh = {parity}, [parity]
     while fresh:
@@ -44,14 +44,14 @@ def images(parity: str, swaps: Iterable[str]) -> set[str]:
 
 @lru_cache(maxsize=24)
 def _exchange(mesh: CellMesh, i: int, j: int) -> IntArray | None:
-    """The node that the exchange of two axes takes to each node; None where the mesh has no such symmetry."""
+    """Return the node that the exchange of two axes maps onto each node; None without that symmetry."""
     points = mesh.points.round(9) + 0.0
     moved = points[:, _swapped(i, j)]
-    here, there = np.lexsort(points.T), np.lexsort(moved.T)
-    if not np.array_equal(points[here], moved[there]):
+    sorted_points, sorted_images = np.lexsort(points.T), np.lexsort(moved.T)
+    if not np.array_equal(points[sorted_points], moved[sorted_images]):
         return None
     order = np.empty(len(points), dtype=np.int64)
-    order[here] = there
+    order[sorted_points] = sorted_images
     cells = np.column_stack([np.sort(mesh.cells, axis=1), mesh.regions])
     image = np.column_stack([np.sort(order[mesh.cells], axis=1), mesh.regions])
     if not np.array_equal(cells[np.lexsort(cells.T)], image[np.lexsort(image.T)]):

@@ -1,4 +1,4 @@
-"""Which operations of the cube take the mesh of a whole periodic cell to itself, and its regions to which."""
+"""Operations of the cube that map the mesh of a whole periodic cell onto itself, and its regions onto each other."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from porocore.cell.symmetry.point_set import images_of_points, kinds
 from porocore.core.tensors.point_group import CUBE_OPERATIONS, Rotation, as_rotation
 from porocore.states import IntArray
 
-#: In lengths of the cell: how far the image of a node may lie from a node. Files hold no more than some ten digits.
+#: Tolerance of the image of a node, in lengths of the cell; files hold about ten digits.
 SAME = 1e-6
-#: Of volumes of tetrahedra around a node, as a share of that of the cell.
+#: Tolerance of the volume of the tetrahedra around a node, in volumes of the cell.
 SAME_VOLUME = 1e-9
 
-#: The region to which each goes; None where one does not go to one other as a whole.
+#: Image of each region by name; None where a region is not mapped onto one region.
 RegionMap = Mapping[str, str] | None
 
 
 def region_maps(mesh: Tetrahedra) -> dict[Rotation, RegionMap]:
-    """Return the operations under which a mesh of [−½, ½]³ is the same, each with where the regions go.
+    """Return the operations that map a mesh of [−½, ½]³ onto itself, each with the images of the regions.
 
-    Nodes have to meet nodes and tetrahedra tetrahedra. A mesh may have fewer operations than the body that it fills.
+    Nodes are mapped onto nodes and tetrahedra onto tetrahedra. A mesh may have fewer symmetries than its body.
     """
     wrapped = np.where(mesh.points == 0.5, -0.5, mesh.points)
     points, number = np.unique(wrapped, axis=0, return_inverse=True)
@@ -31,7 +31,7 @@ def region_maps(mesh: Tetrahedra) -> dict[Rotation, RegionMap]:
     corners = number.reshape(-1)[mesh.cells[:, :4]]
     own = volumes(mesh.points, mesh.cells)
     around = np.bincount(corners.ravel(), np.repeat(own, 4), minlength=len(points))
-    # Nodes and middles of tetrahedra, told apart by their volumes.
+    # Nodes and centres of tetrahedra are distinguished by their volumes.
     everything = np.concatenate([points, mesh.points[mesh.cells[:, :4]].mean(axis=1)])
     is_middle = np.arange(len(everything)) >= len(points)
     labels = kinds(np.column_stack([is_middle, np.concatenate([around, own])]), SAME_VOLUME)
@@ -50,7 +50,7 @@ def region_maps(mesh: Tetrahedra) -> dict[Rotation, RegionMap]:
 
 
 def _regions(mesh: Tetrahedra, row: IntArray) -> RegionMap:
-    """Where the regions go if each tetrahedron goes to that of ``row``."""
+    """Return the images of the regions if each tetrahedron is mapped onto that of ``row``."""
     if len(mesh.region_names) < 2:
         return {}
     pairs = np.unique(np.column_stack([mesh.regions, mesh.regions[row]]), axis=0)
@@ -61,5 +61,5 @@ def _regions(mesh: Tetrahedra, row: IntArray) -> RegionMap:
 
 
 def _preferred(regions: RegionMap) -> int:
-    """Regions that stay are best, scrambled ones worst."""
+    """Return the rank of a map: regions that stay come first, regions that are not mapped come last."""
     return 10**6 if regions is None else len(regions)

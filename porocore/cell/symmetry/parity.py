@@ -1,13 +1,13 @@
-"""What the mirror planes of the eighth of a cell prescribe, and how the whole cell is held.
+"""Parity classes of perturbations, and the boundary conditions on the mirror planes and on the whole cell.
 
-A perturbation by H_ij is even or odd under the mirror of each axis; a field that is odd under the mirror of an
-axis keeps the normal component on its planes and loses the tangential ones, an even one the other way round.
+A perturbation by H_ij is even or odd under the mirror of each axis. On the planes of an axis an odd field has a normal
+component only, an even field has tangential components only.
 
-A perturbation with wave vector components k_a ∈ {0, π} may have one parity at X_a = 0 and another at X_a = ½. The two
-mirrors together are the translation by one cell, so that equal parities mean period one, k_a = 0, and different ones
+A perturbation with wave vector components k_a ∈ {0, π} may have one parity at X_a = 0 and another at X_a = ½. The
+product of both mirrors is the translation by one cell, so equal parities mean period one, k_a = 0, and different ones
 period two, k_a = π. A class of perturbations is named by the axes under whose mirrors it is odd: "xy" at both planes
-of x and of y, "xy|xz" at X = 0 and Y = 0, and at X = ½ and Z = ½. The 64 classes hold every perturbation of the eight
-wave vectors, the eight that need no bar those of period one.
+of x and of y, "xy|xz" at X = 0 and Y = 0, and at X = ½ and Z = ½. The 64 classes contain every perturbation of the
+eight wave vectors; the eight classes without a bar have period one.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ import numpy.typing as npt
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.states import Array
 
-#: Of the ten loads θ = (H row by row, p): the classes that the mirror planes of the eighth sort them into. No load
-#: belongs to the last four, which are perturbations of the cell all the same.
+#: Loads of each class of period one, out of the ten loads θ = (H row by row, p). The last four classes have no loads.
 CLASSES: dict[str, tuple[int, ...]] = {
     "": (0, 4, 8, 9),
     "xy": (1, 3),
@@ -33,46 +32,46 @@ CLASSES: dict[str, tuple[int, ...]] = {
     "z": (),
     "xyz": (),
 }
-#: δH (3, 3) of a unit change of each of the ten loads; p changes none of it.
+#: δH (3, 3) of a unit change of each of the ten loads, 0 for p.
 UNIT_LOADS: Array = np.eye(10)[:, :9].reshape(10, 3, 3)
 
 
 def classes(mesh: CellMesh) -> dict[str, tuple[int, ...]]:
-    """Loads of each class of period one; the whole cell needs only one."""
+    """Return the loads of each class of period one; the whole cell has one class."""
     return CLASSES if mesh.domain == "eighth" else {"": tuple(range(10))}
 
 
 def odd_axes(parity: str, plane: int) -> str:
-    """Axes under whose mirrors a class is odd: at X_a = 0 for ``plane`` 0, at X_a = ½ for 1."""
+    """Return the axes under whose mirrors a class is odd, at X_a = 0 for ``plane`` 0 and at X_a = ½ for 1."""
     first, bar, second = parity.partition("|")
     return second if bar and plane else first
 
 
 @lru_cache(maxsize=1)
 def bloch_classes() -> dict[str, tuple[str, ...]]:
-    """The eight classes of each wave vector, "000" to "111": "110" stands for k = (π, π, 0)."""
+    """Return the eight classes of each wave vector, "000" to "111"; "110" is k = (π, π, 0)."""
     found: dict[str, tuple[str, ...]] = {}
     for wave in product((0, 1), repeat=3):
         names = []
-        for parity in product((0, 1), repeat=3):
-            first = "".join(a for a, parity in zip("xyz", parity, strict=True) if parity)
-            second = "".join(a for a, parity, k in zip("xyz", parity, wave, strict=True) if parity != k)
+        for signs in product((0, 1), repeat=3):
+            first = "".join(a for a, odd in zip("xyz", signs, strict=True) if odd)
+            second = "".join(a for a, odd, k in zip("xyz", signs, wave, strict=True) if odd != k)
             names.append(first if first == second else f"{first}|{second}")
         found["".join(map(str, wave))] = tuple(names)
     return found
 
 
 def translation(parity: str) -> int | None:
-    """The axis along which a class holds the rigid translation: it is odd under that axis' own mirrors alone."""
+    """Return the axis of the rigid translation in a class, the one under whose mirrors alone it is odd, or None."""
     return "xyz".index(parity) if parity in ("x", "y", "z") else None
 
 
 def held_displacements(mesh: CellMesh, parity: str = "") -> npt.NDArray[np.bool_]:
-    """Components of u¹ that vanish, (nodes, 3), for the fields of a class.
+    """Return the components of u¹ that vanish, (nodes, 3), for the fields of a class.
 
-    A rigid translation changes nothing. On the whole cell one node, with its periodic images, is held against it; on
-    the eighth, where a class has it, one component of one node. The inertia is that without the translation's zero:
-    what is left stands for the fields but for translations, one each.
+    A rigid translation does not change the energy. It is excluded by holding one node, with its periodic images, on the
+    whole cell, and one component of one node in a class of the eighth that contains it. So the inertia lacks the zero
+    eigenvalue of the translation only.
     """
     held = np.zeros((len(mesh.points), 3), dtype=bool)
     if mesh.domain == "whole":
@@ -92,12 +91,12 @@ def held_displacements(mesh: CellMesh, parity: str = "") -> npt.NDArray[np.bool_
 
 
 def held_velocities(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
-    """Components of w^j that vanish, (nodes, 3): on the wall, and on the planes where symmetry asks for it.
+    """Return the components of w^j that vanish, (nodes, 3), on the wall and by symmetry on the mirror planes.
 
     The flow under e_j is odd under the mirror of j and even under the others.
     """
     held = np.zeros((len(mesh.points), 3), dtype=bool)
-    # A node may be on the wall while the facets there belong to a periodic image of it.
+    # The wall's facets at a node may belong to a periodic image of it.
     on_wall = np.zeros(int(mesh.periodic_class.max(initial=-1)) + 1, dtype=bool)
     on_wall[mesh.periodic_class[mesh.wall]] = True
     held[on_wall[mesh.periodic_class]] = True
@@ -110,14 +109,14 @@ def held_velocities(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
 
 
 def held_pressures(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
-    """Nodes where the pressure p̃^j vanishes because it is odd under the mirror of j, (nodes,)."""
+    """Return the nodes where the pressure p̃^j vanishes because it is odd under the mirror of j, (nodes,)."""
     if mesh.domain == "whole":
         return np.zeros(len(mesh.points), dtype=bool)
     return _on_plane(mesh)[:, j]
 
 
 def visible(mesh: CellMesh, parity: str = "") -> Array:
-    """1 for the components of a mean gradient (3, 3) that do not cancel between the images of the domain, else 0."""
+    """Return 1 for the components (3, 3) of a mean gradient that do not cancel between images of the domain, else 0."""
     if mesh.domain == "whole":
         return np.ones((3, 3))
     if not parity:

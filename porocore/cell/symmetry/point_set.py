@@ -1,7 +1,7 @@
-"""Which operations of the cube leave a periodic set of points or voxels as it is, together with some shift.
+"""Point groups of periodic sets of points or voxels.
 
-A cell is periodic, so its origin means nothing: Q belongs to its point group if x → Q x + t takes the cell to itself
-for some t. Shifts are not guessed: each takes one point of a rare kind to another of its kind.
+A cell is periodic, so its origin is arbitrary: Q belongs to its point group if x → Q x + t maps the cell onto itself
+for some shift t. Each candidate for t maps one point of a rare kind onto another one of that kind.
 """
 
 from __future__ import annotations
@@ -15,34 +15,34 @@ import numpy.typing as npt
 from porocore.core.tensors.point_group import CUBE_OPERATIONS, TRIVIAL, PointGroup
 from porocore.states import Array, IntArray
 
-#: Shifts that are tried for one operation; where there are more the group may come out too small, never too large.
+#: Shifts that are tried for one operation; with more candidates the group may be too small, never too large.
 MOST_SHIFTS = 256
 #: Points on which a shift is tried before it is tried on all.
 FIRST = 32
 MOST_VOXEL_SHIFTS = 4e6
-#: Voxels between which shifts are told apart, one after the other.
+#: Voxels at which shifts are tested, one after the other.
 PROBES = 256
 
 Mask = npt.NDArray[np.bool_]
-#: Asked of an operation Q and of the point to which each point goes.
+#: Condition on an operation Q and on the point onto which each point is mapped.
 Allows = Callable[[IntArray, IntArray], bool]
 
 
 def group_of_points(
     points: Array, labels: IntArray, tolerance: float, allows: Allows = lambda Q, order: True
 ) -> PointGroup:
-    """Return the point group of points that repeat themselves with the period 1.
+    """Return the point group of a set of points with the period 1.
 
     Parameters
     ----------
     points : (n, 3)
-        In one period.
+        Points of one period.
     labels : (n,)
-        Points with different labels are not taken to each other.
+        Points with different labels are not mapped onto each other.
     tolerance
-        How far an image may lie from a point.
+        Largest distance of an image from a point.
     allows
-        What else an operation has to obey.
+        Further condition on an operation.
     """
     if not len(points):
         return TRIVIAL
@@ -56,7 +56,7 @@ def group_of_points(
 
 
 def images_of_points(points: Array, labels: IntArray, tolerance: float, Q: IntArray) -> Iterator[IntArray]:
-    """Yield to which point each goes (n,), for each shift with which Q (3, 3) takes the points to themselves."""
+    """Yield the image (n,) of each point, for each shift with which Q (3, 3) maps the set onto itself."""
     from scipy.spatial import cKDTree  # slow to import
 
     within = points - np.floor(points)
@@ -86,7 +86,7 @@ def images_of_points(points: Array, labels: IntArray, tolerance: float, Q: IntAr
 
 
 def kinds(values: Array, tolerance: float) -> IntArray:
-    """Return a number for each row of values (n, k): rows that differ by less than a tolerance have the same."""
+    """Return a label for each row of values (n, k), equal for rows that differ by less than a tolerance."""
     labels = np.zeros(len(values), dtype=np.int64)
     for column in values.T:
         order = np.argsort(column, kind="stable")
@@ -100,7 +100,7 @@ def kinds(values: Array, tolerance: float) -> IntArray:
 def group_of_voxels(solid: Mask, *, mirror: bool) -> PointGroup:
     """Return the point group of a cell of voxels (n, n, n), exactly.
 
-    With ``mirror`` they are the eighth of the cell, which goes on mirrored at its sides; else they are the whole cell.
+    With ``mirror`` they are the eighth of the cell, mirrored at its sides; else they are the whole cell.
     """
     if mirror:
         flips = list(product((1, -1), repeat=3))
@@ -128,12 +128,12 @@ def group_of_voxels(solid: Mask, *, mirror: bool) -> PointGroup:
 
 
 def _axes(Q: IntArray) -> list[tuple[int, int]]:
-    """Which axis becomes each of the three under x → Q x, and with which sign."""
+    """Return the axis that x → Q x maps onto each of the three, and its sign."""
     return [(int(np.abs(row).argmax()), int(row.sum())) for row in Q]
 
 
 def _turned(voxels: Mask, Q: IntArray) -> Mask:
-    """The voxels after x → Q x about the middle."""
+    """Return the voxels after x → Q x about the middle."""
     axes = _axes(Q)
     return _flipped(voxels.transpose([old for old, _ in axes]), tuple(sign for _, sign in axes))
 
@@ -143,7 +143,7 @@ def _flipped(voxels: Mask, signs: tuple[int, ...]) -> Mask:
 
 
 def _shifts_onto(one: Mask, other: Mask, along: list[list[int]]) -> bool:
-    """Whether one of the shifts by whole voxels ``along`` each axis makes them the same."""
+    """Return whether one of the shifts by whole voxels ``along`` each axis maps one onto the other."""
     if np.prod([float(len(shifts)) for shifts in along]) > MOST_VOXEL_SHIFTS:
         return False
     shifts = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.int64)
