@@ -1,4 +1,4 @@
-"""The tables of docs/configuration.md, from the models and classes that read the configuration.
+"""Tables of docs/configuration.md and docs/cell.md, made from the models, classes and fields that they describe.
 
 .venv/bin/python docs/make_configuration.py [--check]
 
@@ -9,6 +9,7 @@ A table stands between two HTML comments, and the first one says which table it 
     <!-- keys-by-kind cell.geometry -->        the keys of the kinds but the default one
     <!-- fields porocore.core.formulas.time_function.TimeFunction -->    the keys of one model
     <!-- parameters PATH CLASS -->             the options of a class, by its docstring
+    <!-- responses cell -->                    the fields of a response that cell solvers provide
     <!-- end -->
 
 Everything else is written by hand and stays as it is. With --check nothing is written; the exit status is 1 where the
@@ -28,12 +29,14 @@ from configuration_tables.models import Key, all_keys, keys_by_kind, keys_of, ki
 from configuration_tables.parameters import options_of
 
 from porocore.core.files.atomic import atomic_path
+from porocore.states import CELL_FIELDS
 from porocore.study.config.schema import field_docstrings
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "configuration.md"
+PAGES = (PAGE, ROOT / "docs" / "cell.md")
 TABLE = re.compile(
-    r"^<!-- (?P<table>keys|kinds|keys-by-kind|fields|parameters) (?P<of>[^\n]+) -->\n.*?^<!-- end -->$",
+    r"^<!-- (?P<table>keys|kinds|keys-by-kind|fields|parameters|responses) (?P<of>[^\n]+) -->\n.*?^<!-- end -->$",
     flags=re.MULTILINE | re.DOTALL,
 )
 #: Pages that say more of a key.
@@ -61,6 +64,7 @@ def with_tables(text: str) -> str:
         "keys-by-kind": _keys_by_kind,
         "fields": _fields,
         "parameters": _parameters,
+        "responses": _responses,
     }
 
     def made(found: re.Match[str]) -> str:
@@ -83,6 +87,19 @@ def _fields(name: str) -> str:
 
 def _parameters(path: str, cls: str) -> str:
     return _table("option", options_of(ROOT / path, cls))
+
+
+def _responses(_: str) -> str:
+    rows = [
+        [
+            f"`{name}`",
+            field.heading,
+            _cell(field.unit),
+            _cell(field.meaning.removesuffix(".").replace("``", "`")),
+        ]
+        for name, field in CELL_FIELDS.items()
+    ]
+    return _lines([["field", "shape", "unit", "meaning"], *rows])
 
 
 def _kinds(section: str) -> str:
@@ -148,13 +165,16 @@ def _lines(rows: Iterable[list[str]]) -> str:
 
 
 def main() -> None:
-    """Write the page, or tell whether it is up to date."""
-    text = PAGE.read_text(encoding="utf-8")
-    made = with_tables(text)
-    if sys.argv[1:] == ["--check"]:
-        sys.exit(0 if made == text else f"{PAGE} is out of date; run python docs/make_configuration.py")
-    with atomic_path(PAGE) as part:
-        part.write_text(made, encoding="utf-8")
+    """Write the pages, or tell whether they are up to date."""
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        made = with_tables(text)
+        if sys.argv[1:] == ["--check"]:
+            if made != text:
+                sys.exit(f"{page} is out of date; run python docs/make_configuration.py")
+            continue
+        with atomic_path(page) as part:
+            part.write_text(made, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,9 @@
 """Fields of a response: declared once; shapes, NaN rows, checks and the documentation derive from that."""
 
+import subprocess
+import sys
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -122,3 +125,16 @@ def test_only_declared_names_make_a_response():
     arrays = flatten_response(right(1))
     with pytest.raises(ValueError, match="'heat' is no response"):
         build_response([0], arrays | {"heat": np.zeros(1)})
+
+
+def test_a_made_up_field_of_one_declaration_is_found_everywhere(tmp_path):
+    """In rows of NaN, checks, the file, parts of the data and the documentation; in a process of its own."""
+    root = Path(__file__).parents[2]
+    script, generator = Path(__file__).with_name("made_up_field.py"), root / "docs/make_configuration.py"
+    done = subprocess.run(
+        [sys.executable, script, tmp_path / "samples.h5", generator],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == "found everywhere\n", done.stderr
