@@ -34,7 +34,9 @@ def carried_and_solved(folder: RunFolder) -> tuple[np.ndarray, np.ndarray]:
     states = MacroState(H, np.zeros(len(H)))
     cell = load_surrogate(folder, folder.config).predict(states, tangent=False)
     K = reference.conductivity
-    carried = PulledBack.of(states, cell.mean_grad, np.zeros((len(H), 3)), reference.solid_fraction, K)
+    carried = PulledBack.from_states(
+        states, cell.mean_grad, np.zeros((len(H), 3)), reference.solid_fraction, K
+    )
     return carried.conductivity / K[0, 0], cell.conductivity / K[0, 0]
 
 

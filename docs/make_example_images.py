@@ -12,8 +12,8 @@ from make_images import IMAGES, _pixels
 from matplotlib.figure import Figure
 
 from porocore.interfaces.solution import MacroSolution
-from porocore.report.figures import QUANTITIES, body_figure, png_bytes, series_figure
-from porocore.report.figures.profiles import Line
+from porocore.report.figures import PROFILE_FIELDS, body_figure, png_bytes, series_figure
+from porocore.report.figures.profiles import ColumnAxis
 from porocore.report.figures.series import panels
 from porocore.report.figures.style import DASHED, TIME_COLOURS, new_figure, styled
 from porocore.study.run_folder.folder import RunFolder
@@ -54,13 +54,15 @@ def filter_picture(folder: RunFolder) -> Figure:
     left, right = figure.subplots(1, 2, sharey=True)
     for load, colour in zip(config.macro.loads, TIME_COLOURS, strict=False):
         solution = MacroSolution.load_file(folder.solution(config.closure, load))
-        last, line = solution.profiles[-1], Line.of(solution)
-        height, pressure, _ = line.series(last, QUANTITIES["p"])
+        last, line = solution.profiles[-1], ColumnAxis.from_solution(solution)
+        height, pressure, _ = line.series(last, PROFILE_FIELDS["p"])
         left.plot(pressure / load, height, color=colour, label=f"{load:g}")
         conductivity = last.spatial_conductivity[line.elements, 1, 1]
         right.plot(conductivity, line.element_y, color=colour, label=f"{load:g}")
     linear = MacroSolution.load_file(folder.solution("linear", config.macro.loads[0]))
-    height, conductivity, _ = Line.of(linear).series(linear.profiles[-1], QUANTITIES["K22"])
+    height, conductivity, _ = ColumnAxis.from_solution(linear).series(
+        linear.profiles[-1], PROFILE_FIELDS["K22"]
+    )
     left.plot([0, 1], [0, float(linear.points[:, 1].max())], color="0.35", ls=DASHED, lw=1.3, label="linear")
     right.plot(conductivity, height, color="0.35", ls=DASHED, lw=1.3, label="undeformed pore")
     left.set(xlabel="pore pressure, of that above [–]", ylabel="height in the filter $X_2$ [–]")

@@ -211,7 +211,7 @@ class SurrogateSummary:
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class LoadCase:
     """One load, solved with the cell's law and with linear poroelasticity on the same mesh and time plan.
 
     ``others`` are solutions with other closures, or with the cell itself (direct FE²). ``flagged`` says where and why
@@ -272,7 +272,7 @@ class DirectCost:
 
 
 @dataclass(frozen=True)
-class FallbackDone:
+class AdaptiveSurrogateCost:
     """What a solution with a fallback needed beyond the sampled states.
 
     Attributes
@@ -336,7 +336,7 @@ class ReportContext:
         What solutions with a fallback needed.
     units
         Of the study's results.
-    drive
+    loading_mode
         What moves the body.
     """
 
@@ -344,7 +344,7 @@ class ReportContext:
     cell: CellSummary
     sampling: SamplingSummary
     surrogate: SurrogateSummary
-    cases: tuple[Case, ...]
+    cases: tuple[LoadCase, ...]
     stages: tuple[Stage, ...]
     provenance: Mapping[str, str]
     config_text: str
@@ -353,9 +353,9 @@ class ReportContext:
     other_surrogates: tuple[SurrogateSummary, ...] = ()
     direct: tuple[DirectCost, ...] = ()
     scenarios: Mapping[str, Scales] = field(default_factory=dict)
-    fallbacks: tuple[FallbackDone, ...] = ()
+    fallbacks: tuple[AdaptiveSurrogateCost, ...] = ()
     units: ResultUnits = field(default_factory=ResultUnits)
-    drive: LoadingMode = field(default_factory=LoadingMode)
+    loading_mode: LoadingMode = field(default_factory=LoadingMode)
 
     @property
     def result_units(self) -> dict[str, ResultUnits]:

@@ -41,7 +41,7 @@ def dimensional_rows(
     solution: MacroSolution,
     conductivity: float,
     units: Mapping[str, ResultUnits],
-    drive: LoadingMode,
+    loading_mode: LoadingMode,
 ) -> list[DimensionalRow]:
     """Of one case, as :func:`porocore.report.metrics.case_metrics` describes it.
 
@@ -51,12 +51,12 @@ def dimensional_rows(
         The nonlinear one; its profiles give the largest fluid velocity.
     conductivity
         K_22 of the undeformed cell.
-    drive
+    loading_mode
         The load is a stress only where it scales one; forces are listed where a surface is moved.
     """
     found = metrics["nonlinear"]
     rows: list[tuple[str, str, float | None]] = [
-        *([("load times E", "stress", metrics["load"])] if drive.stressed else []),
+        *([("load times E", "stress", metrics["load"])] if loading_mode.stressed else []),
         ("final settlement", "displacement", found["final_settlement"]),
         ("final settlement, linear", "displacement", metrics["linear"]["final_settlement"]),
         ("largest pore pressure", "pressure", found["max_pressure"]),
@@ -66,7 +66,7 @@ def dimensional_rows(
         ("99 %, linear", "time", metrics["linear"]["time_to_99_percent"]),
         ("conductivity of the undeformed cell", "conductivity", conductivity),
     ]
-    for name, force in (reactions(solution) if drive.displaced else {}).items():
+    for name, force in (reactions(solution) if loading_mode.displaced else {}).items():
         for which, key in (("peak", "peak"), ("final", "final")):
             rows.append((f"{which} force on {name}, component {force['component']}", "force", force[key]))
     if solution.profiles:

@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from porocore.core.files.atomic import atomic_path
 from porocore.core.units.results import ResultUnits
 from porocore.report import figures
-from porocore.report.context import Case, ReportContext, SamplingSummary, SurrogateSummary
+from porocore.report.context import LoadCase, ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.dimensional import dimensional_rows
 from porocore.report.figures.profiles import chosen_times, is_column, profile_at
 from porocore.report.figures.series import panels
 from porocore.report.format import plain
-from porocore.report.law_differences import COMPARED, case_gaps
+from porocore.report.law_differences import COMPARED, law_differences
 from porocore.report.loading_mode import reactions
 from porocore.report.metrics import case_metrics, rms_percent, worst_percent
 from porocore.report.page import Picture, environment, png_picture, svg_picture
@@ -67,13 +67,15 @@ def render(context: ReportContext) -> str:
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
         dimensional=[
             dimensional_rows(
-                m, case.nonlinear, float(conductivity[1, 1]), context.result_units, context.drive
+                m, case.nonlinear, float(conductivity[1, 1]), context.result_units, context.loading_mode
             )
             for m, case in zip(metrics, context.cases, strict=True)
         ]
         if context.result_units
         else [],
-        forces=[_forces(case, moved) for case in context.cases] if (moved := context.drive.displaced) else [],
+        forces=[_forces(case, moved) for case in context.cases]
+        if (moved := context.loading_mode.displaced)
+        else [],
         conductivity=[conductivity_sentence(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
         linear_rows=linear_rows(context.cell),
@@ -85,14 +87,14 @@ def render(context: ReportContext) -> str:
         surrogates=[
             _surrogate_parts(surrogate) for surrogate in (context.surrogate, *context.other_surrogates)
         ],
-        gaps=[case_gaps(case) for case in context.cases],
+        differences=[law_differences(case) for case in context.cases],
         compared=COMPARED,
         cases=[_case_pictures(case, context.units) for case in context.cases],
         total_seconds=sum(stage.seconds for stage in context.stages),
     )
 
 
-def _forces(case: Case, moved: Sequence[str]) -> list[tuple[str, str, dict[str, Any]]]:
+def _forces(case: LoadCase, moved: Sequence[str]) -> list[tuple[str, str, dict[str, Any]]]:
     """Law, surface and what :func:`reactions` says of it, surface by surface, those that are moved first."""
     solutions = (case.nonlinear, *case.others, case.linear)
     names = [each.law for each in solutions] if case.others else ["nonlinear", "linear"]
@@ -150,7 +152,7 @@ def _samples_figure(context: ReportContext) -> Figure:
     )
 
 
-def _visited(case: Case, sampling: SamplingSummary) -> list[Array]:
+def _visited(case: LoadCase, sampling: SamplingSummary) -> list[Array]:
     """The inputs at the elements of each kept profile, upwards."""
     inputs = sampling.inputs
     height = case.nonlinear.points[case.nonlinear.cells, 1].mean(axis=1)
@@ -161,7 +163,7 @@ def _visited(case: Case, sampling: SamplingSummary) -> list[Array]:
     ]
 
 
-def _case_pictures(case: Case, units: ResultUnits) -> dict[str, list[Picture]]:
+def _case_pictures(case: LoadCase, units: ResultUnits) -> dict[str, list[Picture]]:
     """Profiles along its axis of a column, pictures of any other body."""
     load = plain(case.load)
     histories = [
@@ -194,7 +196,7 @@ def _case_pictures(case: Case, units: ResultUnits) -> dict[str, list[Picture]]:
     profiles = [
         svg_picture(
             figures.profile_figure(case.nonlinear, case.linear, quantity),
-            f"{figures.QUANTITIES[quantity].plain} along the column at t = {times}, load {load}",
+            f"{figures.PROFILE_FIELDS[quantity].plain} along the column at t = {times}, load {load}",
         )
         for quantity in PROFILES
     ]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from porocore.interfaces.solution import History, MacroSolution
-from porocore.report.context import Case
+from porocore.report.context import LoadCase
 from porocore.states import Array
 
 #: Histories that are compared, with their names for a reader.
@@ -22,7 +22,7 @@ SAME_TIME = 1e-9
 
 
 @dataclass(frozen=True)
-class Gap:
+class HistoryDifference:
     """Difference of one history, in per cent of the largest magnitude that the reference has over time.
 
     Attributes
@@ -40,7 +40,7 @@ class Gap:
     time: float
 
 
-def gap(reference: History, other: History, quantity: str) -> Gap | None:
+def history_difference(reference: History, other: History, quantity: str) -> HistoryDifference | None:
     """Of ``quantity``, a field of :class:`History`; None where the reference does not move or no time is common."""
     rows, columns = _common(reference.time, other.time)
     one, two = getattr(reference, quantity)[rows], getattr(other, quantity)[columns]
@@ -49,15 +49,15 @@ def gap(reference: History, other: History, quantity: str) -> Gap | None:
         return None
     apart = 100 * (two - one) / scale
     worst = int(np.abs(apart).argmax())
-    return Gap(float(apart[-1]), float(abs(apart[worst])), float(reference.time[rows][worst]))
+    return HistoryDifference(float(apart[-1]), float(abs(apart[worst])), float(reference.time[rows][worst]))
 
 
-def case_gaps(case: Case) -> list[dict[str, Any]]:
+def law_differences(case: LoadCase) -> list[dict[str, Any]]:
     """Every pair of nonlinear laws of one load, ready for JSON; the more exact one of two is the reference."""
     found = []
     for pair in combinations((case.nonlinear, *case.others), 2):
         reference, other = sorted(pair, key=_exactness)
-        gaps = {name: gap(reference.history, other.history, name) for name in COMPARED}
+        differences = {name: history_difference(reference.history, other.history, name) for name in COMPARED}
         found.append(
             {
                 "law": other.law,
@@ -70,7 +70,7 @@ def case_gaps(case: Case) -> list[dict[str, Any]]:
                         "largest_percent": value.largest,
                         "time_of_largest": value.time,
                     }
-                    for name, value in gaps.items()
+                    for name, value in differences.items()
                 },
             }
         )

@@ -34,7 +34,7 @@ class LoadingMode:
     stressed: bool = True
 
     @classmethod
-    def of(cls, macro: MacroSetup) -> LoadingMode:
+    def from_setup(cls, macro: MacroSetup) -> LoadingMode:
         """By the boundary conditions that are not zero."""
         faces = macro.boundary.items()
         return cls(

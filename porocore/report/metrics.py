@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from porocore.interfaces.solution import History, MacroSolution
-from porocore.report.context import Case, OutputCheck
+from porocore.report.context import LoadCase, OutputCheck
 from porocore.states import Array
 
 #: A run whose settlement still moves by more than this share of its final value in the last tenth of the time
@@ -94,7 +94,7 @@ def _first_time(history: History, share: float) -> float | None:
     return float(history.time[beyond[0]]) if len(beyond) else None
 
 
-def case_metrics(case: Case) -> dict[str, Any]:
+def case_metrics(case: LoadCase) -> dict[str, Any]:
     """The solutions of one load and the ratios of the first two (nonlinear / linear), ready for JSON."""
     nonlinear, linear = solution_metrics(case.nonlinear), solution_metrics(case.linear)
 
@@ -114,7 +114,7 @@ def case_metrics(case: Case) -> dict[str, Any]:
     }
 
 
-def report_metrics(cases: tuple[Case, ...]) -> dict[str, Any]:
+def report_metrics(cases: tuple[LoadCase, ...]) -> dict[str, Any]:
     """``{"cases": [...]}``, one entry for each load; the list is ``macro`` in ``metrics.json``."""
     return {"cases": [case_metrics(case) for case in cases]}
 

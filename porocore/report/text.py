@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from porocore.macro.laws.pull_back import is_isotropic
-from porocore.report.context import Case, CellSummary, Published, ReportContext, SurrogateSummary
+from porocore.report.context import CellSummary, LoadCase, Published, ReportContext, SurrogateSummary
 from porocore.report.format import NONE, difference, number, percent, plain
 from porocore.report.metrics import case_metrics, case_warnings, leaving
 from porocore.states import Status
@@ -28,7 +28,7 @@ MEANINGS: dict[Status, str] = {
 
 
 @dataclass(frozen=True)
-class Row:
+class ComparisonRow:
     """A quantity, what was published, and what this run found."""
 
     name: str
@@ -63,22 +63,22 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
     return sentences
 
 
-def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[Row]:
+def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[ComparisonRow]:
     """The statements of the publication on one load beside the figures of that load."""
     nonlinear, linear = metrics["nonlinear"], metrics["linear"]
     return [
-        Row(
+        ComparisonRow(
             "final settlement, nonlinear against linear",
             published.settlement,
             difference(metrics["settlement_ratio"]),
         ),
-        Row(
+        ComparisonRow(
             "steady state, nonlinear",
             f"at t = {plain(published.steady_time)} (no criterion stated)",
             f"95 % at t = {number(nonlinear['time_to_95_percent'], 3)}, "
             f"99 % at t = {number(nonlinear['time_to_99_percent'], 3)}",
         ),
-        Row(
+        ComparisonRow(
             "steady state, nonlinear against linear",
             published.duration,
             f"to 95 %: {difference(metrics['time_to_95_percent_ratio'], 'sooner', 'later')} (linear: t = "
@@ -89,7 +89,7 @@ def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[Row]:
     ]
 
 
-def cell_rows(cell: CellSummary, published: Published | None) -> list[Row]:
+def cell_rows(cell: CellSummary, published: Published | None) -> list[ComparisonRow]:
     """Porosity, conductivity and micro–macro tangents of the undeformed cell."""
     linear = cell.linear
     M, Q = linear.mean_grad_grad_u, linear.mean_grad_p
@@ -105,7 +105,8 @@ def cell_rows(cell: CellSummary, published: Published | None) -> list[Row]:
     names = ("porosity φ_f", f"K₁₁ at μ_f = {plain(cell.viscosity)}", "M₂₂₂₂", "M₂₂₁₁", "Q₁₁")
     found = (cell.porosity, linear.conductivity[0, 0], M[1, 1, 1, 1], M[1, 1, 0, 0], Q[0, 0])
     return [
-        Row(name, text, number(float(value))) for name, text, value in zip(names, said, found, strict=True)
+        ComparisonRow(name, text, number(float(value)))
+        for name, text, value in zip(names, said, found, strict=True)
     ]
 
 
@@ -127,7 +128,7 @@ _CARRIED = {
 }
 
 
-def conductivity_sentence(case: Case, cell: CellSummary) -> str:
+def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
     """Where the flux has its conductivity from, and how far its component 22 has come at the last profile."""
     if cell.law == "deformed":
         found = (

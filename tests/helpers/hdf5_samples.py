@@ -22,7 +22,7 @@ from porocore.interfaces.records import SolvedState
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.integration import checkpoint
 from porocore.macro.integration.adaptive import ErrorControl
-from porocore.macro.integration.record import Record as Steps
+from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.sampling.datasets.layout import Block, Header, read_block, read_fields, write_block
 from porocore.states import MacroState, Status
 from porocore.surrogates.file import file as surrogate_file
@@ -101,7 +101,7 @@ def _stepper() -> Any:
 
 def write_checkpoint(path: Path) -> None:
     d, column = _discretisation(), make_column(elements=(1, 1, 1), times=(), end=1.0)
-    steps = Steps(d)
+    steps = HistoryRecorder(d)
     steps.rows, steps.profiles = [(0.5,) * len(steps.columns)] * 2, list(column.profiles)
     control = ErrorControl(np.ones(UNKNOWNS), 0.1, (1.0, 2.0))
     checkpoint.save(path, "owner", _stepper(), control, d, np.arange(7.0), _at_rest(POINTS), steps)

@@ -33,8 +33,8 @@ def make(elements=ELEMENTS, size=SIZE):
 def test_shape_functions_are_one_at_their_node_and_their_slopes_are_slopes(element):
     np.testing.assert_allclose(element.values(element.nodes), np.eye(len(element.nodes)), atol=1e-14)
     x, h = np.random.default_rng(0).random((6, 3)) / 3, 1e-6
-    slopes = [(element.values(x + h * e) - element.values(x - h * e)) / (2 * h) for e in np.eye(3)]
-    np.testing.assert_allclose(element.slopes(x), np.stack(slopes, axis=-1), atol=1e-9)
+    gradients = [(element.values(x + h * e) - element.values(x - h * e)) / (2 * h) for e in np.eye(3)]
+    np.testing.assert_allclose(element.gradients(x), np.stack(gradients, axis=-1), atol=1e-9)
     np.testing.assert_allclose(element.corner_values(x) @ element.nodes[: element.corners], x, atol=1e-14)
     middle = element.nodes.mean(axis=0)
     for facet in element.facets:

@@ -11,8 +11,8 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import InputSpace
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.macro.laws import ClosedLaw, LearningLaw, MeanGradientClosure, PotentialClosure
-from porocore.macro.laws.fallback import Fallback
+from porocore.macro.laws import AdaptiveLaw, ClosedLaw, MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
 from porocore.macro.problem import TimePlan
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
@@ -82,11 +82,11 @@ def dataset(tmp_path):
 @pytest.fixture
 def fallback(dataset):
     with CellPool(make) as pool:
-        yield Fallback(pool, dataset, base(), fresh, 0)
+        yield AdaptiveSurrogate(pool, dataset, base(), fresh, 0)
 
 
 def law_of(fallback, closure=CLOSURE):
-    return LearningLaw(fallback.known(fresh().fit(base(), seed=0)), closure, fallback, name="learning")
+    return AdaptiveLaw(fallback.known(fresh().fit(base(), seed=0)), closure, fallback, name="learning")
 
 
 def solve(law):
@@ -113,8 +113,8 @@ def test_cells_are_solved_until_the_estimated_errors_are_within_the_tolerance(da
     """With few cells, and none beside one that is known."""
     data = replace(base(), tolerance=0.01)
     with CellPool(make) as pool:
-        extend = Fallback(pool, dataset, data, fresh, 0)
-        law = LearningLaw(fresh().fit(data, seed=0), CLOSURE, extend, name="learning")
+        extend = AdaptiveSurrogate(pool, dataset, data, fresh, 0)
+        law = AdaptiveLaw(fresh().fit(data, seed=0), CLOSURE, extend, name="learning")
         learned = solve(law)
         assert law.extend(data.states[:3]) is None
     exact = solve(ClosedLaw(Cell(), CLOSURE))
@@ -137,7 +137,7 @@ def test_what_was_solved_is_known_the_next_time(fallback, dataset):
     solve(law_of(fallback))
     solved = len(dataset)
     with CellPool(make) as pool:
-        again = Fallback(pool, Dataset.open(dataset.path), base(), fresh, 0)
+        again = AdaptiveSurrogate(pool, Dataset.open(dataset.path), base(), fresh, 0)
         repeated = solve(law_of(again))
     assert repeated.outside_training_range.max() == 0
     assert again.work.reused == solved

@@ -22,9 +22,9 @@ from porocore.macro.closure_error import ClosureError
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.report.context import (
     DEHGHANI_ZILIAN,
-    Case,
     CellSummary,
     DirectCost,
+    LoadCase,
     OutputCheck,
     ReportContext,
     SamplingSummary,
@@ -117,7 +117,7 @@ def context(column) -> ReportContext:
             TrainingCurve(epoch, 1 / epoch, 2 / epoch),
             ClosureError(0.913, 7.48, 1.26, 3.57),
         ),
-        cases=(Case(column(), column(law="linear", final=2.6, rate=0.08, beyond=None)),),
+        cases=(LoadCase(column(), column(law="linear", final=2.6, rate=0.08, beyond=None)),),
         stages=(Stage("sampling", 312.4, "60 states <i>"), Stage("training", 28.0)),
         provenance={"porocore": "0.1.0", "seed <1>": "7"},
         config_text="cell: <radius> & {0.25}",
@@ -195,7 +195,7 @@ def test_warnings_come_before_the_summary(context, page):
     )
     assert handed_in < flagged < page.words.index("Under the load −0.2")
     calm = replace(
-        context, warnings=(), cases=(Case(replace_outside(context, 0.0), context.cases[0].linear),)
+        context, warnings=(), cases=(LoadCase(replace_outside(context, 0.0), context.cases[0].linear),)
     )
     assert not Page(render(calm)).all("aside")
 
@@ -259,7 +259,7 @@ def test_forces_are_shown_where_a_surface_is_moved(context, unpictured):
     case = context.cases[0]
     pushed = replace(
         context,
-        drive=LoadingMode(("y+",), stressed=False),
+        loading_mode=LoadingMode(("y+",), stressed=False),
         cases=(replace(case, nonlinear=replace(case.nonlinear, reactions={"a": force, "y+": force})),),
     )
     when = f"{case.nonlinear.history.time[3]:.3f}"
@@ -307,7 +307,7 @@ def test_without_a_publication_nothing_is_called_published(context):
 
 @pytest.mark.usefixtures("undrawn")
 def test_benchmark_is_not_set_beside_another_load(context, column):
-    other = Case(column(load=-0.01), column(load=-0.01, law="linear"))
+    other = LoadCase(column(load=-0.01), column(load=-0.01, law="linear"))
     assert "considerably shorter time" not in Page(render(replace(context, cases=(other,)))).words
 
 

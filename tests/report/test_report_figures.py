@@ -12,7 +12,7 @@ from matplotlib.image import imread
 from porocore.core.inputs.input_space import InputSpace
 from porocore.report.context import OutputCheck, TrainingCurve
 from porocore.report.figures import (
-    QUANTITIES,
+    PROFILE_FIELDS,
     cell_picture,
     history_figure,
     parity_figure,
@@ -23,7 +23,7 @@ from porocore.report.figures import (
     training_figure,
 )
 from porocore.report.figures.cell import surface_triangles
-from porocore.report.figures.profiles import Line
+from porocore.report.figures.profiles import ColumnAxis
 from porocore.states import Status
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
@@ -66,7 +66,7 @@ def test_history(pair, log_time):
 
 
 @pytest.mark.parametrize(
-    "quantity", ["p", *(pytest.param(q, marks=pytest.mark.slow) for q in QUANTITIES if q != "p")]
+    "quantity", ["p", *(pytest.param(q, marks=pytest.mark.slow) for q in PROFILE_FIELDS if q != "p")]
 )
 def test_profiles_are_labelled_and_do_not_overlap(pair, quantity):
     figure = profile_figure(*pair, quantity)
@@ -96,13 +96,13 @@ def test_profile_flags_what_lies_beyond_the_sampled_range(pair):
 
 def test_line_through_a_box_of_several_elements_across(column):
     solution = column(elements=(2, 5, 3))
-    line = Line.of(solution)
+    line = ColumnAxis.from_solution(solution)
     np.testing.assert_allclose(line.node_y, np.linspace(0, 7.5, 11), rtol=0, atol=1e-12)
     np.testing.assert_allclose(line.element_y, 7.5 * (np.arange(5) + 0.5) / 5, rtol=0, atol=1e-12)
     profile = replace(solution.profiles[0], outside_training_range=np.zeros(30))
     profile.outside_training_range[line.elements[1]] = 0.1  # y from 1.5 to 3: nodes 2, 3, 4
-    _, _, nodes = line.series(profile, QUANTITIES["p"])
-    _, _, elements = line.series(profile, QUANTITIES["H22"])
+    _, _, nodes = line.series(profile, PROFILE_FIELDS["p"])
+    _, _, elements = line.series(profile, PROFILE_FIELDS["H22"])
     np.testing.assert_array_equal(np.flatnonzero(nodes), [2, 3, 4])
     np.testing.assert_array_equal(np.flatnonzero(elements), [1])
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.report.context import Case, OutputCheck
+from porocore.report.context import LoadCase, OutputCheck
 from porocore.report.format import difference, duration, number, percent, plain
 from porocore.report.metrics import (
     case_metrics,
@@ -50,7 +50,7 @@ def test_interpolation_converges_with_the_step():
 
 
 def test_ratios_and_losses_of_a_case(column):
-    metrics = case_metrics(Case(column(), column(law="linear", final=2.5, rate=0.06, beyond=None)))
+    metrics = case_metrics(LoadCase(column(), column(law="linear", final=2.5, rate=0.06, beyond=None)))
     expected = 2.0 * (1 - math.exp(-10)) / (2.5 * (1 - math.exp(-6)))
     assert metrics["settlement_ratio"] == pytest.approx(expected, rel=1e-13)
     assert metrics["drained_ratio"] == pytest.approx(expected, rel=1e-13)
@@ -74,7 +74,7 @@ def test_flagged_shares(column):
 
 
 def test_a_body_that_does_not_move_has_no_times(column):
-    case = Case(column(final=0.0), column(final=0.0, law="linear"))
+    case = LoadCase(column(final=0.0), column(final=0.0, law="linear"))
     metrics = case_metrics(case)
     assert metrics["nonlinear"]["time_to_95_percent"] is None
     assert metrics["settlement_ratio"] is None
@@ -85,21 +85,21 @@ def test_warns_of_a_run_that_ends_too_early(column):
     early = column(rate=0.01, beyond=None)
     # s(t) = 1 − e^{−t/100}: from t = 90 to 100 it grows by (e^{−0.9} − e^{−1})/(1 − e^{−1}) of its end value
     assert steady_drift(early.history) == pytest.approx((math.exp(-0.9) - math.exp(-1)) / (1 - math.exp(-1)))
-    (warning,) = case_warnings(case_metrics(Case(early, column(law="linear", beyond=None))))
+    (warning,) = case_warnings(case_metrics(LoadCase(early, column(law="linear", beyond=None))))
     assert "nonlinear" in warning
     assert "6.1 %" in warning
 
 
 def test_warns_of_flagged_states_only(column):
     calm, linear = column(beyond=None), column(law="linear", beyond=None)
-    assert case_warnings(case_metrics(Case(calm, linear))) == []
-    (warning,) = case_warnings(case_metrics(Case(column(beyond=-0.2), linear)))
+    assert case_warnings(case_metrics(LoadCase(calm, linear))) == []
+    (warning,) = case_warnings(case_metrics(LoadCase(column(beyond=-0.2), linear)))
     assert "Load −0.2: at the end 100 % of the body" in warning
 
 
 def test_two_solutions_of_different_loads_are_no_case(column):
     with pytest.raises(ValueError, match=r"one load, got -0\.2 and -0\.01"):
-        Case(column(), column(load=-0.01))
+        LoadCase(column(), column(load=-0.01))
 
 
 def test_errors_count_the_states_inside_only():

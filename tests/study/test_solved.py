@@ -135,9 +135,9 @@ def test_the_table_of_the_report_has_the_units_of_the_study(case):
 
 @pytest.fixture
 def case(column):
-    from porocore.report.context import Case
+    from porocore.report.context import LoadCase
 
-    return Case(column(), column(law="linear", final=2.5))
+    return LoadCase(column(), column(law="linear", final=2.5))
 
 
 def test_settings_are_merged_section_by_section():

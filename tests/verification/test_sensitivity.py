@@ -157,7 +157,9 @@ def test_quantities_by_their_definitions():
     }
     for name, value in expected.items():
         assert found[name] == pytest.approx(value, rel=1e-12), name
-    pulled = PulledBack.of(MacroState.single(H, 0.1), g[None], np.zeros((1, 3)), 0.6, K, "piola-unrotated")
+    pulled = PulledBack.from_states(
+        MacroState.single(H, 0.1), g[None], np.zeros((1, 3)), 0.6, K, "piola-unrotated"
+    )
     np.testing.assert_allclose(pulled.conductivity[0] / pulled.J[0], K_t, rtol=1e-12)
 
 

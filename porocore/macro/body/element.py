@@ -84,7 +84,7 @@ class ReferenceElement:
         """(k, n) shape functions of the displacement at ``x`` (k, 3)."""
         return self._quadratic(x)[0]
 
-    def slopes(self, x: Array) -> Array:
+    def gradients(self, x: Array) -> Array:
         """(k, n, 3) their derivatives by the reference coordinates."""
         return self._quadratic(x)[1]
 
@@ -123,7 +123,7 @@ class ReferenceFacet:
     ----------
     weights : (q,)
         Their sum is the area of the reference facet.
-    values, slopes : (q, m), (q, m, 2)
+    values, gradients : (q, m), (q, m, 2)
         Of the displacement.
     corner_values : (q, corners)
         Of the pressure.
@@ -131,7 +131,7 @@ class ReferenceFacet:
 
     weights: Array
     values: Array
-    slopes: Array
+    gradients: Array
     corner_values: Array
 
 
@@ -145,7 +145,7 @@ def _barycentric(x: Array) -> Array:
 
 
 def _quadratic_simplex(b: Array, edges: tuple[tuple[int, int], ...]) -> tuple[Array, Array]:
-    """Values and slopes from the barycentric coordinates ``b`` (k, d + 1)."""
+    """Values and gradients from the barycentric coordinates ``b`` (k, d + 1)."""
     d = b.shape[1] - 1
     slope = np.vstack([-np.ones(d), np.eye(d)])
     i, j = np.array(edges).T
@@ -156,14 +156,14 @@ def _quadratic_simplex(b: Array, edges: tuple[tuple[int, int], ...]) -> tuple[Ar
 
 
 def _quadratic_product(x: Array, nodes: Any) -> tuple[Array, Array]:
-    """Values and slopes of products of quadratic functions along each axis."""
+    """Values and gradients of products of quadratic functions along each axis."""
     N = np.stack([(1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1)], axis=-1)
     dN = np.stack([4 * x - 3, 4 - 8 * x, 4 * x - 1], axis=-1)
     axes = range(x.shape[1])
     along = [N[:, a, nodes[:, a]] for a in axes]
     values = np.prod(along, axis=0)
-    slopes = [np.prod([dN[:, a, nodes[:, a]] if a == b else along[a] for a in axes], axis=0) for b in axes]
-    return np.asarray(values), np.stack(slopes, axis=-1)
+    gradients = [np.prod([dN[:, a, nodes[:, a]] if a == b else along[a] for a in axes], axis=0) for b in axes]
+    return np.asarray(values), np.stack(gradients, axis=-1)
 
 
 def _gauss(dimension: int) -> tuple[Array, Array]:

@@ -80,8 +80,8 @@ class BodyMesh:
     @cached_property
     def jacobians(self) -> Array:
         """(elements, q, 3, 3) ∂X_i/∂ξ_j at the quadrature points."""
-        slopes = self.element.slopes(self.element.points)
-        return np.asarray(np.einsum("eai,qaj->eqij", self.points[self.cells], slopes, optimize=True))
+        gradients = self.element.gradients(self.element.points)
+        return np.asarray(np.einsum("eai,qaj->eqij", self.points[self.cells], gradients, optimize=True))
 
     @cached_property
     def weights(self) -> Array:
@@ -91,8 +91,8 @@ class BodyMesh:
     @cached_property
     def stretch(self) -> float:
         """Largest ∫ Σ_j |∂N/∂X_j| dX over the body of a displacement node's shape function N."""
-        slopes = self.element.slopes(self.element.points)
-        grad = np.einsum("qak,eqkj->eqaj", slopes, np.linalg.inv(self.jacobians), optimize=True)
+        gradients = self.element.gradients(self.element.points)
+        grad = np.einsum("qak,eqkj->eqaj", gradients, np.linalg.inv(self.jacobians), optimize=True)
         local = np.einsum("eq,eqaj->ea", self.weights, np.abs(grad))
         return float(np.bincount(self.cells.ravel(), local.ravel()).max())
 

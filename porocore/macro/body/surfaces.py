@@ -100,8 +100,8 @@ class Facets:
 
     def tangents_of(self, points: Array) -> Array:
         """(f, q, 3, 2) ∂x/∂ξ where the nodes are at ``points``."""
-        slopes = self.mesh.element.facet.slopes
-        return np.asarray(np.einsum("fai,qak->fqik", points[self.nodes], slopes, optimize=True))
+        gradients = self.mesh.element.facet.gradients
+        return np.asarray(np.einsum("fai,qak->fqik", points[self.nodes], gradients, optimize=True))
 
     @property
     def normals(self) -> Array:

@@ -46,14 +46,14 @@ def tangent(facets: Facets, u: Array, pressure: float) -> Any:
         "q,qa,qb,fqij->faibj",
         reference.weights,
         reference.values,
-        reference.slopes[..., 0],
+        reference.gradients[..., 0],
         by_first,
         optimize=True,
     ) + np.einsum(
         "q,qa,qb,fqij->faibj",
         reference.weights,
         reference.values,
-        reference.slopes[..., 1],
+        reference.gradients[..., 1],
         by_second,
         optimize=True,
     )

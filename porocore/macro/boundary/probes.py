@@ -65,7 +65,7 @@ def _invert(mesh: BodyMesh, nodes: Array, place: Array) -> Array | None:
         error = element.values(xi[None])[0] @ nodes - place
         if np.abs(error).max() < 1e-12 * size:
             return np.asarray(xi)
-        jacobian = nodes.T @ element.slopes(xi[None])[0]
+        jacobian = nodes.T @ element.gradients(xi[None])[0]
         xi = xi - np.linalg.solve(jacobian, error)
         if np.abs(xi).max() > 5:
             return None

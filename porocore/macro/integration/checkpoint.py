@@ -21,7 +21,7 @@ from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.solution import file_name, read_profile
 from porocore.macro.integration.adaptive import ErrorControl
 from porocore.macro.integration.discretisation import Discretisation
-from porocore.macro.integration.record import PROFILE, Record
+from porocore.macro.integration.recorder import PROFILE, HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array
@@ -47,7 +47,7 @@ def save(
     d: Discretisation,
     x: Array,
     memory: LawMemory,
-    record: Record,
+    record: HistoryRecorder,
 ) -> None:
     """Write the state after an accepted step, atomically; ``owner`` is :func:`identity`."""
     whole = d.gathered(x)
@@ -74,7 +74,7 @@ def save(
 
 def load(
     path: Path, owner: str, stepper: Stepper, control: ErrorControl, d: Discretisation, law: MacroLaw
-) -> tuple[Array, LawMemory, Record]:
+) -> tuple[Array, LawMemory, HistoryRecorder]:
     """Read what :func:`save` wrote: unknowns, memory and record; sets ``stepper`` and ``control``.
 
     Raises
@@ -83,7 +83,7 @@ def load(
         The file is truncated or foreign, or belongs to another problem or law.
     """
     again = "remove it to start anew"
-    points, record = d.mesh.weights.size, Record(d)
+    points, record = d.mesh.weights.size, HistoryRecorder(d)
 
     def read() -> tuple[Any, ...]:
         with opened(path, "macro checkpoint", again) as file:

@@ -16,7 +16,7 @@ from porocore.macro.integration.adaptive import ErrorControl, Reached
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
 from porocore.macro.integration.flagged import flagged
 from porocore.macro.integration.newton import newton_step
-from porocore.macro.integration.record import Record
+from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
 from porocore.states import Array
 
@@ -104,9 +104,9 @@ def _halved(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array, begin
     return x
 
 
-def _at_rest(d: Discretisation, law: MacroLaw) -> tuple[Array, LawMemory, Record]:
+def _at_rest(d: Discretisation, law: MacroLaw) -> tuple[Array, LawMemory, HistoryRecorder]:
     """Unknowns of the initial state, the law's memory of it, and a record that begins with it."""
-    start, mesh, record = d.problem.initial, d.mesh, Record(d)
+    start, mesh, record = d.problem.initial, d.mesh, HistoryRecorder(d)
     whole = np.concatenate(
         [(mesh.points @ np.array(start.gradient).T).ravel(), np.full(len(mesh.p_nodes), start.pressure)]
     )

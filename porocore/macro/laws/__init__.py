@@ -5,9 +5,9 @@ cell solver itself, the linear limit: whatever predicts the responses of a batch
 :class:`~porocore.interfaces.law.MacroLaw`.
 """
 
+from porocore.macro.laws.adaptive_law import AdaptiveLaw
 from porocore.macro.laws.closed_law import ClosedLaw, PathCellLaw
 from porocore.macro.laws.closure import CellLaw, Closure
-from porocore.macro.laws.learning_law import LearningLaw
 from porocore.macro.laws.linear_cell import LinearCellLaw, reference_tangents
 from porocore.macro.laws.mean_gradient import MeanGradientClosure
 from porocore.macro.laws.potential import PotentialClosure
@@ -19,10 +19,10 @@ CLOSURES: dict[str, type[Closure]] = {
 
 __all__ = [
     "CLOSURES",
+    "AdaptiveLaw",
     "CellLaw",
     "ClosedLaw",
     "Closure",
-    "LearningLaw",
     "LinearCellLaw",
     "MeanGradientClosure",
     "PathCellLaw",

@@ -69,7 +69,7 @@ class Closure(ABC):
 
     def pull_back(self, states: MacroState, cell: CellResponse, grad_p: Array) -> PulledBack:
         """Kinematics and flux at n points."""
-        return PulledBack.of(
+        return PulledBack.from_states(
             states,
             cell.mean_grad,
             grad_p,

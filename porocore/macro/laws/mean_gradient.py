@@ -9,7 +9,7 @@ from porocore.core.tensors.cofactors import cofactor_tangent
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent
 from porocore.macro.laws.closure import Closure
-from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack, deformation_slopes
+from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack, deformation_tangent
 from porocore.states import Array, CellResponse, CellTangent, MacroState
 
 
@@ -82,7 +82,7 @@ class MeanGradientClosure(Closure):
         n, phi_s = len(pore.J), self.solid_fraction
         phi_f = 1 - phi_s
         M, Q = cell.mean_grad_grad_u.reshape(n, 9, 9), cell.mean_grad_p.reshape(n, 9, 1)
-        dF_dH, dF_dp = deformation_slopes(cell, phi_s)
+        dF_dH, dF_dp = deformation_tangent(cell, phi_s)
         cof_F = cofactor_tangent(pore.F).reshape(n, 9, 9)
         cof_row = pore.cof.reshape(n, 1, 9)
 
@@ -90,7 +90,7 @@ class MeanGradientClosure(Closure):
         storage_F = step.reshape(n, 1, 9) @ cof_F
         by_F = np.concatenate([stress_F, storage_F], axis=1)  # (n, 10, 9)
         by_H, by_p = by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
-        flux_H, flux_p = pore.flux_slopes(grad_p, cell, phi_s, cof_F)
+        flux_H, flux_p = pore.flux_tangent(grad_p, cell, phi_s, cof_F)
         return MacroTangent(
             stress_grad_u=by_H[:, :9].reshape(n, 3, 3, 3, 3),
             stress_p=by_p[:, :9].reshape(n, 3, 3) - phi_f * pore.cof,

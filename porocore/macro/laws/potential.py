@@ -78,7 +78,7 @@ class PotentialClosure(Closure):
         assert cell.stress_p is not None
         assert cell.fluid_volume_grad_u is not None
         assert cell.fluid_volume_p is not None
-        flux_H, flux_p = pore.flux_slopes(grad_p, cell, self.solid_fraction)
+        flux_H, flux_p = pore.flux_tangent(grad_p, cell, self.solid_fraction)
         return MacroTangent(
             stress_grad_u=cell.stress_grad_u,
             stress_p=cell.stress_p,

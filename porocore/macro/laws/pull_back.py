@@ -57,7 +57,7 @@ class PulledBack:
     rotation: Array | None = None
 
     @classmethod
-    def of(
+    def from_states(
         cls,
         states: MacroState,
         mean_grad: Array,
@@ -100,7 +100,7 @@ class PulledBack:
         """Where there is no response, (n, 1, 1) bool."""
         return np.isnan(self.J)[:, None, None]
 
-    def flux_slopes(
+    def flux_tangent(
         self, grad_p: Array, cell: CellTangent, solid_fraction: float, cof_F: Array | None = None
     ) -> tuple[Array, Array]:
         """∂q/∂H (n, 3, 9) and ∂q/∂p (n, 3).
@@ -116,7 +116,7 @@ class PulledBack:
         n = len(self.J)
         if self.undeformed is not None:
             by_F = self._flux_by_deformation(grad_p, self.undeformed, cof_F)
-            dF_dH, dF_dp = deformation_slopes(cell, solid_fraction)
+            dF_dH, dF_dp = deformation_tangent(cell, solid_fraction)
             return by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
         if cell.conductivity_grad_u is None or cell.conductivity_p is None:
             return np.zeros((n, 3, 9)), np.zeros((n, 3))
@@ -155,7 +155,7 @@ def is_isotropic(K: Array) -> bool:
     return bool(np.abs(K - mean * np.eye(3)).max() <= ISOTROPIC * abs(mean))
 
 
-def deformation_slopes(tangent: CellTangent, solid_fraction: float) -> tuple[Array, Array]:
+def deformation_tangent(tangent: CellTangent, solid_fraction: float) -> tuple[Array, Array]:
     """∂F̄/∂H (n, 9, 9) and ∂F̄/∂p (n, 9, 1)."""
     assert tangent.mean_grad_grad_u is not None
     assert tangent.mean_grad_p is not None

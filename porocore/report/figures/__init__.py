@@ -3,14 +3,14 @@
 from porocore.report.figures.body import body_figure
 from porocore.report.figures.cell import cell_picture
 from porocore.report.figures.history import history_figure
-from porocore.report.figures.profiles import QUANTITIES, profile_figure
+from porocore.report.figures.profiles import PROFILE_FIELDS, profile_figure
 from porocore.report.figures.sampling import samples_figure
 from porocore.report.figures.series import series_figure
 from porocore.report.figures.style import png_bytes, svg_bytes
 from porocore.report.figures.surrogate import parity_figure, training_figure
 
 __all__ = [
-    "QUANTITIES",
+    "PROFILE_FIELDS",
     "body_figure",
     "cell_picture",
     "history_figure",

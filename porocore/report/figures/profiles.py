@@ -24,7 +24,7 @@ from porocore.states import Array
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ProfileField:
     """A field of a :class:`~porocore.interfaces.solution.Profile`: its label, where it lives and how to take it."""
 
     label: str
@@ -33,63 +33,65 @@ class Quantity:
     take: Callable[[Profile], Array]
 
 
-QUANTITIES: dict[str, Quantity] = {
-    "p": Quantity(r"pore pressure $p\,/E$ [–]", "pore pressure", True, lambda f: f.p),
-    "settlement": Quantity(r"settlement $-u_2$ [–]", "settlement", True, lambda f: -f.u[:, 1]),
-    "H22": Quantity(
+PROFILE_FIELDS: dict[str, ProfileField] = {
+    "p": ProfileField(r"pore pressure $p\,/E$ [–]", "pore pressure", True, lambda f: f.p),
+    "settlement": ProfileField(r"settlement $-u_2$ [–]", "settlement", True, lambda f: -f.u[:, 1]),
+    "H22": ProfileField(
         r"$\partial u_2 / \partial X_2$ [–]",
         "macroscopic displacement gradient ∂u₂/∂X₂",
         False,
         lambda f: f.grad_u[:, 1, 1],
     ),
-    "mean_grad_22": Quantity(
+    "mean_grad_22": ProfileField(
         r"$\langle\nabla_Y u^1\rangle_{22}$ [–]",
         "mean microscopic displacement gradient, component 22",
         False,
         lambda f: f.mean_grad[:, 1, 1],
     ),
-    "mean_grad_11": Quantity(
+    "mean_grad_11": ProfileField(
         r"$\langle\nabla_Y u^1\rangle_{11}$ [–]",
         "mean microscopic displacement gradient, component 11",
         False,
         lambda f: f.mean_grad[:, 0, 0],
     ),
-    "K22": Quantity(
+    "K22": ProfileField(
         r"conductivity $(K_t)_{22}$ [–]",
         "transformed conductivity along the column",
         False,
         lambda f: f.conductivity[:, 1, 1],
     ),
-    "K11": Quantity(
+    "K11": ProfileField(
         r"conductivity $(K_t)_{11}$ [–]",
         "transformed conductivity across the column",
         False,
         lambda f: f.conductivity[:, 0, 0],
     ),
-    "F22": Quantity(
+    "F22": ProfileField(
         r"deformation $\bar F_{22}$ [–]",
         "mean deformation gradient, component 22",
         False,
         lambda f: f.deformation[:, 1, 1],
     ),
-    "F11": Quantity(
+    "F11": ProfileField(
         r"deformation $\bar F_{11}$ [–]",
         "mean deformation gradient, component 11",
         False,
         lambda f: f.deformation[:, 0, 0],
     ),
-    "P22": Quantity(
+    "P22": ProfileField(
         r"total stress $P_{E,22}\,/E$ [–]",
         "total stress along the column",
         False,
         lambda f: f.stress[:, 1, 1],
     ),
-    "flux": Quantity(r"fluid flux $(\bar G w)_2$ [–]", "fluid flux upwards", False, lambda f: f.flux[:, 1]),
+    "flux": ProfileField(
+        r"fluid flux $(\bar G w)_2$ [–]", "fluid flux upwards", False, lambda f: f.flux[:, 1]
+    ),
 }
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class ColumnAxis:
     """Nodes and elements along the y axis through the corner of least x and z, in order of y."""
 
     nodes: npt.NDArray[np.int64]  #: (k,) indices
@@ -99,7 +101,7 @@ class Line:
     ends: Array  #: (e, 2) least and largest y of each element
 
     @classmethod
-    def of(cls, solution: MacroSolution) -> Line:
+    def from_solution(cls, solution: MacroSolution) -> ColumnAxis:
         """The line of a box mesh."""
         points, cells = solution.points, solution.cells
         slack = 1e-9 * float(np.ptp(points, axis=0).max())
@@ -114,7 +116,7 @@ class Line:
         order = np.argsort(ends[:, 0], kind="stable")
         return cls(nodes, points[nodes, 1], elements[order], ends[order].mean(axis=1), ends[order])
 
-    def series(self, profile: Profile, quantity: Quantity) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    def series(self, profile: Profile, quantity: ProfileField) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
         """Position, value and whether the law was asked beyond its range there, each (k,) or (e,)."""
         flagged = profile.outside_training_range[self.elements] > 0
         if not quantity.nodal:
@@ -129,7 +131,7 @@ class Line:
 def profile_figure(
     nonlinear: MacroSolution,
     linear: MacroSolution | None,
-    quantity: str | Quantity,
+    quantity: str | ProfileField,
     *,
     others: Sequence[MacroSolution] = (),
     times: Sequence[float] | None = None,
@@ -144,7 +146,7 @@ def profile_figure(
     nonlinear, linear
         Two solutions with profiles at the same times; None: without the linear one.
     quantity
-        A key of :data:`QUANTITIES`, or one of one's own.
+        A key of :data:`PROFILE_FIELDS`, or one of one's own.
     others
         Solutions with other closures, drawn dotted.
     times
@@ -157,19 +159,19 @@ def profile_figure(
     ValueError
         The quantity is unknown, or a solution has no profile at one of the times.
     """
-    if isinstance(quantity, str) and quantity not in QUANTITIES:
-        raise ValueError(f"unknown quantity '{quantity}'; choose from {', '.join(QUANTITIES)}")
-    what = QUANTITIES[quantity] if isinstance(quantity, str) else quantity
+    if isinstance(quantity, str) and quantity not in PROFILE_FIELDS:
+        raise ValueError(f"unknown quantity '{quantity}'; choose from {', '.join(PROFILE_FIELDS)}")
+    what = PROFILE_FIELDS[quantity] if isinstance(quantity, str) else quantity
     if times is None:
         times = chosen_times(nonlinear)
     figure = new_figure(5.4, 4.0)
     axes = figure.add_subplot()
-    line = Line.of(nonlinear)
+    line = ColumnAxis.from_solution(nonlinear)
     any_flagged = False
     for time, colour in zip(times, TIME_COLOURS, strict=False):
         for solution, stroke in ((linear, DASHED), *((other, DOTTED) for other in others)):
             if solution is not None:
-                y, value, _ = Line.of(solution).series(profile_at(solution, time), what)
+                y, value, _ = ColumnAxis.from_solution(solution).series(profile_at(solution, time), what)
                 axes.plot(y, value, color=colour, ls=stroke, lw=1.3)
         y, value, flagged = line.series(profile_at(nonlinear, time), what)
         if flagged.any():
@@ -198,7 +200,9 @@ def profile_figure(
 
 def is_column(solution: MacroSolution) -> bool:
     """Whether the body is a column of single elements along y, so that profiles along its axis say all of it."""
-    return solution.cells.shape[1] == 27 and len(Line.of(solution).elements) == len(solution.cells)
+    return solution.cells.shape[1] == 27 and len(ColumnAxis.from_solution(solution).elements) == len(
+        solution.cells
+    )
 
 
 def chosen_times(solution: MacroSolution) -> tuple[float, ...]:

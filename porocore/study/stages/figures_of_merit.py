@@ -10,7 +10,7 @@ import numpy as np
 from porocore.macro.oscillation import diffusion_time
 from porocore.report.context import ReportContext, SurrogateSummary
 from porocore.report.dimensional import dimensional_metrics
-from porocore.report.law_differences import case_gaps
+from porocore.report.law_differences import law_differences
 from porocore.report.loading_mode import reactions
 from porocore.report.metrics import report_metrics, rms_percent, worst_percent
 from porocore.report.statuses import solved_shares, visited_shares
@@ -33,13 +33,13 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
             {
                 **values,
                 "mesh_diffusion_time": limit,
-                "gaps": case_gaps(case),
+                "gaps": law_differences(case),
                 "cell_states": visited_shares(case.nonlinear, context.sampling),
             }
             for values, case in zip(report_metrics(context.cases)["cases"], context.cases, strict=True)
         ],
     }
-    if context.drive.displaced:
+    if context.loading_mode.displaced:
         found["reactions"] = [
             {"law": each.law, "load": each.load, "surfaces": reactions(each)}
             for each in results.all_solutions

@@ -13,10 +13,10 @@ from porocore.core.console import Console
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import StepReport
-from porocore.macro.laws import ClosedLaw, LearningLaw
+from porocore.macro.laws import AdaptiveLaw, ClosedLaw
+from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
 from porocore.macro.laws.direct import DirectCellLaw
 from porocore.macro.laws.direct_record import SolvesCells, cost_recorded
-from porocore.macro.laws.fallback import Fallback
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import body_solution_of
@@ -147,7 +147,7 @@ def _learning(
         provenance=versions(),
     )
     stack.enter_context(dataset.writing())
-    extend = Fallback(
+    extend = AdaptiveSurrogate(
         stack.enter_context(_pool(config)),
         dataset,
         training_set(folder, config),
@@ -155,7 +155,7 @@ def _learning(
         config.surrogate.seed,
         objective=config.surrogate_model == "potential",
     )
-    law = LearningLaw(
+    law = AdaptiveLaw(
         extend.known(surrogate),
         reference.closure(config.closure, config.cell.solid, config.conductivity),
         extend,

@@ -18,10 +18,10 @@ from porocore.macro.oscillation import diffusion_time, unresolved
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import prediction_of
 from porocore.report.context import (
-    Case,
+    AdaptiveSurrogateCost,
     CellSummary,
     DirectCost,
-    FallbackDone,
+    LoadCase,
     OutputCheck,
     ReportContext,
     SamplingSummary,
@@ -70,16 +70,16 @@ def report_context(results: RunResults) -> ReportContext:
         scenarios=config.scenarios,
         fallbacks=fallbacks_done(results),
         units=config.result_units,
-        drive=LoadingMode.of(config.macro),
+        loading_mode=LoadingMode.from_setup(config.macro),
     )
 
 
-def _case(results: RunResults, load: float) -> Case:
+def _case(results: RunResults, load: float) -> LoadCase:
     others = dict(results.solutions[load])
     closure = results.config.closure
     nonlinear, linear = others.pop(closure), others.pop(LINEAR)
     flagged = flagged_place(nonlinear, results.surrogates[closure])
-    return Case(nonlinear, linear, tuple(others.values()), flagged=flagged)
+    return LoadCase(nonlinear, linear, tuple(others.values()), flagged=flagged)
 
 
 def _overshoots(results: RunResults) -> Iterator[str]:
@@ -134,7 +134,7 @@ def direct_costs(results: RunResults) -> tuple[DirectCost, ...]:
     return tuple(found)
 
 
-def fallbacks_done(results: RunResults) -> tuple[FallbackDone, ...]:
+def fallbacks_done(results: RunResults) -> tuple[AdaptiveSurrogateCost, ...]:
     """Return the work of the fallback in every solution that has one."""
     records, found = direct_records(results.folder.fallback_work), []
     for load, solutions in results.solutions.items():
@@ -145,7 +145,7 @@ def fallbacks_done(results: RunResults) -> tuple[FallbackDone, ...]:
                     int(work[name]) for name in ("solves", "failed", "learned", "refits")
                 )
                 seconds = work["solve_seconds"], work["fit_seconds"]
-                found.append(FallbackDone(law, load, solves, failed, learned, refits, *seconds))
+                found.append(AdaptiveSurrogateCost(law, load, solves, failed, learned, refits, *seconds))
     return tuple(found)
 
 

@@ -125,7 +125,7 @@ class CellSolverSuite(ExactCells, Calls):
         # Whatever the cell is, K differs between the axes, or a turn of it would not be felt.
         grad_p, K = np.tile([1.0, -0.4, 0.7], (2, 1)), np.diag([1.0, 0.6, 0.3])
         solid = 1 - self.make_cell().geometry.porosity
-        straight, turned = PulledBack.of(
+        straight, turned = PulledBack.from_states(
             states, found.mean_grad, grad_p, solid, K, law, found.conductivity
         ).flux
         state = f"{state_words('sheared')}, turned, by the conductivity '{law}'"

@@ -10,7 +10,7 @@ import numpy as np
 
 from porocore.core.units.scales import SCENARIOS
 from porocore.interfaces.solution import Profile
-from porocore.report.figures.profiles import Line, profile_at
+from porocore.report.figures.profiles import ColumnAxis, profile_at
 from porocore.report.format import number, percent, plain
 from porocore.states import Array
 from porocore.verification.reproduce.claims import Claim, Finding, compared, judged
@@ -40,7 +40,7 @@ def _pressure_profiles(results: Results) -> Finding:
 def _ends(column: Column, take: Take, time: float) -> tuple[float, float]:
     """A field of element means in the lowest and in the highest element."""
     solution = column.case(LARGE).nonlinear
-    profile, line = profile_at(solution, time), Line.of(solution)
+    profile, line = profile_at(solution, time), ColumnAxis.from_solution(solution)
     values = take(profile)[line.elements]
     return float(values[0]), float(values[-1])
 

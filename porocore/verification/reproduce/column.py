@@ -11,8 +11,8 @@ import numpy as np
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.interfaces.surrogate import Surrogate
 from porocore.plugins.border import prediction_of
-from porocore.report.context import Case, ReportContext
-from porocore.report.figures.profiles import Line, profile_at
+from porocore.report.context import LoadCase, ReportContext
+from porocore.report.figures.profiles import ColumnAxis, profile_at
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, CellTangent, MacroState
 from porocore.study.config.config import RunConfig
@@ -47,7 +47,7 @@ class Column:
     surrogate: Surrogate
     timings: dict[str, float]
 
-    def case(self, load: float) -> Case:
+    def case(self, load: float) -> LoadCase:
         """Solutions under one load."""
         return next(case for case in self.context.cases if case.load == load)
 
@@ -69,9 +69,9 @@ class Column:
         assert found is not None
         return found
 
-    def upwards(self, solution: MacroSolution, time: float) -> tuple[Profile, Line]:
+    def upwards(self, solution: MacroSolution, time: float) -> tuple[Profile, ColumnAxis]:
         """A profile, and which of its nodes and elements follow each other from the bottom to the top."""
-        return profile_at(solution, time), Line.of(solution)
+        return profile_at(solution, time), ColumnAxis.from_solution(solution)
 
 
 def at(values: Array, of: Array, where: float) -> float:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.report.figures.history import OTHERS
-from porocore.report.figures.profiles import QUANTITIES, Quantity, profile_figure
+from porocore.report.figures.profiles import PROFILE_FIELDS, ProfileField, profile_figure
 from porocore.report.figures.style import DASHED, LINEAR, NONLINEAR, legend_above, new_figure, styled
 from porocore.report.figures.surrogate import parity_figure
 from porocore.states import Array
@@ -30,7 +30,7 @@ def paper_velocity(profile: Profile) -> Array:
     return w
 
 
-VELOCITY = Quantity(
+VELOCITY = ProfileField(
     r"relative fluid velocity $w_2$ [–]", "relative fluid velocity", False, lambda f: paper_velocity(f)[:, 1]
 )
 #: Label, and field and component of the tangent, of M and Q in the paper's figures; its M_2211 is M_1122 of ours, see
@@ -119,15 +119,15 @@ def velocity(results: Results, *, transformed: bool) -> Figure:
 
 @styled
 def _transformed(solution: MacroSolution, times: tuple[float, ...]) -> Figure:
-    from porocore.report.figures.profiles import Line, profile_at
+    from porocore.report.figures.profiles import ColumnAxis, profile_at
     from porocore.report.figures.style import TIME_COLOURS
 
     figure = new_figure(5.4, 4.0)
     axes = figure.add_subplot()
-    line = Line.of(solution)
+    line = ColumnAxis.from_solution(solution)
     for time, colour in zip(times, TIME_COLOURS, strict=False):
         here = profile_at(solution, time)
-        for what, stroke in ((VELOCITY, "-"), (QUANTITIES["flux"], DASHED)):
+        for what, stroke in ((VELOCITY, "-"), (PROFILE_FIELDS["flux"], DASHED)):
             y, value, _ = line.series(here, what)
             axes.plot(y, value, color=colour, ls=stroke, label=f"$t$ = {time:g}" if stroke == "-" else None)
     axes.plot([], [], color="0.35", label="$w$")
@@ -148,7 +148,7 @@ def tangent(results: Results, name: str) -> Figure:
         return values
 
     rest = float(getattr(results.linear, field)[at])
-    quantity = Quantity(label, name, False, take)
+    quantity = ProfileField(label, name, False, take)
     return profile_figure(column.case(LARGE).nonlinear, None, quantity, times=column.times, rest=rest)
 
 

@@ -69,7 +69,7 @@ def quantities(
     solid = 1 - porosity
     average = response.mean_grad / solid
     no_flow = np.zeros((len(states), 3))
-    pulled = PulledBack.of(
+    pulled = PulledBack.from_states(
         states, response.mean_grad, no_flow, solid, conductivity, law, response.conductivity
     )
     K_ii = np.diag(conductivity)

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.report.context import Case, DirectCost
+from porocore.report.context import DirectCost, LoadCase
 from porocore.report.figures import history_figure
-from porocore.report.law_differences import case_gaps, gap
+from porocore.report.law_differences import history_difference, law_differences
 from porocore.report.metrics import case_metrics
 
 
@@ -18,12 +18,12 @@ from porocore.report.metrics import case_metrics
 def case(column):
     linear = column(law="linear", final=2.6, beyond=None)
     others = (column(law="direct-potential", final=2.02), column(law="mean-gradient", final=2.1))
-    return Case(column(law="potential"), linear, others)
+    return LoadCase(column(law="potential"), linear, others)
 
 
 def test_the_gap_is_that_of_the_settlements(case):
     """Settlements of 2 and 2.02 that grow alike are 1 % of 2.02 apart at the end, and nowhere more."""
-    found = {(pair["law"], pair["reference"]): pair for pair in case_gaps(case)}
+    found = {(pair["law"], pair["reference"]): pair for pair in law_differences(case)}
     assert set(found) == {
         ("potential", "direct-potential"),
         ("mean-gradient", "direct-potential"),
@@ -35,14 +35,14 @@ def test_the_gap_is_that_of_the_settlements(case):
     assert settlement["largest_percent"] == pytest.approx(100 * 0.02 / 2.02, rel=1e-6)
     assert settlement["time_of_largest"] == pytest.approx(100.0)
     assert reached == pytest.approx(1, abs=1e-4)
-    assert json.loads(json.dumps(case_gaps(case), allow_nan=False)) == case_gaps(case)
+    assert json.loads(json.dumps(law_differences(case), allow_nan=False)) == law_differences(case)
 
 
 def test_the_largest_gap_is_found_where_it_is(column):
     one = column().history
     bump = np.where(np.isclose(one.time, 7.0), 0.3, 0.0)
     other = replace(one, settlement=one.settlement + bump)
-    found = gap(one, other, "settlement")
+    found = history_difference(one, other, "settlement")
     assert (found.time, found.end) == (7.0, 0.0)
     assert found.largest == pytest.approx(100 * 0.3 / one.settlement[-1])
 
@@ -54,13 +54,13 @@ def test_only_times_that_both_have_are_compared(column):
     extra["time"] = np.insert(one.time, 5, (one.time[4] + one.time[5]) / 2)
     other = type(one)(**extra)
     for reference, compared in ((one, other), (other, one)):
-        found = gap(reference, compared, "settlement")
+        found = history_difference(reference, compared, "settlement")
         assert (found.largest, found.end) == (0.0, 0.0)
 
 
 def test_a_reference_that_does_not_move_has_no_gap(column):
     still = column(final=0.0).history
-    assert gap(still, still, "settlement") is None
+    assert history_difference(still, still, "settlement") is None
 
 
 def test_every_law_is_in_the_figures_of_merit_and_in_the_figure(case):
@@ -78,7 +78,7 @@ def test_every_law_is_in_the_figures_of_merit_and_in_the_figure(case):
 
 def test_another_load_is_refused(column):
     with pytest.raises(ValueError, match=r"of one load, got -0.2 and -0.01"):
-        Case(column(), column(law="linear"), (column(load=-0.01),))
+        LoadCase(column(), column(law="linear"), (column(load=-0.01),))
 
 
 def test_the_speed_up_is_the_ratio_of_the_wall_times():

@@ -17,7 +17,7 @@ HISTORY = tuple(f.name for f in fields(History))
 PROFILE = tuple(f.name for f in fields(Profile))
 
 
-class Record:
+class HistoryRecorder:
     """History and profiles so far, the same on every process.
 
     Parameters

@@ -14,14 +14,14 @@ from porocore.plugins.border import prediction_of
 from porocore.states import MacroState
 
 
-class Extension(Protocol):
+class SurrogateRefinement(Protocol):
     """Whatever can make a cell law that knows more."""
 
     def __call__(self, states: MacroState) -> CellLaw | None:
         """A cell law that has learned from cells at or near n states outside; None where nothing could be learned."""
 
 
-class LearningLaw(ClosedLaw):
+class AdaptiveLaw(ClosedLaw):
     """A :class:`ClosedLaw` whose cell law is exchanged when a converged step asked it outside its range.
 
     The step is then solved again from the last accepted time, whose stored fluid is counted by the new cell law, so
@@ -42,7 +42,7 @@ class LearningLaw(ClosedLaw):
         self,
         cell_law: CellLaw,
         closure: Closure,
-        extend: Extension,
+        extend: SurrogateRefinement,
         *,
         identity: str | None = None,
         name: str | None = None,

@@ -12,7 +12,7 @@ from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
 from porocore.macro.problem import Boundary, MacroSetup
-from porocore.report.context import Case
+from porocore.report.context import LoadCase
 from porocore.report.dimensional import dimensional_rows
 from porocore.report.loading_mode import LoadingMode, reactions
 from porocore.report.metrics import case_metrics
@@ -39,7 +39,7 @@ RAMP = TimeFunction(ramp=-0.2, until=1.0)
 )
 def test_what_drives_a_body(top, displaced, stressed):
     held = {"y-": Boundary(displacement=(0, 0, 0)), "y+": Boundary(**top)}
-    assert LoadingMode.of(MacroSetup(boundary=held)) == LoadingMode(displaced, stressed)
+    assert LoadingMode.from_setup(MacroSetup(boundary=held)) == LoadingMode(displaced, stressed)
 
 
 @pytest.fixture
@@ -79,10 +79,10 @@ def test_of_components_that_symmetry_makes_the_same_the_first_is_told(plug):
 
 
 def test_rows_with_units_are_those_of_the_drive(plug, column):
-    case = Case(plug, column(law="linear"))
+    case = LoadCase(plug, column(law="linear"))
 
-    def names(drive):
-        rows = dimensional_rows(case_metrics(case), plug, 1.0, {"this study": UNITS}, drive)
+    def names(loading_mode):
+        rows = dimensional_rows(case_metrics(case), plug, 1.0, {"this study": UNITS}, loading_mode)
         return {row.name: row.values[0] for row in rows}
 
     stressed, moved = names(LoadingMode()), names(LoadingMode(("y+",), stressed=False))

@@ -29,7 +29,7 @@ HOPELESS = 0.15
 
 
 @dataclass
-class FallbackWork:
+class AdaptiveSurrogateWork:
     """What a fallback has done.
 
     Attributes
@@ -77,8 +77,10 @@ class FallbackWork:
         }
 
 
-class Fallback:
-    """Extends a surrogate to where a macro run takes it; an :class:`~porocore.macro.laws.learning_law.Extension`.
+class AdaptiveSurrogate:
+    """Surrogate that is refitted to cells solved where a macro run leaves its training range.
+
+    It is a :class:`~porocore.macro.laws.adaptive_law.SurrogateRefinement`.
 
     Parameters
     ----------
@@ -110,7 +112,7 @@ class Fallback:
     ) -> None:
         self.pool, self.dataset, self.base, self.make, self.seed = pool, dataset, base, make, seed
         self.objective, self.on_work = objective, on_work
-        self.work = FallbackWork(reused=len(dataset))
+        self.work = AdaptiveSurrogateWork(reused=len(dataset))
         self._asked: dict[str, tuple[float, ...]] = {}
 
     def known(self, surrogate: Surrogate) -> Surrogate:
