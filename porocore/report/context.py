@@ -55,24 +55,6 @@ class Published:
     note: str = ""
 
 
-#: The benchmark of Dehghani & Zilian.
-DEHGHANI_ZILIAN = Published(
-    source="H. Dehghani and A. Zilian, Finite strain poro-hyperelasticity: an asymptotic multi-scale ALE-FSI "
-    "approach supported by ANNs",
-    load=-0.2,
-    porosity=0.29,
-    conductivity_viscosity=1.943e-3,
-    mean_grad_2222=-0.23,
-    mean_grad_2211=-0.076,
-    mean_grad_p_11=-0.113,
-    settlement="around 20 % smaller",
-    steady_time=38.0,
-    duration="considerably shorter time",
-    note="The published porosity is that of the radius 0.2 in the paper's text; the published K, M and Q are "
-    "those of a radius of 0.25 and a Poisson ratio of 0.35.",
-)
-
-
 @dataclass(frozen=True, eq=False)
 class CellSummary:
     """The cell and its undeformed response.

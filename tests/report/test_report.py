@@ -21,7 +21,6 @@ from porocore.errors import RunFolderError
 from porocore.macro.closure_error import ClosureError
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.report.context import (
-    DEHGHANI_ZILIAN,
     CellSummary,
     DirectCost,
     LoadCase,
@@ -36,6 +35,7 @@ from porocore.report.html import render, write_report
 from porocore.report.loading_mode import LoadingMode
 from porocore.report.text import all_warnings, conductivity_sentence
 from porocore.states import CellResponse, CellTangent, Status
+from porocore.study.publication import DEHGHANI_ZILIAN
 
 VOID = {"meta", "img", "br"}
 ODD = 'A <script>alert("1")</script> & <b>bold</b> title'
