@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from porocore.study.api.study import Samples as Samples
     from porocore.study.api.study import Study as Study
     from porocore.study.config.config import RunConfig as RunConfig
-    from porocore.study.config.config import load_config as load_config
+    from porocore.study.config.loading import load_config as load_config
     from porocore.verification.local_fields.solve import write_local_fields as write_local_fields
     from porocore.verification.reproduce import reproduce as reproduce
     from porocore.verification.sensitivity.study import study_sensitivity as study_sensitivity
@@ -68,7 +68,8 @@ _HOMES = {
     "porocore.study.api.solved": ["LawsSolved", "Solutions", "Solved"],
     "porocore.study.api.study": ["Samples", "Study"],
     "porocore.cell.cell": ["Cell"],
-    "porocore.study.config.config": ["RunConfig", "load_config"],
+    "porocore.study.config.config": ["RunConfig"],
+    "porocore.study.config.loading": ["load_config"],
     "porocore.errors": [
         "ConfigurationError",
         "DataError",

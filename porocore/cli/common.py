@@ -51,7 +51,7 @@ def read_config(
     """Return path and configuration, the packaged one for None, with the chosen backends and closure."""
     from porocore.study.backends import with_closure
     from porocore.study.benchmark import benchmark_path
-    from porocore.study.config.config import load_config
+    from porocore.study.config.loading import load_config
     from porocore.study.run_folder.folder import CONFIG, RECORD
 
     path = benchmark_path() if path is None else path

@@ -1,6 +1,6 @@
-"""How a command ends: an error becomes one message and an exit status.
+"""The end of a command: an error becomes one message and an exit status.
 
-Exit status: 0 done, 1 a check that failed, 2 an error that the message explains, 70 an exception that nobody expected
+Exit status: 0 done, 1 a check that failed, 2 an error that the message explains, 70 an unexpected exception
 (sysexits.h: internal software error), 130 interrupted.
 """
 
@@ -26,7 +26,7 @@ MOST_LINES, LONGEST_LINE = 30, 600
 _ROOM = "make room and continue with --resume"
 _FOLDER = "choose a folder that you may write, with --out"
 _PATH = "give the path of another file or folder"
-#: What the system says about files and folders that a user may name, with what to do.
+#: Advice by error of the system about files and folders.
 _OF_THE_SYSTEM = {
     errno.ENOSPC: _ROOM,
     errno.EDQUOT: _ROOM,
@@ -49,7 +49,7 @@ _OF_THE_SYSTEM = {
 
 @contextmanager
 def ending() -> Iterator[None]:
-    """Tell an error of the block in one message on standard error, and end the process with its status."""
+    """Print an error of the block as one message on standard error, and end the process with its status."""
     threading.excepthook = _in_a_thread
     try:
         yield
@@ -66,7 +66,7 @@ def ending() -> Iterator[None]:
             _unexpected(error)
         where = f"{error.filename}: " if error.filename else ""
         _stop(f"{where}{error.strerror}; {_OF_THE_SYSTEM[error.errno]}", REFUSED)
-    except Exception as error:  # noqa: BLE001 - told and kept, whatever it is
+    except Exception as error:  # noqa: BLE001 - any error is reported
         _unexpected(error)
 
 

@@ -1,4 +1,4 @@
-"""The application: its commands and what they have in common."""
+"""The application with its commands."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ Examples:
 
 * `porocore run` – the benchmark of Dehghani & Zilian, into runs/dehghani2022
 * `porocore init` – configurations to start from
-* `porocore run my.yaml --out runs/mine` – your own study; add `--resume` to continue it
+* `porocore run my.yaml --out runs/mine` – your own study; `--resume` continues it
 * `porocore cell my.yaml --grad-u "0 0 0; 0 -0.1 0; 0 0 0" --p 0.05` – one state of the cell
 """
 
 
 class _Commands(TyperGroup):
-    """The parser's own messages repeat long words; they are cut here as in all others."""
+    """Group of commands that cuts long words in the messages of the parser."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -71,10 +71,10 @@ app = typer.Typer(
 )
 
 _BEGIN, _WHOLE, _STEPS, _LOOK = (
-    "A configuration of one's own",
+    "Your own configuration",
     "A whole study",
-    "The same in steps, each from the files of the one before",
-    "Looking around",
+    "A study in steps, each from the files of the one before",
+    "Cells, data, plugins and checks",
 )
 app.command(rich_help_panel=_BEGIN)(start.init)
 app.command(rich_help_panel=_BEGIN)(start.check)

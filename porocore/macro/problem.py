@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.core.models.bounds import MOST_STEPS, MOST_TIMES
+from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension
 from porocore.interfaces.macro import Part
 from porocore.macro.body.kinds import AnyBody, Box
@@ -21,11 +22,7 @@ Row = tuple[float, float, float]
 NO_GRADIENT: tuple[Row, Row, Row] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Boundary(_Strict):
+class Boundary(StrictModel):
     """What is prescribed on one surface; what is left out is free of traction and impermeable.
 
     A number is multiplied by the load and by the ramp of the time plan, a function of time
@@ -87,7 +84,7 @@ class Boundary(_Strict):
         return (value for value in values if isinstance(value, TimeFunction))
 
 
-class TimePlan(_Strict):
+class TimePlan(StrictModel):
     """Backward Euler steps; the load is ramped up linearly in ``ramp_increments`` steps of ``ramp_step`` first."""
 
     end: Time = 100.0
@@ -143,7 +140,7 @@ class TimePlan(_Strict):
         return float(np.interp(time, times, shares))
 
 
-class NewtonSettings(_Strict):
+class NewtonSettings(StrictModel):
     """Stops when the residual has fallen to ``tolerance`` times the force and volume scale of the step."""
 
     tolerance: Positive = 1e-9
@@ -152,7 +149,7 @@ class NewtonSettings(_Strict):
     """Iterations at most, before a step is halved."""
 
 
-class InitialState(_Strict):
+class InitialState(StrictModel):
     """What the body begins with, from which storage and time are counted; it need not be in equilibrium."""
 
     pressure: Annotated[float, Dimension("pressure")] = 0.0
@@ -161,12 +158,12 @@ class InitialState(_Strict):
     """Displacement gradient H with which the body begins, everywhere: u = H X."""
 
 
-class MacroSetup(_Strict):
+class MacroSetup(StrictModel):
     """A body, its supports and its drains, for any load."""
 
     body: AnyBody = Box()
     """Shape of the body."""
-    surfaces: dict[str, Patch] = {}
+    surfaces: dict[str, Patch] = Field(default={})
     """Parts of a surface by names of their own, which no longer belong to that surface."""
     boundary: dict[str, Boundary]
     """What is prescribed on each surface; one that is not listed is free of traction and impermeable."""
@@ -174,7 +171,7 @@ class MacroSetup(_Strict):
     """Components of the body force, per reference volume of the mixture."""
     initial: InitialState = InitialState()
     """What the body begins with; it need not be in equilibrium."""
-    probes: dict[str, Annotated[tuple[float, float, float], Dimension("displacement")]] = {}
+    probes: dict[str, Annotated[tuple[float, float, float], Dimension("displacement")]] = Field(default={})
     """Material points [x, y, z] by name, whose displacement and pressure are recorded."""
     time: TimePlan = TimePlan()
     """Time steps, the ramp of the load, and when fields are kept."""

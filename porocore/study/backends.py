@@ -1,4 +1,4 @@
-"""The configured backends, made with their options; and refusing at once what would stop a run half-way."""
+"""The configured backends, made with their options, and their check before a run."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from porocore.study.preflight.workload import require_states
 
 
 def make_backend(kind: Kind, config: RunConfig) -> Any:
-    """The backend of one kind that a configuration names, with the options that it gives.
+    """Return the configured backend of one kind, made with its options.
 
     Raises
     ------
     PluginError
-        It is unknown, missing or broken.
+        The backend is unknown, missing or broken.
     ConfigurationError
-        It does not take these options.
+        The backend does not take these options.
     """
     name = backend_name(kind, config)
     options: dict[str, Any] = {
@@ -47,7 +47,7 @@ def make_backend(kind: Kind, config: RunConfig) -> Any:
 
 
 def surrogate_model(implementation: Any, config: RunConfig) -> str:
-    """The model that a surrogate is to learn: what the closure needs, or the only one that it has."""
+    """Return the model that a surrogate learns: the one that the closure needs, or its only one."""
     models: tuple[str, ...] = implementation.models
     if config.surrogate.model == "auto" and config.surrogate_model not in models:
         return models[0]
@@ -55,7 +55,7 @@ def surrogate_model(implementation: Any, config: RunConfig) -> str:
 
 
 def with_closure(config: RunConfig, closure: str | None) -> RunConfig:
-    """With another closure; where the surrogate learns another model for it, the options of the first do not go over.
+    """Return the configuration with another closure, without the surrogate's options if it learns another model then.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def with_closure(config: RunConfig, closure: str | None) -> RunConfig:
         return other
     try:
         implementation = registry().get("surrogate", config.surrogate.backend)
-    except PluginError:  # whoever needs it will say so
+    except PluginError:  # a stage that needs the surrogate reports it
         return other
     if not implementation.models or surrogate_model(implementation, other) == surrogate_model(
         implementation, config
@@ -77,7 +77,7 @@ def with_closure(config: RunConfig, closure: str | None) -> RunConfig:
 
 
 def backend_name(kind: Kind, config: RunConfig) -> str:
-    """What the configuration chooses for ``kind``."""
+    """Return the name of the configured backend of a kind."""
     names: dict[Kind, str] = {
         "cell solver": config.fem.backend,
         "macro solver": config.macro_backend,
@@ -93,8 +93,8 @@ def check(kind: Kind, config: RunConfig) -> None:
     Raises
     ------
     PluginError, ConfigurationError
-        As :func:`make_backend`; or the macro solver finds that the boundary conditions contradict one another
-        or leave the body loose; or the surrogate does not predict what the closure needs.
+        See :func:`make_backend`. The boundary conditions contradict one another or do not hold the body, or the
+        surrogate does not predict what the closure needs.
     """
     backend = make_backend(kind, config)
     if kind == "cell solver":
@@ -110,7 +110,7 @@ def check(kind: Kind, config: RunConfig) -> None:
 
 
 def _check_responses(surrogate: Surrogate, config: RunConfig) -> None:
-    """A surrogate that does not declare what it provides is found out when it is closed."""
+    """Refuse a surrogate that does not provide what the closure needs, as far as it declares that."""
     provided = surrogate.provides
     if provided is None:
         return

@@ -8,22 +8,22 @@ NAME = "dehghani2022.yaml"
 
 
 def packaged(name: str) -> Path:
-    """The file in an installed package, or in the repository when porocore runs from there."""
+    """Return the path of a configuration in the installed package, or in the repository."""
     package = Path(__file__).parents[1]
     installed = package / "data" / name
     return installed if installed.is_file() else package.parent / "examples" / name
 
 
 def benchmark_path() -> Path:
-    """The benchmark of Dehghani & Zilian."""
+    """Return the path of the benchmark of Dehghani & Zilian."""
     return packaged(NAME)
 
 
 def as_stated_path() -> Path:
-    """The same with the radius of the channels that the paper's text gives."""
+    """Return the path of the benchmark with the channel radius of the paper's text."""
     return packaged("dehghani2022-as-stated.yaml")
 
 
 def crosscheck_path() -> Path:
-    """The small case on which backends are held against each other."""
+    """Return the path of the small case on which backends are compared."""
     return packaged("crosscheck.yaml")

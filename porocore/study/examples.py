@@ -23,12 +23,12 @@ _HEAD = f"""{MODELINE}
 
 @dataclass(frozen=True)
 class Example:
-    """One configuration.
+    """One configuration to start from.
 
     Attributes
     ----------
     name
-        Of the kind, which is that of the file.
+        Name of the kind and of the file.
     title
         What it computes.
     path
@@ -40,13 +40,13 @@ class Example:
     path: Path
 
     def start(self, to: Path) -> str:
-        """Its text as the beginning of one's own configuration ``to``."""
+        """Return the text with which a new configuration ``to`` begins."""
         text = self.path.read_text(encoding="utf-8")
         return _HEAD + text.replace(f"examples/{self.path.name}", str(to))
 
 
 def examples() -> dict[str, Example]:
-    """By name, the benchmark first."""
+    """Return the examples by name, the benchmark first."""
     benchmark = benchmark_path()
     found = {}
     for path in (benchmark, *sorted(set(benchmark.parent.glob("*.yaml")) - {benchmark})):
@@ -56,7 +56,7 @@ def examples() -> dict[str, Example]:
 
 
 def example(name: str) -> Example:
-    """One of them.
+    """Return the example of a name.
 
     Raises
     ------

@@ -7,7 +7,8 @@ import pytest
 import yaml
 from invoked import BENCHMARK, EXAMPLES, invoke, refusal
 
-from porocore.study.config.config import RunConfig, load_config
+from porocore.study.config.config import RunConfig
+from porocore.study.config.loading import load_config
 from porocore.study.config.schema import configuration_schema, field_docstrings
 from porocore.study.examples import MODELINE, examples
 from porocore.study.preflight.checks import place
@@ -37,7 +38,7 @@ def test_init_overwrites_nothing(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert invoke("init", "filter").stdout.strip() == "filter.yaml"
     Path("filter.yaml").write_text("mine")
-    assert "filter.yaml is there already and is not overwritten" in refusal("init", "filter")
+    assert "filter.yaml exists and is not overwritten" in refusal("init", "filter")
     assert Path("filter.yaml").read_text() == "mine"
     assert "no example 'filtre'; did you mean 'filter'?" in refusal("init", "filtre", "--to", "new.yaml")
     assert "expected a KIND to write to new.yaml" in refusal("init", "--to", "new.yaml")

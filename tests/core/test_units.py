@@ -12,7 +12,8 @@ from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
 from porocore.macro.series import all_series, write_series
-from porocore.study.config.config import config_from, differences, load_config
+from porocore.study.config.config import differences
+from porocore.study.config.loading import config_from, load_config
 
 SCALES = {"modulus": "2.5 kPa", "length": "12.5 mm", "pore": "5 um", "viscosity": "1.6 Pa*s"}
 #: With which most values in SI units are no decimal numbers.

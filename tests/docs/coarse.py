@@ -14,6 +14,7 @@ from matplotlib.image import imsave
 
 import porocore.study.api.study
 import porocore.study.config.config
+import porocore.study.config.loading
 import porocore.verification.crosscheck
 from porocore.cell.stability.line import LineSettings
 from porocore.cell.stability.map import MapPlan
@@ -24,7 +25,7 @@ from porocore.verification.local_fields import geometry, pictures
 from porocore.verification.sensitivity.plan import StudyPlan, Sweep
 
 #: Modules that hold the function by which every configuration is made.
-HOLDERS = (porocore.study.config.config, porocore.study.api.study)
+HOLDERS = (porocore.study.config.loading, porocore.study.api.study)
 #: Iterations of a training.
 TRAINING = {MlpOptions: "epochs", PotentialOptions: "iterations"}
 SHORT, LONG = {"epochs": 60, "iterations": 15}, {"epochs": 2500, "iterations": 60}
@@ -113,7 +114,7 @@ def _sampled(sampling: dict[str, Any]) -> dict[str, Any]:
 
 def make_coarse(patch: pytest.MonkeyPatch) -> None:
     """From now on all studies of this process are coarse, and pictures are written without being drawn."""
-    validated = porocore.study.config.config.validated
+    validated = porocore.study.config.loading.validated
 
     def coarse(document: YamlDocument) -> porocore.study.config.config.RunConfig:
         return validated(dataclasses.replace(document, data=coarsened(document.data)))

@@ -17,7 +17,7 @@ from pydantic.fields import FieldInfo
 
 from porocore.core.units.dimensions import Dimension, Unit
 from porocore.plugins.registry import registry
-from porocore.study.config.config import config_from
+from porocore.study.config.loading import config_from
 from porocore.study.config.schema import configuration_schema
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
 

@@ -29,7 +29,7 @@ from porocore.report.metrics import case_warnings
 from porocore.report.text import MEANINGS
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
-from porocore.study.config.config import load_config
+from porocore.study.config.loading import load_config
 from porocore.study.run_folder.folder import RunFolder
 
 #: Stands for what differs from case to case.

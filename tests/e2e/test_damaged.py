@@ -10,7 +10,7 @@ import pytest
 from study import LOADS, contents, fingerprint, message, porocore, succeeded
 
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.study.config.config import load_config
+from porocore.study.config.loading import load_config
 
 SOLUTION = "solutions/linear_load-0.04.h5"
 #: Each file with the step that reads it first.

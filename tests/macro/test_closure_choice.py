@@ -18,7 +18,8 @@ from porocore.plugins.hookspecs import Offer
 from porocore.states import Status
 from porocore.study.backends import with_closure
 from porocore.study.benchmark import benchmark_path
-from porocore.study.config.config import RunConfig, load_config
+from porocore.study.config.config import RunConfig
+from porocore.study.config.loading import load_config
 from porocore.study.run_folder.files import direct_law
 from porocore.study.run_folder.folder import RunFolder
 

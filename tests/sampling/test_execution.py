@@ -144,7 +144,7 @@ def test_one_worker_with_a_time_limit_is_a_process(tmp_path: Path) -> None:
 
 def test_who_solves_belongs_to_no_identity() -> None:
     from porocore.study.benchmark import benchmark_path
-    from porocore.study.config.config import load_config
+    from porocore.study.config.loading import load_config
 
     config = load_config(benchmark_path())
     for change in (("processes", None), ("dask", None), (None, "tcp://a:1")):

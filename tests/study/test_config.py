@@ -11,7 +11,8 @@ from porocore.core.inputs.input_space import NAMES
 from porocore.errors import ConfigurationError
 from porocore.study import benchmark
 from porocore.study.benchmark import NAME, as_stated_path, benchmark_path, crosscheck_path
-from porocore.study.config.config import RunConfig, differences, load_config
+from porocore.study.config.config import RunConfig, differences
+from porocore.study.config.loading import load_config
 from porocore.study.config.sections import InputName
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -16,7 +16,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.problem import TimePlan
 from porocore.plugins import registry
 from porocore.study import backends
-from porocore.study.config.config import load_config
+from porocore.study.config.loading import load_config
 from porocore.study.preflight.checks import check_backends, check_sampling, outline
 
 
@@ -138,7 +138,7 @@ def test_check_notes_a_course_that_goes_on_beyond_the_end(tmp_path):
     for until, noted in (("2000 s", False), ("20000", True)):
         path.write_text(text.replace("until: 20 s}", f"until: {until}}}"), encoding="utf-8")
         lines = [
-            line for line in outline(load_config(path)) if "a course on the surface punch goes on" in line
+            line for line in outline(load_config(path)) if "the function of time on the surface punch goes on" in line
         ]
         assert len(lines) == noted
     assert "beyond the end, 2000 s" in lines[0]
@@ -159,7 +159,7 @@ def test_the_checks_mesh_the_body_once(monkeypatch):
 
 def test_check_notes_a_cell_solver_without_contact(monkeypatch):
     solver = registry.get("cell solver", "skfem")
-    words = "note: the cell solver 'skfem' does not hold the pore wall against itself"
+    words = "note: the cell solver 'skfem' does not know contact of the pore wall with itself"
     config = load_config(BENCHMARK)
     assert words not in "\n".join(outline(config))
     monkeypatch.setattr(solver, "contact", False)

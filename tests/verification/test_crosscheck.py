@@ -18,7 +18,7 @@ from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.study.benchmark import crosscheck_path
-from porocore.study.config.config import load_config
+from porocore.study.config.loading import load_config
 from porocore.verification.crosscheck import select_backends
 from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES, STATES
 

@@ -11,7 +11,7 @@ from porocore.cli.entry import app
 from porocore.core.console import Console
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 from porocore.study.benchmark import as_stated_path, benchmark_path
-from porocore.study.config.config import load_config
+from porocore.study.config.loading import load_config
 from porocore.verification.reproduce.catalogue import FIGURES, SKETCHES, chosen
 from porocore.verification.reproduce.claims import Finding, Row, compared, judged
 from porocore.verification.reproduce.make import CLAIMS, RECORD, claim_folder, draw, write_pages

@@ -16,7 +16,7 @@ from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.errors import ConfigurationError
 from porocore.macro.reference import CellReference
-from porocore.study.config.config import load_config
+from porocore.study.config.loading import load_config
 from porocore.study.publication import published_values
 from porocore.study.stages.reference import solve_cell
 

@@ -1,4 +1,4 @@
-"""``porocore data``: what a file of solved states holds, whether it is sound, and its contents for other programs."""
+"""``porocore data``: summary, check, merging, export and picture of a file of solved states."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from porocore.cli.common import interruptible
+from porocore.cli.options import JsonOption
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 
 if TYPE_CHECKING:
@@ -20,8 +21,7 @@ FileArgument = Annotated[
 ]
 
 data = typer.Typer(
-    help="A file of solved states: what it holds (info), whether it is sound (check), several as one (merge), a table "
-    "for other programs (export), and a picture (plot).",
+    help="Summarise (info), check, merge, export or plot files of solved states.",
     pretty_exceptions_enable=False,
     no_args_is_help=True,
     rich_markup_mode="markdown",
@@ -33,13 +33,14 @@ data = typer.Typer(
 def info(
     file: FileArgument,
     provenance: Annotated[
-        bool, typer.Option("--provenance", help="Also the texts of several lines, such as the configuration.")
+        bool,
+        typer.Option("--provenance", help="Print texts of several lines, such as the configuration, too."),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
-    """Counts, ranges, statuses and provenance.
+    """Print counts, ranges, statuses and provenance.
 
-    Of a run folder, those of its samples and of its held-out states.
+    A run folder stands for its samples and its held-out states.
     """
     from porocore.sampling.datasets.dataset import Dataset
 
@@ -60,10 +61,10 @@ def check(
         typer.Option(metavar="X", help="Largest misfit of a law, relative to the largest entry.", min=0.0),
     ] = 1e-6,
 ) -> None:
-    """Read everything and hold it against what must be so.
+    """Read every array, checksums included, and check the contents.
 
-    Every array is read, checksums included. Keys are unique; states with values are finite and the others hold none;
-    inputs lie in their ranges; ∂P_E/∂p = −∂φ/∂H, and ∂P_E/∂H is symmetric. Exit status 1 if something is wrong.
+    Keys must be unique; states with values must be finite, and the others hold none; inputs must lie in their ranges;
+    ∂P_E/∂p = −∂φ/∂H, and ∂P_E/∂H must be symmetric. Exit status 1 if a check fails.
     """
     from porocore.sampling.datasets.check import check_file
 
@@ -84,12 +85,12 @@ def merge(
         list[Path],
         typer.Argument(metavar="FILE FILE …", help="Data sets, or run folders.", show_default=False),
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to.", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The new data set.", show_default=False)],
 ) -> None:
-    """Several data sets of the same cell and inputs as one.
+    """Merge data sets of the same cell and inputs.
 
-    A state that is in more than one must be the same in all, to the last bit; otherwise nothing is written. Prints the
-    path.
+    A state of several data sets must be the same in all, to the last bit; otherwise nothing is written.
+    Prints the path.
     """
     from porocore.sampling.datasets.dataset import Dataset
     from porocore.sampling.datasets.merge import merge as merged
@@ -107,15 +108,16 @@ def export(
     file: FileArgument,
     out: Annotated[
         Path,
-        typer.Option("--out", metavar="FILE", help="Ends in .csv or .parquet.", show_default=False),
+        typer.Option("--out", metavar="FILE", help="Table, .csv or .parquet.", show_default=False),
     ],
     derivatives: Annotated[
-        bool, typer.Option("--derivatives", help="Also the derivatives of the responses, some 200 columns.")
+        bool,
+        typer.Option("--derivatives", help="Write the derivatives of the responses, too, some 200 columns."),
     ] = False,
 ) -> None:
-    """One table with a row for each state.
+    """Write a table with a row for each state.
 
-    Key, status, start, seconds, H11 … H33, p and the responses, with all digits. Prints the path.
+    The columns are key, status, start, seconds, H11 … H33, p and the responses, with all digits. Prints the path.
     """
     from porocore.sampling.datasets.dataset import Dataset
     from porocore.sampling.datasets.export import export as exported
@@ -128,21 +130,21 @@ def export(
 def plot(
     file: FileArgument,
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="Ends in .png or .svg.", show_default=False)
+        Path, typer.Option("--out", metavar="FILE", help="Picture, .png or .svg.", show_default=False)
     ],
     axes: Annotated[
         str | None,
         typer.Option(
             "--axes",
             metavar="NAME,NAME",
-            help="Inputs across and upwards.",
+            help="Inputs of the horizontal and the vertical axis.",
             show_default="H22,p or the first two",
         ),
     ] = None,
 ) -> None:
-    """Where the cell was solved, and how that ended.
+    """Draw the solved states and their statuses.
 
-    The outline is that of the stable states, which a surrogate may learn from. Prints the path.
+    The outline encloses the stable states, from which a surrogate learns. Prints the path.
     """
     from porocore.core.files.atomic import atomic_path
     from porocore.sampling.datasets.dataset import Dataset
@@ -166,7 +168,7 @@ def plot(
 
 
 def _files(target: Path, *, must_exist: bool = False) -> list[Path]:
-    """The data sets that are meant by a file or a run folder."""
+    """Return the data sets of a run folder, or the file itself."""
     if must_exist and not target.exists():
         raise DataError(f"{target}: no such file or folder")
     first = _samples(target)

@@ -1,4 +1,4 @@
-"""``porocore plugins`` and ``porocore plugin``: what is installed, a new project, and the laws of the kit."""
+"""``porocore plugins`` and ``porocore plugin``: the installed plugins, a new project, and the laws of the kit."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ if TYPE_CHECKING:
     from porocore.testing.installed.check import Law
 
 plugin = typer.Typer(
-    help="Write a plugin: a project to start from, and the laws that it is held to.", no_args_is_help=True
+    help="Write a project for a plugin, or check a plugin against its laws.", no_args_is_help=True
 )
 COLOURS = {"passed": "green", "failed": "bold red", "expected failure": "yellow", "skipped": "dim"}
 
 
 @plugin.command()
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="What users will write, such as my-sampler.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name in configurations, such as my-sampler.")],
     kind: Annotated[str, typer.Option("--kind", metavar="KIND", help="cell, macro, surrogate or sampler.")],
     to: Annotated[
         Path | None,
         typer.Option("--to", metavar="DIR", help="The new folder.", show_default="porocore-KIND-NAME"),
     ] = None,
 ) -> None:
-    """Write a complete project: it can be installed, works, and passes its tests.
+    """Write a complete project, which can be installed and passes its tests.
 
-    Prints the path of the folder. Nothing that is there already is overwritten.
+    Prints the path of the folder. Nothing is overwritten.
     """
     from porocore.plugins.scaffold.project import write_project
 
@@ -50,7 +50,7 @@ def new(
 
 @plugin.command()
 def check(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="As 'porocore plugins' lists it.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name in the list of 'porocore plugins'.")],
     kind: Annotated[
         str | None,
         typer.Option(
@@ -62,13 +62,17 @@ def check(
     ] = None,
     only: Annotated[
         str,
-        typer.Option("--only", metavar="LAW", help="One law, by its name or in words.", show_default="all"),
+        typer.Option(
+            "--only", metavar="LAW", help="Only this law, by its name or its sentence.", show_default="all"
+        ),
     ] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="Every law with its outcome, as JSON.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print every law with its outcome as JSON.")
+    ] = False,
 ) -> None:
-    """Hold an installed plugin to the laws of its interface.
+    """Check an installed plugin against the laws of its interface.
 
-    Exit status 1 if it breaks one that it does not list among its expected failures.
+    Exit status 1 if it breaks a law that it does not list among its expected failures.
     """
     from porocore.testing.installed.check import UnknownLaw, offers_of
 
@@ -78,7 +82,7 @@ def check(
         for offered in offers_of(name, None if kind is None else kind_of(kind)):
             try:
                 laws += _check(offered, only)
-            except UnknownLaw as error:  # of a cell solver, perhaps, when the macro solver has it
+            except UnknownLaw as error:  # another kind of the same name may have this law
                 unknown = error
     if unknown is not None and not laws:
         raise unknown
@@ -94,7 +98,7 @@ def check(
 
 
 def _check(offered: Offered, only: str) -> list[Law]:
-    """Hold one offer to its laws, and show how far that is."""
+    """Check one offer against its laws and show the progress."""
     from porocore.core.console import Console
     from porocore.testing.installed.check import check_plugin
 
@@ -114,7 +118,7 @@ def _check(offered: Offered, only: str) -> list[Law]:
 
 
 def _show(laws: list[Law]) -> None:
-    """One table for each suite, and a line that counts."""
+    """Print a table for each suite, and the counts."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -137,12 +141,12 @@ def _show(laws: list[Law]) -> None:
 
 
 def plugins(
-    as_json: Annotated[bool, typer.Option("--json", help="Everything that is known, as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything that is known, as JSON.")] = False,
     load: Annotated[
-        bool, typer.Option("--load", help="Import each implementation too, which takes a while.")
+        bool, typer.Option("--load", help="Import each implementation, which takes a while.")
     ] = False,
 ) -> None:
-    """List the backends, their state, and how to mend what is missing or broken."""
+    """List the backends, their state, and how to repair those that are missing or broken."""
     from porocore.plugins.registry import plugins_table
 
     rows = [_loaded(row) if load else row for row in plugins_table()]
@@ -167,12 +171,12 @@ def plugins(
 
 
 def one_line(text: str) -> str:
-    """Return a text of a stranger for a line of a table: what does not print becomes a space."""
+    """Return a foreign text as one line; letters that do not print become spaces."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
 
 
 def _loaded(row: PluginRow) -> PluginRow:
-    """With what comes of importing the class, and its suites where pytest is there to import them."""
+    """Return the row after importing the class, and its suites if pytest is installed."""
     from porocore.plugins.registry import get
 
     if row.state != "ready" or not row.kind:
@@ -185,7 +189,7 @@ def _loaded(row: PluginRow) -> PluginRow:
 
 
 def _suite_faults(kind: Kind, name: str, implementation: type[Any]) -> list[str]:
-    """Return what is wrong with the suites of ``porocore plugin check``; nothing where there is no pytest."""
+    """Return the faults of the suites of ``porocore plugin check``; none without pytest."""
     from porocore.plugins.foreign_code import attempt, file_of, place_of, reason_of
     from porocore.plugins.registry import registry
 

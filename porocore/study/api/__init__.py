@@ -1,1 +1,1 @@
-"""porocore in a notebook: a study in a few lines, a cell in three, results as arrays."""
+"""The Python interface: studies, cells, results as arrays."""

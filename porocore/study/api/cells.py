@@ -14,21 +14,21 @@ from porocore.interfaces.cell import CellSolver
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.plugins.registry import registry
 from porocore.states import Array, CellResponse, MacroState
-from porocore.study.config.config import cell_from
+from porocore.study.config.loading import cell_from
 from porocore.study.stages.stage_files import prepare_cell
 
 
 class CellProblem:
-    """A cell, ready to be solved.
+    """A cell that is ready to be solved.
 
     Parameters
     ----------
     cell
-        What the section ``cell`` of a configuration holds, as :class:`porocore.Cell` or nested settings.
+        The section ``cell`` of a configuration, as :class:`porocore.Cell` or nested settings.
     fem
         Name of the backend.
     **options
-        Of the backend's cell solver.
+        Options of the backend's cell solver.
 
     Raises
     ------
@@ -78,12 +78,12 @@ class CellProblem:
         p : number or (n,)
             Pore pressure, positive in compression [E].
         tangent
-            Whether the derivatives are wanted.
+            Compute the derivatives, too.
 
         Returns
         -------
         CellResponse
-            With n rows, 1 for one state; one that cannot be solved has a status and NaN.
+            n rows, 1 for one state; a state that cannot be solved has a status and NaN.
 
         Raises
         ------

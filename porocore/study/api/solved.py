@@ -27,14 +27,16 @@ COMPONENTS = ("x", "y", "z")
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """One macro solution. All arrays are dimensionless; what :meth:`to_xarray` and :meth:`to_pyvista` return is not.
+    """One macro solution.
+
+    All arrays are dimensionless; :meth:`to_xarray` and :meth:`to_pyvista` convert to the units of the study.
 
     Attributes
     ----------
     solution
         Mesh, history and profiles as they are stored.
     units
-        Of the study.
+        Units of the study.
     """
 
     solution: MacroSolution
@@ -51,56 +53,56 @@ class Solved:
 
     @property
     def load(self) -> float:
-        """Factor of everything that is prescribed."""
+        """Factor of all prescribed values."""
         return self.solution.load
 
     @property
     def time(self) -> Array:
-        """(steps,), the first is the state at rest."""
+        """Times (steps,); the first is the state at rest."""
         return self.solution.history.time
 
     @property
     def settlement(self) -> Array:
-        """(steps,) largest displacement against the y axis."""
+        """Largest displacement against the y axis, (steps,)."""
         return self.solution.history.settlement
 
     @property
     def pressure(self) -> Array:
-        """(steps,) largest pore pressure."""
+        """Largest pore pressure, (steps,)."""
         return self.solution.history.pressure_max
 
     @property
     def drained(self) -> Array:
-        """(steps,) volume of fluid that has left through the boundary."""
+        """Volume of fluid that has left through the boundary, (steps,)."""
         return self.solution.history.drained_flux
 
     @property
     def probes(self) -> Mapping[str, Array]:
-        """Name → (steps, 4), u_1, u_2, u_3 and p."""
+        """u_1, u_2, u_3 and p, (steps, 4), by probe."""
         return self.solution.probes
 
     @property
     def reactions(self) -> Mapping[str, Array]:
-        """Surface → (steps, 3), force on the body."""
+        """Force on the body, (steps, 3), by surface."""
         return self.solution.reactions
 
     @property
     def inflow(self) -> Mapping[str, Array]:
-        """Surface → (steps,), rate of fluid that enters."""
+        """Rate of fluid that enters, (steps,), by surface."""
         return self.solution.inflow
 
     @property
     def profile_times(self) -> tuple[float, ...]:
-        """At which the fields were kept."""
+        """Times at which the fields were kept."""
         return tuple(profile.time for profile in self.solution.profiles)
 
     def profile(self, time: float | None = None) -> Profile:
-        """The fields at a kept time, by default the last.
+        """Return the fields at a kept time, by default the last.
 
         Raises
         ------
         ConfigurationError
-            They were not kept then.
+            The fields were not kept at this time.
         """
         profiles = self.solution.profiles
         if time is None and profiles:
@@ -115,7 +117,7 @@ class Solved:
         )
 
     def to_xarray(self) -> xarray.Dataset:
-        """History, probes, reactions and inflow against time, in the units of the study.
+        """Return history, probes, reactions and inflow against time, in the units of the study.
 
         Every variable has the attributes ``units`` (``1`` where it is dimensionless) and ``long_name``. Probes have the
         dimensions (time, probe) and for displacements a component, reactions (time, surface, component), inflow
@@ -167,7 +169,7 @@ class Solved:
         )
 
     def to_pyvista(self, time: float | None = None) -> pyvista.UnstructuredGrid:
-        """The undeformed mesh with the fields at a kept time, by default the last, in the units of the study.
+        """Return the undeformed mesh with the fields at a kept time, by default the last, in the units of the study.
 
         At the nodes ``u`` and ``p``; in the elements ``H``, ``F`` (F̄), ``P_E``, ``K_t`` (tensors of 9 components, row
         by row), ``flux`` and ``outside``. ``grid.warp_by_vector("u")`` is the deformed body. The field data ``time`` is
@@ -236,12 +238,12 @@ class LawsSolved(_Named[Solved]):
 
     @property
     def linear(self) -> Solved:
-        """With linear poroelasticity from the same cell."""
+        """Solution with linear poroelasticity from the same cell."""
         return self[LINEAR]
 
     @property
     def nonlinear(self) -> Solved:
-        """With the first other law: the surrogate, unless another was asked for first."""
+        """Solution with the first other law: the surrogate, unless another was asked for first."""
         return next(solved for law, solved in self.items() if law != LINEAR)
 
 

@@ -1,4 +1,4 @@
-"""A whole study from Python: the same stages, files and identities as with the command line."""
+"""A whole study from Python, with the stages, files and identities of the command line."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from porocore.interfaces.surrogate import Surrogate
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, CellResponse, MacroState
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
-from porocore.study.config.config import RunConfig, validated
+from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
+from porocore.study.config.loading import validated
 from porocore.study.examples import examples
 from porocore.study.preflight.checks import check_backends, outline
 from porocore.study.run_folder.folder import RunFolder
@@ -35,11 +36,11 @@ class Samples:
     Attributes
     ----------
     names
-        Of the d inputs, in the order of the columns of ``x``.
+        Names of the d inputs, in the order of the columns of ``x``.
     x : (n, d)
-        Their values.
+        Values of the inputs.
     states, responses
-        n rows: what was asked, and what came out.
+        n states and their responses.
     """
 
     names: tuple[str, ...]
@@ -49,10 +50,10 @@ class Samples:
 
 
 class Study:
-    """A configuration and the folder in which its results lie.
+    """A configuration and the folder of its results.
 
-    Every stage runs those before it that are missing, goes on where an earlier process stopped, and repeats nothing
-    that the folder holds; the command line and this class may take turns.
+    Every stage runs the missing stages before it, continues where an earlier process stopped, and repeats nothing that
+    the folder holds. The command line and this class may take turns.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ class Study:
     out
         The run folder; by default ``runs/NAME`` with the name of the file or example.
     progress
-        Whether progress is shown on standard error.
+        Show progress on standard error.
     **settings
         Sections that are merged into the source, such as ``macro={"loads": [-0.1]}``.
 
@@ -102,7 +103,7 @@ class Study:
 
     @cached_property
     def folder(self) -> RunFolder:
-        """The run folder, made or come back to where it is first needed.
+        """The run folder, made or resumed at its first use.
 
         Raises
         ------
@@ -114,13 +115,13 @@ class Study:
         return RunFolder.claim(self.path, self.config, resume=True)
 
     def check(self) -> list[str]:
-        """What a run would do, line by line, after everything was checked that can be without solving."""
+        """Check the study without solving, and return an outline of its run, line by line."""
         with located(self._document):
             check_backends(self.config)
             return list(outline(self.config))
 
     def sample(self, *, retry_lost: bool = False) -> Samples:
-        """Solve the cell for the sampled states and for the held-out ones; the former are returned."""
+        """Solve the cell for the sampled and the held-out states; return the sampled ones."""
         with self.folder as folder, located(self._document):
             pipeline.solve_reference(folder, self.config, console=self._console)
             pipeline.sample(folder, self.config, console=self._console, retry_lost=retry_lost)
@@ -168,12 +169,12 @@ class Study:
         Parameters
         ----------
         laws
-            Of surrogate, linear, direct (the cell itself at every point) and fallback.
+            Some of surrogate, linear, direct (the cell itself at every point) and fallback.
 
         Returns
         -------
         Solutions
-            By load, then by law.
+            Solutions by load, then by law.
         """
         if not self.folder.surrogate_of(self.config).exists():
             self.train()
@@ -197,7 +198,7 @@ class Study:
 def _configured(
     source: str | Path | Mapping[str, Any] | RunConfig | None, settings: dict[str, Any]
 ) -> tuple[str, RunConfig, YamlDocument]:
-    """A name for the folder, the configuration, and what it was read from."""
+    """Return a name for the folder, the configuration, and the document that it was read from."""
     if not isinstance(source, str | Path):
         base = source.model_dump() if isinstance(source, RunConfig) else source or {}
         document = YamlDocument.of(merged(base, settings), Path.cwd())

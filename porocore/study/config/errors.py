@@ -1,4 +1,4 @@
-"""Turning validation errors into texts that say which key, what was expected, what came and what to do."""
+"""Validation errors as texts: key, expected value, given value, advice."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from porocore.core.echo import cut, echo
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.errors import ConfigurationError
 
-#: Why a bound is where it is, by dotted key.
+#: Reason of a bound, by dotted key.
 WHY = {
     "cell.geometry.radius": "at 0.5 a pore or an obstacle would touch its image in the next cell",
     "cell.material.poisson_ratio": "0.5 is an incompressible solid, which this formulation cannot take",
@@ -35,7 +35,7 @@ FORMS = ("number", "course")
 def faults(
     document: YamlDocument, errors: Iterable[ErrorDetails], root: type[BaseModel]
 ) -> list[tuple[Location, str]]:
-    """One text for each faulty key: ``dotted.key: expected ..., got ...; what to do``."""
+    """Return one text for each faulty key: ``dotted.key: expected ..., got ...; what to do``."""
     grouped: dict[Location, list[ErrorDetails]] = {}
     for error in errors:
         grouped.setdefault(_document_location(document, error), []).append(error)
@@ -43,7 +43,7 @@ def faults(
 
 
 def with_lines(document: YamlDocument, text: str) -> str:
-    """Complaints, one a line, with file and line before each that begins with a dotted key of the document."""
+    """Return complaints, one a line, with file and line before each that begins with a key of the document."""
     found = []
     for complaint in text.splitlines():
         for key in FILES:
@@ -68,14 +68,14 @@ def located(document: YamlDocument) -> Iterator[None]:
 
 
 def unexpected(location: Location, expected: str, got: Any) -> str:
-    """``dotted.key: expected ..., got ...`` with the reason for the bound where there is one."""
+    """Return ``dotted.key: expected ..., got ...``, with the reason of the bound if it is known."""
     key = dotted(location)
     why = f"; {WHY[key]}" if key in WHY else ""
     return f"{key}: expected {expected}, got {echo(got)}{why}"
 
 
 def _document_location(document: YamlDocument, error: ErrorDetails) -> Location:
-    """Where the error stands in the file; pydantic adds the branch of a union or '[key]' to that."""
+    """Return the place of an error in the file, without the branch of a union and the '[key]' of pydantic."""
     location = _without_tags(tuple(str(part) for part in error["loc"]))
     if error["type"] == "union_tag_invalid":
         return (*location, "kind")
@@ -149,7 +149,7 @@ def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
 
 
 def _bounds(name: str, metadata: Iterable[Any], kind: str = "a number") -> str:
-    """``a number with 0 < radius < 0.5`` from the constraints of a field."""
+    """Return a text such as ``a number with 0 < radius < 0.5`` for the constraints of a field."""
     lower = upper = ""
     for constraint in metadata:
         if (bound := getattr(constraint, "gt", None)) is not None:
@@ -169,7 +169,7 @@ def _said(bound: float) -> str:
 
 
 def _without_tags(location: Location) -> Location:
-    """Without the kinds that pydantic writes behind the key of a section of several kinds."""
+    """Return a location without the kinds that pydantic adds to sections of several kinds."""
     return tuple(part for i, part in enumerate(location) if not _is_tag(location, i))
 
 
@@ -179,7 +179,7 @@ def _is_tag(location: Location, i: int) -> bool:
 
 
 def _with_tags(at: Location, error: ErrorDetails) -> Location:
-    """A location in the document with the kinds of its sections, as :func:`_hint` understands it."""
+    """Return a location in the document with the kinds of its sections, as :func:`_hint` understands it."""
     whole = tuple(str(part) for part in error["loc"])
     for i, part in enumerate(whole):
         if _is_tag(whole, i) and len(at) > i:
@@ -188,7 +188,7 @@ def _with_tags(at: Location, error: ErrorDetails) -> Location:
 
 
 def _tags(annotation: Any) -> list[str]:
-    """The kinds of a section of several kinds."""
+    """Return the kinds of a section of several kinds."""
     found = (
         getattr(extra, "tag", None)
         for branch in _branches(annotation, keep_annotated=True)
@@ -199,7 +199,7 @@ def _tags(annotation: Any) -> list[str]:
 
 
 def _of_kind(annotation: Any, tag: str) -> Any:
-    """The one branch of that kind; None if there is none."""
+    """Return the branch of a kind, None without one."""
     for branch in _branches(annotation, keep_annotated=True):
         if get_origin(branch) is Annotated and any(
             getattr(extra, "tag", None) == tag for extra in get_args(branch)[1:]
@@ -209,7 +209,7 @@ def _of_kind(annotation: Any, tag: str) -> Any:
 
 
 def _hint(root: type[BaseModel], at: Location) -> tuple[Any, list[Any]]:
-    """Annotation of the value at a location and the constraints on it; (None, []) where there is none."""
+    """Return annotation and constraints of the value at a location; (None, []) without a value."""
     annotation: Any = root
     metadata: list[Any] = []
     for part in at:
@@ -240,7 +240,7 @@ def _hint(root: type[BaseModel], at: Location) -> tuple[Any, list[Any]]:
 
 
 def _branches(annotation: Any, keep_annotated: bool = False) -> list[Any]:
-    """The members of a union, without their constraints unless these are to be kept."""
+    """Return the members of a union, without their constraints unless these are to be kept."""
     if get_origin(annotation) is Annotated and not keep_annotated:
         return _branches(get_args(annotation)[0])
     if get_origin(annotation) is Annotated and get_origin(get_args(annotation)[0]) in (
@@ -254,7 +254,7 @@ def _branches(annotation: Any, keep_annotated: bool = False) -> list[Any]:
 
 
 def _options(annotation: Any, keys: bool = False) -> list[str]:
-    """The texts that a Literal allows, or with ``keys`` those that a dictionary allows as keys."""
+    """Return the texts that a Literal allows, or with ``keys`` those that a dictionary allows as keys."""
     found = []
     for branch in _branches(annotation):
         if keys and get_origin(branch) is dict:

@@ -1,4 +1,4 @@
-"""What the models of the configuration say of their keys, and the JSON schema that editors check a file by."""
+"""Descriptions and units of the configuration's keys, and its JSON schema for editors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class _WithDescriptions(GenerateJsonSchema):
-    """The docstring below a field is its description, with the unit behind it; of a section the first paragraph is."""
+    """Generator that describes a field by the docstring below it and its unit, and a section by its first paragraph."""
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
         found = super().model_schema(schema)
@@ -38,23 +38,23 @@ class _WithDescriptions(GenerateJsonSchema):
 
 
 def configuration_schema() -> dict[str, Any]:
-    """Of what :func:`porocore.load_config` reads, in the draft 2020-12.
+    """Return the JSON schema of a configuration, draft 2020-12.
 
-    It knows keys, types, bounds and choices, and where a text with a unit may stand, with its ``x-dimension``. What one
-    key means for another, and what depends on a mesh, only :func:`porocore.load_config` and ``porocore check`` tell.
+    It knows keys, types, bounds and choices, and the keys that take a text with a unit, with their ``x-dimension``.
+    Only :func:`porocore.load_config` and ``porocore check`` find faults between several keys, and those of a mesh.
     """
     found = RunConfig.model_json_schema(schema_generator=_WithDescriptions)
     return {"$schema": DIALECT, **found, "title": "Configuration of a porocore study"}
 
 
 def schema_text() -> str:
-    """The same as a file."""
+    """Return the schema as the text of a file."""
     return json.dumps(configuration_schema(), indent=1, ensure_ascii=False) + "\n"
 
 
 @cache
 def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
-    """Field → the docstring that stands below it, in the class or in one that it derives; code in single backquotes."""
+    """Return by field the docstring below it, in the class or in one that it derives; code in single backquotes."""
     found: dict[str, str] = {}
     for cls in reversed(model.__mro__):
         if not issubclass(cls, BaseModel) or cls is BaseModel:
@@ -74,26 +74,26 @@ def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
 
 
 def _plain(text: str) -> str:
-    """A docstring in one line, with code as Markdown has it."""
+    """Return a docstring in one line, with code as in Markdown."""
     return " ".join(text.split()).replace("``", "`")
 
 
 def unit_of(annotation: Any, metadata: Iterable[Any] = (), carried: str = "") -> str:
-    """Of what the numbers of a field are multiples, ``, `` between those that differ; empty where none is declared.
+    """Return the units of the numbers of a field, separated by commas if they differ; empty without units.
 
     Parameters
     ----------
     annotation, metadata
-        Of the field; what it holds of other sections is left out.
+        Annotation and metadata of the field; other sections in it are left out.
     carried
-        What stands for the unit of the value that the section belongs to.
+        Text for the unit of the value that the section belongs to.
     """
     found = list(dict.fromkeys(_units(annotation, metadata, carried)))
     return ", ".join(unit or "–" for unit in found) if any(found) else ""
 
 
 def _units(annotation: Any, metadata: Iterable[Any], carried: str) -> Iterator[str]:
-    """Of every number in a value, empty for one without."""
+    """Yield the unit of every number in a value, empty for a number without."""
     for extra in metadata:
         if isinstance(extra, Unit):
             yield extra.name

@@ -1,14 +1,15 @@
-"""The sections of a configuration: which states are solved, by whom, what is learned, and under which loads."""
+"""The sections of a configuration: backends, sampling, surrogate, macroscale."""
 
 from __future__ import annotations
 
 import os
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.models.bounds import LARGEST_NUMBER, LARGEST_SEED, MOST_STATES, MOST_WORKERS
+from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import ByKey, Carried, Dimension, Unit
 from porocore.macro.problem import MacroProblem, MacroSetup
 from porocore.sampling.execution.choice import ExecutorName, contradiction
@@ -18,23 +19,17 @@ InRange = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 Positive = Annotated[float, Field(gt=0)]
 
 
-class Section(BaseModel):
-    """Refuses keys that it does not know."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class FemSettings(Section):
+class FemSettings(StrictModel):
     """The finite-element backend, of the cell and of the macroscale alike, and its own options."""
 
     backend: str = "skfem"
     """Backend of the cell, and of the macroscale unless ``macro.backend`` is given; ``porocore run --fem NAME``
     overrides it."""
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default={})
     """Options of the backend's cell solver."""
 
 
-class SweptInput(Section):
+class SweptInput(StrictModel):
     """Closed range of one input and the sampler's default step in it."""
 
     range: Annotated[tuple[InRange, InRange], Carried()]
@@ -50,7 +45,7 @@ class SweptInput(Section):
         return self
 
 
-class HeldOutSettings(Section):
+class HeldOutSettings(StrictModel):
     """Random states that no surrogate is trained on; its error is measured there."""
 
     count: Annotated[int, Field(ge=1, le=MOST_STATES)] = 100
@@ -59,22 +54,22 @@ class HeldOutSettings(Section):
     """Seed of their draw."""
 
 
-class SamplingSettings(Section):
-    """Which states of the cell are solved to learn from."""
+class SamplingSettings(StrictModel):
+    """States of the cell that are solved to learn from."""
 
     sampler: str = "density-sweep"
-    """Which states are solved; ``porocore plugins`` lists the samplers that are installed."""
+    """Name of the sampler; ``porocore plugins`` lists those that are installed."""
     inputs: Annotated[dict[InputName, SweptInput], Field(min_length=1), ByKey({"p": Dimension("pressure")})]
     """The components that move, H11 … H33 and p, in the order of the sweeps: the first is swept alone, the next from
     every value of it."""
     tolerance: Positive | None = None
     """Tolerance of the samplers that have one; null leaves it to the sampler."""
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default={})
     """Further options of the sampler."""
     workers: Literal["auto"] | Annotated[int, Field(ge=1, le=MOST_WORKERS)] = "auto"
     """Processes; ``auto`` is one for each core; the result does not depend on it."""
     executor: ExecutorName = "auto"
-    """Where the cells are solved: in this process, in processes of this machine, or by the workers of dask; ``auto`` is
+    """Place where the cells are solved: this process, processes of this machine, or the workers of dask; ``auto`` is
     ``dask`` with a scheduler, ``serial`` for one worker without a time limit, else ``processes``; the result does not
     depend on it."""
     scheduler: Annotated[str, Field(min_length=1, max_length=300)] | None = None
@@ -92,12 +87,12 @@ class SamplingSettings(Section):
         return self
 
     def input_space(self) -> InputSpace:
-        """The inputs and their ranges."""
+        """Return the inputs and their ranges."""
         return InputSpace.from_ranges({name: swept.range for name, swept in self.inputs.items()})
 
     def sampler_options(self) -> dict[str, Any]:
-        """Keyword arguments of the sampler, as far as set: ``step`` by input, ``tolerance``, ``options``."""
-        options: dict[str, Any] = {}
+        """Return the keyword arguments of the sampler, as far as set: ``step`` by input, ``tolerance``, ``options``."""
+        options: dict[str, Any] = Field(default={})
         steps = {name: swept.step for name, swept in self.inputs.items() if swept.step is not None}
         if steps:
             options["step"] = steps
@@ -106,13 +101,13 @@ class SamplingSettings(Section):
         return options | self.options
 
     def worker_count(self) -> int:
-        """Number of processes; 'auto' is one for each core that this process may use."""
+        """Return the number of processes; 'auto' is one for each core that this process may use."""
         if self.workers != "auto":
             return self.workers
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
     def pool_options(self) -> dict[str, Any]:
-        """Keyword arguments of :class:`porocore.sampling.execution.CellPool`: who solves the cells."""
+        """Return the keyword arguments of :class:`porocore.sampling.execution.CellPool`."""
         return {
             "workers": self.worker_count(),
             "executor": self.executor,
@@ -121,19 +116,19 @@ class SamplingSettings(Section):
         }
 
 
-class SurrogateSettings(Section):
+class SurrogateSettings(StrictModel):
     """The surrogate's backend, its seed and its own options."""
 
     backend: str = "torch"
-    """Which surrogate; ``porocore run --surrogate NAME`` overrides it."""
+    """Name of the surrogate; ``porocore run --surrogate NAME`` overrides it."""
     model: Literal["auto", "mlp", "potential"] = "auto"
-    """What is learned: ⟨∇u¹⟩ by the paper's network (``mlp``), or the potential W and all that follows from it
+    """Model: ⟨∇u¹⟩ by the paper's network (``mlp``), or the potential W and all that follows from it
     (``potential``); ``auto`` is what the closure needs."""
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
     """Seed of the first weights and of the split into training and validation states."""
     tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01
     """Share of the range of what is learned; a state is flagged whose error is estimated to be larger."""
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default={})
     """Options of the surrogate."""
 
 
@@ -158,10 +153,10 @@ class MacroSettings(MacroSetup):
         return loads
 
     def specification(self) -> dict[str, Any]:
-        """See :meth:`porocore.macro.problem.MacroSetup.specification`; with the backend where it is not the cell's."""
+        """Return the settings that a solution depends on; a backend only if it is not the cell's."""
         said = super().specification()
         return {name: value for name, value in said.items() if name != "backend" or value is not None}
 
     def problem(self, load: float) -> MacroProblem:
-        """The problem under one load."""
+        """Return the problem under one load."""
         return MacroProblem(load=load, **{name: getattr(self, name) for name in MacroSetup.model_fields})

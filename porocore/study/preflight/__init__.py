@@ -1,1 +1,1 @@
-"""Everything that can be found wrong before the first solve."""
+"""Checks of a study before its first solve."""

@@ -1,4 +1,4 @@
-"""What a study needs of the plugins that it names, held against what their classes declare to offer."""
+"""The needs of a study compared with the abilities that its plugins declare."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from porocore.macro.problem import MacroSetup
 
 
 def offers_conductivity(solver: type[CellSolver], which: str) -> bool:
-    """Return whether a cell solver computes what the law ``which`` of the conductivity needs."""
+    """Return True if a cell solver computes what the law ``which`` of the conductivity needs."""
     return ("deformed" if which == "deformed" else "piola") in solver.conductivities
 
 
@@ -19,14 +19,14 @@ def require_conductivity(solver: type[CellSolver], name: str, which: str) -> Non
     Parameters
     ----------
     solver, name
-        Its class, and what the user calls it.
+        Class and name of the solver.
     which
         Law of the conductivity, as the configuration has it; all but ``deformed`` rest on K of the undeformed cell.
 
     Raises
     ------
     ConfigurationError
-        It is not among :attr:`~porocore.CellSolver.conductivities`.
+        The conductivity is not among :attr:`~porocore.CellSolver.conductivities`.
     """
     if offers_conductivity(solver, which):
         return
@@ -42,7 +42,7 @@ def require_conductivity(solver: type[CellSolver], name: str, which: str) -> Non
 
 
 def lacking(solver: type[MacroSolver], problem: MacroSetup) -> str:
-    """Return what a problem needs that a macro solver does not offer, in words; empty: nothing."""
+    """Return in words what a problem needs and a macro solver does not offer; empty if it offers all."""
     kinds = solver.bodies
     column = kinds is not None and "column" in kinds and problem.is_column
     if kinds is not None and problem.body.kind not in kinds and not column:
@@ -58,7 +58,7 @@ def require_parts(solver: type[MacroSolver], name: str, problem: MacroSetup) -> 
     Raises
     ------
     ConfigurationError
-        It does not declare the body's kind, or a part of the problem.
+        The solver does not declare the body's kind, or a part of the problem.
     """
     missing = lacking(solver, problem)
     if missing:

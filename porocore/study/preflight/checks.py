@@ -1,4 +1,4 @@
-"""What can be found wrong with a study before anything is solved, and what a run of it would do."""
+"""Checks of a study before anything is solved, and the outline of its run."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ MOST_POINTS = 4
 
 
 def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) -> None:
-    """Find everything that can be known to be wrong before the first solve; ``check`` and ``run`` both call this.
+    """Refuse a study with faults that show before the first solve; ``check`` and ``run`` both call this.
 
-    Looks for the backends and tries their options, looks at the sampled box, the scheduler and the workers, evaluates
-    functions of time, and meshes the body with everything on it.
+    Finds the backends and tries their options, checks the sampled box, the scheduler and the workers, evaluates
+    functions of time, and meshes the body with boundary conditions and probes.
 
     Parameters
     ----------
     config
         The study.
     needed
-        Kinds of backends that must be here; another, of a later stage, may be installed elsewhere. None: all.
+        Kinds of backends that must be installed; those of later stages may be elsewhere. None: all.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
     ConfigurationError
         Options are unusable, the box reaches det F ≤ 0, states are too few or too many, nobody listens at the
         scheduler's address, a function of time has no value somewhere, there is no such surface, boundary conditions
-        contradict each other or leave the body loose, or a probe lies outside.
+        contradict each other or do not hold the body, or a probe lies outside.
     """
     needed = KINDS if needed is None else needed
     find_backends(config, needed)
@@ -70,7 +70,7 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
 
 
 def find_backends(config: RunConfig, needed: Collection[Kind]) -> None:
-    """Look for the backends; all that are missing are told at once, each name once.
+    """Find the backends; one error names all that are missing, each name once.
 
     Raises
     ------
@@ -89,12 +89,12 @@ def find_backends(config: RunConfig, needed: Collection[Kind]) -> None:
 
 
 def check_sampling(config: RunConfig, *, trained: bool) -> None:
-    """Look at the sampled box, at who solves the states, and at whether they are enough where they are learned from.
+    """Check the sampled box, the workers, and the number of states if a surrogate learns from them.
 
     Raises
     ------
     ConfigurationError
-        As :func:`check_backends`.
+        See :func:`check_backends`.
     """
     sampling = config.sampling
     inputs = sampling.input_space()
@@ -124,12 +124,12 @@ def check_sampling(config: RunConfig, *, trained: bool) -> None:
 
 
 def place(config: RunConfig) -> BodyMesh:
-    """The body's mesh with boundary conditions and probes on it.
+    """Return the mesh of the body after a check of its boundary conditions and probes.
 
     Raises
     ------
     ConfigurationError
-        As :func:`check_backends`.
+        See :func:`check_backends`.
     """
     problem: MacroProblem = config.macro.problem(config.macro.loads[0])
     mesh = body_mesh(problem)
@@ -139,7 +139,7 @@ def place(config: RunConfig) -> BodyMesh:
 
 
 def outline(config: RunConfig) -> Iterator[str]:
-    """What a run would do, line by line; the cell is meshed for it.
+    """Yield the outline of a run, line by line; the cell is meshed for it.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield f"work: {Workload.of(config, expected, len(place(config).cells), nodes).as_line()}"
     yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))
     yield from (f"note: {warning}" for warning in _late(config))
-    # What K is nobody knows yet, but along which axes there is any.
+    # K is not known yet, but along which axes it is positive.
     percolates = np.diag([float(axis not in quality.blocked) for axis in "xyz"])
     yield from (f"note: {warning}" for warning in undrained(config.macro, percolates))
 
@@ -186,7 +186,7 @@ def _require_that_the_fluid_follows(config: RunConfig) -> None:
 
 
 def _without_contact(config: RunConfig) -> Iterator[str]:
-    """A note where the cell solver cannot do what ``cell.contact`` asks for."""
+    """Yield a note if the cell solver cannot do what ``cell.contact`` asks for."""
     name = config.fem.backend
     try:
         solver = registry.get("cell solver", name)
@@ -194,8 +194,8 @@ def _without_contact(config: RunConfig) -> Iterator[str]:
         return
     if config.cell.contact.kind != "none" and not solver.contact:
         yield (
-            f"note: the cell solver '{name}' does not hold the pore wall against itself; a state whose wall passes "
-            "through itself has no values"
+            f"note: the cell solver '{name}' does not know contact of the pore wall with itself; a state whose wall "
+            "passes through itself has no values"
         )
 
 
@@ -226,7 +226,7 @@ def _body(config: RunConfig) -> Iterator[str]:
 
 
 def _said(boundary: Boundary | None, units: ResultUnits) -> str:
-    """What is prescribed, in words."""
+    """Return the prescribed values of a surface as text."""
     if boundary is None:
         return ""
     found = [
@@ -248,7 +248,7 @@ def _said(boundary: Boundary | None, units: ResultUnits) -> str:
 
 
 def _value(value: Value, quantity: str, units: ResultUnits) -> str:
-    """A prescribed value in the units of the configuration; of a course, how it goes with time."""
+    """Return a prescribed value, or its function of time, in the units of the configuration."""
 
     def at(number: float, of: str) -> str:
         unit = f" {units.name(of)}" if units.given and number else ""
@@ -267,7 +267,7 @@ def _value(value: Value, quantity: str, units: ResultUnits) -> str:
 
 
 def _late(config: RunConfig) -> Iterator[str]:
-    """Courses that the run ends before, most likely for want of a unit."""
+    """Yield notes of functions of time that go on after the end of the run, as a missing unit may cause."""
     end, units = config.macro.time.end, config.result_units
     unit = f" {units.name('time')}" if units.given else ""
     shown, factor = f"{end * units.factor('time'):.4g}{unit}", units.factor("time")
@@ -275,6 +275,6 @@ def _late(config: RunConfig) -> Iterator[str]:
         last = max((max(course.corners, default=0.0) for course in boundary.courses), default=0.0)
         if last > end:
             yield (
-                f"a course on the surface {name} goes on until t = {last * factor:.4g}{unit}, beyond the end, "
-                f"{shown}, so not all of it is seen; see macro.time.end, and whether the time has its unit"
+                f"the function of time on the surface {name} goes on until t = {last * factor:.4g}{unit}, beyond the "
+                f"end, {shown}, and is cut there; check macro.time.end and the unit of the time"
             )

@@ -1,4 +1,4 @@
-"""What a user ought to know of the symmetry of a cell: shears that are no inputs, a mesh that is too coarse for it."""
+"""Notes on the symmetry of a cell: shears that are no inputs, a mesh that is too coarse for it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from porocore.surrogates.stretch.components import PLACES
 from porocore.surrogates.stretch.log_stretch import LogStretch
 from porocore.surrogates.symmetry import acting_across, on_places
 
-#: Of the stiffness at rest: by more a mesh should not break the symmetry of its cell.
+#: Largest asymmetry of the stiffness at rest without a warning.
 LARGEST_DEFECT = 0.02
-#: States in the box of the inputs that show what they move.
+#: States in the box of the inputs that show which variables they move.
 STATES = 16
 
 
@@ -33,7 +33,7 @@ def uncovered_shears(inputs: InputSpace, group: PointGroup) -> list[str]:
 
 
 def uncovered(inputs: InputSpace, group: PointGroup) -> list[str]:
-    """Return what to say of :func:`uncovered_shears`; nothing where there are none."""
+    """Return a warning of :func:`uncovered_shears`, none without such shears."""
     shears = uncovered_shears(inputs, group)
     if not shears:
         return []
@@ -48,18 +48,18 @@ def uncovered(inputs: InputSpace, group: PointGroup) -> list[str]:
 
 
 def _transposed(shears: list[str]) -> str:
-    """Return H21 of H12, and so on; the stretch of a cell knows no difference."""
+    """Return H21 for H12, and so on; the stretch of a cell is the same."""
     return " and ".join(f"H{name[2]}{name[1]}" for name in shears)
 
 
 def defect(stiffness: Array, group: PointGroup) -> float:
-    """Return by how much ∂P_E/∂H (3, 3, 3, 3) breaks the symmetry of a group, as a share of its largest entry."""
+    """Return the asymmetry of ∂P_E/∂H (3, 3, 3, 3) under a group, as a share of its largest entry."""
     action, matrix = on_places(group), stiffness.reshape(9, 9)
     return float(np.abs(matrix - action.mean(action, matrix)).max() / np.abs(matrix).max())
 
 
 def broken_by_the_mesh(reference: CellResponse, group: PointGroup) -> list[str]:
-    """Return what to say of a free mesh that breaks the symmetry of its cell at rest; nothing where it hardly does.
+    """Return a warning of a free mesh that breaks the symmetry of its cell at rest, none within the tolerance.
 
     Parameters
     ----------

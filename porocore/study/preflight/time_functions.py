@@ -1,4 +1,4 @@
-"""Every function of time of a macro set-up, evaluated over the whole run before anything is solved."""
+"""Check of every function of time over the whole run, before anything is solved."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def check_time_functions(setup: MacroSetup) -> None:
     Raises
     ------
     ConfigurationError
-        One divides by zero, takes the root of a negative number or becomes too large; names key and time.
+        A function divides by zero, takes the root of a negative number or becomes too large; names key and time.
     """
     courses = [(key, course) for key, course in _courses(setup) if course.expression is not None]
     if not courses:

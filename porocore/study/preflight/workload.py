@@ -1,4 +1,4 @@
-"""What a study would solve, keep and hold in memory, counted before anything is solved."""
+"""Numbers of solves, bytes on disk and bytes of memory of a study, before anything is solved."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ class Workload:
     Attributes
     ----------
     states
-        That the sampler expects to ask for, and the held-out ones.
+        States that the sampler expects to ask for, and the held-out ones.
     workers
-        Processes of this machine that solve them at the same time; 0 where others do.
+        Processes of this machine that solve them at the same time; 0 with a scheduler.
     steps
         Time steps of one macro run, at least.
     runs
         Macro runs: each load with the cell's law and linearly.
     elements, profiles
-        Of the body, and times at which fields are kept.
+        Elements of the body, and times at which fields are kept.
     nodes
-        Of the cell's solid.
+        Nodes of the cell's solid.
     """
 
     states: int
@@ -65,13 +65,13 @@ class Workload:
 
     @property
     def disk(self) -> float:
-        """What the run folder holds in the end, about [bytes]."""
+        """Approximate final size of the run folder [bytes]."""
         fields = self.profiles * self.elements * POINTS_OF_ELEMENT * POINT * 8
         return self.states * (STATE + NODE * self.nodes) + self.runs * (self.steps * STEP * 8 + fields)
 
     @property
     def memory(self) -> float:
-        """What the processes that solve cells hold at the same time, about [bytes]."""
+        """Approximate memory of all processes that solve cells [bytes]."""
         return max(1, self.workers) * PROCESS
 
     def as_line(self) -> str:
@@ -83,7 +83,7 @@ class Workload:
 
 
 def workers_here(config: RunConfig) -> int:
-    """Return how many processes of this machine solve cells; 0 where those of a scheduler do."""
+    """Return the number of processes of this machine that solve cells; 0 with a scheduler."""
     sampling = config.sampling
     if sampling.scheduler is not None:
         return 0
@@ -96,7 +96,7 @@ def require_memory(config: RunConfig) -> None:
     Raises
     ------
     ConfigurationError
-        There are too many.
+        The processes are too many.
     """
     workers, there = workers_here(config), memory_here()
     if there is not None and workers > 1 and workers * PROCESS > there:
@@ -113,7 +113,7 @@ def require_states(config: RunConfig, expected: int) -> None:
     Raises
     ------
     ConfigurationError
-        They are too many.
+        The states are too many.
     """
     if not expected <= MOST_STATES:
         raise ConfigurationError(
@@ -123,7 +123,7 @@ def require_states(config: RunConfig, expected: int) -> None:
 
 
 def memory_here() -> float | None:
-    """Return the memory of this machine [bytes]; None where the system does not tell."""
+    """Return the memory of this machine [bytes]; None if the system does not tell."""
     try:
         return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):

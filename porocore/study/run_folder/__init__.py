@@ -1,1 +1,1 @@
-"""The run folder: who may write it, where each file lies, and what its files come from."""
+"""The run folder: its lock, the paths of its files, and their provenance."""

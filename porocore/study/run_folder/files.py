@@ -1,4 +1,4 @@
-"""Where each file of a run lies, and the names of the laws in them."""
+"""Paths of the files of a run, and the names of the laws in them."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class RunFiles:
     path
         The folder.
     config
-        Its configuration; of a run that goes on with other settings, these.
+        Configuration of the run, or the other settings with which it continues.
     written
-        The configuration that the run began with, which names the files: a run that goes on with another closure
+        Configuration that the run began with, which names the files: a run that continues with another closure
         keeps the solutions of each, and one surrogate for each model.
     """
 
@@ -32,48 +32,48 @@ class RunFiles:
 
     @property
     def reference(self) -> Path:
-        """The undeformed cell."""
+        """File of the undeformed cell."""
         return self.path / "cell.json"
 
     @property
     def training_curve(self) -> Path:
-        """Losses against epochs."""
+        """Table of losses against epochs."""
         return self.training_curve_of(self.config)
 
     def training_curve_of(self, config: RunConfig) -> Path:
-        """Losses of the surrogate that ``config`` needs."""
+        """Return the table of losses of the surrogate that ``config`` needs."""
         return self.path / f"training{self._suffix(config)}.csv"
 
     @property
     def dataset(self) -> Path:
-        """Solved states to learn from."""
+        """Data set of the solved states to learn from."""
         return self.path / "samples.h5"
 
     @property
     def test_dataset(self) -> Path:
-        """Solved random states that no surrogate is trained on."""
+        """Data set of the held-out states."""
         return self.path / "test.h5"
 
     @property
     def surrogate(self) -> Path:
-        """The trained surrogate."""
+        """File of the trained surrogate."""
         return self.surrogate_of(self.config)
 
     def surrogate_of(self, config: RunConfig) -> Path:
-        """The surrogate of the model that ``config`` needs.
+        """Return the file of the surrogate that ``config`` needs.
 
-        ``surrogate.h5`` is that of the closure that the run began with; another closure may need another model,
-        which lies beside it as ``surrogate-MODEL.h5``.
+        ``surrogate.h5`` belongs to the closure that the run began with; another model of surrogate lies beside it as
+        ``surrogate-MODEL.h5``.
         """
         return self.path / f"surrogate{self._suffix(config)}.h5"
 
     @property
     def training_checkpoint(self) -> Path:
-        """From which an interrupted training continues."""
+        """Checkpoint of an interrupted training."""
         return self.training_checkpoint_of(self.config)
 
     def training_checkpoint_of(self, config: RunConfig) -> Path:
-        """From which an interrupted training of that surrogate continues."""
+        """Return the checkpoint of an interrupted training of the surrogate that ``config`` needs."""
         return self.path / "checkpoints" / f"training{self._suffix(config)}.h5"
 
     def _suffix(self, config: RunConfig) -> str:
@@ -81,27 +81,27 @@ class RunFiles:
         return "" if model == self.written.surrogate_model else f"-{model}"
 
     def macro_checkpoint(self, law: str, load: float) -> Path:
-        """From which an interrupted macro solve continues."""
+        """Return the checkpoint of an interrupted macro solve."""
         return self.path / "checkpoints" / f"{_file_name(law, load)}.h5"
 
     def solution(self, law: str, load: float) -> Path:
-        """Macro solution under one law and load."""
+        """Return the file of the macro solution with one law under one load."""
         return self.path / "solutions" / f"{_file_name(law, load)}.h5"
 
     def solutions(self, *laws: str) -> list[Path]:
-        """The macro solution for each load with each of ``laws``; by default with the closure and linearly."""
+        """Return the files of the solutions for each load with each of ``laws``; by default the closure and linear."""
         laws = laws or (self.config.closure, LINEAR)
         return [self.solution(law, load) for load in self.config.macro.loads for law in laws]
 
     def solved(self, load: float) -> list[str]:
-        """Names of the nonlinear laws with a solution under ``load``: closures, with fallback, direct FE²."""
+        """Return the nonlinear laws with a solution under ``load``: closures, with fallback, direct FE²."""
         closures = dict.fromkeys((self.written.closure, *CLOSURES))
         laws = (*closures, *map(fallback_law, closures), *map(direct_law, closures))
         return [law for law in laws if self.solution(law, load).exists()]
 
     @property
     def shown_closure(self) -> str:
-        """The closure that a report is about: the first one of which every load is solved, else the run's first."""
+        """Closure that a report shows: the first one with solutions of all loads, else the run's first."""
         loads = self.config.macro.loads
         complete = [c for c in CLOSURES if all(self.solution(c, load).exists() for load in loads)]
         first = self.written.closure
@@ -109,17 +109,17 @@ class RunFiles:
 
     @property
     def direct_work(self) -> Path:
-        """How many cells direct FE² has solved, and in what time."""
+        """Record of the cells that direct FE² has solved, and of the time."""
         return self.path / "direct.json"
 
     @property
     def fallback(self) -> Path:
-        """States that macro solves with a fallback needed outside the sampled range."""
+        """Data set of states that macro solves with a fallback needed outside the sampled range."""
         return self.path / "fallback.h5"
 
     @property
     def fallback_work(self) -> Path:
-        """How many cells the fallback has solved, and in what time."""
+        """Record of the cells that the fallback has solved, and of the time."""
         return self.path / "fallback.json"
 
     @property
@@ -128,32 +128,32 @@ class RunFiles:
         return self.path / "fields"
 
     def history(self, law: str, load: float) -> Path:
-        """Everything against time of one macro solution, as a table."""
+        """Return the table of everything against time of one macro solution."""
         return self.path / "histories" / f"{_file_name(law, load)}.csv"
 
     @property
     def timings(self) -> Path:
-        """Seconds that each stage took."""
+        """Record of the seconds that each stage took."""
         return self.path / "timings.json"
 
     @property
     def metrics(self) -> Path:
-        """Figures of merit."""
+        """File of the figures of merit."""
         return self.path / "metrics.json"
 
     @property
     def report(self) -> Path:
-        """The page to read."""
+        """Page of the report."""
         return self.path / "report.html"
 
 
 def direct_law(closure: str) -> str:
-    """Name of the law of direct FE² with a closure."""
+    """Return the name of the law of direct FE² with a closure."""
     return f"direct-{closure}"
 
 
 def fallback_law(closure: str) -> str:
-    """Name of the law of a closure whose surrogate learns on the way."""
+    """Return the name of the law of a closure whose surrogate learns on the way."""
     return f"{closure}-fallback"
 
 

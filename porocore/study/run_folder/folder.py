@@ -1,4 +1,4 @@
-"""The folder of one run: who may write there.
+"""The folder of one run, and the right to write it.
 
 A folder belongs to one configuration from the moment it is claimed. It is never taken over by another run,
 and two processes cannot write it at the same time.
@@ -21,18 +21,19 @@ from porocore.core.files.reading import read_json
 from porocore.core.unexpected import note_folder
 from porocore.errors import RunFolderError
 from porocore.study.backends import with_closure
-from porocore.study.config.config import RunConfig, differences, load_config
+from porocore.study.config.config import RunConfig, differences
+from porocore.study.config.loading import load_config
 from porocore.study.run_folder.files import RunFiles
 from porocore.study.run_folder.provenance import versions
 
 FORMAT = "porocore-run"
-#: Raised where the identities of configurations change, so that runs of before are told for what they are.
+#: Raised when the identities of configurations change, so that older runs are recognised.
 #: 1: without surrogate.tolerance, and with a conductivity piola that did not turn with the solid.
 VERSION = 2
 CONFIG, RECORD, LOCK = "config.yaml", RUN_RECORD, ".lock"
 #: The temporary names of :func:`porocore.core.files.atomic.atomic_path`.
 _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
-#: Keys of the configuration that may change when a run goes on.
+#: Keys of the configuration that may change when a run continues.
 NOT_PART_OF_A_RUN = ("title ", "scales", "output_units", "scenarios")
 
 
@@ -44,7 +45,7 @@ class RunFolder(RunFiles):
 
     @classmethod
     def claim(cls, path: Path | str, config: RunConfig, *, resume: bool = False) -> RunFolder:
-        """Make the folder and write configuration and versions, or with ``resume`` come back to it.
+        """Make the folder and write configuration and versions, or with ``resume`` open the same run again.
 
         Raises
         ------
@@ -67,7 +68,7 @@ class RunFolder(RunFiles):
                 )
             path.mkdir(parents=True, exist_ok=True)
             with folder:
-                # Looked for under the lock: another process may have claimed the folder just now.
+                # Under the lock, because another process may have claimed the folder meanwhile.
                 if (path / RECORD).exists():
                     folder._check_same(cls.open(path), resume)
                 else:
@@ -80,12 +81,12 @@ class RunFolder(RunFiles):
 
     @classmethod
     def open(cls, path: Path | str) -> RunFolder:
-        """The run that a folder holds.
+        """Return the run that a folder holds.
 
         Raises
         ------
         RunFolderError
-            It holds none, one of another version, or its configuration was edited after the run began.
+            The folder holds no run or one of another version, or its configuration was edited after the run began.
         """
         path = Path(path)
         try:
@@ -141,19 +142,19 @@ class RunFolder(RunFiles):
             self._lock = None
 
     def _remove_half_written(self) -> None:
-        """What processes that were killed left; nobody else writes here while the lock is held."""
+        """Remove incomplete files of killed processes; no other process writes while the lock is held."""
         for path in self.path.rglob(".*.part"):
             if _HALF_WRITTEN.fullmatch(path.name):
                 with suppress(OSError):
                     path.unlink()
 
     def require(self, file: Path, command: str) -> Path:
-        """``file`` if it is there.
+        """Return ``file`` if it exists.
 
         Raises
         ------
         RunFolderError
-            It is missing; ``command`` (``sample``, ``train``, ``solve``) makes it.
+            The file is missing; ``command`` (``sample``, ``train``, ``solve``) makes it.
         """
         if not file.exists():
             raise RunFolderError(f"{file} is missing; make it first: porocore {command} {self.path}")
@@ -173,7 +174,7 @@ class RunFolder(RunFiles):
         self.written = held.config
 
     def _left_by_a_start(self, name: str) -> bool:
-        """Whether a file is what a start of this very run leaves that dies before the record is written."""
+        """Return True for a file that a start of this run leaves if it dies before the record is written."""
         if name == CONFIG:
             return (self.path / CONFIG).read_bytes() == self.config.resolved_yaml().encode()
         part = name.endswith(".part") and name.startswith((f".{CONFIG}.", f".{RECORD}."))

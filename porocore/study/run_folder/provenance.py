@@ -1,4 +1,4 @@
-"""The versions that numbers depend on."""
+"""Versions that the results depend on."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PACKAGES = (
 
 
 def versions() -> dict[str, str]:
-    """Of porocore, its plugins and the packages that numbers depend on; nothing is imported for that."""
+    """Return the versions of porocore, its plugins and the packages that results depend on, without importing them."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
     names = {*_PACKAGES, *(d.name for d in metadata.distributions() if _is_plugin(d))}
     for name in sorted(names):

@@ -1,1 +1,1 @@
-"""The stages of a run: sampling, training, macro solves, report, and what one hands to the next."""
+"""The stages of a run: cell, sampling, training, macro solves, report, and the files between them."""

@@ -1,4 +1,4 @@
-"""What a sampler may know of its study: the undeformed cell, what the closure needs, and where macro runs go."""
+"""Facts of a study for its sampler: the undeformed cell, the needs of the closure, and the states of macro runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 
 
 def inform(sampler: Sampler, config: RunConfig, reference: CellReference) -> None:
-    """Tell a sampler that wants to know about the study of ``config``; others need nothing."""
+    """Give a sampler the facts of the study if it takes them."""
     if isinstance(sampler, StudySampler):
         needed = CLOSURES[config.closure].responses
         explorer = MacroExplorer(config, reference)
@@ -31,7 +31,7 @@ def inform(sampler: Sampler, config: RunConfig, reference: CellReference) -> Non
 
 
 class MacroExplorer:
-    """The macro problem of a study on a coarse mesh with long time steps, under a polynomial fitted to what is known.
+    """The macro problem of a study on a coarse mesh with long time steps, with a polynomial fitted to the known states.
 
     The polynomial stands in for the configured surrogate: it is fitted in milliseconds, provides what every closure
     needs, and is the same on every machine. Closure, loads, boundary conditions and backend are the configured ones.
@@ -39,9 +39,9 @@ class MacroExplorer:
     Parameters
     ----------
     config
-        The study.
+        Configuration of the study.
     reference
-        Its undeformed cell.
+        Undeformed cell of the study.
     """
 
     def __init__(self, config: RunConfig, reference: CellReference) -> None:
@@ -49,8 +49,10 @@ class MacroExplorer:
         self._solver: MacroSolver | None = None
 
     def __call__(self, data: TrainingSet, *, elements: int, steps: int) -> Exploration:
-        """See :class:`~porocore.interfaces.sampler.Explore`; final settlement and largest pressure of each load, and
-        largest and final force on each surface that is moved.
+        """Solve the coarse problem; see :class:`~porocore.interfaces.sampler.Explore`.
+
+        The results are final settlement and largest pressure of each load, and largest and final force on each surface
+        that is moved.
         """
         if self._solver is None:
             self._solver = make_backend("macro solver", self.config)
@@ -80,12 +82,12 @@ class MacroExplorer:
 
 
 class VisitedStates(MacroLaw):
-    """A law that notes the states at the quadrature points whenever a time step is accepted.
+    """A law that records the states at the quadrature points whenever a time step is accepted.
 
     Parameters
     ----------
     law
-        The law that answers.
+        Law that computes the responses.
     """
 
     def __init__(self, law: MacroLaw) -> None:
@@ -95,17 +97,17 @@ class VisitedStates(MacroLaw):
         self.visited = [MacroState.zeros(1)]
 
     def initial(self, n: int) -> LawMemory:
-        """Of the law that answers."""
+        """Return the memory at rest."""
         return self.law.initial(n)
 
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
     ) -> MacroResponse:
-        """Of the law that answers."""
+        """Return the response of the law."""
         return self.law.respond(states, grad_p, memory, tangent=tangent)
 
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
-        """Asked when a step has converged."""
+        """Record the states of a converged step that is accepted."""
         changed = self.law.before_accept(response, memory)
         if changed is None:
             self.visited.append(response.memory.states)
@@ -113,7 +115,7 @@ class VisitedStates(MacroLaw):
 
 
 def coarse_problem(problem: MacroProblem, elements: int, steps: int) -> MacroProblem:
-    """With at most ``elements`` along each axis, and about ``steps`` time steps after the ramp."""
+    """Return the problem with at most ``elements`` along each axis and about ``steps`` time steps after the ramp."""
     time = problem.time
     after = time.end - time.ramp_increments * time.ramp_step
     return problem.model_copy(

@@ -1,4 +1,7 @@
-"""The macro stage of a run: every load with every law that is asked for."""
+"""The macro stage: every load with every law that is asked for.
+
+Existing solutions stay; an interrupted solve continues from its checkpoint.
+"""
 
 from __future__ import annotations
 
@@ -39,20 +42,20 @@ from porocore.study.stages.stage_files import (
 from porocore.study.stages.stage_times import timed
 
 LawKind = Literal["surrogate", "linear", "direct", "fallback"]
-#: What is solved unless something else is asked for.
+#: Laws that are solved by default.
 USUAL_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
 
 
 @dataclass(frozen=True)
 class RunLaw:
-    """A law of a run, and what solves cells on its way, with the file that says how many."""
+    """A law of a run, and for one that solves cells their solver and the record of its work."""
 
     law: MacroLaw
     cells: SolvesCells | None = None
     record: Path | None = None
 
     def cost_recorded(self, solution: str) -> AbstractContextManager[None]:
-        """The cells solved during the block are added to the record of ``solution``."""
+        """Add the cells that the block solves to the record of ``solution``."""
         if self.cells is None or self.record is None:
             return nullcontext()
         return cost_recorded(self.record, solution, self.cells.work)
@@ -68,11 +71,11 @@ def solve(
     laws: Sequence[LawKind] = USUAL_LAWS,
     direct_closure: str | None = None,
 ) -> list[str]:
-    """Solve the macro problem under every load with each of ``laws``; returns the laws' names.
+    """Solve the macro problem under every load with each of ``laws``; return the laws' names.
 
-    With ``solver``, which ``backend`` names, solutions of other backends are replaced; without, the configured one
-    solves what is missing. Where several processes share a solver, all of them call this. ``direct_closure`` closes
-    the cells of direct FE²; by default the closure of ``config`` does.
+    With ``solver``, named ``backend``, solutions of other backends are replaced; otherwise the configured one solves
+    what is missing. All processes that share a solver call this. ``direct_closure`` closes the cells of direct FE²;
+    by default the closure of ``config`` does.
     """
     with ExitStack() as stack:
         chosen = macro_laws(folder, config, stack, laws, direct_closure or config.closure)
@@ -84,13 +87,13 @@ def solve(
 
 
 def with_fallback(laws: Sequence[LawKind], fallback: str) -> tuple[LawKind, ...]:
-    """``laws``, and the one that learns on the way unless ``fallback`` is ``none``."""
+    """Return ``laws``, with the one that learns on the way unless ``fallback`` is ``none``."""
     more: tuple[LawKind, ...] = () if fallback == "none" else ("fallback",)
     return (*laws, *more)
 
 
 def law_names(config: RunConfig, laws: Sequence[LawKind], direct_closure: str) -> list[str]:
-    """Under which names :func:`solve` keeps the solutions."""
+    """Return the names under which :func:`solve` keeps the solutions."""
     names = {"surrogate": config.closure, "linear": LINEAR, "direct": direct_law(direct_closure)}
     names["fallback"] = fallback_law(config.closure)
     return [names[kind] for kind in dict.fromkeys(laws)]
@@ -103,7 +106,7 @@ def macro_laws(
     kinds: Sequence[LawKind] = USUAL_LAWS,
     direct_closure: str = "potential",
 ) -> dict[str, RunLaw]:
-    """The laws of a run by name; processes that a law needs end with ``stack``."""
+    """Return the laws of a run by name; processes that a law needs end with ``stack``."""
     reference = load_reference(folder, config)
     laws: dict[str, RunLaw] = {}
     for kind in dict.fromkeys(kinds):
@@ -138,7 +141,7 @@ def _pool(config: RunConfig) -> CellPool:
 def _learning(
     folder: RunFolder, config: RunConfig, stack: ExitStack, reference: CellReference, name: str
 ) -> RunLaw:
-    """The closure of a run with a surrogate that learns where the run takes it."""
+    """Return the law whose surrogate learns the states outside the sampled range that the run reaches."""
     surrogate = load_surrogate(folder, config)
     dataset = Dataset.create_or_open(
         folder.fallback,
@@ -212,7 +215,7 @@ def _solve_load(
 
 
 def _is_solved(folder: RunFolder, law: str, load: float, backend: str | None, console: Console) -> bool:
-    """Whether there is a solution that may stay."""
+    """Return True if the folder holds a solution that may stay."""
     path = folder.solution(law, load)
     if not path.exists():
         return False

@@ -1,4 +1,4 @@
-"""How long each stage of a run has taken, and over how many runs: one that is resumed adds to the time before."""
+"""Seconds that each stage of a run has taken, summed over all runs that resumed it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def stage_times(path: Path) -> dict[str, float]:
 
 
 def stage_runs(path: Path) -> dict[str, int]:
-    """Return by stage how many runs its time is of: one, and one more for each time that it was resumed.
+    """Return the number of runs by stage: one, and one more for each time that it was resumed.
 
     Raises
     ------

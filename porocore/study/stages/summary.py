@@ -1,4 +1,4 @@
-"""What the report of a run shows, from the results of the run."""
+"""The contents of a report, from the results of a run."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _SUBSCRIPTS = "₁₂₃"
 
 
 def report_context(results: RunResults) -> ReportContext:
-    """Return what the report of a run shows."""
+    """Return the contents of the report of a run."""
     config, reference, dataset = results.config, results.reference, results.dataset
     cases = tuple(_case(results, load) for load in config.macro.loads)
     responses = dataset.responses()

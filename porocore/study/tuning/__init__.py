@@ -1,1 +1,1 @@
-"""Which network is large enough: a grid of architectures trained on the samples of a run."""
+"""The choice of a network's size: a grid of architectures trained on the samples of a run."""

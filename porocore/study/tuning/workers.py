@@ -1,4 +1,4 @@
-"""Independent tasks in processes of one thread each, results as they come."""
+"""Independent tasks in processes of one thread each."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _shared: tuple[Any, ...] = ()
 
 
 def run_tasks(tasks: list[Task], shared: tuple[Any, ...], workers: int) -> Iterator[tuple[str, Any]]:
-    """(key, result) of each task, called with its arguments followed by ``shared``, in the order of completion.
+    """Yield (key, result) of each task, called with its arguments followed by ``shared``, in the order of completion.
 
     With one worker, or one task, they run in this process. Workers ignore Ctrl-C and end when this generator is
     left or this process ends.
@@ -46,7 +46,7 @@ def run_tasks(tasks: list[Task], shared: tuple[Any, ...], workers: int) -> Itera
             yield futures[future], future.result()
     except BrokenProcessPool as error:
         raise PorocoreError(
-            "a worker process ended without a word; if memory ran out, use fewer with --workers"
+            "a worker process ended without a message; if memory ran out, use fewer with --workers"
         ) from error
     finally:
         for name, value in before.items():

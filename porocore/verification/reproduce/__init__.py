@@ -12,7 +12,7 @@ from porocore.core.files.atomic import new_folder
 from porocore.errors import ConfigurationError
 from porocore.plugins.kinds import KINDS
 from porocore.study.benchmark import as_stated_path, benchmark_path
-from porocore.study.config.config import load_config
+from porocore.study.config.loading import load_config
 from porocore.study.preflight.checks import find_backends
 from porocore.verification.reproduce.catalogue import chosen
 

@@ -1,0 +1,145 @@
+"""Reading a configuration: YAML or nested settings in, validated settings out."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from porocore.cell.cell import Cell
+from porocore.core.echo import echo
+from porocore.core.files.yaml_document import Location, YamlDocument, dotted
+from porocore.core.models.bounds import LARGEST_NUMBER
+from porocore.core.models.strict import StrictModel
+from porocore.core.units.scales import Scales
+from porocore.core.units.texts import resolved
+from porocore.errors import ConfigurationError
+from porocore.macro.problem import MacroSetup
+from porocore.study.config.config import RunConfig
+from porocore.study.config.errors import faults, unexpected
+
+
+class _OnlyScales(StrictModel):
+    scales: Scales
+
+
+class _OnlyCell(StrictModel):
+    cell: Cell = Cell()
+
+
+def load_config(path: Path | str) -> RunConfig:
+    """Read and validate a configuration.
+
+    Raises
+    ------
+    ConfigurationError
+        Lists every fault on a line of its own: file, line, dotted key, expected and given value, advice.
+    """
+    return validated(YamlDocument.read(Path(path)))
+
+
+def config_from(settings: Mapping[str, Any], folder: Path | str = ".") -> RunConfig:
+    """Validate settings that are nested as in a file; relative paths in them start at ``folder``.
+
+    Raises
+    ------
+    ConfigurationError
+        See :func:`load_config`; faults have dotted keys and no lines.
+    """
+    return validated(YamlDocument.of(settings, Path(folder)))
+
+
+def cell_from(settings: Mapping[str, Any], folder: Path | str = ".") -> Cell:
+    """Validate the settings of a cell alone; see :func:`config_from`.
+
+    Raises
+    ------
+    ConfigurationError
+        See there.
+    """
+    document = YamlDocument.of({"cell": settings}, Path(folder))
+    try:
+        return _OnlyCell.model_validate(document.data, context={"folder": document.folder}).cell
+    except ValidationError as error:
+        found = faults(document, error.errors(), _OnlyCell)
+        raise ConfigurationError("\n".join(f"{document.at_line(0)}: {text}" for _, text in found)) from error
+
+
+def validated(document: YamlDocument) -> RunConfig:
+    """Return the configuration that a document holds; see :func:`load_config`."""
+    scales = _scales(document)
+    data, found = resolved(RunConfig, document.data, scales)
+    unread = {at for at, _ in found}
+    config: RunConfig | None = None
+    try:
+        config = RunConfig.model_validate(data, context={"folder": document.folder})
+    except ValidationError as error:
+        found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
+    else:
+        found += [
+            (
+                at,
+                unexpected(
+                    at,
+                    f"a number up to {LARGEST_NUMBER:g}" if math.isfinite(value) else "a finite number",
+                    value,
+                ),
+            )
+            for at, value in _leaves(config.model_dump())
+            if isinstance(value, float) and not abs(value) <= LARGEST_NUMBER
+        ]
+        found += _unknown_surfaces(config.macro)
+    # No setting of porocore is true or false, but pydantic would take 'yes' for 1.
+    found += [
+        (at, f"{dotted(at)}: expected a number or text, got {echo(value)}; put text in quotes")
+        for at, value in _leaves(document.data)
+        if isinstance(value, bool) and "options" not in at and at not in dict(found)
+    ]
+    if found or config is None:
+        told = dict.fromkeys((document.line(at), text) for at, text in found)
+        lines = sorted(told, key=lambda fault: fault[0])
+        raise ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
+    return config
+
+
+def _scales(document: YamlDocument) -> Scales | None:
+    """Return the scales, with which everything else is read; their faults are raised alone."""
+    section = document.data.get("scales")
+    if section is None:
+        return None
+    data, found = resolved(_OnlyScales, {"scales": section}, None)
+    if not found:
+        try:
+            return _OnlyScales.model_validate(data).scales
+        except ValidationError as error:
+            found += faults(document, error.errors(), RunConfig)
+    lines = sorted((document.line(at), text) for at, text in found)
+    raise ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
+
+
+def _unknown_surfaces(macro: MacroSetup) -> Iterator[tuple[Location, str]]:
+    """Yield faults of surfaces of a body whose kind names them; those of a mesh file are known when it is read."""
+    known = [*macro.body.surfaces, *macro.surfaces]
+    named: list[tuple[Location, str]] = [(("macro", "boundary", name), name) for name in macro.boundary]
+    named += [(("macro", "surfaces", name, "of"), patch.of) for name, patch in macro.surfaces.items()]
+    for at, name in named if macro.body.surfaces else ():
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1)
+            question = f"did you mean '{close[0]}'? " if close else ""
+            yield at, f"{dotted(at)}: no such surface; {question}the surfaces are {', '.join(known)}"
+
+
+def _leaves(data: Any, at: Location = ()) -> Iterator[tuple[Location, Any]]:
+    """Yield all plain values in nested mappings and lists with their locations."""
+    if isinstance(data, Mapping):
+        for key, value in data.items():
+            yield from _leaves(value, (*at, str(key)))
+    elif isinstance(data, list | tuple):
+        for i, value in enumerate(data):
+            yield from _leaves(value, (*at, str(i)))
+    else:
+        yield at, data
