@@ -92,7 +92,7 @@ class SamplingSettings(StrictModel):
 
     def sampler_options(self) -> dict[str, Any]:
         """Return the keyword arguments of the sampler, as far as set: ``step`` by input, ``tolerance``, ``options``."""
-        options: dict[str, Any] = Field(default={})
+        options: dict[str, Any] = {}
         steps = {name: swept.step for name, swept in self.inputs.items() if swept.step is not None}
         if steps:
             options["step"] = steps
