@@ -138,7 +138,9 @@ def test_check_notes_a_course_that_goes_on_beyond_the_end(tmp_path):
     for until, noted in (("2000 s", False), ("20000", True)):
         path.write_text(text.replace("until: 20 s}", f"until: {until}}}"), encoding="utf-8")
         lines = [
-            line for line in outline(load_config(path)) if "the function of time on the surface punch goes on" in line
+            line
+            for line in outline(load_config(path))
+            if "the function of time on the surface punch goes on" in line
         ]
         assert len(lines) == noted
     assert "beyond the end, 2000 s" in lines[0]
