@@ -1,1 +1,1 @@
-"""Which states are solved, where, by whom, and the file that keeps them."""
+"""Sampling: the states that are solved, the workers that solve them, and the file that keeps them."""

@@ -1,4 +1,4 @@
-"""Between a sampler, which asks for states, the pool that solves them and the dataset that keeps them."""
+"""Campaign between a sampler, which asks for states, the pool that solves them and the dataset that keeps them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from porocore.states import CellResponse, Status
 
 @dataclass(frozen=True)
 class CampaignProgress:
-    """One report of a running campaign."""
+    """Progress of a running campaign."""
 
     #: States that are known, earlier runs included.
     done: int
@@ -40,7 +40,7 @@ class CampaignProgress:
 
 @dataclass(frozen=True)
 class CampaignSummary:
-    """What a campaign has done."""
+    """Result of a campaign."""
 
     solved: int
     #: Taken from the dataset, where an earlier run had left them.
@@ -84,7 +84,7 @@ def run_campaign(
         if pool.like is None and len(dataset):
             pool.like = dataset.response(dataset.keys[0])
         campaign = _Campaign(sampler, pool, dataset, on_progress)
-        with _interrupts_noted() as interrupt:
+        with _deferred_interrupts() as interrupt:
             try:
                 campaign.run(interrupt)
             except Exception:
@@ -98,7 +98,7 @@ def run_campaign(
 
 
 def is_complete(sampler: Sampler, dataset: Dataset) -> bool:
-    """Whether ``dataset`` holds every state that a fresh ``sampler`` asks for."""
+    """Return whether ``dataset`` holds every state that a fresh ``sampler`` asks for."""
     asked = CheckedSampler(sampler, dataset.inputs)
     while requests := asked.ask():
         for request in requests:
@@ -211,8 +211,8 @@ class _Campaign:
 
 
 @contextmanager
-def _interrupts_noted() -> Iterator[threading.Event]:
-    """Note the first Ctrl-C instead of raising it at an arbitrary place; a second one raises.
+def _deferred_interrupts() -> Iterator[threading.Event]:
+    """Record the first Ctrl-C instead of raising it at an arbitrary place; a second one raises.
 
     Outside the main thread, where signals do not arrive, nothing changes.
     """

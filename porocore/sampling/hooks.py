@@ -1,4 +1,4 @@
-"""The built-in samplers, offered through the same door as those of plugins."""
+"""Hooks of the built-in samplers, offered like those of plugins."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _macro_driven() -> type[Any]:
 
 @hookimpl
 def porocore_samplers() -> list[Offer]:
-    """Sweeps, designs that fill the box, and two samplers that learn while they sample."""
+    """Offer sweeps, space-filling designs and two samplers that learn."""
     return [
         Offer(
             name="density-sweep",

@@ -1,4 +1,4 @@
-"""What every sampler checks when it is told an outcome."""
+"""Check of the keys that a sampler receives."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Container
 
 
 def check_waiting(key: str, waiting: Container[str]) -> None:
-    """Refuse a key that is not ``waiting`` for its outcome.
+    """Refuse a key whose response the sampler does not wait for.
 
     Raises
     ------

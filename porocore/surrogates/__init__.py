@@ -1,1 +1,1 @@
-"""Surrogates that need no other library, and what those of the plugins share: models, numpy evaluation, files."""
+"""Surrogates in numpy, and what those of the plugins share: models, evaluation, files."""

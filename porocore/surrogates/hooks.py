@@ -1,4 +1,4 @@
-"""The built-in surrogate, offered through the same door as those of plugins."""
+"""Hooks of the built-in surrogate, offered like those of plugins."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def _polynomial() -> type[Any]:
 
 @hookimpl
 def porocore_surrogates() -> list[Offer]:
-    """A polynomial for the potential."""
+    """Offer the polynomial of the potential."""
     return [
         Offer(
             "polynomial",

@@ -1,4 +1,4 @@
-"""A surrogate whose predictions come from one of the models of this package: what all backends have in common."""
+"""Surrogates whose predictions come from a model of this package: what all backends share."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PROVIDES = {
 
 
 class ModelSurrogate(Surrogate):
-    """Prediction, saving and loading; a subclass adds ``fit``, and may evaluate networks in its own way.
+    """Prediction, saving and loading; a subclass adds ``fit``, and may replace the evaluation of networks.
 
     A file that one backend wrote is read by every other: it holds numbers only.
 
@@ -69,11 +69,11 @@ class ModelSurrogate(Surrogate):
         return PROVIDES[self.model]
 
     def evaluator(self, network: Network) -> Evaluator:
-        """How the backend evaluates a network; numpy unless it knows better."""
+        """Return the backend's evaluation of a network; numpy by default."""
         return network
 
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """See :class:`~porocore.Surrogate`.
+        """Return the responses of n states; see :class:`~porocore.Surrogate`.
 
         Every status is ``converged``; rows that are not to be trusted hold what the model says all the same, and are
         flagged: those whose error is estimated to exceed the tolerance, and those far from all training states. The
@@ -83,16 +83,16 @@ class ModelSurrogate(Surrogate):
         if self.conductivity is None:
             return response
         K, by_H, by_p = self.conductivity.predict(states, tangent=tangent)
-        slopes = response.tangent
-        if slopes is not None:
-            slopes = replace(slopes, conductivity_grad_u=by_H, conductivity_p=by_p)
+        gradients = response.tangent
+        if gradients is not None:
+            gradients = replace(gradients, conductivity_grad_u=by_H, conductivity_p=by_p)
         outside = self.conductivity.outside(states)
         if response.outside_training_range is not None:
             outside = outside | response.outside_training_range
-        return replace(response, conductivity=K, tangent=slopes, outside_training_range=outside)
+        return replace(response, conductivity=K, tangent=gradients, outside_training_range=outside)
 
     def reasons(self, states: MacroState) -> list[str]:
-        """See :class:`~porocore.Surrogate`."""
+        """Return the component that drives each flagged state out, with its value."""
         model = self._fitted()
         if isinstance(model, PotentialModel):
             states = self.inputs.without_rotation(states)
@@ -160,7 +160,7 @@ class ModelSurrogate(Surrogate):
         return self._fitted_model
 
     def _with(self, model: PotentialModel, data: TrainingSet, errors: dict[str, float]) -> Self:
-        """Become a fitted potential."""
+        """Take a fitted potential and return self."""
         self.accuracy = errors
         self._become(with_potential_error(model, data), data.identity, data.provenance)
         self.learn_conductivity(data)
@@ -168,12 +168,12 @@ class ModelSurrogate(Surrogate):
 
 
 class NumpySurrogate(ModelSurrogate):
-    """Reads and evaluates the file of any backend, with numpy alone."""
+    """Reader of the file of any backend, in numpy alone."""
 
     backend = "numpy"
 
     def fit(self, data: TrainingSet, **settings: Any) -> Self:
-        """Not offered: this class only reads.
+        """Raise, since this class only reads.
 
         Raises
         ------
@@ -184,13 +184,13 @@ class NumpySurrogate(ModelSurrogate):
 
 
 def share_of_range(error: Array, truth: Array) -> float:
-    """Root mean square of errors (n, ...) over the largest range that a component of ``truth`` has."""
+    """Return the root mean square of errors (n, ...) over the largest range of a component of ``truth``."""
     spread = np.ptp(truth.reshape(len(truth), -1), axis=0).max() if len(truth) else 0.0
     return float(np.sqrt((error**2).mean()) / spread) if spread > 0 else 0.0
 
 
 def keep_freed_memory() -> None:
-    """Let glibc keep what predictions free, instead of giving it back to the system and asking anew each time.
+    """Make glibc keep the memory that predictions free, instead of returning it to the system.
 
     It raises its thresholds to the largest block that was ever freed, so freeing one that was never touched is
     enough. The page faults that this saves can cost more than a prediction of thousands of states.

@@ -1,4 +1,4 @@
-"""How a point group acts on the variables of a surrogate and on what it predicts.
+"""Action of a point group on the variables of a surrogate and on its predictions.
 
 A signed permutation Q of the axes takes L to Q L Qᵀ, so it permutes the components of L and changes some of their
 signs; the same holds of the places of a tensor that is predicted. Nothing but permutations and signs is needed.
@@ -32,13 +32,13 @@ class Action:
     sign: IntArray
 
     def on(self, places: list[int]) -> Action:
-        """Return the same on some of the numbers, among which they must stay."""
+        """Return the same action on some of the numbers, among which they must stay."""
         number = np.full(self.to.shape[1], -1)
         number[places] = np.arange(len(places))
         return Action(number[self.to[:, places]], self.sign[:, places])
 
     def orbits(self) -> list[list[int]]:
-        """Return the numbers that operations take to each other, set by set."""
+        """Return the sets of numbers that operations exchange."""
         return [
             rows
             for rows in (np.flatnonzero(self.to.min(axis=0) == k).tolist() for k in range(self.to.shape[1]))
@@ -108,7 +108,7 @@ def stabiliser(group: PointGroup, active: tuple[int, ...]) -> PointGroup:
 
 
 def acting_across(group: PointGroup, active: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the variables besides ``active`` along which the group allows a slope where these alone move.
+    """Return the variables besides ``active`` along which the group allows a gradient where these alone move.
 
     There is none where an operation that leaves the active ones as they are changes a variable's sign.
     """
@@ -121,7 +121,7 @@ def acting_across(group: PointGroup, active: tuple[int, ...]) -> tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class Ties:
-    """Which coefficients of polynomials are the same, but for a sign, because the polynomials are equivariant.
+    """Coefficients of equivariant polynomials that are equal but for a sign.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class Ties:
 
     @classmethod
     def from_actions(cls, exponents: IntArray, variables: Action, outputs: Action) -> Ties:
-        """Return those of f with f(ρ(Q) y) = σ(Q) f(y), for monomials (K, v) that the operations take to each other."""
+        """Return the ties of f with f(ρ(Q) y) = σ(Q) f(y), for monomials (K, v) closed under the operations."""
         K, o = len(exponents), outputs.to.shape[1]
         base = int(exponents.max(initial=0)) + 1
         if base ** exponents.shape[1] > 2**62:
@@ -168,14 +168,14 @@ class Ties:
         return cls(found.reshape(o, K), relative.reshape(o, K), len(kept))
 
     def coefficients(self, free: Array) -> Array:
-        """Return the coefficients (o, K) that the free numbers make."""
+        """Return the coefficients (o, K) for free numbers."""
         spread: Array = np.where(self.number < 0, 0.0, self.sign * np.append(free, 0.0)[self.number])
         return spread
 
 
 @dataclass(frozen=True, eq=False)
 class Equivariance:
-    """What polynomials f have to obey: f(ρ(Q) y) = σ(Q) f(y) for the operations Q of a group.
+    """Equivariance of polynomials f: f(ρ(Q) y) = σ(Q) f(y) for the operations Q of a group.
 
     Attributes
     ----------
@@ -189,5 +189,5 @@ class Equivariance:
     outputs: Action
 
     def ties(self, exponents: IntArray) -> Ties:
-        """Return what the coefficients of monomials (K, v) have in common."""
+        """Return the ties of the coefficients of monomials (K, v)."""
         return Ties.from_actions(exponents, self.variables, self.outputs)

@@ -1,4 +1,4 @@
-"""Beyond the sampled states: the fine structure of a fit stops where its data stop.
+"""Saturation beyond the sampled states, where the fine structure of a fit means nothing.
 
 A polynomial of high degree, or a network, means nothing outside its training states and soon has no convexity left. So
 only W₂ and a polynomial of low degree are continued there; everything finer is evaluated at variables that follow y
@@ -25,7 +25,7 @@ EXTENSION, MANY = 0.1, 4
 
 @dataclass(frozen=True, eq=False)
 class TrainingBox:
-    """The box of the training states in the variables y.
+    """Box of the training states in the variables y.
 
     Attributes
     ----------
@@ -51,16 +51,16 @@ class TrainingBox:
         return cls(active, (low - more)[list(active)], (high + more)[list(active)])
 
     def beyond(self, y: Array) -> IntArray:
-        """Which of the states y (7, n) lie outside the box."""
+        """Return which of the states y (7, n) lie outside the box."""
         return self.beyond_active(y[list(self.active)])
 
     def beyond_active(self, inner: Array) -> IntArray:
-        """The same of the active variables alone, (d, n)."""
+        """Return the same for the active variables alone, (d, n)."""
         outside = (inner < self.low[:, None]) | (inner > self.high[:, None])
         return np.flatnonzero(outside.any(axis=0))
 
     def saturated(self, y: Array) -> tuple[Array, Array, Array]:
-        """z(y) (7, n) with its first and second derivatives, (7, n) each.
+        """Return z(y) (7, n) with its first and second derivatives, (7, n) each.
 
         z = y inside the box, and c + δ tanh((y − c)/δ) beyond an end c of it, which is twice continuously
         differentiable.
@@ -72,12 +72,12 @@ class TrainingBox:
         return z, first, second
 
     def saturated_active(self, inner: Array) -> tuple[Array, Array, Array]:
-        """z (d, n) of the active variables ``inner`` (d, n), its first derivative, and tanh((y − c)/δ)."""
+        """Return z (d, n) of the active variables ``inner`` (d, n), its first derivative, and tanh((y − c)/δ)."""
         ends = np.minimum(np.maximum(inner, self.low[:, None]), self.high[:, None])
         s = np.tanh((inner - ends) / self._margin)
         return ends + self._margin * s, 1 - s * s, s
 
     @cached_property
     def _margin(self) -> Array:
-        """δ (d, 1)."""
+        """Width δ (d, 1) of the saturation."""
         return MARGIN * np.maximum(self.high - self.low, 1e-12)[:, None]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.core.tensors.point_group import CUBIC
-from porocore.surrogates.polynomial.composition import Motion, Sum, composed
+from porocore.surrogates.polynomial.composition import TermDerivatives, TermSum, composed
 from porocore.surrogates.polynomial.least_squares import RegressionData, fit
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import invariant, plain
@@ -81,7 +81,7 @@ def test_a_sum_adds_to_what_is_there(terms):
     polynomial = random_polynomial(terms, 3, 6)
     y = np.random.default_rng(2).uniform(-0.5, 0.5, (7, 30))
     value, gradient, hessian = np.ones(30), np.ones((7, 30)), np.ones((7, 7, 30))
-    Sum(terms, polynomial).start(y)(value, gradient, hessian)
+    TermSum(terms, polynomial).start(y)(value, gradient, hessian)
     for one, other in zip(composed(terms, polynomial, y), (value, gradient, hessian), strict=True):
         np.testing.assert_allclose(one[0] + 1, other, rtol=0, atol=1e-12)
 
@@ -112,8 +112,8 @@ def test_cubic_terms_do_not_feel_the_group():
 def test_cubic_terms_tell_apart_what_the_group_does_not_join():
     """Their derivatives span all seven directions."""
     y = np.random.default_rng(4).uniform(-0.5, 0.5, (7, 10))
-    _, slopes, _ = invariant(CUBIC).polynomial.derivatives(y, second=False)
-    assert (np.linalg.matrix_rank(np.moveaxis(slopes, -1, 0)) == 7).all()
+    _, gradients, _ = invariant(CUBIC).polynomial.derivatives(y, second=False)
+    assert (np.linalg.matrix_rank(np.moveaxis(gradients, -1, 0)) == 7).all()
 
 
 def test_some_of_the_terms():
@@ -122,7 +122,7 @@ def test_some_of_the_terms():
     assert part.weights == (1, 3, 1)
     expected = [y[:3].sum(axis=0), y[3] * y[4] * y[5], y[6]]
     np.testing.assert_allclose(part.polynomial.evaluate(y), expected, atol=1e-15)
-    motion = Motion(part, y)
+    motion = TermDerivatives(part, y)
     gradient, hessian = np.zeros((7, 10)), np.zeros((7, 7, 10))
     motion.push(np.ones((3, 10)), np.zeros((3, 3, 10)), gradient, hessian)
     np.testing.assert_allclose(gradient[3], y[4] * y[5], atol=1e-15)
@@ -144,7 +144,7 @@ def samples_of(terms, polynomial, n, seed=0):
     ("terms", "n"), [(plain((1, 6)), 20), (invariant(CUBIC), 40)], ids=["plain", "cubic"]
 )
 def test_a_polynomial_is_recovered(terms, n):
-    """From values and slopes, its degree by cross-validation; the ridge leaves a ten-billionth."""
+    """From values and gradients, its degree by cross-validation; the ridge leaves a ten-billionth."""
     truth = random_polynomial(terms, 3, 5)
     found = fit(samples_of(terms, truth, n), terms, 3)
     assert found.degree == 5

@@ -23,7 +23,7 @@ class JaxAutodiff:
         self.device = choose_device(device)
 
     def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
-        """See :class:`porocore.surrogates.network.sobolev.Autodiff`."""
+        """Return θ → loss and gradient, compiled."""
         known = {name: jax.device_put(array, self.device) for name, array in constants.items()}
         both = compiled(jax.value_and_grad(loss), self.device)
 

@@ -1,4 +1,4 @@
-"""The laws that the surrogate of this plugin is held to, by its tests and by ``porocore plugin check``."""
+"""Conformance suites of this plugin, for its tests and for ``porocore plugin check``."""
 
 from porocore.testing.surrogate_laws.networks import (
     AnchoredPotentialSuite,

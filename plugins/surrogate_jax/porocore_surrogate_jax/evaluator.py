@@ -54,21 +54,21 @@ class JaxNetwork(Evaluator):
         return self.network
 
     def evaluate(self, x: Array) -> Array:
-        """See :class:`~porocore.surrogates.network.network.Evaluator`."""
+        """Return the values (n, o) at x (n, d)."""
         (values,) = self._start(VALUES, x)()
         return values
 
     def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
-        """See :class:`~porocore.surrogates.network.network.Evaluator`."""
+        """Return the values (n, o) and ∂N_o/∂x_k (d, n, o)."""
         values, gradient = self._start(GRADIENT, x)()
         return values, gradient
 
     def value_gradient_hessian(self, x: Array) -> Derivatives:
-        """See :class:`~porocore.surrogates.network.network.Evaluator`."""
+        """Return value (n,), gradient (d, n) and Hessian (d, d, n) of a network with one output."""
         return self.start(x)()
 
     def start(self, x: Array) -> Callable[[], Derivatives]:
-        """See :class:`~porocore.surrogates.network.network.Evaluator`."""
+        """Start the same in the background; return a function that waits for the result."""
         finish = self._start(HESSIAN, x)
 
         def derivatives() -> Derivatives:

@@ -1,4 +1,4 @@
-"""What this plugin offers, described without importing jax."""
+"""Hooks of this plugin, without importing jax."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _suites() -> list[type[Any]]:
 
 @hookimpl
 def porocore_surrogates() -> list[Offer]:
-    """The network of Dehghani & Zilian and that of the potential."""
+    """Offer the network of Dehghani & Zilian and that of the potential."""
     return [
         Offer(
             name="jax",

@@ -23,7 +23,7 @@ class TorchAutodiff:
         self.device = choose_device(device)
 
     def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
-        """See :class:`porocore.surrogates.network.sobolev.Autodiff`."""
+        """Return θ → loss and gradient by reverse mode."""
         tensors = {
             name: torch.tensor(array, dtype=torch.float64, device=self.device)
             for name, array in constants.items()

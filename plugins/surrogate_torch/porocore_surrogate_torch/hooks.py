@@ -1,4 +1,4 @@
-"""What this plugin offers, described without importing torch."""
+"""Hooks of this plugin, without importing torch."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _suites() -> list[type[Any]]:
 
 @hookimpl
 def porocore_surrogates() -> list[Offer]:
-    """The network of Dehghani & Zilian and that of the potential."""
+    """Offer the network of Dehghani & Zilian and that of the potential."""
     return [
         Offer(
             name="torch",

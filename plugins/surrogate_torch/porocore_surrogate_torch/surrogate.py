@@ -18,7 +18,7 @@ class TorchSurrogate(NetworkSurrogate):
     backend = "torch"
 
     def evaluator(self, network: Network) -> Evaluator:
-        """Torch for a potential; ``mlp`` stays in numpy, which is as fast there and needs no import.
+        """Return the network in torch for a potential; ``mlp`` stays in numpy, which is as fast and needs no import.
 
         A file from a machine with a GPU is evaluated on the processor where there is none.
         """
@@ -30,7 +30,7 @@ class TorchSurrogate(NetworkSurrogate):
 
     @classmethod
     def load_libraries(cls) -> None:
-        """Import torch."""
+        """Import torch ahead of time."""
         import torch  # noqa: F401
 
     def autodiff(self) -> Autodiff:

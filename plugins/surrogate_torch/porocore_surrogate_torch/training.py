@@ -35,7 +35,7 @@ class TorchTraining(MlpTraining):
         checkpoint: Path | None = None,
         on_progress: Callable[[TrainingProgress], None] | None = None,
     ) -> Network:
-        """See :class:`~porocore.surrogates.network.adam.MlpTraining`."""
+        """Return the network with the smallest validation loss, trained on one thread."""
         with one_thread(), torch.enable_grad():
             return super().run(checkpoint, on_progress)
 

@@ -1,4 +1,4 @@
-"""Whether a dataset is whole, and its states obey the laws that every cell obeys."""
+"""Checks of a dataset: that it is whole, and that its states obey the laws of every cell."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class DatasetCheck:
-    """One check: what was looked at, whether it holds, and what was found."""
+    """Result of one check: its name, whether it holds, and what was found."""
 
     name: str
     holds: bool
@@ -29,7 +29,7 @@ class DatasetCheck:
 
 
 def check_file(path: Path, tolerance: float = TOLERANCE) -> list[DatasetCheck]:
-    """Read every array of the dataset at ``path`` and examine it; a file that cannot be read is one finding."""
+    """Check every array of the dataset at ``path``; a file that cannot be read fails one check."""
     try:
         dataset = Dataset.open(path, sound=False)
         fields = list(read_fields(dataset.rows()))
@@ -83,7 +83,7 @@ def _places(dataset: Dataset, states: MacroState, keys: Array) -> list[DatasetCh
 
 
 def _laws(response: CellResponse, keys: Array, tolerance: float) -> list[DatasetCheck]:
-    """∂P_E/∂p = −∂φ/∂H and ∂P_E/∂H = (∂P_E/∂H)ᵀ: both are second derivatives of W(H, p)."""
+    """Check ∂P_E/∂p = −∂φ/∂H and ∂P_E/∂H = (∂P_E/∂H)ᵀ: both are second derivatives of W(H, p)."""
     tangent, rows = response.tangent, np.flatnonzero(response.valid)
     if tangent is None or not len(rows):
         return []

@@ -1,4 +1,4 @@
-"""The solved states of a run, in one HDF5 file that survives being killed at any moment."""
+"""Dataset: the solved states of a run in one HDF5 file that survives a kill at any moment."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Dataset:
     def create(
         cls, path: Path, *, inputs: InputSpace, identity: str, provenance: Mapping[str, str] | None = None
     ) -> Self:
-        """A new, empty file.
+        """Write a new, empty file and open it.
 
         Raises
         ------
@@ -140,14 +140,14 @@ class Dataset:
     def create_or_open(
         cls, path: Path, *, inputs: InputSpace, identity: str, provenance: Mapping[str, str] | None = None
     ) -> Self:
-        """:meth:`open` if the file exists, else :meth:`create`."""
+        """Open the file if it exists, else create it."""
         if path.exists():
             return cls.open(path, inputs=inputs, identity=identity)
         return cls.create(path, inputs=inputs, identity=identity, provenance=provenance)
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Be the only one that writes, while the block runs; what others wrote before is read first.
+        """Hold the only right to write during the block; what others wrote before is read first.
 
         Raises
         ------
@@ -208,7 +208,7 @@ class Dataset:
             self._consolidate()
 
     def drop(self, keys: Iterable[str]) -> None:
-        """Forget these states and what they gave; errors as in :meth:`consolidate`."""
+        """Remove these states and their responses; errors as in :meth:`consolidate`."""
         with self.writing():
             if dropped := self._where.keys() & set(keys):
                 self._consolidate(dropped)
@@ -240,20 +240,20 @@ class Dataset:
 
     @property
     def keys(self) -> list[str]:
-        """All keys, sorted; the order of the rows of every batch below."""
+        """All keys, sorted; the rows of every batch below have this order."""
         return sorted(self._where)
 
     def x(self) -> Array:
-        """Values of the sampled inputs, (n, d)."""
+        """Return the values of the sampled inputs, (n, d)."""
         rows = [self._where[key] for key in self.keys]
         return np.array([block.x[i] for block, i in rows]).reshape(len(rows), len(self.inputs))
 
     def states(self) -> MacroState:
-        """All n states."""
+        """Return all n states."""
         return self._joined().states
 
     def responses(self) -> CellResponse:
-        """All n responses, failed states with their status and NaN.
+        """Return all n responses; failed states have their status and NaN.
 
         Raises
         ------
@@ -265,44 +265,44 @@ class Dataset:
         return self._joined().response
 
     def seconds(self) -> Array:
-        """Wall time of each solve, (n,) [s]."""
+        """Return the wall time of each solve, (n,) [s]."""
         return self._joined().seconds
 
     def starts(self) -> list[str | None]:
-        """Key of the state that each solve started from, n of them."""
+        """Return the key of the state from which each of the n solves started; None: from the undeformed cell."""
         return [start or None for start in self._joined().starts]
 
     def response(self, key: str) -> CellResponse:
-        """The response of one state, one row."""
+        """Return the response of one state, one row."""
         block, row = self._where[key]
         return block.response[row : row + 1]
 
     def inputs_of(self, key: str) -> tuple[float, ...]:
-        """Values of the sampled inputs of one state."""
+        """Return the values of the sampled inputs of one state."""
         block, row = self._where[key]
         return tuple(map(float, block.x[row]))
 
     def field(self, key: str) -> CellField | None:
-        """u¹ of one state, read from the disk; None where it was not kept."""
+        """Return u¹ of one state, read from the disk; None where it was not kept."""
         return next(read_fields([self._where[key]]))
 
     def ended(self, status: Status) -> list[str]:
-        """Keys of the states that ended so."""
+        """Return the keys of the states with a status."""
         if not self._where:
             return []
         return [key for key, found in zip(self.keys, self.responses().status, strict=True) if found == status]
 
     def rows(self) -> list[tuple[Block, int]]:
-        """Block and row of each state in the order of :attr:`keys`, as :func:`~.layout.read_fields` takes them."""
+        """Return block and row of each state in the order of :attr:`keys`, for :func:`~.layout.read_fields`."""
         return [self._where[key] for key in self.keys]
 
     @property
     def unmerged(self) -> int:
-        """Solves that lie in a file of their own."""
+        """Number of solves in files of their own."""
         return sum(block.path != self.path for block in self._blocks)
 
     def digest(self) -> str:
-        """SHA-256 of all contents except the times and the provenance: equal for bit-identical results."""
+        """Return the SHA-256 of all contents but times and provenance: equal for bit-identical results."""
         rows = self._joined()
         hasher = hashlib.sha256(repr((self.identity, self.inputs, rows.keys, rows.starts)).encode())
         arrays = [rows.x, rows.states.grad_u, rows.states.p, rows.response.status]
@@ -331,12 +331,12 @@ class Dataset:
 
 
 def parts_folder(path: Path) -> Path:
-    """Where the finished solves lie that are not merged into ``path`` yet."""
+    """Return the folder of the finished solves that are not merged into ``path`` yet."""
     return path.with_name(f"{path.name}.parts")
 
 
 def _stamp(path: Path) -> tuple[tuple[int, int] | None, ...]:
-    """Changes with the file and with the parts beside it."""
+    """Return a mark that changes with the file and with the parts beside it."""
     found: list[tuple[int, int] | None] = []
     for place in (path, parts_folder(path)):
         try:
@@ -349,6 +349,6 @@ def _stamp(path: Path) -> tuple[tuple[int, int] | None, ...]:
 
 
 def describe(inputs: InputSpace) -> str:
-    """Names and ranges in one line."""
+    """Return names and ranges of the inputs in one line."""
     bounds = zip(inputs.names, inputs.lower, inputs.upper, strict=True)
     return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, low, high in bounds)

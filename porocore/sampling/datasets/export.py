@@ -1,4 +1,4 @@
-"""A dataset as one table, a row for each state: CSV, or parquet for other programs."""
+"""Export of a dataset as one table with a row for each state: CSV or parquet."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FORMATS = (".csv", ".parquet")
 
 
 def export(dataset: Dataset, out: Path, *, derivatives: bool = False) -> Path:
-    """Write ``out`` in the format that its name says; numbers lose no digit.
+    """Write ``out`` in the format of its suffix; numbers lose no digit.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def export(dataset: Dataset, out: Path, *, derivatives: bool = False) -> Path:
 
 
 def table(dataset: Dataset, *, derivatives: bool = False) -> dict[str, list[Any]]:
-    """Columns by name: key, status, start, seconds, H11 … H33, p, and the responses.
+    """Return the columns by name: key, status, start, seconds, H11 … H33, p, and the responses.
 
     Entries of tensors have 1-based indices: ``stress_12``, ``mean_grad_31``, ``tangent_stress_grad_u_1122``.
     """

@@ -1,4 +1,4 @@
-"""The HDF5 layout of solved states; a merged dataset and a single finished solve are written alike.
+"""HDF5 layout of solved states, the same for a merged dataset and for a single finished solve.
 
 Layout, n rows sorted by key, d sampled inputs: attributes ``format``, ``version``, ``identity``;
 ``inputs/names, lower, upper`` (d); ``provenance/*`` (texts); ``key``, ``start`` (n, text, empty: from the
@@ -34,7 +34,7 @@ TEXT = h5py.string_dtype()
 
 @dataclass(frozen=True)
 class Header:
-    """What all rows of a file share."""
+    """Data that all rows of a file share."""
 
     inputs: InputSpace
     identity: str
@@ -43,7 +43,7 @@ class Header:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """The rows of one file but for the fields, which stay on the disk."""
+    """Rows of one file without the fields, which stay on the disk."""
 
     path: Path
     keys: list[str]
@@ -55,19 +55,19 @@ class Block:
 
     @classmethod
     def empty(cls, path: Path, d: int) -> Block:
-        """No rows."""
+        """Return a block without rows."""
         response = CellResponse(np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64))
         return cls(path, [], [], np.zeros((0, d)), MacroState.zeros(0), np.zeros(0), response)
 
     @classmethod
     def from_record(cls, path: Path, record: SolvedState) -> Block:
-        """One row."""
+        """Return a block of one row."""
         x, seconds = np.array([record.x], dtype=float), np.array([record.seconds])
         return cls(path, [record.key], [record.start or ""], x, record.state, seconds, record.response)
 
     @classmethod
     def join(cls, path: Path, rows: list[tuple[Block, int]], d: int) -> Block:
-        """The given rows of the given blocks in this order, for a file at ``path``."""
+        """Return the given rows of the given blocks in this order, for a file at ``path``."""
         if not rows:
             return cls.empty(path, d)
         blocks = list({id(block): block for block, _ in rows}.values())
@@ -222,7 +222,7 @@ def read_fields(rows: list[tuple[Block, int]]) -> Iterator[CellField | None]:
 
 
 class _Fields:
-    """The fields of an open file; all but u¹ itself is read at once."""
+    """Fields of an open file; u¹ itself is read row by row."""
 
     def __init__(self, file: Contents) -> None:
         self.domain = file.texts("field/domain", "n")

@@ -1,4 +1,4 @@
-"""Several datasets of the same cell and inputs as one."""
+"""Merging of several datasets of the same cell and inputs."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _same_field(a: CellField | None, b: CellField | None) -> bool:
 
 
 def _provenance(datasets: Sequence[Dataset]) -> dict[str, str]:
-    """What all say, each text once."""
+    """Return the provenance of all, each text once."""
     said: dict[str, dict[str, None]] = {}
     for dataset in datasets:
         for name, text in dataset.provenance.items():

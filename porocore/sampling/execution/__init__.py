@@ -1,4 +1,4 @@
-"""Solving cell states side by side: what runs and what waits, apart from where it runs."""
+"""Solving of cell states side by side."""
 
 from porocore.sampling.execution.choice import EXECUTORS as EXECUTORS
 from porocore.sampling.execution.pool import CellPool as CellPool

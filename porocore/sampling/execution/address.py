@@ -1,4 +1,4 @@
-"""The address of a dask scheduler: that it is one, and that somebody listens there."""
+"""Address of a dask scheduler: whether it is one, and whether a scheduler answers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXAMPLE = "expected the address of a dask scheduler such as tcp://node:8786"
 
 
 def check_reachable(address: str) -> None:
-    """Open the address of a scheduler and close it again.
+    """Open a connection to the address of a scheduler and close it again.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def check_reachable(address: str) -> None:
 
 
 def _connect(host: str, port: int, why: list[str]) -> None:
-    """Open and close a connection; empties ``why``, or adds the reason for which there is none."""
+    """Open and close a connection; clear ``why``, or add the reason of the failure."""
     try:
         socket.create_connection((host, port), timeout=TIMEOUT).close()
     except (OSError, UnicodeError) as error:

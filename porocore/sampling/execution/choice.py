@@ -1,4 +1,4 @@
-"""Which workers solve the states."""
+"""Choice of the workers that solve the states."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ExecutorChoice = ExecutorName | SubmitsFutures
 
 
 def contradiction(executor: str, scheduler: str | None, state_seconds: float | None) -> str | None:
-    """Why these do not go together, or None."""
+    """Return why these settings exclude each other, or None."""
     if scheduler is not None and executor not in ("auto", "dask"):
         return f"executor '{executor}' has no scheduler; leave out the scheduler, or choose executor 'dask'"
     if state_seconds is not None and executor == "serial":
@@ -31,7 +31,7 @@ def contradiction(executor: str, scheduler: str | None, state_seconds: float | N
 def check_choice(
     executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None
 ) -> None:
-    """Refuse what cannot be.
+    """Refuse settings that cannot be used together.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def check_choice(
 def make_worker_backend(
     executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None, token: str
 ) -> WorkerBackend:
-    """The workers of a pool, of a choice that was checked; see :class:`porocore.sampling.execution.CellPool`."""
+    """Return the workers of a pool for checked settings; see :class:`porocore.sampling.execution.CellPool`."""
     if not isinstance(executor, str):
         return FuturesBackend(executor, workers, token)
     if executor == "dask" or scheduler is not None:

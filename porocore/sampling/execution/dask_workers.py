@@ -1,4 +1,4 @@
-"""The workers of a dask.distributed scheduler, on any number of machines.
+"""Workers of a dask.distributed scheduler, on any number of machines.
 
 States are not left to dask's scheduler to place: each worker is handed one at a time, so that a worker that dies or
 hangs is blamed for that state only, and none waits behind another.
@@ -33,7 +33,7 @@ FAREWELL = 10
 
 
 class DaskBackend(WorkerBackend):
-    """All workers of a scheduler, those that join later included.
+    """All workers of a scheduler, including those that join later.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class DaskBackend(WorkerBackend):
 
     @property
     def warnings(self) -> list[str]:
-        """No worker yet, or workers with several threads."""
+        """Warnings of a scheduler without workers, and of workers with several threads."""
         found = []
         if not self._known:
             found.append(
@@ -119,18 +119,18 @@ class DaskBackend(WorkerBackend):
         return found
 
     def workers(self) -> Sequence[Worker]:
-        """Those that are there now, looked up twice a second."""
+        """Return the present workers, looked up twice a second."""
         if time.monotonic() - self._looked >= LOOK_INTERVAL:
             self._look()
         return list(self._known.values())
 
     @property
     def slots(self) -> int:
-        """One for each worker."""
+        """One slot for each worker."""
         return max(1, len(self._known))
 
     def lost(self, worker: Worker) -> None:
-        """Forget it; its nanny, or whoever started it, sees to another one."""
+        """Remove the worker; its nanny, or whoever started it, replaces it."""
         self._known = {name: known for name, known in self._known.items() if known is not worker}
         self._looked = -LOOK_INTERVAL
 
@@ -152,7 +152,7 @@ class DaskBackend(WorkerBackend):
         return []
 
     def close(self) -> None:
-        """Leave the scheduler; a local cluster ends."""
+        """Leave the scheduler and end a local cluster."""
         with suppress(Exception):  # whatever is gone already
             self._client.close(timeout=FAREWELL)
         if self._cluster is not None:
@@ -160,7 +160,7 @@ class DaskBackend(WorkerBackend):
                 self._cluster.close(timeout=FAREWELL)
 
     def abort(self) -> None:
-        """The same without waiting for what runs; on a scheduler of the user's, that goes on and is dropped."""
+        """Leave without waiting for running solves; on a scheduler of the user they go on and are dropped."""
         if self._cluster is not None:
             for nanny in self._cluster.workers.values():
                 nanny.auto_restart = False
@@ -187,7 +187,7 @@ class DaskBackend(WorkerBackend):
 
 
 class _DaskWorker(Worker):
-    """Pinned to one address."""
+    """Worker at one address."""
 
     def __init__(self, client: Any, name: str) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Any executor that the caller has made: threads, MPI ranks, a cluster of another kind."""
+"""Executors that the caller has made: threads, MPI ranks, or a cluster of another kind."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from concurrent.futures import Future
 from typing import Any, Protocol
 
 from porocore.errors import PorocoreError
-from porocore.sampling.execution.tasks import forget
+from porocore.sampling.execution.tasks import release
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 
 class SubmitsFutures(Protocol):
-    """What is needed of an executor; :class:`concurrent.futures.Executor` has it."""
+    """Executor that returns futures, such as :class:`concurrent.futures.Executor`."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Begin a call."""
+        """Start a call."""
 
 
 class FuturesBackend(WorkerBackend):
-    """A given executor with a number of calls at a time; it is neither replaced nor shut down here.
+    """Given executor with a number of calls at a time; it is neither replaced nor shut down here.
 
     Its workers cannot be told apart, so the recipe of the cell goes with every state, and each of its threads
     prepares the cell once.
@@ -32,24 +32,24 @@ class FuturesBackend(WorkerBackend):
         self._token = token
 
     def workers(self) -> Sequence[Worker]:
-        """As many as may work at once."""
+        """Return one worker for each call at a time."""
         return self._workers
 
     @property
     def slots(self) -> int:
-        """As many as may work at once."""
+        """Number of calls at a time."""
         return len(self._workers)
 
     def lost(self, worker: Worker) -> None:
-        """The executor is not ours to mend."""
+        """Raise, since the executor of the caller cannot be replaced."""
         raise PorocoreError(
             "the executor that was handed in is broken: one of its workers died (out of memory, or killed); "
             "finished states are kept: make a new one and resume"
         )
 
     def close(self) -> None:
-        """Let go of the cells that its threads have prepared in this process."""
-        forget(self._token)
+        """Release the cells that its threads have prepared in this process."""
+        release(self._token)
 
     abort = close
 

@@ -1,4 +1,4 @@
-"""What runs, what waits, and what becomes of a state whose worker dies; where it runs is up to a worker backend."""
+"""Pool of workers: which states run, which wait, and how the state of a dead worker is tried again."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class CellPool:
 
     @property
     def _backend(self) -> WorkerBackend:
-        """Called together when there is something to do."""
+        """Worker backend, started at the first state."""
         if self._made is None:
             self._made = self._make_workers()
             self._tell(self._made.warnings)
@@ -112,16 +112,16 @@ class CellPool:
 
     @property
     def pending(self) -> int:
-        """States submitted and not yet returned by :meth:`wait`."""
+        """Number of states submitted and not yet returned by :meth:`wait`."""
         return len(self._waiting) + len(self._finished) + len(self._doubtful) + self._solving
 
     @property
     def has_room(self) -> bool:
-        """Whether another state can be submitted so that no worker is idle and none waits for long."""
+        """Whether another state can be submitted without waiting long for a worker."""
         return self.pending - len(self._doubtful) < self._backend.slots + self._backend.ahead
 
     def submit(self, key: str, state: MacroState, start: CellField | None = None) -> None:
-        """Hand in one state (one row) with the field to start from.
+        """Submit one state (one row) with the field to start from.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class CellPool:
             self._dispatch()
 
     def wait(self) -> FinishedSolve:
-        """The next finished state; blocks until there is one.
+        """Return the next finished state; block until there is one.
 
         Raises
         ------
@@ -148,7 +148,7 @@ class CellPool:
         return outcome
 
     def wait_unless(self, stop: Callable[[], bool]) -> FinishedSolve | None:
-        """The same, or None as soon as ``stop()``."""
+        """Return the next finished state, or None as soon as ``stop()``."""
         if not self.pending:
             raise ValueError("no state was submitted to wait for")
         while not (self._finished or self._failures):
@@ -165,7 +165,7 @@ class CellPool:
         return self._finished.popleft()
 
     def finish_running(self) -> Iterator[FinishedSolve]:
-        """Drop what has not begun and yield the outcomes of what runs, leaving out failures."""
+        """Drop the waiting states and yield the finished ones of those that run, leaving out failures."""
         self._waiting.clear()
         self._doubtful.clear()
         self._finishing = True
@@ -183,7 +183,7 @@ class CellPool:
             self._failures.clear()
 
     def close(self) -> None:
-        """Finish what runs and let go of the workers."""
+        """Finish the running states and release the workers."""
         if self._made is not None:
             self._made.close()
 
@@ -204,7 +204,7 @@ class CellPool:
         return sum(task is not None for _, task in self._running.values())
 
     def _dispatch(self) -> None:
-        """Give what waits to those who are idle."""
+        """Hand waiting states to idle workers."""
         if not self._waiting:
             return
         busy = {id(worker) for worker, _ in self._running.values()}
@@ -230,7 +230,7 @@ class CellPool:
                 self._waiting.appendleft(task)
 
     def _next_for(self, worker: Worker) -> _Task:
-        """The first in the queue; a second try goes to another machine if one is idle or will be."""
+        """Return the first of the queue; a second try goes to another machine if there is one."""
         hosts = {other.host for other in self._backend.workers()}
         for task in self._waiting:
             if task.host is None or task.host != worker.host or len(hosts) == 1:
@@ -239,7 +239,7 @@ class CellPool:
         return self._waiting.popleft()
 
     def _collect(self) -> None:
-        """Wait a little for calls that end, and for workers that vanish."""
+        """Wait briefly for calls that end and for workers that vanish."""
         if self._running:
             done, _ = wait(self._running, PATIENCE, return_when=FIRST_COMPLETED)
         else:
@@ -304,7 +304,7 @@ class CellPool:
             self._finished.append(self._lost_outcome(task))
 
     def _judge_doubtful(self) -> None:
-        """As long as nothing was ever solved, a state that is lost may not be to blame."""
+        """Fail if several states were lost before any was solved, since the fault may not be theirs."""
         only = not self._waiting and not self._solving
         if self._doubtful and not self._finished and (only or len(self._doubtful) >= MOST_LOST):
             lost = " and ".join(repr(task.key) for task in self._doubtful)
@@ -332,7 +332,7 @@ class CellPool:
 
 @dataclass(eq=False)
 class _Task:
-    """A state on its way."""
+    """State on its way through the pool."""
 
     key: str
     state: MacroState
@@ -344,7 +344,7 @@ class _Task:
 
 
 def _means_death(trouble: BaseException | None) -> bool:
-    """Whether dask says that the worker died (its class is not imported for that)."""
+    """Return whether dask reports a dead worker; its class is not imported for that."""
     return type(trouble).__name__ == "KilledWorker"
 
 

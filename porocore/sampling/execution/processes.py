@@ -16,7 +16,7 @@ from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 
 class ProcessBackend(WorkerBackend):
-    """Processes started afresh (spawned), each an executor of its own, so that one that dies takes none along.
+    """Spawned processes, each an executor of its own, so that a dead one does not end the others.
 
     They ignore Ctrl-C, which the parent handles, and end when the parent has gone, however it went.
     """
@@ -25,16 +25,16 @@ class ProcessBackend(WorkerBackend):
         self._workers = [_Process() for _ in range(count)]
 
     def workers(self) -> Sequence[Worker]:
-        """As many as were asked for."""
+        """Return all processes."""
         return self._workers
 
     @property
     def slots(self) -> int:
-        """One for each process."""
+        """One slot for each process."""
         return len(self._workers)
 
     def lost(self, worker: Worker) -> None:
-        """Put a new process in its place."""
+        """Replace the process by a new one."""
         place = next(i for i, known in enumerate(self._workers) if known is worker)
         self._workers[place].close()
         self._workers[place] = _Process()
@@ -52,7 +52,7 @@ class ProcessBackend(WorkerBackend):
 
 
 class _Process(Worker):
-    """Starts with its first call."""
+    """Process that starts with its first call."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""What happens in a worker: the cell is prepared once, and then solved state by state.
+"""Tasks of a worker: the cell is prepared once, and then solved state by state.
 
 The functions here are what an executor is given to call. Every exception travels back as text.
 """
@@ -32,7 +32,7 @@ MOST_CELLS = 4
 
 @dataclass(frozen=True, eq=False)
 class FinishedSolve:
-    """A finished solve: one row, its field where asked for, and the wall time of the solve [s]."""
+    """Finished solve: one row, its field if requested, and the wall time [s]."""
 
     key: str
     response: CellResponse
@@ -42,7 +42,7 @@ class FinishedSolve:
 
 @dataclass(frozen=True)
 class Recipe:
-    """How to make the solver and its cell, and what each solve shall return; small, unlike a prepared cell."""
+    """Recipe for the solver and its cell, and the options of each solve; small, unlike a prepared cell."""
 
     token: str
     factory: Factory
@@ -53,7 +53,7 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Ready:
-    """A worker that has prepared the cell."""
+    """Worker that has prepared the cell."""
 
     process: int
     host: str
@@ -64,7 +64,7 @@ class Ready:
 
 @dataclass(frozen=True)
 class Failure:
-    """An exception on its way to the asking process, as text: not every exception survives pickling."""
+    """Exception as text, since not every exception survives pickling."""
 
     kind: str
     message: str
@@ -72,13 +72,13 @@ class Failure:
 
     @classmethod
     def from_exception(cls, error: Exception) -> Failure:
-        """The exception that is being handled."""
+        """Return the exception that is being handled, as text."""
         return cls(type(error).__name__, str(error), traceback.format_exc())
 
 
 @dataclass(frozen=True)
 class Unprepared:
-    """The worker does not hold the cell any more."""
+    """Worker that does not hold the cell any more."""
 
 
 _cells: OrderedDict[tuple[str, int], tuple[CellSolver, Any, Recipe]] = OrderedDict()
@@ -103,8 +103,8 @@ def prepare(recipe: Recipe, place: int = 0) -> Ready | Failure:
     return Ready(os.getpid(), socket.gethostname(), version("porocore"), threads)
 
 
-def forget(token: str) -> None:
-    """Let go of the cells of one pool in this process."""
+def release(token: str) -> None:
+    """Release the cells of one pool in this process."""
     with _lock:
         for kept in [kept for kept in _cells if kept[0] == token]:
             del _cells[kept]
@@ -145,7 +145,7 @@ def solve(
 def prepare_and_solve(
     recipe: Recipe, key: str, state: MacroState, start: CellField | None
 ) -> FinishedSolve | Failure | Unprepared:
-    """For executors whose workers cannot be told apart: each thread prepares the cell when it first needs it."""
+    """Prepare the cell in this thread if necessary and solve one state, for executors with unnamed workers."""
     place = threading.get_ident()
     with _lock:
         known = (recipe.token, place) in _cells

@@ -1,4 +1,4 @@
-"""What worker processes inherit: one thread for each numerical library, and no Ctrl-C."""
+"""Environment of worker processes: one thread for each numerical library, and no Ctrl-C."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Processes started meanwhile find the thread variables in their environment before numpy is imported."""
+    """Set the thread variables to 1 for processes that are started during the block."""
     before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     try:
@@ -28,7 +28,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def interrupts_blocked() -> Iterator[None]:
-    """Processes started meanwhile inherit that Ctrl-C does not reach them, even while they import."""
+    """Keep Ctrl-C from processes that are started during the block, even while they import."""
     # Where it is started along with the first process, it opens the signal again.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -1,4 +1,4 @@
-"""Where states are solved: workers, each with one state at a time."""
+"""Worker backends: workers that solve one state at a time."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import Any
 
-from porocore.sampling.execution.tasks import Ready, forget
+from porocore.sampling.execution.tasks import Ready, release
 
 
 class Worker(ABC):
-    """Takes one call at a time.
+    """Worker that takes one call at a time.
 
     Attributes
     ----------
@@ -27,11 +27,11 @@ class Worker(ABC):
 
     @abstractmethod
     def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
-        """Begin a call."""
+        """Start a call."""
 
 
 class WorkerBackend(ABC):
-    """Some workers, which may come and go.
+    """Set of workers, which may come and go.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class WorkerBackend(ABC):
 
     @abstractmethod
     def workers(self) -> Sequence[Worker]:
-        """Those that are there now.
+        """Return the present workers.
 
         Raises
         ------
@@ -60,11 +60,11 @@ class WorkerBackend(ABC):
     @property
     @abstractmethod
     def slots(self) -> int:
-        """States that can be solved at once; at least 1."""
+        """Number of states that can be solved at once, at least 1."""
 
     @abstractmethod
     def lost(self, worker: Worker) -> None:
-        """A worker has died in the middle of a call; replace it where that is possible.
+        """Replace a worker that has died during a call, if possible.
 
         Raises
         ------
@@ -73,7 +73,7 @@ class WorkerBackend(ABC):
         """
 
     def check(self, ready: Ready) -> list[str]:
-        """Warnings about a worker that has just prepared the cell.
+        """Return warnings about a worker that has just prepared the cell.
 
         Raises
         ------
@@ -84,20 +84,20 @@ class WorkerBackend(ABC):
 
     @property
     def warnings(self) -> list[str]:
-        """What the user should know before the work begins."""
+        """Warnings for the user before the work begins."""
         return []
 
     @abstractmethod
     def close(self) -> None:
-        """Finish what runs and let go of the workers."""
+        """Finish the running states and release the workers."""
 
     @abstractmethod
     def abort(self) -> None:
-        """Let go of the workers at once; what runs is lost."""
+        """Release the workers at once; running solves are lost."""
 
 
 class SerialBackend(WorkerBackend):
-    """This process, with whatever number of threads it has; a state is solved when it is waited for."""
+    """This process with all its threads; a state is solved when it is waited for."""
 
     ahead = 0
     eager = False
@@ -107,21 +107,21 @@ class SerialBackend(WorkerBackend):
         self._token = token
 
     def workers(self) -> Sequence[Worker]:
-        """One."""
+        """Return the only worker."""
         return [self._worker]
 
     @property
     def slots(self) -> int:
-        """One."""
+        """One slot only."""
         return 1
 
     def lost(self, worker: Worker) -> None:
-        """Cannot happen: this process would be gone."""
+        """Raise, since this process cannot be lost."""
         raise AssertionError
 
     def close(self) -> None:
-        """Let go of the prepared cell."""
-        forget(self._token)
+        """Release the prepared cell."""
+        release(self._token)
 
     abort = close
 

@@ -1,1 +1,1 @@
-"""The samplers: density sweep, designs, lines, and those that learn while they sample."""
+"""Samplers: density sweep, designs, lines, and those that learn."""

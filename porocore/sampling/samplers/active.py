@@ -1,4 +1,4 @@
-"""Sampling where a committee of surrogates disagrees (query by committee)."""
+"""Sampling at the largest disagreement of a committee of surrogates (query by committee)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from porocore.interfaces.surrogate import TrainingSet, least_states
 from porocore.sampling.samplers.candidates import (
     MOST_CORNER_INPUTS,
     BoolArray,
-    Stream,
+    SobolStream,
     corner_count,
     distances,
     most_worth,
@@ -34,8 +34,8 @@ MOST_CANDIDATES = 512
 APART = 0.5
 
 
-class Learning(RoundSampler, StudySampler):
-    """Rounds that are chosen from what is known of the responses: the beginning of :class:`Active` and its kin.
+class LearningSampler(RoundSampler, StudySampler):
+    """Rounds that are chosen from the responses so far: the base of :class:`Active` and its kin.
 
     Parameters
     ----------
@@ -62,16 +62,16 @@ class Learning(RoundSampler, StudySampler):
         self.seed = whole("sampling.options.seed", seed, 0, LARGEST_SEED)
 
     def round_size(self, room: int) -> int:
-        """Of the next round."""
+        """Return the size of the next round."""
         return min(room, max(self.batch, ceil(GROWTH * len(self.points))))
 
     def inform(self, study: StudyFacts) -> None:
-        """See :class:`StudySampler`."""
+        """Keep what the sampler may know of the study."""
         self._study = study
 
     @property
     def study(self) -> StudyFacts:
-        """What :meth:`inform` was told.
+        """The study as given to :meth:`inform`.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class Learning(RoundSampler, StudySampler):
         return self._study
 
     def training_set(self) -> TrainingSet | None:
-        """All stable states so far in the order of asking; None if they are fewer than two."""
+        """Return all stable states so far in the order of asking; None if they are fewer than two."""
         good = self.stable
         if good.sum() < 2:
             return None
@@ -103,7 +103,7 @@ class Learning(RoundSampler, StudySampler):
         )
 
     def judge(self, unit: Array) -> Judgement | None:
-        """What the committee says of points (m, d) of the unit box; None while fewer than two states are known."""
+        """Return the committee's judgement of points (m, d) of the unit box; None with fewer than two known states."""
         data = self.training_set()
         if data is None:
             return None
@@ -112,23 +112,23 @@ class Learning(RoundSampler, StudySampler):
 
     @property
     def stable(self) -> BoolArray:
-        """Which of the states so far a surrogate may learn from, (n,) bool."""
+        """States so far from which a surrogate may learn, (n,) bool."""
         return np.array([Status(int(response.status[0])).stable for response in self.observed], dtype=bool)
 
     @property
     def enough(self) -> bool:
-        """Whether a surrogate can learn from the stable states so far; before that no tolerance ends a sampling."""
+        """True if a surrogate can learn from the stable states so far; before that no tolerance ends a sampling."""
         return int(self.stable.sum()) >= least_states(len(self.inputs))
 
     def reachable(self, candidates: Array) -> BoolArray:
-        """Candidates whose nearest known state is stable, (m,): what lies around failed states is left alone."""
+        """Return whether the nearest known state of each candidate is stable, (m,) bool."""
         _, nearest = distances(candidates, self.points)
         reachable: BoolArray = self.stable[nearest]
         return reachable
 
 
-class Active(Learning):
-    """A design that fills the box, then rounds of the states where a committee of polynomials disagrees most.
+class Active(LearningSampler):
+    """A design that fills the box, then rounds of states at the largest disagreement of a committee of polynomials.
 
     The members of the committee learn what the closure needs: W with its slopes, or <∇u¹>. The states of a round
     are those that tell most about the places where the members disagree, as a share of the response's range; each is
@@ -179,10 +179,10 @@ class Active(Learning):
         super().__init__(inputs, count, initial, usual, batch, seed)
         self.tolerance = None if tolerance is None else positive("sampling.tolerance", tolerance)
         self.candidates = whole("sampling.options.candidates", candidates, 2)
-        self._stream = Stream(d, self.seed)
+        self._stream = SobolStream(d, self.seed)
 
     def next_round(self, room: int) -> Array:
-        """The design, or the states of most worth among the next candidates."""
+        """Return the design, or the most valuable of the next candidates."""
         if not len(self.points):
             d, first = len(self.inputs), min(self.initial, room)
             return opening(d, first, self.seed) if d <= MOST_CORNER_INPUTS else self._stream.take(first)

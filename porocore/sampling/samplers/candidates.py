@@ -1,4 +1,4 @@
-"""Choosing a round of states among candidates: where it pays most, and not all in one place."""
+"""Choice of a round of states among candidates: the most valuable, and not all in one place."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ BLOCK = 10
 
 
 def corner_count(d: int) -> int:
-    """Corners of the box of d inputs with which a sampling begins."""
+    """Return the number of corners of the box of d inputs with which a sampling begins."""
     return 2**d if d <= MOST_CORNER_INPUTS else 0
 
 
-class Stream:
-    """Ever new points of one scrambled Sobol sequence; round-off cannot move them.
+class SobolStream:
+    """New points of one scrambled Sobol sequence at each call; round-off cannot move them.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Stream:
         self._ready: Array = np.empty((0, d))
 
     def take(self, count: int) -> Array:
-        """The next points (count, d) in the unit box."""
+        """Return the next points (count, d) in the unit box."""
         while len(self._ready) < count:
             # In powers of two a Sobol sequence is balanced.
             self._ready = np.concatenate([self._ready, self._sequence.random(2**BLOCK)])
@@ -53,7 +53,7 @@ class Stream:
 
 
 def distances(candidates: Array, known: Array) -> tuple[Array, Array]:
-    """Distance (m,) of each candidate to the nearest of the ``known`` (n, d), and which one that is."""
+    """Return the distance (m,) of each candidate to the nearest of the ``known`` (n, d), and the index of that one."""
     if not len(known):
         return np.full(len(candidates), np.inf), np.zeros(len(candidates), dtype=np.int64)
     squares = (candidates**2).sum(axis=1)[:, None] - 2 * candidates @ known.T + (known**2).sum(axis=1)
@@ -63,7 +63,7 @@ def distances(candidates: Array, known: Array) -> tuple[Array, Array]:
 
 
 def spread_out(candidates: Array, worth: Array, known: Array, count: int) -> list[int]:
-    """At most ``count`` of the candidates (m, d), one after the other, as indices.
+    """Return at most ``count`` of the candidates (m, d) as indices, one after the other.
 
     Each is the one with the largest worth times distance to the nearest point that is ``known`` or was chosen before.
     Candidates without worth and those on a known point are never chosen.
@@ -83,7 +83,7 @@ def spread_out(candidates: Array, worth: Array, known: Array, count: int) -> lis
 def most_worth(
     candidates: Array, judgement: Judgement, allowed: BoolArray, known: Array, count: int, apart: float
 ) -> list[int]:
-    """At most ``count`` of the ``allowed`` candidates (m, d), as indices; each counts with those before it.
+    """Return at most ``count`` of the ``allowed`` candidates (m, d) as indices; each counts with those before it.
 
     They are ``apart`` from the ``known`` points (n, d) and from one another at least: a cell that is solved twice tells
     nothing new, whatever a committee believes. Of more than :data:`MOST_UPDATES` several are chosen at a time, of which
@@ -110,12 +110,12 @@ def _best(worth: Array) -> list[int]:
 
 
 def spacing(points: int, d: int) -> float:
-    """The edge of the cube that each of so many points has for itself in the unit box."""
+    """Return the mean spacing of so many points in the unit box of d inputs."""
     return float(max(points, 1) ** (-1 / d))
 
 
 def opening(d: int, count: int, seed: int) -> Array:
-    """What a sampling begins with when nothing is known, (count, d) in the unit box.
+    """Return the first states of a sampling, when no response is known, (count, d) in the unit box.
 
     In a box of up to three inputs the corners, then always the point farthest from all before. Of more inputs, where
     farthest points all lie on the faces, a Sobol sequence.

@@ -1,4 +1,4 @@
-"""Sweeps of one input at a time that refine where the response bends."""
+"""Sweeps of one input at a time that are refined where the response bends."""
 
 from __future__ import annotations
 
@@ -93,12 +93,12 @@ class DensitySweep(Sampler):
         self._asked = 1
 
     def ask(self) -> list[Request]:
-        """The next state of every sweep that waits for none."""
+        """Return the next state of every sweep that waits for none."""
         ready, self._ready = self._ready, []
         return ready
 
     def tell(self, key: str, response: CellResponse) -> None:
-        """The outcome of one state; moves its sweep on and starts those that branch off.
+        """Record the response of one state, move its sweep on and start those that branch off.
 
         Raises
         ------
@@ -119,12 +119,12 @@ class DensitySweep(Sampler):
 
     @property
     def done(self) -> bool:
-        """Whether every sweep has reached its end."""
+        """True when every sweep has reached its end."""
         return not self._waiting
 
     @property
     def expected(self) -> int:
-        """States asked for, and those that are still to come if no step is halved again."""
+        """Number of states asked for and still to come if no step is halved again."""
         foreseen = 0
         for _, line in self._waiting.values():
             if line is None:
@@ -164,7 +164,7 @@ class DensitySweep(Sampler):
 
 
 def state_key(inputs: InputSpace, x: tuple[float, ...]) -> str:
-    """The values of the inputs as text, such as ``p=+0.0800000000 H22=-0.1200000000``."""
+    """Return the values of the inputs as text, such as ``p=+0.0800000000 H22=-0.1200000000``."""
     return " ".join(f"{name}={value:+.10f}" for name, value in zip(inputs.names, x, strict=True))
 
 

@@ -66,7 +66,7 @@ class Design(RoundSampler):
                 )
 
     def next_round(self, room: int) -> Array:
-        """All of it, once."""
+        """Return the whole design, once."""
         if len(self.points):
             return np.empty((0, len(self.inputs)))
         first = box_corners(len(self.inputs)) if self.corners else np.empty((0, len(self.inputs)))
@@ -75,7 +75,7 @@ class Design(RoundSampler):
 
     @abstractmethod
     def filling(self, count: int) -> Array:
-        """``count`` points (n, d) of the unit box."""
+        """Return ``count`` points (n, d) of the unit box."""
 
 
 class SobolDesign(Design):
@@ -87,12 +87,12 @@ class SobolDesign(Design):
     name = "sobol"
 
     def filling(self, count: int) -> Array:
-        """See the class."""
+        """Return points of the sequence."""
         return sobol_points(len(self.inputs), count, self.seed)
 
 
 class LatinHypercube(Design):
-    """A Latin hypercube (McKay, Beckman & Conover 1979): each input takes ``count`` values, one in every slice of it.
+    """A Latin hypercube (McKay, Beckman & Conover 1979): each input takes one value in each of ``count`` slices.
 
     Small ones are improved by random exchanges that lower the centred discrepancy.
     """
@@ -100,7 +100,7 @@ class LatinHypercube(Design):
     name = "latin-hypercube"
 
     def filling(self, count: int) -> Array:
-        """See the class."""
+        """Return points of the hypercube."""
         d = len(self.inputs)
         optimisation = "random-cd" if d > 1 and 1 < count * d <= MOST_OPTIMISED else None
         from scipy.stats import qmc  # slow to import
@@ -110,7 +110,7 @@ class LatinHypercube(Design):
 
 
 def sobol_points(d: int, count: int, seed: int) -> Array:
-    """The first points (count, d) of a scrambled Sobol sequence."""
+    """Return the first points (count, d) of a scrambled Sobol sequence."""
     power = max(0, int(np.ceil(np.log2(count))))
     from scipy.stats import qmc  # slow to import
 
@@ -119,5 +119,5 @@ def sobol_points(d: int, count: int, seed: int) -> Array:
 
 
 def box_corners(d: int) -> Array:
-    """The corners (2^d, d) of the unit box."""
+    """Return the corners (2^d, d) of the unit box."""
     return np.array(np.meshgrid(*[(0.0, 1.0)] * d, indexing="ij")).reshape(d, -1).T

@@ -14,7 +14,7 @@ SMALLEST_NORM = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class LinePoint:
-    """A solved point of a line."""
+    """Solved point of a line."""
 
     value: float
     #: <∇u¹>_s (3, 3); None where the state has no values.
@@ -22,7 +22,7 @@ class LinePoint:
 
 
 def density_residual(before: LinePoint, last: LinePoint, point: LinePoint, step: float) -> float:
-    """How far ``point`` lies from the straight line through the two accepted points behind it [-].
+    """Return the distance of ``point`` from the straight line through the two accepted points before it [-].
 
     max_ij |g − g_L| / ‖g‖_F with g = <∇u¹>_s and its linear extrapolation
     g_L = g_last + (g_last − g_before)/(I_last − I_before) · (I − I_last)
@@ -43,7 +43,7 @@ def density_residual(before: LinePoint, last: LinePoint, point: LinePoint, step:
 
 @dataclass
 class LineSweep:
-    """Moves one input from zero to ``end``; those before it rest at ``prefix``, those after it at zero.
+    """Sweep of one input from zero to ``end``; those before it rest at ``prefix``, those after it at zero.
 
     A point ahead that is too far off the secant, or that has no values, moves the next point to the middle
     of the interval; the point ahead is kept and looked at again from there. An interval whose half would be
@@ -88,11 +88,11 @@ class LineSweep:
 
     @property
     def position(self) -> int:
-        """Place of the moving input among the inputs."""
+        """Index of the moving input among the inputs."""
         return len(self.prefix)
 
     def tell(self, point: LinePoint) -> list[LinePoint]:
-        """Take the outcome of the point that :meth:`next_value` named; returns the points accepted by it."""
+        """Record the response at the point of :meth:`next_value`; return the points that it makes accepted."""
         self.ahead.append(point)
         accepted = []
         while self.ahead and (self._beyond or not self._wants_middle(self.ahead[-1])):
@@ -105,7 +105,7 @@ class LineSweep:
         return accepted
 
     def next_value(self) -> float | None:
-        """The value to be solved next; None: the line is done."""
+        """Return the next value to solve; None at the end of the line."""
         if self.ahead:
             return (self.last.value + self.ahead[-1].value) / 2
         return self.grid.pop() if self.grid else None
@@ -122,10 +122,10 @@ class LineSweep:
 
 
 def grid_values(end: float, step: float) -> list[float]:
-    """step, 2 step, … with the sign of ``end``, up to ``end`` itself, which is hit exactly."""
+    """Return step, 2 step, … with the sign of ``end``, up to ``end`` itself, which is hit exactly."""
     return [float(np.copysign(i * step, end)) for i in range(1, grid_size(end, step))] + [end]
 
 
 def grid_size(end: float, step: float) -> int:
-    """Return how many values :func:`grid_values` has."""
+    """Return the number of values of :func:`grid_values`."""
     return max(1, int(np.ceil(abs(end) / step - 1e-9)))

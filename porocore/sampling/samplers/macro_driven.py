@@ -1,4 +1,4 @@
-"""Sampling where the macro runs of a study go."""
+"""Sampling of the states that the macro runs of a study visit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from porocore.core.inputs.input_space import InputSpace
-from porocore.sampling.samplers.active import Learning
+from porocore.sampling.samplers.active import LearningSampler
 from porocore.sampling.samplers.candidates import (
     corner_count,
     distances,
@@ -28,8 +28,8 @@ MOST_CANDIDATES = 1024
 APART = 0.25
 
 
-class MacroDriven(Learning):
-    """Solve a few states, fit a surrogate, run the macro problem with it, solve where it went, and so on.
+class MacroDriven(LearningSampler):
+    """Sampling along macro runs: fit a surrogate, run the macro problem with it, solve visited states, repeat.
 
     It ends when a round has changed no result of the macro runs (final settlement and largest pressure under each
     load; largest and final force on a surface that is moved) by more than ``tolerance``, twice in a row, and the stable
@@ -88,7 +88,7 @@ class MacroDriven(Learning):
         self.results: list[Array] = []
 
     def next_round(self, room: int) -> Array:
-        """The design, or the most telling of the visited states."""
+        """Return the design, or the most informative of the visited states."""
         d = len(self.inputs)
         if not len(self.points):
             return opening(d, min(self.initial, room), self.seed)
@@ -120,19 +120,19 @@ class MacroDriven(Learning):
 
     @property
     def converged(self) -> bool:
-        """Whether the last two rounds have changed no result."""
+        """True when the last two rounds have changed no result."""
         if len(self.results) < 3:
             return False
         last = np.stack(self.results[-3:])
         return bool((np.abs(np.diff(last, axis=0)) <= self.tolerance * np.abs(last[1:])).all())
 
     def _filling(self, size: int) -> Array:
-        """Farthest points of the box: nothing was visited that is not known."""
+        """Return farthest points of the box, for rounds in which nothing new was visited."""
         cloud = opening(len(self.inputs), 256, self.seed + len(self.points))
         return cloud[spread_out(cloud, self.reachable(cloud).astype(float), self.points, size)]
 
     def _lattice(self, x: Array) -> Array:
-        """Different visited states in the unit box, (m, d)."""
+        """Return the distinct visited states in the unit box, (m, d)."""
         unit: Array = np.unique(np.round(np.clip(self.inputs.to_unit(x), 0, 1) * LATTICE), axis=0) / LATTICE
         kept: Array = unit[:: ceil(len(unit) / MOST_CANDIDATES)]
         return kept

@@ -1,4 +1,4 @@
-"""Options of samplers: checked once, with the key of the configuration in the message."""
+"""Options of samplers, checked once, with the key of the configuration in the message."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from porocore.errors import ConfigurationError
 
 
 def positive(key: str, value: Any) -> float:
-    """A finite number above zero."""
+    """Return a finite number above zero."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
         raise ConfigurationError(f"{key}: must be a positive number, got {echo(value)}")
     return float(value)
@@ -28,14 +28,14 @@ def whole(key: str, value: Any, least: int, most: int = MOST_STATES) -> int:
 
 
 def yes_or_no(key: str, value: Any) -> bool:
-    """True or false."""
+    """Return true or false."""
     if not isinstance(value, bool):
         raise ConfigurationError(f"{key}: must be true or false, got {echo(value)}")
     return value
 
 
 def refuse_unknown(sampler: str, known: tuple[str, ...], unknown: Mapping[str, Any]) -> None:
-    """Options that the sampler has not; ``step`` and ``tolerance`` stand elsewhere in a configuration.
+    """Refuse options that the sampler has not; ``step`` and ``tolerance`` stand elsewhere in a configuration.
 
     Raises
     ------

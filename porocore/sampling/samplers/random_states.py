@@ -1,4 +1,4 @@
-"""States drawn at random in the box of the inputs, to test a surrogate on."""
+"""Random states in the box of the inputs, to test a surrogate on."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from porocore.states import CellResponse, Status
 
 
 def random_requests(inputs: InputSpace, count: int, seed: int) -> list[Request]:
-    """``count`` states, uniform in the box of the inputs, with the keys ``test-000``, ``test-001``, …
+    """Return ``count`` states, uniform in the box of the inputs, with the keys ``test-000``, ``test-001``, …
 
     All start from the undeformed cell. A larger ``count`` with the same seed begins with the same states.
     """
@@ -68,7 +68,7 @@ class RandomStates(Sampler):
         self._failed = 0
 
     def ask(self) -> list[Request]:
-        """One state for each that is wanted, and one more for each that was told to have no values."""
+        """Return one state for each that is wanted, and one more for each that failed."""
         # Solving one by one in the order of the draw until `count` have values would solve the same states:
         # the n asked for, f of them failed, are never more than those, and it ends with n − f = count.
         more = min(self.count + self._failed, self.limit) - self._asked
@@ -78,7 +78,7 @@ class RandomStates(Sampler):
         return requests
 
     def tell(self, key: str, response: CellResponse) -> None:
-        """The outcome of one state.
+        """Record the response of one state.
 
         Raises
         ------
@@ -91,12 +91,12 @@ class RandomStates(Sampler):
 
     @property
     def done(self) -> bool:
-        """Whether ``count`` states have values or the tries are used up."""
+        """True when ``count`` states have values or the tries are used up."""
         return not self._waiting and self._asked == self.expected
 
     @property
     def expected(self) -> int:
-        """States asked for in all if no further one fails."""
+        """Number of states asked for in all if no further one fails."""
         return min(self.count + self._failed, self.limit)
 
 

@@ -1,4 +1,4 @@
-"""Samplers that ask in rounds: every state of a round is told before the next round is chosen.
+"""Samplers that ask in rounds: every state of a round is solved before the next round is chosen.
 
 So what a round asks for depends on all states before it and on nothing else: not on the order in which they were
 solved, nor on the number of workers, nor on interruptions.
@@ -17,7 +17,7 @@ from porocore.states import Array, CellResponse
 
 
 class RoundSampler(Sampler):
-    """Asks for the points of :meth:`next_round` until there are none or ``count`` states have been asked for.
+    """Rounds of states until :meth:`next_round` is empty or ``count`` states have been asked for.
 
     Every state is solved from the undeformed cell: measured on designs of two and of seven inputs, the field of the
     nearest known state saves nothing worth waiting for. Keys are ``state-00000``, ``state-00001``, …
@@ -41,15 +41,15 @@ class RoundSampler(Sampler):
 
     @abstractmethod
     def next_round(self, room: int) -> Array:
-        """At most ``room`` points (m, d) of the unit box; none: there are no more rounds."""
+        """Return at most ``room`` points (m, d) of the unit box; none ends the sampling."""
 
     @property
     def observed(self) -> list[CellResponse]:
-        """Outcomes of all ``points``, once a round is complete."""
+        """Responses at all ``points`` of complete rounds."""
         return [self._observed[i] for i in range(len(self.points))]
 
     def ask(self) -> list[Request]:
-        """A whole round, once the one before it is complete."""
+        """Return a whole round, once the one before it is complete."""
         if self._waiting or self._over:
             return []
         first, room = len(self.points), self.count - len(self.points)
@@ -66,7 +66,7 @@ class RoundSampler(Sampler):
         return requests
 
     def tell(self, key: str, response: CellResponse) -> None:
-        """The outcome of one state.
+        """Record the response of one state.
 
         Raises
         ------
@@ -78,17 +78,17 @@ class RoundSampler(Sampler):
 
     @property
     def done(self) -> bool:
-        """Whether there are no more rounds."""
+        """True when there are no more rounds."""
         return not self._waiting and (self._over or len(self.points) >= self.count)
 
     @property
     def expected(self) -> int:
-        """The budget, unless the rounds have ended before."""
+        """The budget, or the number of states if the rounds have ended before."""
         return len(self.points) if self._over else self.count
 
 
 def from_unit(inputs: InputSpace, unit: Array) -> Array:
-    """Points (n, d) of the unit box in the box of ``inputs``, no digit beyond its bounds."""
+    """Return points (n, d) of the unit box in the box of ``inputs``, no digit beyond its bounds."""
     low, high = np.array(inputs.lower), np.array(inputs.upper)
     scaled: Array = np.clip(low + (high - low) * unit, low, high)
     return scaled

@@ -1,1 +1,1 @@
-"""The conductivity of the deformed pore as a learned model, with its error estimate."""
+"""Conductivity of the deformed pore as a learned model, with its error estimate."""

@@ -1,4 +1,4 @@
-"""Learning the conductivity of the deformed pore from solved states."""
+"""Fit of the conductivity of the deformed pore to solved states."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LARGEST_DEGREE = 6
 
 
 def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | None:
-    """A model of K_ref, and its cross-validated error in ln K; None where the states hold no conductivity.
+    """Return a model of K_ref and its cross-validated error in ln K; None where the states hold no conductivity.
 
     The degree of the polynomial is the one with the smallest cross-validated error. It turns with the operations of the
     cell that lead from the sampled variables to no others: K_ref(Q F Qᵀ) = Q K_ref(F) Qᵀ.
@@ -83,7 +83,7 @@ def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | Non
 
 
 def _fit(t: Array, S: Array, active: tuple[int, ...], tied: Equivariance) -> tuple[Polynomial, float]:
-    """Return what is fitted to the upper triangle S (6, n) of ln K less its value at rest, and its error.
+    """Return the polynomial fitted to the upper triangle S (6, n) of ln K less its value at rest, and its error.
 
     The error is the cross-validated root mean square.
     """
@@ -106,6 +106,6 @@ def _fit(t: Array, S: Array, active: tuple[int, ...], tied: Equivariance) -> tup
 
 
 def _solve(t: Array, S: Array, exponents: IntArray, tied: Equivariance) -> Polynomial:
-    """Least squares for the outputs S (6, n) at t (variables, n)."""
+    """Return the least-squares polynomial of the outputs S (6, n) at t (variables, n)."""
     rows = Polynomial(exponents, np.eye(len(exponents))).evaluate(t).T
     return Polynomial(exponents, tied_least_squares([(rows, right) for right in S], exponents, tied))

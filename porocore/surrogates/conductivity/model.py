@@ -1,4 +1,4 @@
-"""The conductivity of the deformed pore as a smooth function of ln U and p, positive definite by construction.
+"""Conductivity of the deformed pore as a smooth function of ln U and p, positive definite by construction.
 
 K_ref = B exp(S) Bᵀ with S = ln(Bᵀ K₀ B) + a polynomial in (ln U, p) that begins at first order. So K_ref is K₀ at rest,
 symmetric and positive definite for any coefficients, and objective, as it depends on F through U only. The columns of B
@@ -28,7 +28,7 @@ CLOSED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ConductivityModel:
-    """K_ref of any state.
+    """Model of K_ref for any state.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class ConductivityModel:
     closing: bool = False
 
     def predict(self, states: MacroState, *, tangent: bool) -> tuple[Array, Array | None, Array | None]:
-        """K_ref (n, 3, 3), NaN where det F ≤ 0, and if ``tangent`` its derivatives.
+        """Return K_ref (n, 3, 3), NaN where det F ≤ 0, and if ``tangent`` its derivatives.
 
         These are ∂K_ref/∂H (n, 3, 3, 3, 3) and ∂K_ref/∂p (n, 3, 3).
         """
@@ -75,10 +75,10 @@ class ConductivityModel:
             K[missing] = np.nan
             return K, None, None
         value, by_t, _ = self.polynomial.derivatives(t, second=False)
-        slopes = np.stack(
+        gradients = np.stack(
             [self._logarithm(by_t[:, a] * steepness[a]) for a in range(len(self.active))], axis=1
         )
-        E, dE = symmetric_exponential(self._logarithm(value) + self.log_rest, slopes)
+        E, dE = symmetric_exponential(self._logarithm(value) + self.log_rest, gradients)
         K, by_active = self._in_space(E), self._in_space(dE)
         n = len(K)
         by_L, by_p = np.zeros((n, 9, 6)), np.zeros((n, 3, 3))
@@ -100,7 +100,7 @@ class ConductivityModel:
         return self.estimate.error(t, self.beyond_rest(t))
 
     def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
-        """Tell which of n states are flagged: far from all that have a conductivity, or by the estimated error."""
+        """Return which of n states are flagged: far from all that have a conductivity, or by the estimated error."""
         unrotated = self.sampled.inputs.without_rotation(states)
         if self.estimate is None:
             return self.sampled.outside(unrotated)
@@ -118,7 +118,7 @@ class ConductivityModel:
         return t
 
     def _saturated(self, t: Array) -> tuple[Array, Array]:
-        """Return t (d, n) as it comes to rest beyond the sampled box, and its slopes by t (d, n)."""
+        """Return t (d, n) saturated beyond the sampled box, and its derivative by t (d, n)."""
         saturated, steepness = t.copy(), np.ones_like(t)
         beyond = self.training_box.beyond_active(t)
         if len(beyond):
@@ -126,7 +126,7 @@ class ConductivityModel:
         return saturated, steepness
 
     def _logarithm(self, components: Array) -> Array:
-        """Symmetric (n, r, r) on the directions of B, of the upper triangle (6, n) of a matrix in space."""
+        """Return the symmetric (n, r, r) on the directions of B from the upper triangle (6, n) of a matrix in space."""
         S = np.empty((components.shape[1], 3, 3))
         for row, (i, j) in zip(components, triangle(3), strict=True):
             S[:, i, j] = S[:, j, i] = row
@@ -139,12 +139,12 @@ class ConductivityModel:
 
 
 def triangle(r: int) -> list[tuple[int, int]]:
-    """Places of the upper triangle of an r × r matrix, row by row."""
+    """Return the places of the upper triangle of an r × r matrix, row by row."""
     return list(combinations_with_replacement(range(r), 2))
 
 
 def conducting_basis(K: Array) -> Array:
-    """Orthonormal directions (3, r) in which K (3, 3) conducts; the identity where it does in all three."""
+    """Return orthonormal directions (3, r) in which K (3, 3) conducts; the identity for all three."""
     values, vectors = np.linalg.eigh((K + K.T) / 2)
     kept = values > CLOSED * max(float(values.max()), 0.0)
     basis: Array = np.eye(3) if kept.all() else vectors[:, kept]

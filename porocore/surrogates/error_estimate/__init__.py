@@ -1,1 +1,1 @@
-"""Estimates of a surrogate's error at a state, and the component that is at fault."""
+"""Estimates of a surrogate's error at a state, and the component that drives it."""

@@ -1,4 +1,4 @@
-"""Which component of a flagged state is at fault, in words."""
+"""Component that drives a flagged state out, in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a surrogate may be from the cell at a state, by polynomials that know the same solved states.
+"""Estimated distance of a surrogate from the cell, by polynomials fitted to the same solved states.
 
 The polynomials are of higher degree than what a surrogate can be trusted with, and are held by a prior where the states
 do not determine them. The surrogate's distance from their mean is what it has left out; their scatter is what the
@@ -29,7 +29,7 @@ class ErrorEstimate:
     terms
         Polynomial of the terms in the variables; None where the terms are the variables.
     judged
-        Of slopes by the variables, those that are judged; empty where the values are.
+        Of gradients by the variables, those that are judged; empty where the values are.
     spread : (c,)
         Ranges of the c quantities that are judged, by which errors are divided.
     nugget
@@ -74,7 +74,7 @@ class ErrorEstimate:
         return worst
 
     def _answers(self, variables: Array) -> Array:
-        """Return what the mean and the draws say of the judged quantities, (1 + draws, c, n)."""
+        """Return the judged quantities of the mean and the draws, (1 + draws, c, n)."""
         c, n = len(self.spread), variables.shape[1]
         if self.terms is None:
             return self.polynomials.evaluate(variables).reshape(-1, c, n)
@@ -86,7 +86,7 @@ class ErrorEstimate:
             if variable in place:
                 rows.setdefault(term, []).append((place[variable], row))
         answers = np.zeros((len(self.polynomials.coefficients), c, n))
-        for (member, term), slope in by_terms:
+        for (member, term), gradient in by_terms:
             for k, row in rows.get(term, ()):
-                answers[member, k] += slope * row
+                answers[member, k] += gradient * row
         return answers

@@ -1,4 +1,4 @@
-"""Fitting the polynomials of an error estimate: Bayesian least squares, calibrated by states that were left out.
+"""Fit of the polynomials of an error estimate: Bayesian least squares, calibrated by cross-validation.
 
 Coefficients have a normal prior whose width falls by a factor with each degree. This factor, the share of what no
 smooth function follows, and the common scale are those under which states that were left out of a fit are most likely
@@ -30,12 +30,12 @@ PROBES, SAFE = 2048, 0.5
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """What n solved states say of o functions.
+    """Equations that n solved states give for o functions.
 
     Attributes
     ----------
     rows : (K, c, n)
-        Of each of K monomials the c quantities that are known at a state, such as its value and its slopes.
+        Of each of K monomials the c quantities that are known at a state, such as its value and its gradients.
     right : (o, c, n)
         What the functions have there.
     degrees : (K,)

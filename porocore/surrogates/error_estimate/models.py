@@ -1,4 +1,4 @@
-"""Error estimates of the two kinds of model, from the states that they were trained on."""
+"""Error estimates of the two kinds of model, from their training states."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from porocore.surrogates.polynomial.terms import VARIABLES, Terms
 from porocore.surrogates.potential.data import PotentialData
 from porocore.surrogates.potential.model import PotentialModel
 
-#: By so much more than values may slopes of <∇u¹> be missed: they jump where the pore wall begins to touch itself.
-SLOPE_TOLERANCE = 5.0
+#: By so much more than values may gradients of <∇u¹> be missed: they jump where the pore wall begins to touch itself.
+GRADIENT_TOLERANCE = 5.0
 #: A variable that was not sampled is free in the safe box: another rule flags it.
 FREE = 1e3
 
@@ -34,9 +34,9 @@ def with_potential_error(model: PotentialModel, training: TrainingSet) -> Potent
     ranges = np.ptp(data.gradient, axis=1)
     spread = np.append(np.full(6, ranges[:6].max()), ranges[6])
     spread[spread == 0] = 1.0
-    rows = _slope_rows(terms, exponents, data.y)[:, (0, *(a + 1 for a in judged))]
-    value, slopes = data.remainder
-    right = np.concatenate([value[None], slopes[list(judged)]])[None]
+    rows = _gradient_rows(terms, exponents, data.y)[:, (0, *(a + 1 for a in judged))]
+    value, gradients = data.remainder
+    right = np.concatenate([value[None], gradients[list(judged)]])[None]
     by = np.append(data.scales[0], spread[list(judged)])[:, None]
     coefficients, nugget = draw(
         Equations(rows / by, right / by, exponents @ np.array(terms.weights), np.arange(len(by)) > 0)
@@ -79,13 +79,13 @@ def with_mean_gradient_error(model: AnchoredModel, training: TrainingSet) -> Anc
     tangent = training.responses.tangent
     if tangent is not None and tangent.mean_grad_grad_u is not None and tangent.mean_grad_p is not None:
         n = len(data.x)
-        slopes = np.concatenate(
+        gradients = np.concatenate(
             [tangent.mean_grad_grad_u.reshape(n, 9, 9), tangent.mean_grad_p.reshape(n, 9, 1)], axis=2
         )
-        slopes = (slopes - data.linear)[:, data.components][:, :, training.inputs.columns]
-        slopes *= model.scaling.half / spread / SLOPE_TOLERANCE
-        rows = np.concatenate([rows, _at(exponents, x)[1] / SLOPE_TOLERANCE], axis=1)
-        right = np.concatenate([right, slopes.transpose(1, 2, 0)], axis=1)
+        gradients = (gradients - data.linear)[:, data.components][:, :, training.inputs.columns]
+        gradients *= model.scaling.half / spread / GRADIENT_TOLERANCE
+        rows = np.concatenate([rows, _at(exponents, x)[1] / GRADIENT_TOLERANCE], axis=1)
+        right = np.concatenate([right, gradients.transpose(1, 2, 0)], axis=1)
     coefficients, nugget = draw(Equations(rows, right, exponents.sum(axis=1), np.arange(rows.shape[1]) == 0))
     found = estimate(
         coefficients * spread,
@@ -104,13 +104,13 @@ def with_mean_gradient_error(model: AnchoredModel, training: TrainingSet) -> Anc
 
 
 def _at(exponents: IntArray, t: Array) -> tuple[Array, Array]:
-    """Return values (K, n) and slopes (K, k, n) of monomials at t (k, n)."""
-    value, slopes, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
-    return value, slopes
+    """Return values (K, n) and gradients (K, k, n) of monomials at t (k, n)."""
+    value, gradients, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
+    return value, gradients
 
 
-def _slope_rows(terms: Terms, exponents: IntArray, y: Array) -> Array:
-    """Return values and slopes by the seven variables of monomials in terms, (K, 1 + 7, n)."""
+def _gradient_rows(terms: Terms, exponents: IntArray, y: Array) -> Array:
+    """Return values and gradients by the seven variables of monomials in terms, (K, 1 + 7, n)."""
     t, J, _ = terms.polynomial.derivatives(y, second=False)
     value, by_t = _at(exponents, t)
     return np.concatenate([value[:, None], np.einsum("ktn,tan->kan", by_t, J)], axis=1)

@@ -1,1 +1,1 @@
-"""The file of a surrogate, which every backend reads."""
+"""File of a surrogate, which every backend reads."""

@@ -1,4 +1,4 @@
-"""An error estimate in the file of a surrogate."""
+"""Error estimate in the file of a surrogate."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def unpack(
         return unpack_values(header, arrays, "estimate", len(model.sampled.inputs), len(model.components))
     judged = _judged(header)
     if not judged or any(a not in range(VARIABLES) for a in judged):
-        raise ValueError(f"an estimate of the slopes by {judged}")
+        raise ValueError(f"an estimate of the gradients by {judged}")
     inner = len(arrays["estimate/terms/coefficients"])
     terms = unpack_polynomial(arrays, "estimate/terms", VARIABLES, inner)
     return _unpack(header, arrays, "estimate", (VARIABLES, inner, 1), (judged, terms))
@@ -57,7 +57,7 @@ def unpack(
 def unpack_values(
     header: dict[str, Any], arrays: dict[str, Array], name: str, variables: int, quantities: int
 ) -> ErrorEstimate:
-    """Return an estimate of values, not of slopes, that a file holds under a name.
+    """Return an estimate of values, not of gradients, that a file holds under a name.
 
     Raises
     ------
@@ -78,10 +78,10 @@ def _unpack(
     arrays: dict[str, Array],
     name: str,
     sizes: tuple[int, int, int],
-    slopes: tuple[tuple[int, ...], Polynomial | None],
+    gradients: tuple[tuple[int, ...], Polynomial | None],
 ) -> ErrorEstimate:
     """Return an estimate from the numbers of variables, of the polynomials' variables and of outputs a member has."""
-    said, (variables, inner, outputs), (judged, terms) = header["estimate"], sizes, slopes
+    said, (variables, inner, outputs), (judged, terms) = header["estimate"], sizes, gradients
     members, spread = int(said["members"]), arrays[f"{name}/spread"]
     tolerance, nugget = float(said["tolerance"]), float(said["nugget"])
     if (

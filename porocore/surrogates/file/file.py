@@ -41,7 +41,7 @@ MakeEvaluator = Callable[[Network], Evaluator]
 
 @dataclass(frozen=True)
 class SurrogateMetadata:
-    """What a file says besides the model.
+    """Data of a surrogate's file besides the model.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class SurrogateMetadata:
 
 
 def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
-    """One HDF5 file, whole or not at all.
+    """Write one HDF5 file, whole or not at all.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
 
 
 def read(path: Path) -> tuple[Model, SurrogateMetadata]:
-    """What :func:`write` wrote; its network, if there is one, evaluates in numpy.
+    """Read the file of :func:`write`; its network, if there is one, evaluates in numpy.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def _unpack_metadata(
 
 
 def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:
-    """The model of a file with a network that evaluates as the caller likes."""
+    """Return the model of a file with its network replaced by an evaluator."""
     if isinstance(model, AnchoredModel):
         return replace(model, network=make_evaluator(model.network.as_numpy))
     if model.network is None:

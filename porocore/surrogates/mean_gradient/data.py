@@ -1,4 +1,4 @@
-"""From solved states to what the network is trained on: scaled inputs and what the linear limit leaves over."""
+"""Training data of the network: scaled inputs, and the remainder of the linear limit."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class ScaledData:
 
     @classmethod
     def from_training_set(cls, data: TrainingSet) -> ScaledData:
-        """Scale a training set.
+        """Return the scaled data of a training set.
 
         Raises
         ------
@@ -78,7 +78,7 @@ class ScaledData:
         )
 
     def fingerprint(self, *settings: str) -> str:
-        """Hash of the numbers and of ``settings``; what a checkpoint belongs to."""
+        """Return a hash of the numbers and of ``settings``, by which a checkpoint is recognised."""
         digest = hashlib.sha256(repr((settings, self.components)).encode())
         for array in (self.linear, self.output_scale, self.x, self.rest, self.target):
             digest.update(f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes())

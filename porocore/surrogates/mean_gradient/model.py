@@ -1,6 +1,6 @@
 """<∇u¹>_s as the linear limit of the cell plus a network that starts at second order.
 
-An error of the slope or the value of a network at rest acts like a wrong stiffness or an initial stress, and
+An error of the value or the gradient of a network at rest acts like a wrong stiffness or an initial stress, and
 would drown the response to small loads. Here both are exact whatever the training did.
 """
 
@@ -27,23 +27,23 @@ class InputScaling:
 
     @cached_property
     def middle(self) -> Array:
-        """(d,)"""
+        """Middle of the ranges (d,)."""
         middle: Array = (np.array(self.inputs.lower) + np.array(self.inputs.upper)) / 2
         return middle
 
     @cached_property
     def half(self) -> Array:
-        """(d,)"""
+        """Half of the ranges (d,)."""
         half: Array = (np.array(self.inputs.upper) - np.array(self.inputs.lower)) / 2
         return half
 
     @property
     def rest(self) -> Array:
-        """x of the reference state H = 0, p = 0, (1, d)."""
+        """Scaled inputs of the reference state H = 0, p = 0, (1, d)."""
         return -(self.middle / self.half)[None]
 
     def scale(self, x: Array) -> Array:
-        """Scaled inputs (n, d) from inputs (n, d)."""
+        """Return scaled inputs (n, d) from inputs (n, d)."""
         scaled: Array = (x - self.middle) / self.half
         return scaled
 
@@ -77,17 +77,17 @@ class AnchoredModel:
 
     @cached_property
     def scaling(self) -> InputScaling:
-        """How the sampled inputs are scaled."""
+        """Scaling of the sampled inputs."""
         return InputScaling(self.sampled.inputs)
 
     @cached_property
     def anchor(self) -> tuple[Array, Array]:
-        """N(x₀) (outputs,) and N'(x₀) (d, outputs)."""
-        value, slopes = self.network.value_and_gradient(self.scaling.rest)
-        return value[0], slopes[:, 0]
+        """Values N(x₀) (outputs,) and derivatives N'(x₀) (d, outputs) at rest."""
+        value, gradients = self.network.value_and_gradient(self.scaling.rest)
+        return value[0], gradients[:, 0]
 
     def predict(self, states: MacroState, *, tangent: bool) -> CellResponse:
-        """<∇u¹>_s of n states and, where asked for, its exact derivatives."""
+        """Return <∇u¹>_s of n states and, if ``tangent``, its exact derivatives."""
         n, flat = len(states), flatten(states)
         mean_grad = flat @ self.linear.T
         derivatives = None
@@ -97,16 +97,16 @@ class AnchoredModel:
         if self.components:
             columns, outputs = self.sampled.inputs.columns, list(self.components)
             x = self.scaling.scale(flat[:, columns])
-            value, slope = self.anchor
+            value, gradient = self.anchor
             if tangent:
                 N, J = self.network.value_and_gradient(x)
-                J = (J - slope[:, None]) * (self.output_scale / self.scaling.half[:, None])[:, None]
+                J = (J - gradient[:, None]) * (self.output_scale / self.scaling.half[:, None])[:, None]
                 for k, column in enumerate(columns):
                     into = by_p if column == 9 else by_H[:, :, column]
                     into[:, outputs] += J[k]
             else:
                 N = self.network.evaluate(x)
-            N -= value + (x - self.scaling.rest) @ slope
+            N -= value + (x - self.scaling.rest) @ gradient
             mean_grad[:, outputs] += self.output_scale * N
         if tangent:
             derivatives = CellTangent(by_H.reshape(n, 3, 3, 3, 3), by_p.reshape(n, 3, 3))
@@ -118,9 +118,9 @@ class AnchoredModel:
         )
 
     def beyond_linear(self, x: Array) -> Array:
-        """Return what the network adds to the linear limit at scaled inputs x (n, d), (components, n)."""
-        value, slope = self.anchor
-        return (self.output_scale * (self.network.evaluate(x) - value - (x - self.scaling.rest) @ slope)).T
+        """Return the network's part at scaled inputs x (n, d), (components, n)."""
+        value, gradient = self.anchor
+        return (self.output_scale * (self.network.evaluate(x) - value - (x - self.scaling.rest) @ gradient)).T
 
     def error(self, states: MacroState) -> Array:
         """Return the estimated error of n states, a share of the range of <∇u¹>_s; NaN without one."""
@@ -130,7 +130,7 @@ class AnchoredModel:
         return self.estimate.error((x - self.scaling.rest).T, self.beyond_linear(x))
 
     def _outside(self, states: MacroState, flat: Array, mean_grad: Array) -> npt.NDArray[np.bool_]:
-        """Tell which states are flagged, (n,): far from all known ones, or by the estimated error."""
+        """Return which states are flagged, (n,): far from all known ones, or by the estimated error."""
         if self.estimate is None:
             return self.sampled.outside(states)
         found = (mean_grad - flat @ self.linear.T)[:, list(self.components)].T

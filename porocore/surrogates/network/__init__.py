@@ -1,1 +1,1 @@
-"""Feed-forward networks in numpy, and their training whichever library differentiates."""
+"""Feed-forward networks in numpy, and their training with any library that differentiates."""

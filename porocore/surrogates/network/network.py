@@ -78,7 +78,7 @@ class Network(Evaluator):
         return self
 
     def evaluate(self, x: Array) -> Array:
-        """See :class:`Evaluator`."""
+        """Evaluate layer by layer."""
         a = x
         for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
             a = _activate(self.activation, a @ W.T + b, 0)[0]
@@ -86,7 +86,7 @@ class Network(Evaluator):
         return values
 
     def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
-        """See :class:`Evaluator`; pushed forward from layer to layer."""
+        """Evaluate value and gradient, pushed forward from layer to layer."""
         d, n = x.shape[1], len(x)
         a, J = x, np.repeat(np.eye(d)[:, None, :], n, axis=1)
         for layer, (W, b) in enumerate(zip(self.weights, self.biases, strict=True)):
@@ -102,7 +102,7 @@ class Network(Evaluator):
         return a, J
 
     def value_gradient_hessian(self, x: Array) -> Derivatives:
-        """See :class:`Evaluator`.
+        """Evaluate value, gradient and Hessian.
 
         With J_l = ∂z_l/∂x and δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″(z_l)) J_l.
         """
@@ -125,12 +125,12 @@ class Network(Evaluator):
         )  # ∂N/∂a, layer by layer
         for layer in range(len(layers) - 1, -1, -1):
             J, slope, curvature = layers[layer]
-            bend = delta * curvature
+            weight = delta * curvature
             if layer:
-                hessian += (J * bend[:, None]) @ np.ascontiguousarray(J.swapaxes(1, 2))
+                hessian += (J * weight[:, None]) @ np.ascontiguousarray(J.swapaxes(1, 2))
             else:  # J is the same everywhere
                 W = self.weights[0]
-                hessian += (bend @ (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)).reshape(n, d, d)
+                hessian += (weight @ (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)).reshape(n, d, d)
             delta = (delta * slope) @ self.weights[layer]
         return (
             z[:, 0],
@@ -140,7 +140,7 @@ class Network(Evaluator):
 
 
 def _activate(name: str, z: Array, order: int) -> tuple[Array, Array, Array]:
-    """σ(z) and, up to ``order``, σ′ and σ″."""
+    """Return σ(z) and, up to ``order``, σ′ and σ″."""
     none = np.empty(0)
     if name == "tanh":
         a = np.tanh(z)

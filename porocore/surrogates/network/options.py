@@ -1,4 +1,4 @@
-"""The settings of the networks and of their training, the same in every library, and how a wrong one is refused."""
+"""Options of the networks and of their training, the same in every library."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Device = Literal["auto", "cpu", "cuda"]
 
 
 class NetworkOptions(BaseModel):
-    """What both models have; a field's description says in messages what was expected, its docstring what it means."""
+    """Options of both models. A field's description goes into messages, its docstring into the documentation."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -1,4 +1,4 @@
-"""Training the network of a potential on values and slopes together, in whatever library differentiates.
+"""Training of the network of a potential on values and gradients together, with the derivatives of any library.
 
 The loss is written once, in operations that torch and jax.numpy share; a backend compiles it with its own
 automatic differentiation, and scipy's L-BFGS minimises it. The network enters as it is used: what it says at rest
@@ -34,7 +34,7 @@ class Autodiff(Protocol):
     """Automatic differentiation of a library."""
 
     def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
-        """``loss(θ, constants)`` → a function of θ (numpy, float64) that returns the loss and its gradient.
+        """Return θ (numpy, float64) → ``loss(θ, constants)`` and its gradient.
 
         ``constants`` reach the loss as arrays of the library.
         """
@@ -46,7 +46,7 @@ class Autodiff(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SobolevProblem:
-    """What the network is to learn: the remainder that ``W₂`` (and a polynomial) leave over, in k terms.
+    """Regression problem of the network: the remainder of ``W₂`` (and a polynomial), in k terms.
 
     Attributes
     ----------
@@ -61,10 +61,10 @@ class SobolevProblem:
     rest : (1, k)
         Scaled terms at rest.
     jacobian : (k, d, n)
-        ∂x/∂y for the d variables y by which some term has a slope.
-    value : (n,), slopes : (d, n)
+        ∂x/∂y for the d variables y by which some term changes.
+    value : (n,), gradients : (d, n)
         Targets, divided by the scale.
-    value_weight, slope_weight : float, (d,)
+    value_weight, gradient_weight : float, (d,)
         1/variance.
     """
 
@@ -76,15 +76,15 @@ class SobolevProblem:
     rest: Array
     jacobian: Array
     value: Array
-    slopes: Array
+    gradients: Array
     value_weight: float
-    slope_weight: Array
+    gradient_weight: Array
 
     @classmethod
     def from_remainder(
-        cls, data: PotentialData, value: Array, gradient: Array, terms: Terms, *, slopes: bool = True
+        cls, data: PotentialData, value: Array, gradient: Array, terms: Terms, *, gradients: bool = True
     ) -> SobolevProblem:
-        """From what is left over of W (n,) and of ∂W/∂y (7, n); without ``slopes`` only values are learned.
+        """Return the problem of a remainder of W (n,) and of ∂W/∂y (7, n); without ``gradients`` values only.
 
         Terms that no state moves are left out.
         """
@@ -98,7 +98,7 @@ class SobolevProblem:
         middle, half = (low + high) / 2, (high - low) / 2
         half_range = np.ptp(y[active], axis=1) / 2
         scale = float(np.sqrt((gradient[active] ** 2 * half_range[:, None] ** 2).mean())) or 1.0
-        # Combinations of variables have slopes by those too that no state moves.
+        # Combinations of variables have gradients by those too that no state moves.
         moving = np.flatnonzero(jacobian.any(axis=(0, 2)))
         errors = data.scales[1:][moving]
         return cls(
@@ -112,11 +112,11 @@ class SobolevProblem:
             value / scale,
             gradient[moving] / scale,
             float((scale / data.scales[0]) ** 2),
-            (scale / errors) ** 2 if slopes else np.zeros(len(moving)),
+            (scale / errors) ** 2 if gradients else np.zeros(len(moving)),
         )
 
     def loss(self, xp: Any, shapes: list[tuple[int, int]], activation: str) -> Loss:
-        """Weighted mean square of the errors of value and slopes."""
+        """Return the loss: the weighted mean square of the errors of value and gradient."""
 
         def evaluate(theta: Any, constants: Any) -> Any:
             layers = unpack_layers(theta, shapes)
@@ -124,17 +124,17 @@ class SobolevProblem:
             v0, g0, h0 = _second_order(xp, layers, activation, constants["rest"])
             g0, h0 = g0 * constants["first"], h0 * constants["second"]
             away = constants["x"] - constants["rest"]
-            bent = away @ h0
-            value = value - v0 - away @ g0 - (away * bent).sum(1) / 2
-            slope = xp.einsum("nk,kdn->dn", slope - g0 - bent, constants["jacobian"])
-            off = (value - constants["value"]) ** 2 * self.value_weight
-            tilted = (slope - constants["slopes"]) ** 2 * constants["slope_weight"][:, None]
-            return off.mean() + tilted.sum(0).mean()
+            h0_away = away @ h0
+            value = value - v0 - away @ g0 - (away * h0_away).sum(1) / 2
+            slope = xp.einsum("nk,kdn->dn", slope - g0 - h0_away, constants["jacobian"])
+            value_error = (value - constants["value"]) ** 2 * self.value_weight
+            gradient_error = (slope - constants["gradients"]) ** 2 * constants["gradient_weight"][:, None]
+            return value_error.mean() + gradient_error.sum(0).mean()
 
         return evaluate
 
     def unscaled(self, network: Network) -> Network:
-        """The function of t, in units of W, that a network says of x in units of the scale."""
+        """Return the network as a function of t, in units of W."""
         first, *others = network.weights
         weights, biases = [first / self.half, *others], list(network.biases)
         biases[0] = biases[0] - weights[0] @ self.middle
@@ -145,7 +145,7 @@ class SobolevProblem:
         )
 
     def constants(self) -> dict[str, Array]:
-        """The arrays that the loss needs."""
+        """Return the arrays of the loss."""
         first, second = low_orders(self.terms)
         return {
             "x": self.x,
@@ -154,8 +154,8 @@ class SobolevProblem:
             "first": first,
             "second": second,
             "value": self.value,
-            "slopes": self.slopes,
-            "slope_weight": self.slope_weight,
+            "gradients": self.gradients,
+            "gradient_weight": self.gradient_weight,
         }
 
 
@@ -169,7 +169,7 @@ def train(
     iterations: int,
     on_progress: Callable[[TrainingProgress], None] | None = None,
 ) -> Network:
-    """The network after L-BFGS; the first weights depend on ``seed`` only, and are the same in every library."""
+    """Return the network after L-BFGS; the first weights depend on ``seed`` only, in every library."""
     d = problem.x.shape[1]
     widths = [d, *hidden, 1]
     shapes = [(b, a) for a, b in itertools.pairwise(widths)]
@@ -211,7 +211,7 @@ def train(
 
 
 def _first_weights(shapes: list[tuple[int, int]], activation: str, seed: int) -> Array:
-    """Normal with the variance that keeps the size of the signal (Glorot & Bengio 2010); biases uniform in ± ½."""
+    """Return normal weights that keep the size of the signal (Glorot & Bengio 2010); biases uniform in ± ½."""
     random = np.random.default_rng(seed)
     gain = 4.0 if activation == "sigmoid" else 1.0
     parts = []
@@ -222,7 +222,7 @@ def _first_weights(shapes: list[tuple[int, int]], activation: str, seed: int) ->
 
 
 def unpack_layers(theta: Any, shapes: list[tuple[int, int]]) -> list[tuple[Any, Any]]:
-    """Weights and biases of each layer, from one vector of parameters."""
+    """Return weights and biases of each layer from one vector of parameters."""
     layers, at = [], 0
     for rows, columns in shapes:
         W = theta[at : at + rows * columns].reshape(rows, columns)
@@ -239,7 +239,7 @@ def layered_network(theta: Array, shapes: list[tuple[int, int]], activation: str
 
 
 def activate(xp: Any, name: str, z: Any) -> tuple[Any, Any, Any]:
-    """σ, σ′ and σ″."""
+    """Return σ, σ′ and σ″."""
     if name == "tanh":
         a = xp.tanh(z)
         slope = 1 - a * a
@@ -252,7 +252,7 @@ def activate(xp: Any, name: str, z: Any) -> tuple[Any, Any, Any]:
 
 
 def _forward(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: Any) -> tuple[Any, Any]:
-    """Values (m,) and slopes (m, d) of a network with one output."""
+    """Return values (m,) and gradients (m, d) of a network with one output."""
     a, J = x, None
     for i, (W, b) in enumerate(layers):
         z = a @ W.T + b
@@ -265,7 +265,7 @@ def _forward(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: Any) ->
 
 
 def _second_order(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: Any) -> tuple[Any, Any, Any]:
-    """Value, slope (d,) and Hessian (d, d) at one point (1, d), pushed forward."""
+    """Return value, gradient (d,) and Hessian (d, d) at one point (1, d)."""
     a, J, H = x[0], None, None
     for i, (W, b) in enumerate(layers):
         z = W @ a + b
@@ -274,7 +274,7 @@ def _second_order(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: An
         if i == len(layers) - 1:
             return z[0], J[0], J[0][:, None] * 0 * J[0][None, :] if H is None else H[0]
         a, slope, curvature = activate(xp, activation, z)
-        bent = curvature[:, None, None] * J[:, :, None] * J[:, None, :]
-        H = bent if H is None else slope[:, None, None] * H + bent
+        second = curvature[:, None, None] * J[:, :, None] * J[:, None, :]
+        H = second if H is None else slope[:, None, None] * H + second
         J = slope[:, None] * J
     raise AssertionError("a network has at least one layer")

@@ -1,4 +1,4 @@
-"""Polynomials among the arrays of a file."""
+"""Polynomials as arrays of a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A committee of polynomials: where its members disagree, what was sampled does not settle the response.
+"""Committee of polynomials, whose disagreement shows where the samples do not determine the response.
 
 The members are least-squares polynomials of neighbouring degrees, each fitted to all but a fifth of the states (query
 by committee, Seung, Opper & Sompolinsky 1992; Krogh & Vedelsby 1995). All of one degree share the equations of their
@@ -21,24 +21,24 @@ from porocore.surrogates.potential.data import PotentialData, variables
 from porocore.surrogates.potential.model import mean_grad_terms
 from porocore.surrogates.stretch.log_stretch import LogStretch
 
-#: By so much more than values may slopes of <∇u¹> be missed.
-SLOPE_TOLERANCE = 5.0
+#: By so much more than values may gradients of <∇u¹> be missed.
+GRADIENT_TOLERANCE = 5.0
 #: Of higher degree are no members; and none has more coefficients than this.
 HIGHEST_DEGREE, MOST_TERMS = 8, 160
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What the members learn: o quantities, each with its value and its slopes by the variables.
+    """Target of the members: o quantities, each with its value and its gradient by the variables.
 
     Attributes
     ----------
     terms, lowest
         Monomials of which terms, from which weight on.
     rows : (1 + 7,)
-        Divisors of the value and of the seven slopes; infinite where one is not learned.
+        Divisors of the value and of the seven gradients; infinite where one is not learned.
     right : (o, 1 + 7, n)
-        Value and slopes at the n states, not divided.
+        Value and gradients at the n states, not divided.
     spread : (o, 1 + 7)
         Ranges by which disagreements are divided; infinite where one does not matter.
     """
@@ -51,9 +51,9 @@ class Target:
 
 
 def potential_target(data: PotentialData) -> Target:
-    """W beyond second order; disagreements are those of stress and fluid volume, the slopes of W."""
+    """Return W beyond second order; disagreements are those of stress and fluid volume."""
     terms = terms_for(data)
-    value, slopes = data.remainder
+    value, gradients = data.remainder
     rows = data.scales.copy()
     if terms.name == "plain":
         rows[1:][[a for a in range(7) if a not in terms.variables]] = np.inf
@@ -61,26 +61,26 @@ def potential_target(data: PotentialData) -> Target:
     spread = np.full((1, 8), np.inf)
     spread[0, 1:7] = ranges[:6].max() or np.inf
     spread[0, 7] = ranges[6] or np.inf
-    return Target(terms, 3, rows, np.concatenate([value[None], slopes])[None], spread)
+    return Target(terms, 3, rows, np.concatenate([value[None], gradients])[None], spread)
 
 
 def mean_gradient_target(data: PotentialData) -> Target:
-    """<∇u¹>_s in the frame of the stretch, beyond first order; disagreements are those of its values."""
+    """Return <∇u¹>_s in the frame of the stretch, beyond first order; disagreements are those of its values."""
     value = data.mean_grad - data.rest.mean_grad @ data.y
-    slopes = data.mean_grad_by_y - data.rest.mean_grad[:, :, None]
+    gradients = data.mean_grad_by_y - data.rest.mean_grad[:, :, None]
     learned = np.flatnonzero(np.abs(value).max(axis=1) > 1e-12)
-    value, slopes = value[learned], slopes[learned]
+    value, gradients = value[learned], gradients[learned]
     rows = np.full(8, np.inf)
     # One divisor for all quantities, so that they share their equations.
     rows[0] = value.std(axis=1).max(initial=0.0) or 1.0
     active = list(data.active)
-    # The slopes of <∇u¹> jump where the pore wall begins to touch itself, so they count for less.
-    spread_of_slopes = slopes.std(axis=(0, 2))[active] + 1e-3 * np.abs(slopes).max(initial=1e-300)
-    rows[1:][active] = SLOPE_TOLERANCE * spread_of_slopes
+    # The gradients of <∇u¹> jump where the pore wall begins to touch itself, so they count for less.
+    spread_of_gradients = gradients.std(axis=(0, 2))[active] + 1e-3 * np.abs(gradients).max(initial=1e-300)
+    rows[1:][active] = GRADIENT_TOLERANCE * spread_of_gradients
     spread = np.full((len(learned), 8), np.inf)
     spread[:, 0] = np.ptp(data.mean_grad, axis=1).max() or np.inf
     return Target(
-        mean_grad_terms(data.active), 2, rows, np.concatenate([value[:, None], slopes], axis=1), spread
+        mean_grad_terms(data.active), 2, rows, np.concatenate([value[:, None], gradients], axis=1), spread
     )
 
 
@@ -109,7 +109,7 @@ class Committee:
     covariance: Array
 
     def judge(self, states: MacroState) -> PolynomialJudgement:
-        """Return what the members say of m candidates."""
+        """Return the judgement of m candidates."""
         m, K = len(states), len(self.covariance)
         if len(self.members) < 2:
             return PolynomialJudgement(np.zeros(m), *(np.zeros((1, 1, m)) for _ in range(3)))
@@ -127,7 +127,7 @@ class Committee:
 
 
 class PolynomialJudgement:
-    """How much the members disagree at m candidates, and what solving each of them is worth.
+    """Disagreement of the members at m candidates, and the value of solving each of them.
 
     A candidate's worth is the variance that solving it is expected to take from the fit at all candidates together,
     each weighted by the square of the disagreement there: Bayesian linear regression, as in I-optimal designs.
@@ -145,13 +145,13 @@ class PolynomialJudgement:
         self._rows, self._known, self._goal = rows, known, goal
 
     def worth(self) -> Array:
-        """Of each candidate, (m,), after those that were taken."""
+        """Return the value of each candidate, (m,), after those that were taken."""
         taken = _each(self._known, self._goal)
         worth: Array = np.trace(np.linalg.solve(self._own(slice(None)), taken), axis1=1, axis2=2)
         return worth
 
     def take(self, candidate: int) -> None:
-        """Count with a solution there."""
+        """Count the candidate as solved."""
         own = self._own(slice(candidate, candidate + 1))[0]
         known, goal = self._known[:, :, candidate].copy(), self._goal[:, :, candidate].copy()
         # As products of matrices: einsum would take ten times as long.
@@ -165,13 +165,13 @@ class PolynomialJudgement:
 
 
 def _each(a: Array, b: Array) -> Array:
-    """Σ_k a_kcm b_kdm for each candidate, (m, c, d); as products of matrices, several times as fast as einsum."""
+    """Return Σ_k a_kcm b_kdm for each candidate, (m, c, d); as matrix products, several times as fast as einsum."""
     product: Array = np.ascontiguousarray(a.transpose(2, 1, 0)) @ np.ascontiguousarray(b.transpose(2, 0, 1))
     return product
 
 
 def committee(data: TrainingSet, responses: tuple[str, ...]) -> Committee:
-    """Fitted to the stable states of ``data``, for a closure that asks for ``responses``.
+    """Return the committee of the stable states of ``data``, for a closure that needs ``responses``.
 
     With too few states for two members, nobody disagrees.
 
@@ -234,7 +234,7 @@ def _fitted(target: Target, y: Array) -> Committee:
 
 
 def _monomials(target: Target, states: int, equations: int) -> tuple[IntArray, dict[int, int]]:
-    """Those of all degrees that so many states determine, and how many there are up to each degree."""
+    """Return the monomials of all degrees that so many states determine, and their number up to each degree."""
     exponents, sizes = target.terms.monomials(target.lowest, target.lowest), {}
     for degree in range(target.lowest, HIGHEST_DEGREE + 1):
         candidates = target.terms.monomials(target.lowest, degree)
@@ -245,7 +245,7 @@ def _monomials(target: Target, states: int, equations: int) -> tuple[IntArray, d
 
 
 def _design(terms: Terms, exponents: IntArray, y: Array) -> Array:
-    """Values and slopes by the variables of each monomial, (K, 1 + 7, n)."""
+    """Return values and gradients by the variables of each monomial, (K, 1 + 7, n)."""
     t, J, _ = terms.polynomial.derivatives(y, second=False)
     value, by_t, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
     return np.concatenate([value[:, None], np.einsum("ktn,tan->kan", by_t, J)], axis=1)

@@ -14,8 +14,8 @@ from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms
 
 
-class Motion:
-    """Terms at y (7, n) with their derivatives, through which derivatives by t become derivatives by y.
+class TermDerivatives:
+    """Terms at y (7, n) with their derivatives, which turn derivatives by t into derivatives by y.
 
     Attributes
     ----------
@@ -24,38 +24,38 @@ class Motion:
     """
 
     def __init__(self, terms: Terms, y: Array) -> None:
-        self.t, slopes, self._bends = terms.polynomial.entries(y)
+        self.t, gradients, self._hessians = terms.polynomial.entries(y)
         k, n = self.t.shape
         J = np.zeros((k, VARIABLES, n))
-        for at, row in slopes:
+        for at, row in gradients:
             J[at] = row
         self._wide = np.ascontiguousarray(J.reshape(-1, n).T).reshape(n, k, VARIABLES)
         self._tall = np.ascontiguousarray(self._wide.swapaxes(1, 2))
 
     def push(self, by_t: Array, by_tt: Array, gradient: Array, hessian: Array) -> None:
-        """Add to the gradient (7, n) and Hessian (7, 7, n) by y what those by t, (k, n) and (k, k, n), make of them."""
+        """Add derivatives by t, (k, n) and (k, k, n), to the gradient (7, n) and Hessian (7, 7, n) by y."""
         k, n = by_t.shape
         gradient += (self._tall @ np.ascontiguousarray(by_t.T)[:, :, None])[:, :, 0].T
         rows = np.ascontiguousarray(by_tt.reshape(k * k, n).T).reshape(n, k, k)
-        bent = self._tall @ rows @ self._wide
-        hessian += np.ascontiguousarray(bent.reshape(n, -1).T).reshape(VARIABLES, VARIABLES, n)
-        for (term, a, b), row in self._bends:
-            more = by_t[term] * row
-            hessian[a, b] += more
+        product = self._tall @ rows @ self._wide
+        hessian += np.ascontiguousarray(product.reshape(n, -1).T).reshape(VARIABLES, VARIABLES, n)
+        for (term, a, b), row in self._hessians:
+            entry = by_t[term] * row
+            hessian[a, b] += entry
             if a != b:
-                hessian[b, a] += more
+                hessian[b, a] += entry
 
 
-class Part(Protocol):
-    """A function of some terms."""
+class FunctionOfTerms(Protocol):
+    """Function of some terms."""
 
     def start(self, t: Array) -> Callable[[], Derivatives]:
-        """Set about its derivatives at t (k, n), in the background if it can, and return what waits for them."""
+        """Start the evaluation of its derivatives at t (k, n); return a function that waits for them."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sum:
-    """A polynomial in terms and, maybe, another function of some of the same terms.
+class TermSum:
+    """Sum of a polynomial in terms and, maybe, another function of some of them.
 
     Attributes
     ----------
@@ -67,20 +67,20 @@ class Sum:
 
     terms: Terms
     polynomial: Polynomial
-    part: Part | None = None
+    part: FunctionOfTerms | None = None
     rows: tuple[int, ...] = ()
 
     def start(self, y: Array) -> Callable[[Array, Array, Array], None]:
-        """Set about it at y (7, n).
+        """Start the evaluation at y (7, n).
 
         What is returned adds to a value (n,), a gradient (7, n) and a Hessian (7, 7, n), in place.
         """
-        motion = Motion(self.terms, y) if self.terms.name != "plain" else None
-        t = y[list(self.terms.variables)] if motion is None else motion.t
+        derivatives = TermDerivatives(self.terms, y) if self.terms.name != "plain" else None
+        t = y[list(self.terms.variables)] if derivatives is None else derivatives.t
         pending = None if self.part is None else self.part.start(t[list(self.rows)])
 
         def finish(value: Array, gradient: Array, hessian: Array) -> None:
-            if motion is None:
+            if derivatives is None:
                 if pending is not None:
                     mine = [self.terms.variables[row] for row in self.rows]
                     _add_at(mine, pending(), value, gradient, hessian)
@@ -88,14 +88,14 @@ class Sum:
                 return
             everything = tuple(range(len(t)))
             if pending is not None and self.rows == everything:
-                more, by_t, by_tt = pending()
-                value += more
+                part_value, by_t, by_tt = pending()
+                value += part_value
             else:
                 by_t, by_tt = np.zeros_like(t), np.zeros((len(t), *t.shape))
                 if pending is not None:
                     _add_at(self.rows, pending(), value, by_t, by_tt)
             self._add_polynomial(t, everything, value, by_t, by_tt)
-            motion.push(by_t, by_tt, gradient, hessian)
+            derivatives.push(by_t, by_tt, gradient, hessian)
 
         return finish
 
@@ -104,11 +104,11 @@ class Sum:
     ) -> None:
         if not len(self.polynomial.exponents):
             return
-        values, slopes, curvatures = self.polynomial.entries(t)
+        values, gradients, hessians = self.polynomial.entries(t)
         value += values[0]
-        for (_, i), row in slopes:
+        for (_, i), row in gradients:
             gradient[places[i]] += row
-        for (_, i, j), row in curvatures:
+        for (_, i, j), row in hessians:
             a, b = places[i], places[j]
             hessian[a, b] += row
             if a != b:
@@ -116,20 +116,20 @@ class Sum:
 
 
 def _add_at(places: Sequence[int], found: Derivatives, value: Array, gradient: Array, hessian: Array) -> None:
-    more, slope, curvature = found
-    value += more
+    v, g, h = found
+    value += v
     for i, a in enumerate(places):
-        gradient[a] += slope[i]
+        gradient[a] += g[i]
         for j, b in enumerate(places):
-            hessian[a, b] += curvature[i, j]
+            hessian[a, b] += h[i, j]
 
 
 def composed(terms: Terms, polynomial: Polynomial, y: Array) -> tuple[Array, Array, Array]:
-    """Values (o, n), gradients (o, 7, n) and Hessians (o, 7, 7, n) at y (7, n) of a polynomial in terms."""
+    """Return values (o, n), gradients (o, 7, n) and Hessians (o, 7, 7, n) at y (7, n) of a polynomial in terms."""
     o, n = len(polynomial.coefficients), y.shape[1]
     value, gradient = np.zeros((o, n)), np.zeros((o, VARIABLES, n))
     hessian = np.zeros((o, VARIABLES, VARIABLES, n))
     for i in range(o):
         one = Polynomial(polynomial.exponents, polynomial.coefficients[i : i + 1])
-        Sum(terms, one).start(y)(value[i], gradient[i], hessian[i])
+        TermSum(terms, one).start(y)(value[i], gradient[i], hessian[i])
     return value, gradient, hessian

@@ -1,4 +1,4 @@
-"""Fitting the polynomial parts of a potential model."""
+"""Fit of the polynomial parts of a potential model."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SMALLEST_SHARE = 1e-6
 
 
 def terms_for(data: PotentialData) -> Terms:
-    """The variables of a problem with few, else combinations that the operations of the cell leave alone.
+    """Return the variables of a problem with few, else combinations that the operations of the cell leave unchanged.
 
     Variables that no state moves are there too, to first order, where something acts along them: a shear stress of a
     cell without mirrors, say. Without them it would be lost.
@@ -43,14 +43,14 @@ def terms_for(data: PotentialData) -> Terms:
     group = data.rest.symmetry
     if len(data.active) > MOST_PLAIN and len(group) > 1:
         return invariant(group, data.active)
-    _, slopes = data.remainder
+    _, gradients = data.remainder
     to = on_variables(stabiliser(group, data.active)).to
-    acting = [a for a in acting_across(group, data.active) if np.abs(slopes[a]).max() > SMALLEST_SLOPE]
+    acting = [a for a in acting_across(group, data.active) if np.abs(gradients[a]).max() > SMALLEST_SLOPE]
     return plain(data.active, tuple(sorted({int(b) for a in acting for b in to[:, a]})))
 
 
 def tied(terms: Terms, group: PointGroup) -> Equivariance | None:
-    """Return what a potential in plain terms has to obey; None of invariant ones, which obey by themselves."""
+    """Return the symmetry of a potential in plain terms; None for invariant terms, which have it by themselves."""
     if terms.name != "plain":
         return None
     own = stabiliser(group, terms.active)
@@ -65,34 +65,34 @@ def fit_potential(
     beyond: Polynomial | None = None,
     highest: int = LARGEST_DEGREE,
 ) -> Fit:
-    """What W₂, and a polynomial ``beyond`` it, leave over of W, from third order on."""
+    """Fit the remainder of W₂, and of a polynomial ``beyond`` it, from third order on."""
     value, gradient = remainder(data, terms, beyond)
     scale = data.scales[1:].copy()
-    _, slopes, _ = terms.polynomial.derivatives(data.y, second=False)
-    scale[~slopes.any(axis=(0, 2))] = np.inf
+    _, gradients, _ = terms.polynomial.derivatives(data.y, second=False)
+    scale[~gradients.any(axis=(0, 2))] = np.inf
     samples = RegressionData(data.y, value[None], gradient[None], data.scales[:1], scale[None])
     return fit(samples, terms, 3, degree=degree, highest=highest, tied=tied(terms, data.rest.symmetry))
 
 
 def remainder(data: PotentialData, terms: Terms, polynomial: Polynomial | None) -> tuple[Array, Array]:
-    """What W₂ and a polynomial in terms leave over of W (n,) and of ∂W/∂y (7, n)."""
+    """Return what W₂ and a polynomial in terms leave of W (n,) and of ∂W/∂y (7, n)."""
     value, gradient = data.remainder
     if polynomial is None:
         return value, gradient
-    fitted, slopes, _ = composed(terms, polynomial, data.y)
-    return value - fitted[0], gradient - slopes[0]
+    fitted, gradients, _ = composed(terms, polynomial, data.y)
+    return value - fitted[0], gradient - gradients[0]
 
 
 def fit_mean_grad(data: PotentialData) -> Polynomial:
-    """What the linear limit leaves over of Rᵀ<∇u¹>_s, from second order on, (9 outputs)."""
+    """Fit the remainder of the linear limit of Rᵀ<∇u¹>_s, from second order on (9 outputs)."""
     value = data.mean_grad - data.rest.mean_grad @ data.y
-    slopes = data.mean_grad_by_y - data.rest.mean_grad[:, :, None]
+    gradients = data.mean_grad_by_y - data.rest.mean_grad[:, :, None]
     largest = np.abs(value).max(axis=1)
     images = on_places(stabiliser(data.rest.symmetry, data.active)).to
     learned = np.unique(images[:, largest > max(SMALLEST_SHARE * largest.max(), 1e-12)])
     terms = mean_grad_terms(data.active)
     still = [a for a in range(7) if a not in data.active]
-    scale = np.maximum(slopes.std(axis=2), 1e-3 * np.abs(slopes).max())
+    scale = np.maximum(gradients.std(axis=2), 1e-3 * np.abs(gradients).max())
     scale[:, still] = np.inf
     if not len(learned):
         return Polynomial(np.zeros((0, len(data.active)), dtype=np.int64), np.zeros((9, 0)))
@@ -100,7 +100,7 @@ def fit_mean_grad(data: PotentialData) -> Polynomial:
     for together in on_places(stabiliser(data.rest.symmetry, data.active)).orbits():
         # What the cell does not tell apart weighs the same.
         size[together], scale[together] = size[together].max(), scale[together].max(axis=0)
-    samples = RegressionData(data.y, value[learned], slopes[learned], size[learned], scale[learned])
+    samples = RegressionData(data.y, value[learned], gradients[learned], size[learned], scale[learned])
     part = fit(samples, terms, 2, tied=_turning(data, learned)).polynomial
     coefficients = np.zeros((9, len(part.exponents)))
     coefficients[learned] = part.coefficients
@@ -108,7 +108,7 @@ def fit_mean_grad(data: PotentialData) -> Polynomial:
 
 
 def _turning(data: PotentialData, places: IntArray) -> Equivariance | None:
-    """What <∇u¹>_s has to obey: it turns with the cell."""
+    """Return the symmetry of <∇u¹>_s, which turns with the cell."""
     group = stabiliser(data.rest.symmetry, data.active)
     if len(group) == 1:
         return None
@@ -118,7 +118,7 @@ def _turning(data: PotentialData, places: IntArray) -> Equivariance | None:
 
 
 def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[PotentialModel, Fit]:
-    """A potential without a network.
+    """Return a potential without a network, and its fit.
 
     Raises
     ------
@@ -150,6 +150,6 @@ def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[
 
 
 def sampled_range(training: TrainingSet) -> SampledRange:
-    """Hull of the states that a potential learns from."""
+    """Return the hull of the states from which a potential learns."""
     stable = np.flatnonzero(training.responses.stable)
     return SampledRange.around(training.inputs, training.inputs.gather(training.states[stable]))

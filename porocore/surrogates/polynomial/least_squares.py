@@ -1,4 +1,4 @@
-"""Polynomials fitted to values and slopes together, their degree chosen by cross-validation."""
+"""Polynomials fitted to values and gradients together, their degree chosen by cross-validation."""
 
 from __future__ import annotations
 
@@ -20,40 +20,44 @@ FOLDS = 5
 
 @dataclass(frozen=True, eq=False)
 class RegressionData:
-    """What is to be fitted, o quantities at n states.
+    """Data to be fitted, o quantities at n states.
 
     Attributes
     ----------
     y : (7, n)
         Variables.
-    value : (o, n), slopes : (o, 7, n)
+    value : (o, n), gradients : (o, 7, n)
         Quantities and derivatives.
-    value_scale : (o,), slope_scale : (o, 7)
+    value_scale : (o,), gradient_scale : (o, 7)
         What errors are divided by; infinite for a derivative that is not to be fitted.
     """
 
     y: Array
     value: Array
-    slopes: Array
+    gradients: Array
     value_scale: Array
-    slope_scale: Array
+    gradient_scale: Array
 
     def subset(self, rows: IntArray) -> RegressionData:
-        """Some of the states."""
+        """Return the data of some states."""
         return RegressionData(
-            self.y[:, rows], self.value[:, rows], self.slopes[:, :, rows], self.value_scale, self.slope_scale
+            self.y[:, rows],
+            self.value[:, rows],
+            self.gradients[:, :, rows],
+            self.value_scale,
+            self.gradient_scale,
         )
 
     @property
     def fitted(self) -> Array:
-        """Which derivatives count, (7,) bool."""
-        finite: Array = np.isfinite(self.slope_scale).any(axis=0)
+        """Derivatives that count, (7,) bool."""
+        finite: Array = np.isfinite(self.gradient_scale).any(axis=0)
         return finite
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted polynomial in terms.
+    """Fitted polynomial in terms.
 
     Attributes
     ----------
@@ -62,7 +66,7 @@ class Fit:
     degree
         Largest weight of a monomial.
     errors
-        Cross-validated error of each degree that was tried: root mean square of the scaled slopes' errors.
+        Cross-validated error of each degree that was tried: root mean square of the scaled gradients' errors.
     """
 
     polynomial: Polynomial
@@ -79,7 +83,7 @@ def fit(
     highest: int = LARGEST_DEGREE,
     tied: Equivariance | None = None,
 ) -> Fit:
-    """Monomials of weight ``lowest`` … degree; without ``degree`` that of the smallest cross-validated error.
+    """Fit monomials of weight ``lowest`` … degree; without ``degree`` that of the smallest cross-validated error.
 
     With ``tied`` the polynomials have that symmetry exactly.
 
@@ -115,7 +119,7 @@ def fit(
 
 
 def _design(samples: RegressionData, terms: Terms, exponents: IntArray) -> tuple[Array, Array]:
-    """Values (K, n) and slopes (K, 7, n) of each monomial."""
+    """Return values (K, n) and gradients (K, 7, n) of each monomial."""
     t, J, _ = terms.polynomial.derivatives(samples.y, second=False)
     value, by_t, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
     return value, np.einsum("ktn,tan->kan", by_t, J)
@@ -127,16 +131,16 @@ def _solve(
     outputs = len(samples.value)
     if not len(exponents):
         return Polynomial(exponents, np.zeros((outputs, 0)))
-    value, slopes = _design(samples, terms, exponents)
+    value, gradients = _design(samples, terms, exponents)
     equations = []
     for o in range(outputs):
-        kept = np.isfinite(samples.slope_scale[o])
-        scale = samples.slope_scale[o, kept][:, None]
+        kept = np.isfinite(samples.gradient_scale[o])
+        scale = samples.gradient_scale[o, kept][:, None]
         rows = np.concatenate(
-            [value / samples.value_scale[o], (slopes[:, kept] / scale).reshape(len(exponents), -1)], axis=1
+            [value / samples.value_scale[o], (gradients[:, kept] / scale).reshape(len(exponents), -1)], axis=1
         ).T
         right = np.concatenate(
-            [samples.value[o] / samples.value_scale[o], (samples.slopes[o, kept] / scale).ravel()]
+            [samples.value[o] / samples.value_scale[o], (samples.gradients[o, kept] / scale).ravel()]
         )
         equations.append((rows, right))
     return Polynomial(exponents, tied_least_squares(equations, exponents, tied))
@@ -145,7 +149,7 @@ def _solve(
 def tied_least_squares(
     equations: list[tuple[Array, Array]], exponents: IntArray, tied: Equivariance | None
 ) -> Array:
-    """Return coefficients (o, K) of the monomials (K, v) that come closest to equations, one list for each output.
+    """Return the least-squares coefficients (o, K) of the monomials (K, v), with one system for each output.
 
     Parameters
     ----------
@@ -191,11 +195,11 @@ def _least_squares(rows: Array, right: Array) -> Array:
 
 
 def _error(samples: RegressionData, terms: Terms, polynomial: Polynomial) -> float:
-    """Sum over the states of the mean square of the scaled errors of the slopes."""
+    """Return the sum over the states of the mean square of the scaled gradient errors."""
     t, J, _ = terms.polynomial.derivatives(samples.y, second=False)
     _, by_t, _ = polynomial.derivatives(t, second=False)
-    wrong = np.einsum("otn,tan->oan", by_t, J) - samples.slopes
+    wrong = np.einsum("otn,tan->oan", by_t, J) - samples.gradients
     scaled = np.where(
-        np.isfinite(samples.slope_scale)[:, :, None], wrong / samples.slope_scale[:, :, None], 0.0
+        np.isfinite(samples.gradient_scale)[:, :, None], wrong / samples.gradient_scale[:, :, None], 0.0
     )
-    return float((scaled**2).sum() / max(np.isfinite(samples.slope_scale).sum(), 1))
+    return float((scaled**2).sum() / max(np.isfinite(samples.gradient_scale).sum(), 1))

@@ -15,12 +15,12 @@ IntArray = npt.NDArray[np.int64]
 #: States are taken in blocks of so many numbers, which stay in the processor's cache; and no fewer states at once.
 LARGEST_BLOCK, SMALLEST_BLOCK = 200_000, 256
 #: Which output by which variables, and the values (n,).
-Slope = tuple[tuple[int, int], Array]
-Curvature = tuple[tuple[int, int, int], Array]
+GradientEntry = tuple[tuple[int, int], Array]
+HessianEntry = tuple[tuple[int, int, int], Array]
 
 
 def exponents_up_to(weights: tuple[int, ...], lowest: int, highest: int) -> IntArray:
-    """All exponents (K, v) whose total weight lies between ``lowest`` and ``highest``, in ascending order of weight."""
+    """Return all exponents (K, v) with a total weight from ``lowest`` to ``highest``, ascending in weight."""
     found: list[tuple[int, ...]] = [()]
     for weight in weights:
         found = [
@@ -50,31 +50,33 @@ class Polynomial:
 
     @property
     def variables(self) -> int:
-        """v."""
+        """Number of variables v."""
         return int(self.exponents.shape[1])
 
     def evaluate(self, t: Array) -> Array:
-        """Values (o, n) at t (v, n)."""
+        """Return values (o, n) at t (v, n)."""
         values: Array = self._rows[0] @ self._monomials(t)
         return values
 
     def derivatives(self, t: Array, *, second: bool = True) -> tuple[Array, Array, Array | None]:
-        """Values (o, n), gradients (o, v, n) and Hessians (o, v, v, n) at t (v, n)."""
+        """Return values (o, n), gradients (o, v, n) and Hessians (o, v, v, n) at t (v, n)."""
         o, v, n = len(self.coefficients), self.variables, t.shape[1]
-        values, slopes, curvatures = self.entries(t, second=second)
+        values, gradients, hessians = self.entries(t, second=second)
         gradient = np.zeros((o, v, n))
-        for at, row in slopes:
+        for at, row in gradients:
             gradient[at] = row
         if not second:
             return values, gradient, None
         hessian = np.zeros((o, v, v, n))
-        for (i, a, b), row in curvatures:
+        for (i, a, b), row in hessians:
             hessian[i, a, b] = row
             hessian[i, b, a] = row
         return values, gradient, hessian
 
-    def entries(self, t: Array, *, second: bool = True) -> tuple[Array, list[Slope], list[Curvature]]:
-        """Values (o, n), and the derivatives that are not zero everywhere.
+    def entries(
+        self, t: Array, *, second: bool = True
+    ) -> tuple[Array, list[GradientEntry], list[HessianEntry]]:
+        """Return values (o, n) and the derivatives that are not zero everywhere.
 
         As pairs ((output, a), (n,)) and ((output, a, b), (n,)), a ≤ b.
         """
@@ -122,7 +124,7 @@ class Polynomial:
 
     @cached_property
     def _steps(self) -> list[tuple[slice, slice | IntArray, int]]:
-        """Which rows of the basis are which others times which variable; slices where no monomial is missing."""
+        """Rows of the basis as products of other rows with a variable; slices where no monomial is missing."""
         order, number = self._basis
         groups: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for i, e in enumerate(order[1:], start=1):
@@ -142,7 +144,7 @@ class Polynomial:
         return steps
 
     def _monomials(self, t: Array, buffer: Array | None = None) -> Array:
-        """The basis at t (v, n), (size, n)."""
+        """Return the basis at t (v, n), (size, n)."""
         size, n = len(self._basis[0]), t.shape[1]
         out = np.empty((size, n)) if buffer is None else buffer[:, :n]
         out[:1] = 1.0
@@ -171,7 +173,7 @@ class Polynomial:
     def _derivative_rows(
         self,
     ) -> tuple[Array, Array, list[tuple[int, int]], list[tuple[int, int, int]]]:
-        """Coefficients of the first and second derivatives that are not zero, over the basis, and which these are.
+        """Coefficients of the non-zero first and second derivatives over the basis, and their places.
 
         The basis ascends in degree, so the columns of a derivative end before those of the polynomial.
         """

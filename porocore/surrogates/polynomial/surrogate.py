@@ -1,4 +1,4 @@
-"""The built-in surrogate: a least-squares polynomial for the potential, with nothing but numpy."""
+"""Built-in surrogate: a least-squares polynomial for the potential, in numpy alone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from porocore.surrogates.portable import ModelSurrogate
 
 
 class PolynomialSurrogate(ModelSurrogate):
-    """W as a polynomial in (ln U, p), fitted to W and its first derivatives in milliseconds.
+    """Polynomial W(ln U, p), fitted to W and its first derivatives in milliseconds.
 
     It has the symmetry of the cell: in a problem of up to three variables by coefficients that are the same, in more
     because the variables are combined to terms that the cell's operations leave alone.

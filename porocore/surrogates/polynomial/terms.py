@@ -1,4 +1,4 @@
-"""Terms in which the potential is a polynomial: the variables themselves, or combinations with the cell's symmetry.
+"""Terms of the polynomial potential: the variables themselves, or combinations with the cell's symmetry.
 
 The variables y are the six components of L = ln U (11, 22, 33, 23, 13, 12) and the pressure p.
 """
@@ -20,7 +20,7 @@ VARIABLES = 7
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """A set of terms t(y), each a polynomial with a weight, the degree that it counts as.
+    """Set of terms t(y), each a polynomial with a weight, the degree that it counts as.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Terms:
     weights
         One for each term.
     once
-        Terms of which a monomial may hold one only: the states tell slopes in their direction, and no more.
+        Terms of which a monomial may hold one only: the states tell gradients in their direction, and no more.
     active
         Variables that states move. On them alone monomials of invariant terms are told apart.
     crosswise
@@ -46,7 +46,7 @@ class Terms:
     crosswise: bool = False
 
     def monomials(self, lowest: int, highest: int) -> IntArray:
-        """Exponents (K, k) of all monomials of weight ``lowest`` … ``highest``; of invariant terms a basis of them."""
+        """Return the exponents (K, k) of all monomials of weight ``lowest`` … ``highest``, or a basis of them."""
         exponents = exponents_up_to(self.weights, lowest, highest)
         once = exponents[:, list(self.once)].sum(axis=1)
         kept: IntArray = exponents[once == 1 if self.crosswise else once <= 1]
@@ -65,17 +65,17 @@ class Terms:
 
     @property
     def variables(self) -> tuple[int, ...]:
-        """Of ``plain``: which of y they are."""
+        """Indices of the variables y that ``plain`` terms are."""
         return tuple(int(np.argmax(e)) for e in self.polynomial.exponents)
 
     def rows_of(self, others: Terms) -> tuple[int, ...] | None:
-        """Which of these terms the ``others`` are; None if some are not among them."""
+        """Return the indices of the ``others`` among these terms; None if some are missing."""
         known = [_described(self.polynomial, row) for row in range(len(self.weights))]
         wanted = [_described(others.polynomial, row) for row in range(len(others.weights))]
         return tuple(known.index(w) for w in wanted) if all(w in known for w in wanted) else None
 
     def subset(self, rows: tuple[int, ...]) -> Terms:
-        """Some of them; those of ``plain`` are then fewer variables."""
+        """Return some of the terms; ``plain`` ones are then fewer variables."""
         coefficients = self.polynomial.coefficients[list(rows)]
         used = coefficients.any(axis=0)
         return Terms(
@@ -87,12 +87,12 @@ class Terms:
         )
 
     def across(self) -> Terms:
-        """Return the same with those monomials only that say what acts across the variables that states move."""
+        """Return the terms with only those monomials that act across the variables that states move."""
         return replace(self, crosswise=True)
 
 
 def plain(active: tuple[int, ...], still: tuple[int, ...] = ()) -> Terms:
-    """The variables in ``active`` themselves, and those in ``still``, which no state moves, once in a monomial."""
+    """Return the variables in ``active``, and those in ``still``, which no state moves, once in a monomial."""
     both = active + still
     return Terms(
         "plain",
@@ -105,11 +105,11 @@ def plain(active: tuple[int, ...], still: tuple[int, ...] = ()) -> Terms:
 
 @lru_cache(maxsize=64)
 def invariant(group: PointGroup, active: tuple[int, ...] = tuple(range(VARIABLES))) -> Terms:
-    """Combinations that no operation of a group changes, in which an invariant polynomial can be written; last p.
+    """Return terms that no operation of a group changes, in which each invariant polynomial can be written; p last.
 
-    Of the cube, with s = (L_23², L_13², L_12²): ΣL_ii, ΣL_ii², Σs_i, ΣL_ii³, ΣL_ii s_i, L_23 L_13 L_12, ΣL_ii² s_i,
-    Σs_i², ΣL_ii s_i² and p. Those are left out that have neither a value nor a slope where the variables in ``active``
-    alone move; those that have a slope only are in a monomial once.
+    For the cube, with s = (L_23², L_13², L_12²): ΣL_ii, ΣL_ii², Σs_i, ΣL_ii³, ΣL_ii s_i, L_23 L_13 L_12, ΣL_ii² s_i,
+    Σs_i², ΣL_ii s_i² and p. Terms with neither a value nor a gradient where only the
+    variables in ``active`` move are left out; those with a gradient only are in a monomial once.
     """
     pressure: Invariant = {(0, 0, 0, 0, 0, 0, 1): 1.0}
     every = [*({(*e, 0): c for e, c in f.items()} for f in integrity_basis(group)), pressure]
@@ -128,9 +128,9 @@ def invariant(group: PointGroup, active: tuple[int, ...] = tuple(range(VARIABLES
 
 @lru_cache(maxsize=512)
 def _basis(terms: Terms, weight: int) -> IntArray:
-    """Monomials (K, k) of the terms without p, of one weight, that are independent; each with any of p are so too.
+    """Return the independent monomials (K, k) of the terms without p, of one weight; each times any power of p too.
 
-    Their values, and their slopes by the variables that no state moves, are compared at random points modulo a prime.
+    Values, and gradients by the variables that no state moves, are compared at random points modulo a prime.
     """
     rows = [k for k in range(len(terms.weights)) if not terms._is_pressure(k)]
     found = exponents_up_to(tuple(terms.weights[k] for k in rows), weight, weight)
@@ -145,20 +145,20 @@ def _basis(terms: Terms, weight: int) -> IntArray:
     points[[a for a in range(6) if a in terms.active]] = np.random.default_rng(weight).integers(
         1, 100, (6 - len(still), points.shape[1])
     )
-    value, slopes, _ = terms.polynomial.derivatives(points, second=False)
-    numbers = [np.concatenate([value[k : k + 1], slopes[k, still]]).astype(np.int64) % PRIME for k in rows]
+    value, gradients, _ = terms.polynomial.derivatives(points, second=False)
+    numbers = [np.concatenate([value[k : k + 1], gradients[k, still]]).astype(np.int64) % PRIME for k in rows]
     table = np.array([_powers(numbers, e[rows]) for e in exponents]).reshape(len(exponents), -1)
     return np.asarray(exponents[independent(table)])
 
 
 def _powers(numbers: list[IntArray], exponents: IntArray) -> IntArray:
-    """The product of powers of numbers (1 + d, n), each a value with its d slopes, modulo the prime."""
+    """Return the product of powers of numbers (1 + d, n), each a value with d derivatives, modulo the prime."""
     found = np.zeros_like(numbers[0])
     found[0] = 1
     for number, exponent in zip(numbers, exponents, strict=True):
         for _ in range(int(exponent)):
-            slopes = found[0] * number[1:] + found[1:] * number[0]
-            found = np.concatenate([found[:1] * number[:1], slopes]) % PRIME
+            gradients = found[0] * number[1:] + found[1:] * number[0]
+            found = np.concatenate([found[:1] * number[:1], gradients]) % PRIME
     return found
 
 

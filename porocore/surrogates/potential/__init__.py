@@ -1,1 +1,1 @@
-"""The effective potential W(ln U, p) as a model: its data, its evaluation, its training."""
+"""Effective potential W(ln U, p) as a model: its data, its evaluation, its training."""

@@ -1,4 +1,4 @@
-"""What solved cells say of W as a function of L = ln U and p, in the variables in which potentials are learned."""
+"""Training data of a potential: W as a function of L = ln U and p at the solved states."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ STILL = 1e-9
 
 
 def variables(stretch: LogStretch, p: Array) -> Array:
-    """y (7, n): six components of ln U, and p."""
+    """Return y (7, n): six components of ln U, and p."""
     return np.concatenate([stretch.L, p[None]])
 
 
 @dataclass(frozen=True, eq=False)
 class RestExpansion:
-    """The second-order expansion of W at rest, W₂(y) = −φ_f p + ½ y·A y: exact in the limit of small loads.
+    """Quadratic expansion of W at rest, W₂(y) = −φ_f p + ½ y·A y: exact in the limit of small loads.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class RestExpansion:
 
     @classmethod
     def from_response(cls, reference: CellResponse, symmetry: PointGroup) -> RestExpansion:
-        """From the response of the undeformed cell (one row) with its tangent.
+        """Return the expansion from the response of the undeformed cell (one row) with its tangent.
 
         What breaks the cell's symmetry there is the error of a free mesh, and is averaged out.
 
@@ -84,7 +84,7 @@ class RestExpansion:
         return cls(float(reference.fluid_volume[0]), y.mean(y, (A + A.T) / 2), places.mean(y, m), symmetry)
 
     def potential(self, y: Array) -> tuple[Array, Array]:
-        """W₂ (n,) and ∂W₂/∂y (7, n); the Hessian is ``matrix``."""
+        """Return W₂ (n,) and ∂W₂/∂y (7, n); the Hessian is ``matrix``."""
         gradient = self.matrix @ y
         value = (y * gradient).sum(axis=0) / 2 - self.porosity * y[6]
         gradient[6] -= self.porosity
@@ -92,14 +92,14 @@ class RestExpansion:
 
 
 def _symmetric(tensor: Array, i: int, j: int) -> Array:
-    """∂(3, 3)/∂ one component of a symmetric argument."""
+    """Return ∂(3, 3)/∂ one component of a symmetric argument."""
     column: Array = tensor[:, :, i, j] if i == j else tensor[:, :, i, j] + tensor[:, :, j, i]
     return column
 
 
 @dataclass(frozen=True, eq=False)
 class PotentialData:
-    """n states in the variables y.
+    """Data of n states in the variables y.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class PotentialData:
 
     @classmethod
     def from_training_set(cls, data: TrainingSet) -> PotentialData:
-        """Of the states that are stable; what lies behind an instability would mislead a potential.
+        """Return the data of the stable states; those beyond an instability would mislead a potential.
 
         Raises
         ------
@@ -158,14 +158,14 @@ class PotentialData:
             [stretch.pull(np.moveaxis(responses.stress, 0, -1)), -responses.fluid_volume[None]]
         )
         active = tuple(int(a) for a in np.flatnonzero(np.abs(y).max(axis=1) > STILL))
-        mean_grad, slopes = _unrotated(stretch, responses)
-        return cls(rest, y, active, responses.potential.copy(), gradient, mean_grad, slopes)
+        mean_grad, gradients = _unrotated(stretch, responses)
+        return cls(rest, y, active, responses.potential.copy(), gradient, mean_grad, gradients)
 
     def __len__(self) -> int:
         return self.y.shape[1]
 
     def subset(self, rows: Array) -> PotentialData:
-        """Some of the states."""
+        """Return the data of some states."""
         return PotentialData(
             self.rest,
             self.y[:, rows],
@@ -178,13 +178,13 @@ class PotentialData:
 
     @cached_property
     def remainder(self) -> tuple[Array, Array]:
-        """What the expansion at rest leaves over of W (n,) and of ∂W/∂y (7, n)."""
+        """Remainder of W (n,) and of ∂W/∂y (7, n) beyond the expansion at rest."""
         value, gradient = self.rest.potential(self.y)
         return self.value - value, self.gradient - gradient
 
     @cached_property
     def scales(self) -> Array:
-        """Root mean square of W and of each ∂W/∂y about their means, (8,): what errors are weighted by.
+        """Root mean square of W and of each ∂W/∂y about their means, (8,), by which errors are weighted.
 
         The means of variables that were not sampled count as much as the largest of the others.
         """
@@ -195,7 +195,7 @@ class PotentialData:
 
 
 def _unrotated(stretch: LogStretch, responses: CellResponse) -> tuple[Array, Array]:
-    """Rᵀ m (9, n) and its derivatives with respect to y (9, 7, n); along pure stretches R does not change."""
+    """Return Rᵀ m (9, n) and its derivatives by y (9, 7, n); along pure stretches R does not change."""
     t = responses.tangent
     assert t is not None
     if t.mean_grad_grad_u is None or t.mean_grad_p is None:
@@ -208,9 +208,9 @@ def _unrotated(stretch: LogStretch, responses: CellResponse) -> tuple[Array, Arr
         return np.moveaxis(turned.reshape(n, 9), 0, -1)
 
     M = t.mean_grad_grad_u.reshape(n, 9, 9)
-    slopes = np.empty((9, 7, n))
+    gradients = np.empty((9, 7, n))
     for component in range(6):
         direction = np.moveaxis(stretch.pull_direction(component), -1, 0).reshape(n, 9, 1)
-        slopes[:, component] = back((M @ direction).reshape(n, 3, 3))
-    slopes[:, 6] = back(t.mean_grad_p)
-    return back(responses.mean_grad), slopes
+        gradients[:, component] = back((M @ direction).reshape(n, 3, 3))
+    gradients[:, 6] = back(t.mean_grad_p)
+    return back(responses.mean_grad), gradients

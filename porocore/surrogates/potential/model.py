@@ -1,8 +1,8 @@
-"""The effective potential W(ln U, p) as a sum of parts, and stress, fluid volume and tangents from its derivatives.
+"""Effective potential W(ln U, p) as a sum of parts; stress, fluid volume and tangents are its derivatives.
 
 W = W₂ + polynomial + refinement + network, where W₂ is the exact second-order expansion at rest and the other parts
 begin at third order; the last two, the fine ones, come to rest where the sampled states end. So W, P_E and their
-slopes are exact at rest; P_E and −φ are derivatives of one function, so that a closed cycle does no work; and W
+gradients are exact at rest; P_E and −φ are derivatives of one function, so that a closed cycle does no work; and W
 depends on F through U only, so it is objective.
 """
 
@@ -19,7 +19,7 @@ from porocore.core.inputs.sampled_range import SampledRange
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.network.network import Derivatives, Evaluator
-from porocore.surrogates.polynomial.composition import Sum
+from porocore.surrogates.polynomial.composition import TermSum
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, plain
 from porocore.surrogates.potential.data import RestExpansion, variables
@@ -29,7 +29,7 @@ from porocore.surrogates.training_box import TrainingBox
 
 @dataclass(frozen=True, eq=False)
 class NetworkPart:
-    """N(t) − what N says up to second order in y, for some terms t(y).
+    """Network N(t) less its expansion up to second order in y, for some terms t(y).
 
     With terms that the operations of a cell leave alone, N has its symmetry whatever the weights are.
 
@@ -45,31 +45,31 @@ class NetworkPart:
     terms: Terms
 
     def start(self, t: Array) -> Callable[[], Derivatives]:
-        """See :class:`~porocore.surrogates.polynomial.composition.Part`."""
+        """Start the evaluation of N less its expansion and its derivatives at t (k, n)."""
         pending = self.network.start(np.ascontiguousarray(t.T))
 
         def finish() -> Derivatives:
-            value, slope, curvature = pending()
+            value, gradient, hessian = pending()
             v0, g0, h0 = self._at_rest
-            bent = h0 @ t
-            value = value - v0 - g0 @ t - (t * bent).sum(axis=0) / 2
-            slope = slope - g0[:, None] - bent
+            h0_t = h0 @ t
+            value = value - v0 - g0 @ t - (t * h0_t).sum(axis=0) / 2
+            gradient = gradient - g0[:, None] - h0_t
             for i, j in np.argwhere(h0):
-                curvature[i, j] -= h0[i, j]
-            return value, slope, curvature
+                hessian[i, j] -= h0[i, j]
+            return value, gradient, hessian
 
         return finish
 
     @cached_property
     def _at_rest(self) -> tuple[Array, Array, Array]:
-        """Value, slope and curvature by the terms at y = 0, as far as they make up N to second order in y."""
-        value, slope, curvature = self.network.value_gradient_hessian(np.zeros((1, len(self.terms.weights))))
+        """Value, gradient and Hessian by the terms at y = 0, as far as they belong to orders up to the second in y."""
+        value, gradient, hessian = self.network.value_gradient_hessian(np.zeros((1, len(self.terms.weights))))
         first, second = low_orders(self.terms)
-        return value, slope[:, 0] * first, curvature[:, :, 0] * second
+        return value, gradient[:, 0] * first, hessian[:, :, 0] * second
 
 
 def low_orders(terms: Terms) -> tuple[Array, Array]:
-    """Which slopes (k,) and curvatures (k, k) by the terms belong to orders up to the second in y; 1 or 0."""
+    """Return 1 for gradients (k,) and Hessians (k, k) by the terms of orders up to the second in y, else 0."""
     weights = np.array(terms.weights)
     linear = (weights == 1).astype(float)
     return (weights <= 2).astype(float), linear[:, None] * linear
@@ -77,7 +77,7 @@ def low_orders(terms: Terms) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class PotentialModel:
-    """W and <∇u¹>_s of any state.
+    """Model of W and <∇u¹>_s for any state.
 
     Attributes
     ----------
@@ -113,11 +113,11 @@ class PotentialModel:
     estimate: ErrorEstimate | None = None
 
     def potential(self, y: Array) -> tuple[Array, Array, Array]:
-        """W (n,), ∂W/∂y (7, n) and ∂²W/∂y² (7, 7, n)."""
+        """Return W (n,), ∂W/∂y (7, n) and ∂²W/∂y² (7, 7, n)."""
         return self._start(y)()
 
     def _start(self, y: Array) -> Callable[[], Derivatives]:
-        """Set about the same, in the background where a backend can."""
+        """Start the evaluation of :meth:`potential`, in the background if the backend can."""
         parts = [part.start(y) for part in self._everything]
 
         def finish() -> Derivatives:
@@ -132,7 +132,7 @@ class PotentialModel:
         return finish
 
     def _beyond(self, y: Array) -> Derivatives:
-        """The same at states outside the sampled box."""
+        """Return the same at states outside the sampled box."""
         value, gradient, hessian = self._second_order(y)
         for part in self._coarse:
             part.start(y)(value, gradient, hessian)
@@ -145,26 +145,26 @@ class PotentialModel:
         return value + v, gradient + first * g, hessian
 
     def _second_order(self, y: Array) -> tuple[Array, Array, Array]:
-        """W₂ and its derivatives."""
+        """Return W₂ and its derivatives."""
         value, gradient = self.rest.potential(y)
         hessian = np.empty((*self.rest.matrix.shape, y.shape[1]))
         hessian[:] = self.rest.matrix[:, :, None]
         return value, gradient, hessian
 
     @cached_property
-    def _everything(self) -> list[Sum]:
+    def _everything(self) -> list[TermSum]:
         return self._sums([self.polynomial, self.refinement], self.network)
 
     @cached_property
-    def _coarse(self) -> list[Sum]:
+    def _coarse(self) -> list[TermSum]:
         return self._sums([self.polynomial], None)
 
     @cached_property
-    def _fine(self) -> list[Sum]:
+    def _fine(self) -> list[TermSum]:
         return self._sums([self.refinement], self.network)
 
-    def _sums(self, polynomials: list[Polynomial | None], network: NetworkPart | None) -> list[Sum]:
-        """As few sums as there are sets of terms, so that each term is differentiated once."""
+    def _sums(self, polynomials: list[Polynomial | None], network: NetworkPart | None) -> list[TermSum]:
+        """Return one sum for each set of terms, so that each term is differentiated once."""
         terms = self.terms or plain(())
         found = [p for p in polynomials if p is not None]
         if network is not None:
@@ -174,7 +174,7 @@ class PotentialModel:
                 nothing = Polynomial(np.zeros((0, len(own.weights)), dtype=np.int64), np.zeros((1, 0)))
                 return [
                     *self._sums(polynomials, None),
-                    Sum(own, nothing, network, tuple(range(len(own.weights)))),
+                    TermSum(own, nothing, network, tuple(range(len(own.weights)))),
                 ]
         if network is None and not found:
             return []
@@ -184,10 +184,10 @@ class PotentialModel:
             ),
             np.concatenate([np.zeros((1, 0)), *(p.coefficients for p in found)], axis=1),
         )
-        return [Sum(terms, both) if network is None else Sum(terms, both, network, rows or ())]
+        return [TermSum(terms, both) if network is None else TermSum(terms, both, network, rows or ())]
 
     def predict(self, states: MacroState, *, tangent: bool) -> CellResponse:
-        """All responses of n states and, where asked for, their exact derivatives."""
+        """Return all responses of n states and, if ``tangent``, their exact derivatives."""
         stretch = LogStretch.from_gradient(states.grad_u)
         y = variables(stretch, states.p)
         pending = self._start(y)
@@ -198,7 +198,7 @@ class PotentialModel:
         else:
             stress, stress_p = stretch.stresses(gradient[:6], hessian[:6, 6])
             by_H, by_p = derivatives
-            slopes = CellTangent(
+            gradients = CellTangent(
                 mean_grad_grad_u=by_H,
                 mean_grad_p=by_p,
                 stress_grad_u=stretch.tangent(gradient[:6], hessian[:6, :6]),
@@ -212,12 +212,12 @@ class PotentialModel:
             potential=value,
             stress=stress,
             fluid_volume=-gradient[6],
-            tangent=slopes if tangent else None,
+            tangent=gradients if tangent else None,
             outside_training_range=self._outside(states, y, gradient),
         )
 
     def beyond_rest(self, y: Array, judged: tuple[int, ...], gradient: Array | None = None) -> Array:
-        """Return ∂(W − W₂)/∂y (c, n) of the judged variables at y (7, n), of which ∂W/∂y may be known."""
+        """Return ∂(W − W₂)/∂y (c, n) of the judged variables at y (7, n); ∂W/∂y may be given."""
         whole = self.potential(y)[1] if gradient is None else gradient
         return (whole - self.rest.potential(y)[1])[list(judged)]
 
@@ -229,7 +229,7 @@ class PotentialModel:
         return self.estimate.error(y, self.beyond_rest(y, self.estimate.judged))
 
     def _outside(self, states: MacroState, y: Array, gradient: Array) -> npt.NDArray[np.bool_]:
-        """Tell which states are flagged, (n,): far from all known ones, or by the estimated error."""
+        """Return which states are flagged, (n,): far from all known ones, or by the estimated error."""
         unrotated = self.sampled.inputs.without_rotation(states)
         if self.estimate is None:
             return self.sampled.outside(unrotated)
@@ -244,7 +244,7 @@ class PotentialModel:
             t[:, beyond], steepness, _ = self.training_box.saturated_active(t[:, beyond])
         unrotated = self.rest.mean_grad @ y
         if tangent:
-            more, slopes, _ = self.mean_grad.entries(t, second=False)
+            more, gradients, _ = self.mean_grad.entries(t, second=False)
         else:
             more = self.mean_grad.evaluate(t)
         unrotated += more
@@ -255,7 +255,7 @@ class PotentialModel:
         if not tangent:
             return turned, (turned, turned)
         by_y: dict[tuple[int, int], Array | float] = dict(self._linear_slopes)
-        for (output, variable), row in slopes:
+        for (output, variable), row in gradients:
             at = output, self.active[variable]
             if steepness is not None:
                 row[beyond] *= steepness[variable]
@@ -276,5 +276,5 @@ class PotentialModel:
 
 
 def mean_grad_terms(active: tuple[int, ...]) -> Terms:
-    """In which <∇u¹>_s is a polynomial."""
+    """Return the terms in which <∇u¹>_s is a polynomial."""
     return plain(active)

@@ -1,4 +1,4 @@
-"""A potential whose third and higher orders are a network, trained by a library's automatic differentiation."""
+"""Training of a potential whose third and higher orders are a network."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from porocore.surrogates.training_box import TrainingBox
 
 
 def coordinates_for(data: PotentialData) -> Terms:
-    """Return what a network sees: combinations of the sampled variables that the cell's operations leave alone."""
+    """Return the inputs of a network: combinations of the sampled variables with the symmetry of the cell."""
     terms = terms_for(data)
     if terms.name == "plain":
         terms = invariant(stabiliser(data.rest.symmetry, data.active), data.active)
@@ -45,7 +45,7 @@ def train_potential(
     make_evaluator: Callable[[Network], Evaluator],
     on_progress: Callable[[TrainingProgress], None] | None = None,
 ) -> tuple[PotentialModel, dict[str, float]]:
-    """The model, and the errors of ∂W/∂y that are left on the training states, as shares of their ranges.
+    """Return the model, and the remaining errors of ∂W/∂y on the training states as shares of their ranges.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def train_potential(
     if options.anchor == "polynomial" or terms.once:
         polynomial = fit_potential(data, anchor, highest=ANCHOR_DEGREE).polynomial
     value, gradient = remainder(data, terms, polynomial)
-    problem = SobolevProblem.from_remainder(data, value, gradient, coordinates, slopes=options.derivatives)
+    problem = SobolevProblem.from_remainder(data, value, gradient, coordinates, gradients=options.derivatives)
     network = train(
         problem,
         autodiff,
@@ -93,4 +93,4 @@ def train_potential(
     wrong = model.potential(data.y)[1][active] - data.gradient[active]
     spread = np.ptp(data.gradient[active], axis=1)
     share = np.sqrt((wrong**2).mean(axis=1)) / np.where(spread > 0, spread, 1.0)
-    return model, {"slopes of W on the training states": float(share.max())}
+    return model, {"gradients of W on the training states": float(share.max())}

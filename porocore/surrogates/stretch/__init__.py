@@ -1,1 +1,1 @@
-"""The logarithmic stretch L = ln U of F = R U, and derivatives through it."""
+"""Logarithmic stretch L = ln U of F = R U, and derivatives through it."""

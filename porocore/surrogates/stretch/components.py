@@ -1,4 +1,4 @@
-"""Six components for a symmetric tensor: 11, 22, 33, 23, 13, 12."""
+"""Six components of a symmetric tensor: 11, 22, 33, 23, 13, 12."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which second divided differences of ln make up the second derivative of a function of ln C, in the eigenbasis."""
+"""Second divided differences in the second derivative of a function of ln C, in the eigenbasis."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Factors = tuple[int, tuple[int, int, int]]
 
 
 def _terms() -> dict[tuple[int, int], dict[Factors, float]]:
-    """By two components α ≤ β of C, whose exchange changes nothing."""
+    """Return the terms by two components α ≤ β of C, whose exchange changes nothing."""
     found: dict[tuple[int, int], dict[Factors, float]] = {}
     for alpha, (a, b) in enumerate(PLACES):
         for i in range(3):

@@ -1,4 +1,4 @@
-"""Divided differences of the logarithm, without loss of digits where the points come together.
+"""Divided differences of the logarithm, without loss of digits at coincident points.
 
 They are the derivatives of a matrix logarithm in the eigenbasis (Daleckii & Krein 1965; Higham, Functions of
 Matrices, ch. 3). With m = (x + y)/2 and z = (x − y)/(x + y) those of two points are smooth functions of z:
@@ -23,7 +23,7 @@ _CLOSE, _TERMS = 0.05, 12
 
 
 def pair_differences(x: Array, y: Array) -> tuple[Array, Array, Array]:
-    """ln[x, y], ln[x, x, y] and ln[x, y, y] of positive numbers."""
+    """Return ln[x, y], ln[x, x, y] and ln[x, y, y] of positive numbers."""
     m: Array = (x + y) / 2
     z: Array = (x - y) / (x + y)
     w = z * z
@@ -42,7 +42,7 @@ def pair_differences(x: Array, y: Array) -> tuple[Array, Array, Array]:
 
 
 def triple_difference(x: Array, y: Array, z: Array) -> Array:
-    """ln[x, y, z] of positive numbers (n,) in any order."""
+    """Return ln[x, y, z] of positive numbers (n,) in any order."""
     low, high = np.minimum(np.minimum(x, y), z), np.maximum(np.maximum(x, y), z)
     middle = np.maximum(np.minimum(x, y), np.minimum(np.maximum(x, y), z))
     spread = high - low
@@ -57,7 +57,7 @@ def triple_difference(x: Array, y: Array, z: Array) -> Array:
 
 
 def _series(x: Array, y: Array, z: Array) -> Array:
-    """Σ_k ln⁽ᵏ⁺²⁾(m)/(k+2)! h_k(x − m, y − m, z − m) with the complete homogeneous symmetric polynomials h_k."""
+    """Return Σ_k ln⁽ᵏ⁺²⁾(m)/(k+2)! h_k(x − m, y − m, z − m), h_k the complete homogeneous symmetric polynomials."""
     m = (x + y + z) / 3
     one, two, three = np.ones_like(m), np.ones_like(m), np.ones_like(m)
     a, b, c = (x - m) / m, (y - m) / m, (z - m) / m

@@ -1,4 +1,4 @@
-"""The logarithmic stretch L = ln U of F = I + H = R U, and derivatives through it.
+"""Logarithmic stretch L = ln U of F = I + H = R U, and derivatives through it.
 
 A function of L is objective by construction. With the eigenvectors of U as a basis everything is closed: for
 C = U² the derivative of ln C in the direction dC is the divided difference of ln times dC, entry by entry, and so
@@ -22,13 +22,13 @@ from porocore.states import Array
 from porocore.surrogates.stretch import diagonal as diagonal_stretch
 from porocore.surrogates.stretch.components import COMPONENT, PAIRS, PLACES, SHARE
 from porocore.surrogates.stretch.curvature_terms import CURVATURE
-from porocore.surrogates.stretch.diagonal import Slopes
+from porocore.surrogates.stretch.diagonal import Gradients
 from porocore.surrogates.stretch.divided_differences import pair_differences, triple_difference
 
 
 @dataclass(frozen=True, eq=False)
 class LogStretch:
-    """n deformation gradients with det F > 0; where it is not, everything is NaN.
+    """Logarithmic stretch of n deformation gradients; NaN where det F ≤ 0.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class LogStretch:
 
     @classmethod
     def from_gradient(cls, grad_u: Array) -> LogStretch:
-        """From H (n, 3, 3)."""
+        """Return the stretch of H (n, 3, 3)."""
         n = len(grad_u)
         F = np.array(grad_u.reshape(n, 9).T, order="C")
         F[::4] += 1.0
@@ -75,7 +75,7 @@ class LogStretch:
 
     @cached_property
     def L(self) -> Array:
-        """ln U, six components (6, n)."""
+        """Logarithmic stretch ln U, six components (6, n)."""
         logs = np.log(self.stretches)
         if self.axes is None:
             L = np.zeros((6, len(self)))
@@ -86,14 +86,14 @@ class LogStretch:
 
     @cached_property
     def rotation(self) -> Array | None:
-        """R (3, 3, n); None where all F are diagonal."""
+        """Rotation R (3, 3, n); None where all F are diagonal."""
         if self.axes is None:
             return None
         return _product(self._turned_axes, self.axes.swapaxes(0, 1))
 
     @cached_property
     def rotations(self) -> Array | None:
-        """R (n, 3, 3); None where all F are diagonal."""
+        """Rotation R (n, 3, 3); None where all F are diagonal."""
         if self.rotation is None:
             return None
         return np.ascontiguousarray(self.rotation.reshape(9, -1).T).reshape(-1, 3, 3)
@@ -114,7 +114,7 @@ class LogStretch:
         return np.concatenate([1 / self.stretches**2, self._differences[0]])
 
     def second(self) -> dict[tuple[int, int, int], Array]:
-        """Divided differences ln[λ_i², λ_j², λ_k²] for i ≤ j ≤ k."""
+        """Return the divided differences ln[λ_i², λ_j², λ_k²] for i ≤ j ≤ k."""
         c, (_, left, right) = self.stretches**2, self._differences
         found = {(i, i, i): -0.5 / c[i] ** 2 for i in range(3)}
         for pair, (i, j, _) in enumerate(PAIRS):
@@ -125,14 +125,14 @@ class LogStretch:
     # ---- from F to L: what a solved cell says of W as a function of L ----------------------------
 
     def pull(self, P: Array) -> Array:
-        """∂W/∂L (6, n) from P = ∂W/∂F (3, 3, n) of an objective W."""
+        """Return ∂W/∂L (6, n) from P = ∂W/∂F (3, 3, n) of an objective W."""
         # Along dF = R dU nothing rotates, and dU follows from dL entry by entry in the eigenbasis.
         P = self._to_axes(P if self.rotation is None else _product(self.rotation.swapaxes(0, 1), P))
         A = self._from_axes((P + P.swapaxes(0, 1)) / 2 / self._log_of_stretch)
         return np.stack([A[i, j] if i == j else A[i, j] + A[j, i] for i, j in PLACES])
 
     def pull_direction(self, component: int) -> Array:
-        """dF (3, 3, n) that changes one component of L by 1, a shear in both places, and does not rotate."""
+        """Return dF (3, 3, n) without rotation that changes one component of L by 1, a shear in both places."""
         E = np.zeros((3, 3, len(self)))
         i, j = PLACES[component]
         E[i, j] = E[j, i] = 1.0
@@ -155,26 +155,26 @@ class LogStretch:
         return gradient
 
     def stress(self, T: Array) -> Array:
-        """∂W/∂F (n, 3, 3) from T = ∂W/∂L (6, n)."""
+        """Return ∂W/∂F (n, 3, 3) from T = ∂W/∂L (6, n)."""
         return self.stresses(T)[0]
 
     def stresses(self, *T: Array) -> list[Array]:
-        """The same of several, in one pass."""
+        """Return the stresses of several potentials, in one pass."""
         if self.axes is None and all(diagonal_stretch.vanishes(by_L[3:]) for by_L in T):
             return [diagonal_stretch.stress(self.stretches, by_L) for by_L in T]
         lifted = self._by_C(*T) @ self._lift_turned
         return [np.ascontiguousarray(lifted[:, k]).reshape(-1, 3, 3) for k in range(len(T))]
 
     def tangent(self, T: Array, K: Array) -> Array:
-        """∂²W/∂F² (n, 3, 3, 3, 3) from T = ∂W/∂L (6, n) and K = ∂²W/∂L² (6, 6, n)."""
+        """Return ∂²W/∂F² (n, 3, 3, 3, 3) from T = ∂W/∂L (6, n) and K = ∂²W/∂L² (6, 6, n)."""
         if self.axes is None and diagonal_stretch.is_orthotropic(T, K):
             return diagonal_stretch.tangent(self.stretches, self._differences, T, K)
         n = len(self)
         by_C = np.ascontiguousarray(self._by_C(T)[:, 0].T)
         by_L = np.ascontiguousarray(K.reshape(36, n).T).reshape(n, 6, 6)
-        bend = (self._scaled_turn_turned @ by_L) @ self._scaled_turn
-        bend += self._curvature(by_C / self.first)
-        out: Array = ((self._lift @ bend) @ self._lift_turned).reshape(n, 3, 3, 3, 3)
+        stretching = (self._scaled_turn_turned @ by_L) @ self._scaled_turn
+        stretching += self._curvature(by_C / self.first)
+        out: Array = ((self._lift @ stretching) @ self._lift_turned).reshape(n, 3, 3, 3, 3)
         S = self._from_axes(by_C[COMPONENT])
         for j, l in itertools.product(range(3), repeat=2):
             for i in range(3):
@@ -182,7 +182,7 @@ class LogStretch:
         return out
 
     def _by_C(self, *T: Array) -> Array:
-        """∂W/∂C (n, k, 6) in the eigenbasis, one place for each component, from ∂W/∂L (6, n) of k potentials."""
+        """Return ∂W/∂C (n, k, 6) in the eigenbasis, one place for each component, from ∂W/∂L (6, n) of k potentials."""
         rows = np.ascontiguousarray(np.concatenate(T).T).reshape(len(self), len(T), 6)
         by_C: Array = rows @ self._scaled_turn
         return by_C
@@ -203,7 +203,7 @@ class LogStretch:
         return np.ascontiguousarray(self._lift.swapaxes(1, 2))
 
     def _curvature(self, T: Array) -> Array:
-        """2 ∂S/∂C (n, 6, 6) at fixed ∂W/∂L, from its nine places T (6, n); all in the eigenbasis.
+        """Return 2 ∂S/∂C (n, 6, 6) at fixed ∂W/∂L, from its nine places T (6, n); all in the eigenbasis.
 
         S = 2 ∂W/∂C has the second divided differences of ln:
         T:∂²ln C[A, B] = Σ T_ij ln[i, k, j] (A_ik B_kj + B_ik A_kj).
@@ -241,23 +241,23 @@ class LogStretch:
     # ---- what rotates with the solid -------------------------------------------------------------
 
     def rotation_gradient(self, A: Array) -> Array:
-        """∂(R A)/∂F at fixed A (3, 3, n): (3, 3, 3, 3, n), the last two places those of F."""
+        """Return ∂(R A)/∂F at fixed A (3, 3, n): (3, 3, 3, 3, n), the last two places those of F."""
         left, right = self._rotation_factors(A)
         n = len(self)
         return np.moveaxis(left @ right, 0, -1).reshape(3, 3, 3, 3, n)
 
-    def rotated_gradient(self, A: Array, slopes: Slopes) -> Array:
-        """∂(R A(L))/∂F (n, 9, 9) of A (3, 3, n), whose derivatives by L are ``slopes``.
+    def rotated_gradient(self, A: Array, gradients: Gradients) -> Array:
+        """Return ∂(R A(L))/∂F (n, 9, 9) of A (3, 3, n), whose derivatives by L are ``gradients``.
 
         These are (n,) or one number by (place of A, component of L); others are zero.
         """
         n = len(self)
         if self.axes is None:
-            return diagonal_stretch.rotated_gradient(self.stretches, self.first, A, slopes)
+            return diagonal_stretch.rotated_gradient(self.stretches, self.first, A, gradients)
         assert self.rotations is not None
         by_L = np.zeros((n, 9, 6))
-        for (output, component), slope in slopes.items():
-            by_L[:, output, component] = slope
+        for (output, component), gradient in gradients.items():
+            by_L[:, output, component] = gradient
         rows = by_L.reshape(n, 3, 18)
         spin, direction = self._rotation_factors(A)
         product: Array = ((self.rotations @ rows).reshape(n, 9, 6) @ self._scaled_turn) @ self._lift_turned
@@ -265,7 +265,7 @@ class LogStretch:
         return product
 
     def _rotation_factors(self, A: Array) -> tuple[Array, Array]:
-        """(n, 9, 3) and (n, 3, 9) whose product is ∂(R A)/∂F at fixed A.
+        """Return (n, 9, 3) and (n, 3, 9) whose product is ∂(R A)/∂F at fixed A.
 
         RᵀdR in the eigenbasis is (G_ij − G_ji)/(λ_i + λ_j) of G = Rᵀ dF, so it has three numbers.
         """
@@ -293,7 +293,7 @@ class LogStretch:
 
     @cached_property
     def _turned_axes(self) -> Array:
-        """R Q (3, 3, n)."""
+        """Rotated eigenvectors R Q (3, 3, n)."""
         return self._axes if self.axes is None else _product(self.F, self.axes) / self.stretches
 
     def _to_axes(self, A: Array) -> Array:
@@ -304,7 +304,7 @@ class LogStretch:
 
 
 def _product(A: Array, B: Array) -> Array:
-    """Matrix product of (3, 3, n) arrays."""
+    """Return the matrix product of (3, 3, n) arrays."""
     product: Array = A[:, 0, None] * B[None, 0]
     product += A[:, 1, None] * B[None, 1]
     product += A[:, 2, None] * B[None, 2]
