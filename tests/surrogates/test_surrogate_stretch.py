@@ -172,7 +172,7 @@ def rotation_of(F):
 
 def test_rotation_gradient(F):
     A = np.random.default_rng(3).normal(size=(3, 3, N))
-    gradient = np.moveaxis(stretch_of(F).rotation_gradient(A), -1, 0).reshape(N, 3, 3, 9)
+    gradient = stretch_of(F).rotated_gradient(A, {}).reshape(N, 3, 3, 9)
     for place, direction in enumerate(DIRECTIONS):
         slope = difference(lambda F: rotation_of(F) @ np.moveaxis(A, -1, 0), F, direction, 1e-3)
         np.testing.assert_allclose(gradient[..., place], slope, atol=1e-8)

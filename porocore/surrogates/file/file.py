@@ -18,9 +18,10 @@ from porocore.core.inputs.input_space import InputSpace
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.core.tensors.point_group import PointGroup
 from porocore.states import Array
-from porocore.surrogates.conductivity.model import ConductivityModel, triangle
+from porocore.surrogates.conductivity.model import ConductivityModel
 from porocore.surrogates.file import estimates as estimate_file
 from porocore.surrogates.file.archive import read_archive, write_archive
+from porocore.surrogates.file.conductivity import pack_conductivity, unpack_conductivity, unpack_range
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import Evaluator, Network
 from porocore.surrogates.polynomial.arrays import pack_polynomial, unpack_polynomial
@@ -95,7 +96,7 @@ def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
     if model.estimate is not None:
         estimate_file.pack(model.estimate, header, arrays)
     if metadata.conductivity is not None:
-        _pack_conductivity(metadata.conductivity, header, arrays)
+        pack_conductivity(metadata.conductivity, header, arrays)
     write_archive(path, FORMAT, VERSION, header, arrays)
 
 
@@ -115,7 +116,7 @@ def read(path: Path) -> tuple[Model, SurrogateMetadata]:
         inputs = InputSpace(
             tuple(header["inputs"]), *(tuple(arrays[f"inputs/{end}"].tolist()) for end in ("lower", "upper"))
         )
-        sampled = _unpack_range(arrays, "range", inputs)
+        sampled = unpack_range(arrays, "range", inputs)
         unpack: dict[str, Callable[..., Model]] = {"mlp": _unpack_anchored, "potential": _unpack_potential}
         model = unpack[header["model"]](header, arrays, sampled)
         if "estimate" in header:
@@ -124,15 +125,6 @@ def read(path: Path) -> tuple[Model, SurrogateMetadata]:
     except UNREADABLE as error:
         raise damaged(path, "surrogate", error, ADVICE) from error
     return model, metadata
-
-
-def _unpack_range(arrays: dict[str, Array], name: str, inputs: InputSpace) -> SampledRange:
-    normals, offsets = arrays[f"{name}/normals"], arrays[f"{name}/offsets"]
-    if offsets.ndim != 1 or not len(offsets) or normals.shape != (len(offsets), len(inputs)):
-        raise ValueError(f"{name} has normals of shape {normals.shape} and offsets of shape {offsets.shape}")
-    if (np.abs(normals).max(axis=1) == 0).any():
-        raise ValueError(f"{name}/normals has one of length zero")
-    return SampledRange(inputs, normals, offsets)
 
 
 def _unpack_metadata(
@@ -146,7 +138,7 @@ def _unpack_metadata(
         raise ValueError("its header has a provenance that is no text")
     if not all(isinstance(x, float | int) for x in header["accuracy"].values()):
         raise ValueError("its header has an accuracy that is no number")
-    conductivity = _unpack_conductivity(header, arrays, inputs) if "conductivity" in header else None
+    conductivity = unpack_conductivity(header, arrays, inputs) if "conductivity" in header else None
     return SurrogateMetadata(conductivity=conductivity, **{name: header[name] for name in kinds})
 
 
@@ -221,48 +213,6 @@ def _unpack_terms(kind: str, name: str, arrays: dict[str, Array]) -> Terms:
     if kind != "invariant":
         raise ValueError(f"terms of the kind {kind!r}")
     return Terms(kind, polynomial, weights)
-
-
-def _pack_conductivity(model: ConductivityModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
-    header["conductivity"] = {"active": model.active, "closing": model.closing}
-    pack_polynomial(model.polynomial, "conductivity/polynomial", arrays)
-    arrays |= {
-        "conductivity/basis": model.basis,
-        "conductivity/log_rest": model.log_rest,
-        "conductivity/reach/low": model.training_box.low,
-        "conductivity/reach/high": model.training_box.high,
-        "conductivity/range/normals": model.sampled.normals,
-        "conductivity/range/offsets": model.sampled.offsets,
-    }
-    if model.estimate is not None:
-        estimate_file.pack(model.estimate, header["conductivity"], arrays, "conductivity/estimate")
-
-
-def _unpack_conductivity(
-    header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace
-) -> ConductivityModel:
-    said = header["conductivity"]
-    active = tuple(int(a) for a in said["active"])
-    if any(a not in range(VARIABLES) for a in active):
-        raise ValueError(f"active variables {active}")
-    basis, log_rest = arrays["conductivity/basis"], arrays["conductivity/log_rest"]
-    r = len(log_rest)
-    if r not in (1, 2, 3) or log_rest.shape != (r, r) or basis.shape != (3, r):
-        raise ValueError(f"a conductivity of the shapes {basis.shape} and {log_rest.shape}")
-    sampled = _unpack_range(arrays, "conductivity/range", inputs)
-    v, outputs, estimate = len(active), len(triangle(3)), None
-    if "estimate" in said:
-        estimate = estimate_file.unpack_values(said, arrays, "conductivity/estimate", v, outputs)
-    return ConductivityModel(
-        basis,
-        log_rest,
-        unpack_polynomial(arrays, "conductivity/polynomial", v, outputs),
-        active,
-        TrainingBox(active, *(arrays[f"conductivity/reach/{end}"].reshape(v) for end in ("low", "high"))),
-        sampled,
-        estimate,
-        bool(said["closing"]),
-    )
 
 
 def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:

@@ -93,4 +93,4 @@ def train_potential(
     wrong = model.potential(data.y)[1][active] - data.gradient[active]
     spread = np.ptp(data.gradient[active], axis=1)
     share = np.sqrt((wrong**2).mean(axis=1)) / np.where(spread > 0, spread, 1.0)
-    return model, {"gradients of W on the training states": float(share.max())}
+    return model, {"slopes of W on the training states": float(share.max())}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from porocore.states import Array
 from porocore.surrogates.stretch.components import COMPONENT, PLACES
 
 #: The component of the function's derivative, and the three eigenvalues of C between which ln is differenced.
@@ -26,5 +29,18 @@ def _terms() -> dict[tuple[int, int], dict[Factors, float]]:
     return found
 
 
-#: What ∂S_α/∂C_β is made of, and how often; see :meth:`porocore.surrogates.stretch.log_stretch.LogStretch.tangent`.
+#: Terms of ∂S_α/∂C_β, with their numbers.
 CURVATURE = _terms()
+
+
+def second_derivative(T: Array, differences: dict[tuple[int, int, int], Array]) -> Array:
+    """Return 2 ∂S/∂C (n, 6, 6) at fixed ∂W/∂L, from its nine places T (6, n); all in the eigenbasis.
+
+    S = 2 ∂W/∂C has the second divided differences of ln:
+    T:∂²ln C[A, B] = Σ T_ij ln[i, k, j] (A_ik B_kj + B_ik A_kj).
+    """
+    X = np.zeros((T.shape[1], 6, 6))
+    for (alpha, beta), terms in CURVATURE.items():
+        value = sum(factor * (T[place] * differences[points]) for (place, points), factor in terms.items())
+        X[:, alpha, beta] = X[:, beta, alpha] = value
+    return X

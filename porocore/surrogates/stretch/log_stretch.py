@@ -21,7 +21,7 @@ from porocore.core.tensors.symmetric_eigen import symmetric_eigen
 from porocore.states import Array
 from porocore.surrogates.stretch import diagonal as diagonal_stretch
 from porocore.surrogates.stretch.components import COMPONENT, PAIRS, PLACES, SHARE
-from porocore.surrogates.stretch.curvature_terms import CURVATURE
+from porocore.surrogates.stretch.curvature_terms import second_derivative
 from porocore.surrogates.stretch.diagonal import Gradients
 from porocore.surrogates.stretch.divided_differences import pair_differences, triple_difference
 
@@ -173,7 +173,7 @@ class LogStretch:
         by_C = np.ascontiguousarray(self._by_C(T)[:, 0].T)
         by_L = np.ascontiguousarray(K.reshape(36, n).T).reshape(n, 6, 6)
         stretching = (self._scaled_turn_turned @ by_L) @ self._scaled_turn
-        stretching += self._curvature(by_C / self.first)
+        stretching += second_derivative(by_C / self.first, self.second())
         out: Array = ((self._lift @ stretching) @ self._lift_turned).reshape(n, 3, 3, 3, 3)
         S = self._from_axes(by_C[COMPONENT])
         for j, l in itertools.product(range(3), repeat=2):
@@ -202,19 +202,6 @@ class LogStretch:
     def _lift_turned(self) -> Array:
         return np.ascontiguousarray(self._lift.swapaxes(1, 2))
 
-    def _curvature(self, T: Array) -> Array:
-        """Return 2 ∂S/∂C (n, 6, 6) at fixed ∂W/∂L, from its nine places T (6, n); all in the eigenbasis.
-
-        S = 2 ∂W/∂C has the second divided differences of ln:
-        T:∂²ln C[A, B] = Σ T_ij ln[i, k, j] (A_ik B_kj + B_ik A_kj).
-        """
-        f = self.second()
-        X = np.zeros((len(self), 6, 6))
-        for (alpha, beta), terms in CURVATURE.items():
-            value = sum(factor * (T[place] * f[points]) for (place, points), factor in terms.items())
-            X[:, alpha, beta] = X[:, beta, alpha] = value
-        return X
-
     @cached_property
     def _lift(self) -> Array:
         """V (n, 9, 6) with dC:A = 2 Σ dF_ij V_ij,α A_α for symmetric A (one place each) in the eigenbasis."""
@@ -239,12 +226,6 @@ class LogStretch:
         return np.ascontiguousarray(r.reshape(36, n).T).reshape(n, 6, 6)
 
     # ---- what rotates with the solid -------------------------------------------------------------
-
-    def rotation_gradient(self, A: Array) -> Array:
-        """Return ∂(R A)/∂F at fixed A (3, 3, n): (3, 3, 3, 3, n), the last two places those of F."""
-        left, right = self._rotation_factors(A)
-        n = len(self)
-        return np.moveaxis(left @ right, 0, -1).reshape(3, 3, 3, 3, n)
 
     def rotated_gradient(self, A: Array, gradients: Gradients) -> Array:
         """Return ∂(R A(L))/∂F (n, 9, 9) of A (3, 3, n), whose derivatives by L are ``gradients``.
