@@ -28,6 +28,7 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.samplers.density import DensitySweep
 from porocore.sampling.samplers.random_states import RandomStates
 from porocore.states import MacroState
+from porocore.study.api.study import Study
 from porocore.study.benchmark import crosscheck_path
 from porocore.study.config.loading import load_config
 from porocore.study.run_folder.folder import RunFolder
@@ -315,3 +316,11 @@ def test_the_grid(folder):
     assert Candidate(3, 40, "sigmoid").parameters(2, 3) == 3 * 40 + 2 * 41 * 40 + 41 * 3
     with pytest.raises(ConfigurationError):
         candidates(folder.config, [1], [])
+
+
+def test_a_study_tunes_its_network_from_python(folder):
+    study = Study(folder.config, out=folder.path, progress=False)
+    found = study.tune(depths=[1], widths=[4, 8], activations=["tanh"], workers=1)
+    assert [result.width for result in found.results] == [4, 8]
+    assert found.chosen.width == 8
+    assert [path.name for path in found.files] == ["tune.json", "tune.csv", "tune.png"]

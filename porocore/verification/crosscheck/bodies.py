@@ -22,7 +22,7 @@ from porocore.study.config.config import RunConfig
 from porocore.study.preflight.abilities import lacking
 from porocore.verification.crosscheck.attempt import attempt
 from porocore.verification.crosscheck.comparison import BODY, Comparison
-from porocore.verification.crosscheck.surrogates import Samples, SurrogateRun
+from porocore.verification.crosscheck.surrogates import SharedSamples, SurrogateRun
 
 #: Compared at every time, with their names for a reader.
 HISTORIES = {
@@ -50,7 +50,7 @@ class BodyRun:
     solver: type[MacroSolver] | None = None
 
 
-def make_laws(config: RunConfig, samples: Samples, surrogates: list[SurrogateRun]) -> dict[str, Any]:
+def make_laws(config: RunConfig, samples: SharedSamples, surrogates: list[SurrogateRun]) -> dict[str, Any]:
     """Linear poroelasticity, and each surrogate closed; instead of a law the reason why there is none."""
     reference, material = samples.reference, config.cell.solid
 

@@ -13,7 +13,7 @@ from porocore.verification.crosscheck.bodies import BodyRun, compare_bodies, mak
 from porocore.verification.crosscheck.cells import CellRun, compare_cells, make_meshes, run_cell
 from porocore.verification.crosscheck.comparison import Comparison
 from porocore.verification.crosscheck.surrogates import (
-    Samples,
+    SharedSamples,
     SurrogateRun,
     compare_surrogates,
     load_libraries,
@@ -42,7 +42,7 @@ class CrossCheck:
     contestants: BackendSelection
     comparisons: tuple[Comparison, ...]
     cells: tuple[CellRun, ...]
-    samples: Samples | None
+    samples: SharedSamples | None
     surrogates: tuple[SurrogateRun, ...]
     bodies: tuple[BodyRun, ...]
 
@@ -99,7 +99,7 @@ def crosscheck(config: RunConfig, who: BackendSelection, *, console: Console) ->
 
 def _samples(
     config: RunConfig, cells: list[CellRun], console: Console
-) -> tuple[Samples | None, list[Comparison]]:
+) -> tuple[SharedSamples | None, list[Comparison]]:
     """From the configured backend if it takes part, else from the first that can."""
     names = sorted((run.backend for run in cells), key=lambda name: name != config.fem.backend)
     failures: list[Comparison] = []

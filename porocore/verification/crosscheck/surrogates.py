@@ -43,7 +43,7 @@ BETWEEN = 500
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class SharedSamples:
     """The states that one backend solved for all surrogates.
 
     Attributes
@@ -104,7 +104,7 @@ class SurrogateRun:
     failure: str = ""
 
 
-def solve_samples(config: RunConfig, backend: str, console: Console) -> Samples:
+def solve_samples(config: RunConfig, backend: str, console: Console) -> SharedSamples:
     """The undeformed cell, the sampler's states and the held-out ones.
 
     Raises
@@ -152,10 +152,10 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> Samples:
         versions(),
         settings.cell.point_group,
     )
-    return Samples(backend, reference, training, unseen[valid], solved[valid], seconds)
+    return SharedSamples(backend, reference, training, unseen[valid], solved[valid], seconds)
 
 
-def train(config: RunConfig, name: str, samples: Samples, console: Console) -> SurrogateRun:
+def train(config: RunConfig, name: str, samples: SharedSamples, console: Console) -> SurrogateRun:
     """Fit one surrogate and measure it on the held-out states."""
     settings = config.with_backends(surrogate=name)
     with console.task(f"training, {name}", "epochs") as task:
@@ -187,7 +187,7 @@ def _load_libraries(name: str) -> None:
     registry().get("surrogate", name).load_libraries()
 
 
-def held_out_errors(surrogate: Surrogate, samples: Samples) -> dict[str, float]:
+def held_out_errors(surrogate: Surrogate, samples: SharedSamples) -> dict[str, float]:
     """Largest error of each response that it predicts, in the range that it knows, as a share of the span."""
     predicted = prediction_of(surrogate, samples.states, tangent=False)
     inside = _inside(predicted)
@@ -200,7 +200,7 @@ def held_out_errors(surrogate: Surrogate, samples: Samples) -> dict[str, float]:
     return errors
 
 
-def compare_surrogates(runs: list[SurrogateRun], samples: Samples, seed: int) -> list[Comparison]:
+def compare_surrogates(runs: list[SurrogateRun], samples: SharedSamples, seed: int) -> list[Comparison]:
     """Each with the held-out states, and each pair at states between them."""
     found = []
     for run in runs:
@@ -226,7 +226,7 @@ def compare_surrogates(runs: list[SurrogateRun], samples: Samples, seed: int) ->
 
 
 def _compare_pair(
-    one: SurrogateRun, other: SurrogateRun, between: MacroState, samples: Samples
+    one: SurrogateRun, other: SurrogateRun, between: MacroState, samples: SharedSamples
 ) -> list[Comparison]:
     case, found = "between the states", []
     predicted = []
