@@ -72,7 +72,7 @@ class PluginKind:
     hook
         The hook that offers it.
     interface
-        The abstract class in :mod:`porocore.interfaces`; ``porocore.testing`` has its suite, with ``Suite`` appended.
+        The abstract class in ``porocore.interfaces``; ``porocore.testing`` has its suite, with ``Suite`` appended.
     factory
         The method of the suite that makes an instance.
     choice

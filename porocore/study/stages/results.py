@@ -76,6 +76,7 @@ class RunResults:
             for load in config.macro.loads
         }
         closures = dict.fromkeys(law for each in laws.values() for law in each if law in CLOSURES)
+        surrogates = {closure: load_surrogate(folder, with_closure(config, closure)) for closure in closures}
         return cls(
             folder,
             config,
@@ -83,7 +84,7 @@ class RunResults:
             linear_coefficients(reference, config),
             Dataset.open(folder.dataset, identity=config.stages.sampling),
             Dataset.open(folder.test_dataset, identity=config.stages.test),
-            {closure: load_surrogate(folder, with_closure(config, closure)) for closure in closures},
+            surrogates,
             {load: {law: load_solution(folder, law, load) for law in each} for load, each in laws.items()},
             stage_times(folder.timings),
             stage_runs(folder.timings),

@@ -292,7 +292,8 @@ def _main(arguments: Sequence[str]) -> int:
     import pytest
 
     kind, name, folder, only = arguments
-    assert kind in get_args(Kind)
+    if kind not in get_args(Kind):
+        raise ValueError(f"expected one of {get_args(Kind)}, got {kind!r}")
     here = Path(folder)
     module = here / "test_laws.py"
     module.write_text(
