@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from porocore.core.models.strict import StrictModel
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels
 from porocore.cell.materials.choice import AnyMaterial
@@ -37,10 +38,8 @@ Cells = Annotated[int, Field(ge=1, le=8)]
 Region = Annotated[str, BeforeValidator(lambda name: str(name) if isinstance(name, int) else name)]
 
 
-class Cell(BaseModel):
+class Cell(StrictModel):
     """Configuration of a cell: all that determines its cell problems."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     geometry: Geometry = OrthogonalChannels()
     """Shape of the pores."""

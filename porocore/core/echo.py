@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import reprlib
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -59,6 +60,19 @@ def without_long_words(message: str, words: Iterable[str]) -> str:
             if len(part) > MOST:
                 message = message.replace(part, cut(part))
     return message
+
+
+def did_you_mean(name: str, names: Iterable[str], *, most: int = 1, cutoff: float = 0.6) -> str:
+    """Return the question whether a similar name is meant; empty where none of ``names`` is similar."""
+    close = difflib.get_close_matches(name, list(names), n=most, cutoff=cutoff)
+    quoted = " or ".join(f"'{found}'" for found in close)
+    return f"did you mean {quoted}?" if close else ""
+
+
+def suggestion(name: str, names: Iterable[str], listed: str) -> str:
+    """Return the advice on an unknown name: a similar one, and ``listed``, such as "the closures are", with all."""
+    names = list(names)
+    return f"{did_you_mean(name, names)} {listed} {', '.join(names)}".lstrip()
 
 
 def _pruned(value: Any, level: int = 0) -> Any:

@@ -5,7 +5,6 @@ Nothing heavy is imported: listing plugins works when torch is slow to load, mis
 
 from __future__ import annotations
 
-import difflib
 import importlib.util
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from typing import Any, Literal
 
 import pluggy
 
+from porocore.core.echo import did_you_mean
 from porocore.errors import PluginError
 from porocore.plugins.entry_points import Source, Unreadable, entry_points
 from porocore.plugins.foreign_code import attempt, place_of, reason_of
@@ -113,10 +113,9 @@ def _read(
 
 def _declared(module: Any) -> dict[Kind, int]:
     """Return the versions of the interfaces that a plugin says it was made for; empty where it says nothing."""
-    if not hasattr(module, DECLARATION):
-        close = difflib.get_close_matches(DECLARATION, map(str.upper, dir(module)), n=1, cutoff=0.85)
-        if misspelt := [name for name in dir(module) if name.upper() in close]:
-            raise PluginError(f"{misspelt[0]} means nothing; did you mean {DECLARATION}?")
+    names = [] if hasattr(module, DECLARATION) else dir(module)
+    if misspelt := [name for name in names if did_you_mean(DECLARATION, [name.upper()], cutoff=0.85)]:
+        raise PluginError(f"{misspelt[0]} means nothing; did you mean {DECLARATION}?")
     found = getattr(module, DECLARATION, {})
     if not isinstance(found, dict) or not all(
         kind in KINDS and type(version) is int for kind, version in found.items()
@@ -141,8 +140,7 @@ def _hooks(module: Any, value: str) -> list[tuple[Kind, pluggy.HookImpl]]:
         raise PluginError(f"the function {unmarked[0]} is not marked @hookimpl")
     for caller in callers:
         if caller.name not in hooks and not all(found.optionalhook for found in caller.get_hookimpls()):
-            close = difflib.get_close_matches(caller.name, hooks, n=1)
-            question = f"did you mean '{close[0]}'?" if close else f"the hooks are {joined(hooks)}"
+            question = did_you_mean(caller.name, hooks) or f"the hooks are {joined(hooks)}"
             raise PluginError(f"there is no hook '{caller.name}'; {question}")
     return [
         (kind, implementation)

@@ -6,13 +6,12 @@ slow to load, missing or broken. A plugin that cannot be used is kept with its r
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
-from porocore.core.echo import echo
+from porocore.core.echo import did_you_mean, echo
 from porocore.errors import PluginError
 from porocore.plugins.discovery import Broken, Offered, discover, joined
 from porocore.plugins.foreign_code import attempt, place_of, reason_of
@@ -122,8 +121,7 @@ class Registry:
             return f"{kind} '{name}' is not installed; install it: pip install {distribution}{broken}"
         names = self.names(kind)
         known = sorted({*names, *(n for n, (_, k) in FIRST_PARTY.items() if kind in k)})
-        nearest = difflib.get_close_matches(name, known, n=1)
-        advice = f"did you mean '{nearest[0]}'? " if nearest else ""
+        advice = did_you_mean(name, known)
         installed = joined(
             f"{o.offer.name} ({o.source})"
             for o in sorted(self.offers, key=lambda o: o.offer.name)
@@ -132,7 +130,7 @@ class Registry:
         others = joined(o.kind for o in self.offers if o.offer.name == name)
         also = f", which is a {others}; choose another by {KINDS[kind].choice}" if others else ""
         return (
-            f"unknown {kind} {echo(name)}{also}; {advice}installed: {installed or 'none'}; "
+            f"unknown {kind} {echo(name)}{also}; {advice and f'{advice} '}installed: {installed or 'none'}; "
             f"'porocore plugins' shows all{broken}"
         )
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
-from porocore.core.echo import echo
+from porocore.core.echo import echo, suggestion
 from porocore.errors import ConfigurationError
 from porocore.study.benchmark import benchmark_path
 
@@ -65,7 +64,5 @@ def example(name: str) -> Example:
     """
     known = examples()
     if name not in known:
-        close = difflib.get_close_matches(name, known, n=1)
-        question = f"did you mean '{close[0]}'? " if close else ""
-        raise ConfigurationError(f"no example {echo(name)}; {question}the examples are {', '.join(known)}")
+        raise ConfigurationError(f"no example {echo(name)}; {suggestion(name, known, 'the examples are')}")
     return known[name]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import pytest
 
+from porocore.core.echo import did_you_mean
 from porocore.plugins.kit_version import KIT_VERSION, complaint
 from porocore.testing.expect import Undefined, holds, told
 
@@ -38,9 +38,8 @@ class Suite:
         for name, reason in cls.expected_failures.items():
             law = name.partition("[")[0]
             if not callable(getattr(cls, law, None)):
-                close = difflib.get_close_matches(law, laws_of(cls), n=1)
-                question = f"; did you mean '{close[0]}'?" if close else ""
-                raise TypeError(f"{cls.__name__}.expected_failures: there is no law '{law}'{question}")
+                advice = did_you_mean(law, laws_of(cls)) or "see the laws of its base class"
+                raise TypeError(f"{cls.__name__}.expected_failures: there is no law '{law}'; {advice}")
             if not isinstance(reason, str) or not reason.strip():
                 raise TypeError(
                     f"{cls.__name__}.expected_failures['{name}']: expected a reason, got {reason!r}"

@@ -6,13 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Unit
 
 
-class ContactSettings(BaseModel):
+class ContactSettings(StrictModel):
     """Frictionless self-contact of the pore wall by a penalty."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: Literal["frictionless", "none"] = "frictionless"
     """``frictionless``: the pore wall is held against itself; ``none``: a state whose wall has passed through itself

@@ -8,6 +8,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from porocore.core.models.strict import StrictModel
 from porocore.cell.meshing.estimate import PER_CUBE
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.core.tensors.point_group import CUBIC, MIRRORS, TRIVIAL, PointGroup
@@ -16,15 +17,13 @@ from porocore.states import IntArray
 Unfolding = Literal["wedge", "eighth", "whole"]
 
 
-class PoreGeometry(BaseModel, ABC):
+class PoreGeometry(StrictModel, ABC):
     """The shape of the pores in the unit cube [−½, ½]³, which repeats itself periodically.
 
     A new kind derives this class, has a field ``kind`` with one allowed text, and stands in
     :data:`porocore.cell.geometry.kinds.Geometry`. Most derive :class:`porocore.cell.geometry.cad.DrawnGeometry` or
     :class:`porocore.cell.level_sets.level_set.LevelSetGeometry`, which make the mesh.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     @property
     @abstractmethod

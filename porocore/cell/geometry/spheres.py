@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from porocore.core.models.strict import StrictModel
 from porocore.cell.geometry.cad import DrawnGeometry, DrawnPart
 from porocore.cell.geometry.capsules import Capsules
 from porocore.cell.geometry.drawing import split, wedge
@@ -37,10 +38,8 @@ Radius = Annotated[float, Field(gt=0, lt=0.9), Unit("cell")]
 Point = tuple[float, float, float]
 
 
-class Throat(BaseModel):
+class Throat(StrictModel):
     """A straight channel between the centres of two pores."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     join: tuple[int, int]
     """Places of the two pores in the list of centres, from 0; the same place twice joins a pore with its periodic

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from porocore.cell.materials.material import Material, StrainEnergy
+from porocore.core.echo import suggestion
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -79,11 +79,9 @@ class Composite:
         """
         for region in self.materials:
             if region not in mesh.region_names:
-                close = difflib.get_close_matches(region, mesh.region_names, n=1)
-                question = f"did you mean '{close[0]}'? " if close else ""
+                advice = suggestion(region, mesh.region_names, "its regions are")
                 raise ConfigurationError(
-                    f"cell.materials.{region}: the solid has no region of this name; {question}"
-                    f"its regions are {', '.join(mesh.region_names)}"
+                    f"cell.materials.{region}: the solid has no region of this name; {advice}"
                 )
         if lacking := [region for region in mesh.region_names if region not in self.materials]:
             raise ConfigurationError(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, model_validator
 
+from porocore.core.models.strict import StrictModel
 from porocore.cell.materials.moduli import check_reference, voigt_moduli
 from porocore.core.tensors.point_group import CUBIC, MIRRORS, PointGroup
 from porocore.states import Array, IntArray
@@ -47,14 +48,12 @@ class StrainEnergy(ABC):
         """Young's modulus and shear modulus of small strains [E], averaged over directions and over elements (all)."""
 
 
-class Material(BaseModel, StrainEnergy):
+class Material(StrictModel, StrainEnergy):
     """A homogeneous solid as it stands in the configuration.
 
     A new kind derives this class, has a field ``kind`` with one allowed text, and stands in
     :data:`porocore.cell.materials.choice.AnyMaterial`.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     @property
     @abstractmethod

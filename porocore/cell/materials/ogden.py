@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from porocore.core.models.strict import StrictModel
 from porocore.cell.invariants.by_invariants import BASIC, VOLUMETRIC, InvariantMaterial
 from porocore.cell.invariants.invariants import Invariant, PowerSum
 from porocore.core.units.dimensions import Dimension
@@ -13,10 +14,8 @@ from porocore.core.units.dimensions import Dimension
 MOST_TERMS = 8
 
 
-class OgdenTerm(BaseModel):
+class OgdenTerm(StrictModel):
     """μ_p and α_p of one term; μ_p α_p is twice its share of the initial shear modulus."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     mu: Annotated[float, Dimension("stress")]
     """μ_p; ½ Σ μ_p α_p is the shear modulus of small strains."""

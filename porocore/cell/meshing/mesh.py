@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
+from porocore.core.models.strict import StrictModel
 from porocore.cell.geometry.part import PoreGeometry
 from porocore.cell.meshing.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.meshing.periodicity import facet_classes
@@ -23,10 +24,8 @@ __all__ = ["CellMesh", "Domain", "MeshSettings", "Phase", "make_mesh"]
 Domain = Literal["eighth", "whole"]
 
 
-class MeshSettings(BaseModel):
+class MeshSettings(StrictModel):
     """Element size (of the unit cell) and kind of tetrahedra."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     size: Annotated[float, Field(ge=0.01, le=0.5), Unit("cell")] = 0.2
     """Size of the solid's tetrahedra; narrow channels are meshed finer, with at most 0.8 of their radius."""

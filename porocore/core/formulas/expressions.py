@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import difflib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.echo import echo
+from porocore.core.echo import did_you_mean, echo
 
 #: What may be called, all of one argument.
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
@@ -132,9 +131,9 @@ def _check(
                 raise refuse(f"numbers beyond {LARGEST_NUMBER:g} are refused")
         case ast.Name(id=name):
             if name not in (*names, *CONSTANTS):
-                close = difflib.get_close_matches(name, [*names, *CONSTANTS, *functions], n=1)
-                hint = f"did you mean '{close[0]}'? " if close else ""
-                raise refuse(f"unknown name; {hint}there are {', '.join([*names, *CONSTANTS])}")
+                hint = did_you_mean(name, [*names, *CONSTANTS, *functions])
+                known = ", ".join([*names, *CONSTANTS])
+                raise refuse(f"unknown name; {hint and f'{hint} '}there are {known}")
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
             _check(operand, text, names, functions, depth + 1)
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:

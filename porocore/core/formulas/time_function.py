@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
+from porocore.core.models.strict import StrictModel
 from porocore.core.echo import echo
 from porocore.core.formulas.expressions import LONGEST, Expression
 from porocore.core.models.bounds import MOST_TIMES
@@ -16,10 +17,8 @@ from porocore.errors import ConfigurationError
 Positive = Annotated[float, Field(gt=0)]
 
 
-class TimeFunction(BaseModel):
+class TimeFunction(StrictModel):
     """A function of time of its own, instead of the common ramp: one of ``table``, ``ramp``, ``expression``."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     table: Annotated[
         tuple[tuple[Annotated[float, Field(ge=0), Dimension("time")], Annotated[float, Carried()]], ...],

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
+from porocore.core.models.strict import StrictModel
 from porocore.core.units.quantities import UnitError, pretty, unit_in_si
 from porocore.core.units.scales import QUANTITIES, Scales
 
@@ -23,10 +24,8 @@ MEANS = {
 _FIELD = {quantity: name for name, quantities in MEANS.items() for quantity in quantities}
 
 
-class OutputUnits(BaseModel):
+class OutputUnits(StrictModel):
     """A unit for each kind of result."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     length: str = "m"
     """Unit of displacements and places, such as mm."""

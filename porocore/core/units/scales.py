@@ -10,6 +10,7 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from porocore.core.models.strict import StrictModel
 from porocore.core.echo import echo
 from porocore.core.units.dimensions import Dimension
 from porocore.errors import ConfigurationError
@@ -44,7 +45,7 @@ class ExactScales:
         return self.length / self.velocity
 
 
-class Scales(BaseModel):
+class Scales(StrictModel):
     """Length L, pore size d, viscosity μ_c and either Young's modulus E of the solid or the force f_c = E L².
 
     Plain numbers are in SI units. Dimensionless results are for E = 1.
@@ -53,8 +54,6 @@ class Scales(BaseModel):
     ----------
     Dehghani & Zilian (2022), the section on non-dimensionalisation and the end of the numerical example.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     force: Annotated[Positive, Dimension("force", si=True)] | None = None
     """f_c = E L², as in the paper; this or ``modulus``."""

@@ -16,6 +16,7 @@ from pydantic import (
     field_validator,
 )
 
+from porocore.core.models.strict import StrictModel
 from porocore.core.files.input_file import FromFile
 from porocore.core.models.bounds import MOST_ELEMENTS
 from porocore.core.models.kinds import by_kind
@@ -29,13 +30,11 @@ Count = Annotated[int, Field(ge=1, le=MOST_ELEMENTS)]
 Grading = Annotated[float, Field(ge=1e-3, le=1e3)]
 
 
-class Body(BaseModel, ABC):
+class Body(StrictModel, ABC):
     """A shape and how finely it is meshed.
 
     A new kind derives this class, has a field ``kind`` with one allowed text, and stands in :data:`AnyBody`.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     #: Names of its surfaces, where the kind alone decides them.
     surfaces: ClassVar[tuple[str, ...]] = ()

@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, model_validator
 
+from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, facet_middles
@@ -17,10 +18,8 @@ from porocore.states import Array, IntArray
 Range = Annotated[tuple[float, float], Dimension("displacement")]
 
 
-class Patch(BaseModel):
+class Patch(StrictModel):
     """The facets of a surface whose middles lie within bounds; they no longer belong to that surface."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     of: str
     """The surface that it is a part of."""

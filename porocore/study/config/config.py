@@ -6,7 +6,6 @@ invalidate the samples.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 from collections.abc import Iterator
@@ -17,7 +16,7 @@ import yaml
 from pydantic import Field, ValidationInfo, field_validator
 
 from porocore.cell.cell import Cell
-from porocore.core.echo import cut, echo
+from porocore.core.echo import cut, echo, suggestion
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.results import OutputUnits, ResultUnits
@@ -212,9 +211,7 @@ def _unfit_closure(closure: str, cell: Cell | None) -> str:
     if closure in CLOSURES:
         several = cell is not None and cell.materials is not None
         return MeanGradientClosure.needs_one_energy if several and closure == MeanGradientClosure.name else ""
-    close = difflib.get_close_matches(closure, CLOSURES, n=1)
-    question = f"did you mean '{close[0]}'? " if close else ""
-    return f"unknown closure {echo(closure)}; {question}the closures are {', '.join(CLOSURES)}"
+    return f"unknown closure {echo(closure)}; {suggestion(closure, CLOSURES, 'the closures are')}"
 
 
 def _hash(*parts: Any) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import types
 from collections.abc import Iterable, Iterator
@@ -12,7 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from porocore.core.echo import cut, echo
+from porocore.core.echo import cut, did_you_mean, echo
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.errors import ConfigurationError
 
@@ -106,15 +105,18 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
         return f"{key}: {error['ctx']['error']}"
     if kind == "union_tag_invalid":
         tags = _tags(_hint(root, at[:-1])[0])
-        close = difflib.get_close_matches(error["ctx"]["tag"], tags, n=1)
-        advice = f"; did you mean '{close[0]}'?" if close else ""
-        return unexpected(at, f"one of {', '.join(tags)}", document.value(at)) + advice
+        text = unexpected(at, f"one of {', '.join(tags)}", document.value(at))
+        return _with_question(text, error["ctx"]["tag"], tags)
     expected = " or ".join(dict.fromkeys(_expected(e, place, root) for e in group))
     text = unexpected(at, expected, document.value(at) if at in document else error["input"])
     if kind == "literal_error" and isinstance(error["input"], str):
-        close = difflib.get_close_matches(error["input"], _options(_hint(root, place)[0]), n=1)
-        text += f"; did you mean '{close[0]}'?" if close else ""
+        return _with_question(text, error["input"], _options(_hint(root, place)[0]))
     return text
+
+
+def _with_question(text: str, name: str, names: list[str]) -> str:
+    question = did_you_mean(name, names)
+    return f"{text}; {question}" if question else text
 
 
 def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
@@ -274,9 +276,7 @@ def _other_keys(at: Location, root: type[BaseModel]) -> str:
 
 
 def _nearest(name: str, names: list[str]) -> str:
-    close = difflib.get_close_matches(name, names, n=1)
-    question = f"did you mean '{close[0]}'? " if close else "remove it; "
-    return f"{question}the keys here are {', '.join(names)}"
+    return f"{did_you_mean(name, names) or 'remove it;'} the keys here are {', '.join(names)}"
 
 
 def _under(at: Location) -> str:

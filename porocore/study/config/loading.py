@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from porocore.cell.cell import Cell
-from porocore.core.echo import echo
+from porocore.core.echo import echo, suggestion
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.models.strict import StrictModel
@@ -128,9 +127,7 @@ def _unknown_surfaces(macro: MacroSetup) -> Iterator[tuple[Location, str]]:
     named += [(("macro", "surfaces", name, "of"), patch.of) for name, patch in macro.surfaces.items()]
     for at, name in named if macro.body.surfaces else ():
         if name not in known:
-            close = difflib.get_close_matches(name, known, n=1)
-            question = f"did you mean '{close[0]}'? " if close else ""
-            yield at, f"{dotted(at)}: no such surface; {question}the surfaces are {', '.join(known)}"
+            yield at, f"{dotted(at)}: no such surface; {suggestion(name, known, 'the surfaces are')}"
 
 
 def _leaves(data: Any, at: Location = ()) -> Iterator[tuple[Location, Any]]:

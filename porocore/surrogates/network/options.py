@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 
-from porocore.core.echo import echo
+from porocore.core.models.strict import StrictModel
+from porocore.core.echo import did_you_mean, echo
 from porocore.errors import ConfigurationError
 
 #: Hidden layers, units of one, and steps of training: larger networks than the data of any cell need.
@@ -19,10 +19,8 @@ Share = Annotated[float, Field(gt=0, le=0.5, allow_inf_nan=False)]
 Device = Literal["auto", "cpu", "cuda"]
 
 
-class NetworkOptions(BaseModel):
+class NetworkOptions(StrictModel):
     """Options of both models. A field's description goes into messages, its docstring into the documentation."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     device: Device = Field("cpu", description="'auto', 'cpu' or 'cuda'")
     """Where networks are trained and evaluated; ``auto`` is a GPU where there is one."""
@@ -48,8 +46,7 @@ class NetworkOptions(BaseModel):
         fields = cls.model_fields
         if key in fields:
             return f"surrogate.options.{key}: expected {fields[key].description}, got {echo(value)}"
-        near = difflib.get_close_matches(key, fields, n=1)
-        advice = f"did you mean '{near[0]}'?" if near else f"the options are {', '.join(fields)}"
+        advice = did_you_mean(key, fields) or f"the options are {', '.join(fields)}"
         return f"surrogate.options.{key}: the {backend} surrogate has no such option for this model; {advice}"
 
 

@@ -6,7 +6,6 @@ a plugin that kills its process, or changes how pytest works, does no harm here.
 
 from __future__ import annotations
 
-import difflib
 import json
 import os
 import subprocess
@@ -19,6 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal, get_args
 
+from porocore.core.echo import did_you_mean
 from porocore.errors import PluginError
 from porocore.plugins.discovery import Offered
 from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind
@@ -41,8 +41,7 @@ class UnknownLaw(PluginError):
     """
 
     def __init__(self, name: str, laws: Sequence[str]) -> None:
-        close = difflib.get_close_matches(in_words(name), laws, n=3, cutoff=0.4)
-        near = f"did you mean {' or '.join(map(repr, close))}?" if close else f"there are {', '.join(laws)}"
+        near = did_you_mean(in_words(name), laws, most=3, cutoff=0.4) or f"there are {', '.join(laws)}"
         super().__init__(f"--only: there is no law '{in_words(name)}'; {near}")
         self.laws = laws
 
