@@ -10,16 +10,13 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
     model_serializer,
     model_validator,
 )
 
-from porocore.core.models.strict import StrictModel
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels
 from porocore.cell.materials.choice import AnyMaterial
@@ -29,6 +26,7 @@ from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.estimate import require_few
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.meshing.supercell import block
+from porocore.core.models.strict import StrictModel
 from porocore.core.tensors.point_group import PointGroup
 from porocore.core.units.dimensions import Dimension, Unit
 from porocore.errors import ConfigurationError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Unit

@@ -6,11 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
-
-from porocore.core.models.strict import StrictModel
 from porocore.cell.meshing.estimate import PER_CUBE
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
+from porocore.core.models.strict import StrictModel
 from porocore.core.tensors.point_group import CUBIC, MIRRORS, TRIVIAL, PointGroup
 from porocore.states import IntArray
 

@@ -7,9 +7,8 @@ from itertools import combinations, product
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from porocore.core.models.strict import StrictModel
 from porocore.cell.geometry.cad import DrawnGeometry, DrawnPart
 from porocore.cell.geometry.capsules import Capsules
 from porocore.cell.geometry.drawing import split, wedge
@@ -18,6 +17,7 @@ from porocore.cell.level_sets.level_set import mesh_level_set
 from porocore.cell.meshing.estimate import PER_CUBE
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.cell.symmetry.point_set import group_of_points, kinds
+from porocore.core.models.strict import StrictModel
 from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.core.units.dimensions import Unit
 from porocore.states import Array, IntArray

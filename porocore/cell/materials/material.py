@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import model_validator
 
-from porocore.core.models.strict import StrictModel
 from porocore.cell.materials.moduli import check_reference, voigt_moduli
+from porocore.core.models.strict import StrictModel
 from porocore.core.tensors.point_group import CUBIC, MIRRORS, PointGroup
 from porocore.states import Array, IntArray
 

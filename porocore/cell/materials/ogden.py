@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
-from porocore.core.models.strict import StrictModel
 from porocore.cell.invariants.by_invariants import BASIC, VOLUMETRIC, InvariantMaterial
 from porocore.cell.invariants.invariants import Invariant, PowerSum
+from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension
 
 MOST_TERMS = 8

@@ -9,13 +9,13 @@ from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from porocore.core.models.strict import StrictModel
 from porocore.cell.geometry.part import PoreGeometry
 from porocore.cell.meshing.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.meshing.periodicity import facet_classes
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, with_middles
+from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Unit
 from porocore.states import Array, IntArray
 

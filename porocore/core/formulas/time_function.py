@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from porocore.core.models.strict import StrictModel
 from porocore.core.echo import echo
 from porocore.core.formulas.expressions import LONGEST, Expression
 from porocore.core.models.bounds import MOST_TIMES
+from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Carried, Dimension
 from porocore.errors import ConfigurationError
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
+from pydantic import ValidationInfo, field_validator
 
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.quantities import UnitError, pretty, unit_in_si

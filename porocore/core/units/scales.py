@@ -8,10 +8,10 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from porocore.core.models.strict import StrictModel
 from porocore.core.echo import echo
+from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension
 from porocore.errors import ConfigurationError
 

@@ -9,17 +9,15 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     Tag,
     field_validator,
 )
 
-from porocore.core.models.strict import StrictModel
 from porocore.core.files.input_file import FromFile
 from porocore.core.models.bounds import MOST_ELEMENTS
 from porocore.core.models.kinds import by_kind
+from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension, Unit
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.structured import box, graded, sector

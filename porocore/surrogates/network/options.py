@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+from pydantic import Field, Strict, ValidationError
 
-from porocore.core.models.strict import StrictModel
 from porocore.core.echo import did_you_mean, echo
+from porocore.core.models.strict import StrictModel
 from porocore.errors import ConfigurationError
 
 #: Hidden layers, units of one, and steps of training: larger networks than the data of any cell need.
