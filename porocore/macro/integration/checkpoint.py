@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from porocore.core.hdf5 import atomic_hdf5, opened
-from porocore.core.hdf5.contents import numbered
+from porocore.core.hdf5.contents import Contents, numbered
 from porocore.errors import DataError
 from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.solution import file_name, read_profile
@@ -29,6 +29,8 @@ from porocore.states import Array
 FORMAT, VERSION = "porocore-macro-checkpoint", 2
 #: What is kept of the time stepping.
 STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "proposed": float}
+#: No step is halved more often: 2 to this power is still a number.
+MOST_HALVINGS = 1000
 #: A law whose answers moved by more than this is another one; machines differ by round-off only.
 SAME_LAW = 1e-8
 
@@ -101,11 +103,10 @@ def load(
             if not len(rows):
                 raise ValueError("'history' is empty")
             rate = file.array("rate", size) if "rate" in file else None
-            step = {name: file.attribute(name, kind, finite=False) for name, kind in STEPPER.items()}
-            before = (
-                file.attribute("length", float, finite=False),
-                file.attribute("scales", float, len(control.scales)),
-            )
+            step = _read_stepping(file, float(rows[-1, record.columns.index("time")]))
+            before = file.attribute("length", float), file.attribute("scales", float, len(control.scales))
+            if min(before[0], *before[1]) < 0:
+                raise ValueError("attributes 'length' and 'scales' are those of no step")
             profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
             return whole, memories, rows, profiles, step, rate, before
 
@@ -125,6 +126,22 @@ def load(
         )
     record.rows, record.profiles = [tuple(map(float, row)) for row in rows], profiles
     return whole[d.unknowns], memory, record
+
+
+def _read_stepping(file: Contents, last: float) -> dict[str, Any]:
+    """Return what is kept of the time stepping, after a step that ended at ``last``.
+
+    Raises
+    ------
+    ValueError
+        It is no state in which a solve can be: it would end too early, or never.
+    """
+    found = {name: file.attribute(name, kind, finite=name != "proposed") for name, kind in STEPPER.items()}
+    if found["time"] != last:
+        raise ValueError(f"attribute 'time' is {found['time']:g}, but the last step ended at {last:g}")
+    if not 0 <= found["halvings"] <= MOST_HALVINGS or found["streak"] < 0 or found["proposed"] <= 0:
+        raise ValueError("attributes 'halvings', 'streak' and 'proposed' are those of no step")
+    return found
 
 
 def _arrays(batch: Any, prefix: str) -> list[tuple[str, Any]]:
