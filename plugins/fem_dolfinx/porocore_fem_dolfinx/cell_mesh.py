@@ -1,4 +1,4 @@
-"""The core's cell mesh as dolfinx sees it, with the rule that the core integrates by."""
+"""The core's cell mesh as a dolfinx mesh, with the core's quadrature."""
 
 from __future__ import annotations
 
@@ -52,35 +52,35 @@ class CellDomain:
         self.weights = self.evaluate(volume)[:, :, 0] * weights
 
     def move(self, points: Array) -> None:
-        """Put the nodes, in the core's order, to (nodes, 3); what is assembled from now on is of the moved mesh."""
+        """Move the nodes to ``points`` (nodes, 3), in the core's order; later assemblies are on the moved mesh."""
         self.domain.geometry.x[:] = points[np.asarray(self.domain.geometry.input_global_indices)]
 
     def lagrange(self, degree: int, shape: tuple[int, ...] = ()) -> FunctionSpace:
-        """A function space."""
+        """Return a space of Lagrange functions."""
         return compat.function_space(self.domain, elements.lagrange_element("tetrahedron", degree, shape))
 
     def at_points(self, shape: tuple[int, ...]) -> tuple[Function, IntArray]:
-        """A function with values at the quadrature points, and (cells, q) the place of each point among them."""
+        """Return a function of values at the quadrature points, and the place (cells, q) of each point among them."""
         element = elements.values_at_points(self.points, self._reference_weights, shape)
         space = compat.function_space(self.domain, element)
         return compat.make_function(space), compat.cell_dofs(space.dofmap)
 
     @cached_property
     def elements(self) -> IntArray:
-        """(cells,) the core's element that each cell is."""
+        """Number (cells,) of each cell among the core's elements."""
         return np.asarray(self.domain.topology.original_cell_index)
 
     def expression(self, value: Expr) -> CompiledExpression:
-        """Compiled for the quadrature points."""
+        """Return an expression compiled for the quadrature points."""
         return compat.expression(value, self.points)
 
     def evaluate(self, compiled: CompiledExpression) -> Array:
-        """(cells, q, components) of an expression."""
+        """Return the values (cells, q, components) of an expression."""
         values = compat.evaluate(compiled, self.domain, self._all)
         return values.reshape(self.n_cells, len(self.points), -1)
 
     def nodes_of(self, dofs: IntArray) -> IntArray:
-        """The core's node at each dof of a Lagrange space whose dofs are nodes of the mesh, (dofs,).
+        """Return the core's node at each dof (dofs,) of a Lagrange space whose dofs are nodes of the mesh.
 
         ``dofs`` is the (cells, k) table of the space. Dofs are ordered in a cell as its nodes are, vertices first, so
         k nodes of each cell are enough.

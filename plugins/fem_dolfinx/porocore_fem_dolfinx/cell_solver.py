@@ -1,4 +1,4 @@
-"""The cell solver that the plugin offers."""
+"""Cell solver on dolfinx and PETSc."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import LARGEST_DEGREE
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
-from porocore_fem_dolfinx.linalg import choose
+from porocore_fem_dolfinx.linalg import choose_solver
 from porocore_fem_dolfinx.petsc_options import OptionValue
 from porocore_fem_dolfinx.solid import DolfinxSolid
 from porocore_fem_dolfinx.stokes import DolfinxStokes
@@ -53,7 +53,7 @@ class DolfinxCellSolver(EquilibriumCellSolver):
             raise ConfigurationError(
                 f"fem.options.petsc: expected PETSc options such as 'ksp_type: cg', got {echo(petsc)}"
             )
-        choose(solver, 0)
+        choose_solver(solver, 0)
         self.quadrature_degree, self.solver, self.petsc = quadrature_degree, solver, dict(petsc or {})
 
     def solid(self, cell: Cell, mesh: CellMesh) -> DolfinxSolid:

@@ -1,4 +1,4 @@
-"""Where the versions of dolfinx differ, from 0.5 (Debian 12) to 0.9 (Debian 13): one function for each difference.
+"""Differences between the versions of dolfinx, 0.5 (Debian 12) to 0.9 (Debian 13): one function for each.
 
 Elements, which differ too, have a module of their own.
 """
@@ -43,7 +43,7 @@ FORMS = folder(dolfinx.__version__)
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """No lines of the C compiler's driver, which logs to the root logger, nor warnings about FFCx's own code."""
+    """Suppress the log of the C compiler's driver, which is the root logger's, and warnings about FFCx's own code."""
     root = logging.getLogger()
     before = root.level
     root.setLevel(logging.ERROR)
@@ -57,14 +57,14 @@ def quiet() -> Iterator[None]:
 
 
 def _compile(comm: MPI.Intracomm, make: Callable[..., Made], *arguments: object) -> Made:
-    """Call what compiles, or takes from our cache."""
+    """Call a function that compiles forms or takes them from our cache."""
     name = "jit_options" if "jit_options" in inspect.signature(make).parameters else "jit_params"
     with quiet(), compiling(FORMS, comm):
         return make(*arguments, **{name: {"cache_dir": str(FORMS)}})
 
 
 def _comm_of(integrand: Expr) -> MPI.Intracomm:
-    """The MPI communicator of the mesh that a UFL form (or list of forms) or expression lives on."""
+    """Return the communicator of the mesh of a UFL expression, a form or a list of forms."""
     while isinstance(integrand, Sequence):
         integrand = next(part for part in integrand if part is not None)
     is_form = isinstance(integrand, ufl.Form)
@@ -74,7 +74,7 @@ def _comm_of(integrand: Expr) -> MPI.Intracomm:
 
 
 def function_space(domain: Mesh, element: Element) -> FunctionSpace:
-    """Of an element from this module."""
+    """Return the function space of an element."""
     make = fem.functionspace if hasattr(fem, "functionspace") else fem.FunctionSpace
     space: FunctionSpace = _compile(domain.comm, make, domain, element)
     return space
@@ -83,7 +83,7 @@ def function_space(domain: Mesh, element: Element) -> FunctionSpace:
 def make_mesh(
     comm: MPI.Intracomm, cell: str, degree: int, points: Array, cells: IntArray, **options: object
 ) -> Mesh:
-    """Lagrange cells of this degree in dolfinx's (not VTK's) order of nodes; see :func:`from_vtk`."""
+    """Return a mesh of Lagrange cells, their nodes in dolfinx's (not VTK's) order; see :func:`from_vtk`."""
     domain = ufl.Mesh(lagrange_element(cell, degree, (3,)))
     parameters = inspect.signature(mesh.create_mesh).parameters
     name = "domain" if "domain" in parameters else "e"
@@ -108,7 +108,7 @@ _FROM_VTK = {
 
 
 def from_vtk(cell: str, nodes: int) -> IntArray:
-    """Permutation p so that ``cells[:, p]`` of VTK's order is dolfinx's.
+    """Return the permutation p by which ``cells[:, p]`` is in dolfinx's order if ``cells`` is in VTK's.
 
     dolfinx's own ``perm_vtk`` is the inverse of it in some versions and not in others.
     """
@@ -132,7 +132,7 @@ def _table(numbers: IntArray | Adjacency) -> IntArray:
 
 
 def constant(domain: Mesh, value: Array | float) -> Constant:
-    """Of a form; change ``.value`` later."""
+    """Return a constant for forms, whose ``value`` may change without compilation."""
     made: Constant = fem.Constant(domain, np.asarray(value, dtype=np.float64))
     return made
 
@@ -144,18 +144,18 @@ def make_function(space: FunctionSpace) -> Function:
 
 
 def form(integrals: Form | list[list[Form]]) -> CompiledForm:
-    """Compile, or take from the cache."""
+    """Return a form, or lists of forms, compiled or taken from the cache."""
     return _compile(_comm_of(integrals), fem.form, integrals)
 
 
 def expression(value: Expr, points: Array) -> CompiledExpression:
-    """Compile a UFL expression for evaluation at points (q, 3) of the reference cell."""
+    """Return a UFL expression compiled for points (q, 3) of the reference cell."""
     compiled: CompiledExpression = _compile(_comm_of(value), fem.Expression, value, np.asarray(points))
     return compiled
 
 
 def evaluate(compiled: CompiledExpression, domain: Mesh, cells: IntArray) -> Array:
-    """Values (cells, points · components) of an :func:`expression`."""
+    """Return the values (cells, points · components) of an :func:`expression`."""
     local = np.asarray(cells, dtype=np.int32)
     if "mesh" in inspect.signature(compiled.eval).parameters:
         return compiled.eval(domain, local).reshape(len(local), -1)
@@ -163,7 +163,7 @@ def evaluate(compiled: CompiledExpression, domain: Mesh, cells: IntArray) -> Arr
 
 
 def vector_of(function: Function) -> PETSc.Vec:
-    """A function's values as a PETSc vector that shares its memory."""
+    """Return a PETSc vector that shares the memory of a function's values."""
     return function.vector if hasattr(function, "vector") else function.x.petsc_vec
 
 
@@ -185,7 +185,7 @@ def collect_garbage(comm: MPI.Intracomm) -> None:
 
 
 def assemble_vector(compiled: CompiledForm) -> Array:
-    """A linear form on one process, as a new array."""
+    """Return a linear form, assembled on one process, as a new array."""
     vector = fem_petsc.assemble_vector(compiled)
     values: Array = vector.array.copy()
     vector.destroy()
@@ -193,7 +193,7 @@ def assemble_vector(compiled: CompiledForm) -> Array:
 
 
 def assemble_matrix(compiled: CompiledForm, matrix: PETSc.Mat | None = None) -> PETSc.Mat:
-    """A bilinear form as a PETSc matrix, into ``matrix`` if it was made by this function before."""
+    """Return a bilinear form, assembled into ``matrix`` if that was made by this function before."""
     if matrix is None:
         matrix = fem_petsc.assemble_matrix(compiled)
     else:
@@ -204,12 +204,12 @@ def assemble_matrix(compiled: CompiledForm, matrix: PETSc.Mat | None = None) -> 
 
 
 def block_matrix(blocks: CompiledForm) -> PETSc.Mat:
-    """An empty PETSc matrix for a list of lists of bilinear forms; on each process the first rows come first."""
+    """Return an empty matrix for a list of lists of bilinear forms; each process has the first rows first."""
     return fem_petsc.create_matrix_block(blocks)
 
 
 def assemble_blocks(blocks: CompiledForm, matrix: PETSc.Mat) -> None:
-    """Anew into what :func:`block_matrix` made."""
+    """Assemble into a matrix of :func:`block_matrix`."""
     matrix.zeroEntries()
     fem_petsc.assemble_matrix_block(matrix, blocks, bcs=[])
     matrix.assemble()

@@ -1,4 +1,4 @@
-"""Unknowns that are one (periodic images) or none (held), as a matrix from the free unknowns to all of them."""
+"""Condensation of periodic images and held unknowns by a matrix from the free unknowns to all."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from porocore_fem_dolfinx import compat
 
 
 class Condensation:
-    """u = T x: ``images[i]`` numbers what dof i is an image of, ``held[i]`` says that it vanishes.
+    """All unknowns u = T x from the free ones x.
 
     Parameters
     ----------
     images : (n,) int
-        Dofs with the same number are one.
+        Number of the unknown that a dof is an image of; dofs with the same number are one.
     held : (n,) bool
-        With every image of a held dof.
+        Dofs that vanish, with all their images.
     """
 
     def __init__(self, images: IntArray, held: npt.NDArray[np.bool_]) -> None:
@@ -33,14 +33,14 @@ class Condensation:
             (np.ones(len(rows)), (rows, column[images[rows]])), shape=(len(images), self.size)
         )
         self._petsc = compat.freed_with(self, to_petsc(self.T))
-        # Multigrid wants to know that three unknowns belong to one node, where all three are free.
+        # The block size tells multigrid that three unknowns belong to one node, if all three are free.
         whole = len(classes) % 3 == 0 and (classes.reshape(-1, 3) % 3 == np.arange(3)).all()
         self._block = 3 if whole and len(images) % 3 == 0 else 1
         self._matrix: PETSc.Mat | None = None
         self._keys: IntArray | None = None
 
     def matrix(self, full: PETSc.Mat, entries: tuple[IntArray, IntArray, Array] | None = None) -> PETSc.Mat:
-        """Tᵀ A T, in a matrix that is used again by the next call; ``entries`` are rows, columns and values of more A.
+        """Return Tᵀ A T, in a matrix that the next call overwrites; ``entries`` (rows, columns, values) are added to A.
 
         Entries that the pattern of A has no room for make another matrix.
         """
@@ -61,7 +61,7 @@ class Condensation:
         return wider
 
     def _has_room(self, matrix: PETSc.Mat, more: sparse.csr_matrix) -> bool:
-        """Whether every entry of a matrix of free unknowns lies within the pattern of Tᵀ A T."""
+        """Return whether every entry of ``more`` lies within the pattern of Tᵀ A T."""
         if self._keys is None:
             indptr, indices, _ = matrix.getValuesCSR()
             rows = np.repeat(np.arange(self.size), np.diff(indptr))
@@ -70,21 +70,21 @@ class Condensation:
         return bool(np.isin(more.row.astype(np.int64) * self.size + more.col, self._keys).all())
 
     def reduce(self, full: Array) -> Array:
-        """Tᵀ f."""
+        """Return Tᵀ f."""
         return np.asarray(self.T.T @ full)
 
     def expand(self, free: Array) -> Array:
-        """T x."""
+        """Return T x."""
         return np.asarray(self.T @ free)
 
     def restrict(self, full: Array) -> Array:
-        """x of a u = T x."""
+        """Return x of a u = T x."""
         counts = np.asarray(self.T.sum(axis=0)).ravel()
         return np.asarray((self.T.T @ full) / counts)
 
 
 def to_petsc(matrix: sparse.csr_matrix) -> PETSc.Mat:
-    """A copy of a scipy matrix on this process."""
+    """Return a copy of a scipy matrix as a PETSc matrix of this process."""
     matrix = matrix.tocsr()
     matrix.sort_indices()
     csr = (matrix.indptr.astype(PETSc.IntType), matrix.indices.astype(PETSc.IntType), matrix.data)
@@ -92,6 +92,6 @@ def to_petsc(matrix: sparse.csr_matrix) -> PETSc.Mat:
 
 
 def to_scipy(matrix: PETSc.Mat) -> sparse.csr_matrix:
-    """A copy of a matrix that lives on this process."""
+    """Return a copy of a PETSc matrix of this process as a scipy matrix."""
     indptr, indices, data = matrix.getValuesCSR()
     return sparse.csr_matrix((data, indices, indptr), shape=matrix.getSize())

@@ -10,7 +10,7 @@ from porocore_fem_dolfinx.types import Element
 
 
 def lagrange_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Element:
-    """Of a scalar, vector or tensor field."""
+    """Return the Lagrange element of a scalar, vector or tensor field."""
     if MODERN:
         import basix.ufl
 
@@ -23,7 +23,7 @@ def lagrange_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Ele
 
 
 def broken_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Element:
-    """The same functions as :func:`lagrange_element`, not joined between cells."""
+    """Return the element of the functions of :func:`lagrange_element`, discontinuous between cells."""
     if MODERN:
         import basix.ufl
 
@@ -36,14 +36,14 @@ def broken_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Eleme
 
 
 def quadrature_points(cell: str, degree: int) -> Array:
-    """(q, 3) points of the default rule of this degree, in the order of :func:`quadrature_element`."""
+    """Return the points (q, 3) of the default rule of this degree, in the order of :func:`quadrature_element`."""
     import basix
 
     return np.asarray(basix.make_quadrature(getattr(basix.CellType, cell), degree)[0])
 
 
 def quadrature_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Element:
-    """Values at the points of the default rule of this degree."""
+    """Return the element of values at the points of the default rule of this degree."""
     if MODERN:
         import basix.ufl
 
@@ -62,7 +62,7 @@ _RULES_BY_SIZE = {1: (1, "default"), 4: (2, "default"), 14: (4, "default")} | {
 
 
 def values_at_points(points: Array, weights: Array, shape: tuple[int, ...] = ()) -> Element:
-    """Element of values at points (q, 3) of the reference tetrahedron, for integrals with the rule of these points.
+    """Return the element of values at points (q, 3) of the reference tetrahedron, to be integrated with their rule.
 
     Elements of the old UFL have the points of basix's own rules. FFCx never looks at them: a value belongs to the point
     of the same number in whatever rule the integral has, so one with as many points will do.
@@ -80,7 +80,7 @@ def values_at_points(points: Array, weights: Array, shape: tuple[int, ...] = ())
 
 
 def mixed_element(*elements: Element) -> Element:
-    """Of several fields."""
+    """Return the element of several fields."""
     if MODERN:
         import basix.ufl
 

@@ -1,4 +1,4 @@
-"""Where compiled forms are kept, and who may compile.
+"""Folder of the compiled forms, in which one process compiles at a time.
 
 FFCx marks a form that is being compiled by its C file. Whoever finds the mark waits ten seconds and gives up, so two
 processes on a busy machine fail each other, and one that is killed while it compiles fails all that come after it.
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 
 def folder(version: str) -> Path:
-    """Of the forms that this version of dolfinx and this Python compile; FFCx 0.5 does not tell Pythons apart."""
+    """Return the folder of forms for this version of dolfinx and this Python, which FFCx 0.5 does not tell apart."""
     above = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return above / "porocore" / f"dolfinx-{version}-{sys.implementation.cache_tag}"
 
 
 @contextmanager
 def compiling(forms: Path, comm: MPI.Intracomm) -> Iterator[None]:
-    """Around everything that may compile into the folder ``forms``, on all processes of the MPI communicator.
+    """Guard a block that may compile into the folder ``forms``, on all processes of the communicator.
 
     Raises
     ------
@@ -40,13 +40,12 @@ def compiling(forms: Path, comm: MPI.Intracomm) -> Iterator[None]:
         The folder cannot be written, or the C compiler or Python's headers are missing.
     """
     with ExitStack() as stack:
-        # dolfinx compiles on the first process while the others wait for it: none of them may be waiting elsewhere,
-        # and none may wait for one that has given up.
+        # dolfinx compiles on the first process while the others wait: all must be here, and all learn of a failure.
         comm.Barrier()
         refusal = ""
         if comm.rank == 0:
             try:
-                stack.enter_context(_alone(forms))
+                stack.enter_context(_locked(forms))
             except OSError as error:
                 refusal = str(error)
         if refusal := comm.bcast(refusal, root=0):
@@ -66,7 +65,7 @@ def compiling(forms: Path, comm: MPI.Intracomm) -> Iterator[None]:
 
 
 @contextmanager
-def _alone(forms: Path) -> Iterator[None]:
+def _locked(forms: Path) -> Iterator[None]:
     forms.mkdir(parents=True, exist_ok=True)
     with open(forms / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -1,4 +1,4 @@
-"""PETSc's linear solvers for the cell: a factor that tells its negative pivots, or multigrid."""
+"""PETSc's linear solvers for the cell: factors that count their negative pivots, or multigrid."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore.states import Array
 from porocore_fem_dolfinx import compat
-from porocore_fem_dolfinx.petsc_options import OF_OPTIONS, OptionValue, SolverOptions, explanation
+from porocore_fem_dolfinx.petsc_options import OPTION_ERRORS, OptionValue, SolverOptions, explanation
 
 CHOICES = ("auto", "mumps", "cholmod", "gamg")
 #: MUMPS counts negative pivots; CHOLMOD's LLᵀ only notices that there are some.
@@ -28,7 +28,7 @@ DEFAULTS: dict[str, dict[str, OptionValue]] = {
         "ksp_type": "preonly",
         "pc_type": "cholesky",
         "pc_factor_mat_solver_type": "cholmod",
-        # Its LDLᵀ for small matrices would take indefinite ones without a word.
+        # Its LDLᵀ for small matrices would accept indefinite ones.
         "mat_cholmod_factor": "supernodal",
         "mat_cholmod_print": 0,
     },
@@ -46,8 +46,8 @@ _INDEFINITE = (
 )
 
 
-def choose(solver: str, unknowns: int) -> str:
-    """What ``auto`` means for a system of this size.
+def choose_solver(solver: str, unknowns: int) -> str:
+    """Return the solver, with ``auto`` resolved for a system of this size.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def choose(solver: str, unknowns: int) -> str:
 
 
 class SymmetricSolver:
-    """Solves with symmetric matrices of one pattern.
+    """Solver of linear systems with symmetric matrices of one pattern.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class SymmetricSolver:
     """
 
     def __init__(self, solver: str, petsc: Mapping[str, OptionValue], unknowns: int) -> None:
-        kind = choose(solver, unknowns)
+        kind = choose_solver(solver, unknowns)
         self._options = SolverOptions(DEFAULTS[kind], petsc, "fem.options.petsc")
         self._ksp = self._make()
         self._checked = False
@@ -97,7 +97,7 @@ class SymmetricSolver:
 
     @property
     def is_factor(self) -> bool:
-        """Whether one application is the solution, so that it may precondition the iteration for another matrix."""
+        """Whether one application solves the system, so that it may precondition that of another matrix."""
         return bool(self._ksp.getType() == "preonly")
 
     def use(self, matrix: PETSc.Mat, accuracy: float = 1e-12) -> None:
@@ -111,7 +111,7 @@ class SymmetricSolver:
             An option cannot be used.
         """
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        # Kept when the matrix changes, until the next call of this function.
+        # The preconditioner is kept when the matrix changes, until the next call of this function.
         self._ksp.getPC().setReusePreconditioner(False)
         self._ksp.setOperators(matrix)
         self._ksp.setTolerances(rtol=accuracy)
@@ -121,7 +121,7 @@ class SymmetricSolver:
         try:
             self._ksp.setUp()
         except PETSc.Error as error:
-            if error.ierr in OF_OPTIONS and not self._checked:
+            if error.ierr in OPTION_ERRORS and not self._checked:
                 raise self._options.refused(error) from error
             self._ksp.destroy()  # not fit for another matrix
             self._ksp = self._make()
@@ -142,7 +142,7 @@ class SymmetricSolver:
                 self.negative = 0  # or setUp had failed
 
     def solve(self, rhs: Array) -> Array:
-        """x with K x = rhs, both (n,).
+        """Return x (n,) with K x = rhs (n,).
 
         Raises
         ------
@@ -177,7 +177,7 @@ class SymmetricSolver:
             raise FactorError(f"PETSc's solver stopped for reason {reason}")
 
     def iterate(self, matrix: PETSc.Mat, rhs: Array, accuracy: float, limit: int) -> Array | None:
-        """x with K x = rhs for another matrix, by conjugate gradients with this factor; None after ``limit`` steps.
+        """Return x with K x = rhs for another K, by conjugate gradients with this factor; None after ``limit`` steps.
 
         None, too, where the iteration meets a direction of negative curvature.
         """

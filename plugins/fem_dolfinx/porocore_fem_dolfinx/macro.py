@@ -1,4 +1,4 @@
-"""The macro solver on dolfinx: the core's time loop on UFL forms and PETSc, on any number of MPI processes."""
+"""Macro solver on dolfinx: the core's time integration on UFL forms and PETSc, on any number of MPI processes."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class DolfinxMacroSolver(TimeSteppingMacroSolver):
         self.communicator = MpiCommunicator(self._comm) if self._comm.size > 1 else Communicator()
 
     def prepare(self, problem: MacroProblem) -> DolfinxDiscretisation:
-        """Mesh, forms and linear solver; the solver is tried, so that wrong options are told at once.
+        """Return mesh, forms and linear solver; the solver is tried, so that wrong options are refused at once.
 
         Raises
         ------

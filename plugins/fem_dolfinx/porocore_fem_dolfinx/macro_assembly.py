@@ -25,7 +25,7 @@ from porocore_fem_dolfinx.petsc_options import OptionValue
 
 
 class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
-    """MacroForms, matrix and linear solver of one problem."""
+    """Forms, matrix and linear solver of one problem."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         self._try_solver()
 
     def _expansion(self, comm: MPI.Intracomm) -> PETSc.Mat | None:
-        """Matrix from the unknowns of the equations to the free ones; None without plates, where they are the same."""
+        """Return the matrix from the unknowns of the equations to the free ones; None without plates."""
         if not self.plates:
             return None
         rows, columns = len(self.free), int(self.leading.sum())
@@ -79,7 +79,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         return expansion
 
     def _try_solver(self) -> None:
-        """On a body that nobody can turn, so that a fault is one of the options."""
+        """Solve for a material whose stress resists rotations too, so that a failure is due to the options."""
         n, one = self.n_points, np.eye(3)
         tangent = MacroTangent(
             stress_grad_u=np.broadcast_to(np.einsum("ik,jl->ijkl", one, one), (n, 3, 3, 3, 3)),
@@ -94,7 +94,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
             self.solve(self.system(tangent, 1.0), np.ones(len(self.unknowns)), np.zeros(len(self.prescribed)))
 
     def _rotation(self, comm: MPI.Intracomm) -> PETSc.Mat | None:
-        """Qᵀ as a PETSc matrix; None where all unknowns are Cartesian."""
+        """Return Qᵀ as a PETSc matrix; None where all unknowns are Cartesian."""
         if self.rotation is None:
             return None
         owned = self.rotation[: self.owned, : self.owned].T.tocsr()
@@ -114,7 +114,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         return self._forms.contributions(response)
 
     def add_copies(self, values: Array) -> Array:
-        """By PETSc's scatters."""
+        """Add by PETSc's scatters; see :class:`Discretisation`."""
         total = np.zeros_like(values)
         for function, of, owned in (
             (self._u, self.space.of_u, self.space.owned_u),
@@ -126,7 +126,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         return total
 
     def _with_copies(self, values: Array) -> Array:
-        """All local unknowns from the owned ones."""
+        """Return all local unknowns from the owned ones."""
         whole = np.empty(len(self.unknowns))
         for function, of, owned in (
             (self._u, self.space.of_u, self.space.owned_u),
@@ -140,7 +140,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
     def system(
         self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None
     ) -> PETSc.Mat:
-        """A PETSc matrix; the next call overwrites it."""
+        """Return a PETSc matrix, which the next call overwrites."""
         self._forms.assemble(tangent, dt, self._matrix)
         if follower is not None:
             self._add(follower)
@@ -150,7 +150,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         return self._in_frames
 
     def _add(self, follower: sparse.csr_matrix) -> None:
-        """Its entries couple nodes of one element, so that the matrix has places for them."""
+        """Add a follower's entries, which couple nodes of one element and so lie within the pattern."""
         first = self._comm.scan(self.owned) - self.owned
         number = np.zeros(self.mesh.size)
         number[self.unknowns[: self.owned]] = first + np.arange(self.owned)
@@ -165,7 +165,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         self._matrix.assemble()
 
     def magnitudes(self, system: PETSc.Mat, x: Array) -> Array:
-        """|A| |x| where owned."""
+        """Return |A| |x| in the owned rows."""
         starts, columns, values = system.getValuesCSR()
         # Columns are numbered process by process.
         sizes = np.abs(np.concatenate(system.getComm().tompi4py().allgather(x[: self.owned])))
@@ -174,7 +174,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         return terms
 
     def solve(self, system: PETSc.Mat, right: Array, jump: Array, *, again: bool = False) -> Array:
-        """By the configured solver, on the free unknowns."""
+        """Solve for the free unknowns with the configured solver."""
         change = np.zeros(len(self.unknowns))
         change[self.prescribed] = jump
         if self.communicator.max(float(jump.any())):
@@ -187,6 +187,6 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
 
 
 def _free(matrix: PETSc.Mat, solver: PetscLinearSolver) -> None:
-    """At once: dolfinx leaves its matrices to the caller, petsc4py all others to PETSc's collection of garbage."""
+    """Free at once: dolfinx leaves its matrices to the caller, petsc4py all others to PETSc's garbage collection."""
     solver.destroy()
     matrix.destroy()

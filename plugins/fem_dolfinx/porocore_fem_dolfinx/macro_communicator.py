@@ -1,4 +1,4 @@
-"""The MPI processes that solve one macro problem together."""
+"""MPI processes that solve one macro problem together."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class MpiCommunicator(Communicator):
 
     def __init__(self, comm: MPI.Intracomm) -> None:
         self.comm, self.rank, self.size = comm, comm.rank, comm.size
-        # Of its own, since a process may come here while another one is still at work together.
+        # A communicator of its own: a process may fail while others still communicate.
         self._meetings = comm.Dup()
 
     def on_root(self, action: Callable[[], T]) -> T:
-        """On process 0; the value or the exception is sent to all."""
+        """Call on process 0, and return the value or raise the exception on all."""
         outcome: tuple[T, Exception | None] | tuple[None, Exception] | None = None
         if self.rank == 0:
             try:
@@ -42,7 +42,7 @@ class MpiCommunicator(Communicator):
         return value
 
     def sum(self, value: Any) -> Any:
-        """Sum over the processes."""
+        """Return the sum over the processes."""
         if not isinstance(value, np.ndarray):
             return self.comm.allreduce(value, op=MPI.SUM)
         mine = np.ascontiguousarray(value)
@@ -51,12 +51,12 @@ class MpiCommunicator(Communicator):
         return whole
 
     def max(self, value: float) -> float:
-        """Over the processes."""
+        """Return the largest value over the processes."""
         return float(self.comm.allreduce(value, op=MPI.MAX))
 
     @contextmanager
     def united(self) -> Iterator[None]:
-        """An error of all is raised on all; one that leaves others waiting is told here and ends all processes."""
+        """Raise an error of all processes on all; report one that leaves others waiting, and end all processes."""
         failure: BaseException | None = None
         try:
             yield

@@ -1,4 +1,4 @@
-"""The u–p problem as UFL forms into which the law's answers enter as functions at the quadrature points."""
+"""The u–p problem in UFL; the law's responses are functions at the quadrature points."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ assert tuple(_TANGENT) == tuple(f.name for f in fields(MacroTangent))
 
 
 class MacroForms:
-    """Built and compiled once; what changes are the functions' values and the constant Δt."""
+    """Compiled forms, in which only the functions' values and the constant Δt change."""
 
     def __init__(self, space: MacroSpace) -> None:
         self._space, domain = space, space.domain
@@ -42,13 +42,13 @@ class MacroForms:
         self._build_tangent(dx)
 
     def _at_points(self, shape: tuple[int, ...]) -> Function:
-        """A function with values at the quadrature points; UFL takes tensors of rank 3 and 4 as matrices."""
+        """Return a function of values at the quadrature points; tensors of rank 3 and 4 are matrices in UFL."""
         flat = shape if len(shape) < 3 else (int(np.prod(shape[:-2])), 9)
         space, element = self._space, self._space.element
         at_points = elements.quadrature_element(element.shape, element.degree, flat)
         points = compat.function_space(space.domain, at_points)
         if not len(self._slots):
-            # The same for all shapes: dofmaps of these spaces count points.
+            # The dofmaps of these spaces count points, alike for all shapes.
             self._slots = compat.cell_dofs(points.dofmap)[: len(space.cells)][:, space.order].ravel()
         return compat.make_function(points)
 
@@ -61,7 +61,7 @@ class MacroForms:
         self._states = compat.expression(ufl.as_vector(components), points)
 
     def _build_residual(self, dx: ufl.Measure) -> None:
-        """Tested with functions that are not joined between elements, so that each element's share is seen."""
+        """Build with discontinuous test functions, so that each element has its own share."""
         domain, f, cell = self._space.domain, self._functions, self._space.element.shape
         v = ufl.TestFunction(compat.function_space(domain, elements.broken_element(cell, 2, (3,))))
         s = ufl.TestFunction(compat.function_space(domain, elements.broken_element(cell, 1)))
@@ -98,7 +98,7 @@ class MacroForms:
         function.x.array.reshape(-1, values[0].size)[self._slots] = values.reshape(points, -1)
 
     def states(self, x: Array) -> tuple[MacroState, Array]:
-        """H, p and ∇p at the points of this process from its local unknowns."""
+        """Return H, p and ∇p at the points of this process from its local unknowns."""
         space = self._space
         self._u.x.array[:], self._p.x.array[:] = x[space.of_u], x[space.of_p]
         values = compat.evaluate(self._states, space.domain, space.cells).reshape(-1, 13)
@@ -106,7 +106,7 @@ class MacroForms:
         return MacroState(grad_u, values[:, 9].copy()), values[:, 10:].copy()
 
     def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
-        """∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4)."""
+        """Return ∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4)."""
         for name in _RESPONSE:
             self._fill(name, getattr(response, name))
         forces, stored, moved = (
@@ -115,11 +115,11 @@ class MacroForms:
         return forces, stored, moved
 
     def new_matrix(self) -> PETSc.Mat:
-        """For :meth:`assemble`."""
+        """Return an empty matrix for :meth:`assemble`."""
         return compat.block_matrix(self._tangent)
 
     def assemble(self, tangent: MacroTangent, dt: float, matrix: PETSc.Mat) -> None:
-        """The derivative of the residual."""
+        """Assemble the derivative of the residual."""
         for name in _TANGENT:
             self._fill(name, getattr(tangent, name))
         self._dt.value = dt

@@ -1,4 +1,4 @@
-"""PETSc's solver of the coupled linear system; by default MUMPS, whose factor large systems use more than once."""
+"""PETSc's solver of the coupled linear system, by default MUMPS; large systems reuse its factor."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ DEFAULTS: dict[str, OptionValue] = {
     "pc_type": "lu",
     "pc_factor_mat_solver_type": "mumps",
 }
-#: Of the preconditioned residual, where an iteration is chosen; Newton's method shall not feel it.
+#: Relative tolerance of an iteration that the user chose, too small for Newton's method to notice, and its limit.
 ACCURACY, ITERATIONS = 1e-10, 1000
-#: Beyond this number of unknowns GMRES goes on with the factor of a system nearby, for as many steps at most.
+#: Beyond this number of unknowns GMRES uses the factor of an earlier system, for so many steps at most.
 LARGE, STEPS = 3_000, 30
-#: MUMPS' codes for that: work space, allocation.
+#: MUMPS' codes for lack of memory: work space, allocation.
 OUT_OF_MEMORY = (-8, -9, -11, -13, -19)
-#: Of the right-hand side; more is no solution.
+#: Largest residual of a solution, relative to the right-hand side.
 LARGEST_RESIDUAL = 1e-5
 
 
 class PetscLinearSolver:
-    """Solves the equations that the free rows and columns of matrices of one pattern amount to.
+    """Solver of the free rows and columns of matrices of one pattern.
 
     Parameters
     ----------
     comm
         MPI communicator.
     petsc
-        The user's PETSc options, which go before :data:`DEFAULTS`. A field split finds its fields as ``u`` and ``p``.
+        The user's PETSc options, which override :data:`DEFAULTS`. The fields of a field split are ``u`` and ``p``.
     free : (f,)
-        Which of the rows of this process count, displacements first.
+        Free rows of this process, displacements first.
     is_force : (equations,)
-        Whether the unknowns of this process's equations are displacements.
+        True for the unknowns of this process's equations that are displacements.
     expansion
         Matrix T from them to the free unknowns, so that TᵀAT is solved with; None where they are the same.
 
@@ -71,7 +71,7 @@ class PetscLinearSolver:
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setTolerances(rtol=ACCURACY, max_it=ITERATIONS)
         self._options.apply(self._ksp)
-        #: Whether a factor may serve again: it is ours, and worth it.
+        #: True if a factor may serve again: the user has chosen no other solver, and the system is large.
         self._keeps = not petsc and comm.allreduce(len(is_force)) > LARGE
         if self._keeps:
             self._ksp.setType("gmres")
@@ -96,7 +96,7 @@ class PetscLinearSolver:
 
     @contextmanager
     def trial(self) -> Iterator[None]:
-        """Around a solve that must succeed unless the options are at fault.
+        """Guard a solve that fails only if the options are at fault.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class PetscLinearSolver:
         self._options.check_used()
 
     def solve(self, matrix: PETSc.Mat, right: Array, *, again: bool = False) -> Array:
-        """x (f,) with A x = ``right`` (equations,), where A are the free rows and columns of ``matrix``.
+        """Return x (f,) with A x = ``right`` (equations,), A being the free rows and columns of ``matrix``.
 
         ``again``: the factor of the system before may still serve.
 
@@ -138,7 +138,7 @@ class PetscLinearSolver:
         x, b = self._matrix.createVecs()
         b.array = right
         norm = b.norm()
-        # Norms are one number for all processes, and what is not finite in a matrix or vector makes them so.
+        # Norms are the same on all processes, and not finite if any entry is not.
         if not np.isfinite([norm, self._matrix.norm(PETSc.NormType.FROBENIUS)]).all():
             raise StepFailed("the tangent or the residual is not finite")
         reason = -1
@@ -167,7 +167,7 @@ class PetscLinearSolver:
         return solution
 
     def _breakdown(self) -> str:
-        """Why there is no factor: of MUMPS by its own code, -10 being a pivot that vanished."""
+        """Return the reason that there is no factor, of MUMPS by its code; -10 is a pivot that vanished."""
         pc = self._ksp.getPC()
         if pc.getType() == "lu" and pc.getFactorSolverType() == "mumps":
             code = pc.getFactorMatrix().getMumpsInfog(1)
@@ -178,7 +178,7 @@ class PetscLinearSolver:
         return "the tangent is singular: the body may not be held against rigid motions"
 
     def _iterate(self, b: PETSc.Vec, x: PETSc.Vec, *, reuse: bool) -> int:
-        """PETSc's reason for stopping; negative without a solution."""
+        """Solve, and return PETSc's reason for stopping, which is negative without a solution."""
         self._ksp.getPC().setReusePreconditioner(reuse)
         if self._keeps:
             self._ksp.setTolerances(rtol=ACCURACY, max_it=STEPS if reuse else ITERATIONS)

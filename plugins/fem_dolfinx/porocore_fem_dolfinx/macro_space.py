@@ -1,4 +1,4 @@
-"""The core's body as a dolfinx mesh: function spaces, and whose number each of their unknowns has in the core."""
+"""The core's body as a dolfinx mesh: function spaces, and the core's number of each of their unknowns."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from porocore_fem_dolfinx.types import FunctionSpace, Mesh
 
 @dataclass(frozen=True, eq=False)
 class MacroSpace:
-    """What one process holds of the discrete problem.
+    """Part of the discrete problem on one process.
 
     Local unknowns are the owned displacements and pressures, then the copies of displacements and pressures.
 
     Attributes
     ----------
     element
-        Of the core's mesh.
+        Reference element of the core's mesh.
     domain
         dolfinx mesh.
     cells : (elements,)
-        Its cells that belong to this process.
+        Cells of this process.
     V, Q
         Spaces of the displacement and of the pressure.
     of_u, of_p : (n,)
@@ -41,7 +41,7 @@ class MacroSpace:
     dofs : (elements, 81 + 8 or 30 + 4)
         Local unknowns of each element, displacements by node.
     order : (q,)
-        For each quadrature point of the core's order its number in dolfinx's.
+        Number in dolfinx of each quadrature point, in the core's order.
     """
 
     element: ReferenceElement
@@ -60,7 +60,7 @@ class MacroSpace:
 
 
 def make_space(mesh: BodyMesh, comm: MPI.Intracomm) -> MacroSpace:
-    """Distribute the core's mesh over the processes.
+    """Return this process's part of the core's mesh, which is distributed over all.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def make_space(mesh: BodyMesh, comm: MPI.Intracomm) -> MacroSpace:
     """
     first, element = comm.rank == 0, mesh.element
     cell, corners = element.shape, element.corners
-    # Straight elements need no more than their corners, and their forms are simpler.
+    # Straight elements are given by their corners, and their forms are simpler.
     points, nodes = (mesh.points[mesh.p_nodes], mesh.p_cells) if mesh.straight else (mesh.points, mesh.cells)
     nodes = nodes[:, compat.from_vtk(cell, nodes.shape[1])]
     domain = compat.make_mesh(
@@ -125,7 +125,7 @@ def _sizes(space: FunctionSpace) -> tuple[int, int]:
 
 
 def _quadrature_order(element: ReferenceElement) -> IntArray:
-    """Both number the corners of an element alike, so it is the same in all."""
+    """Return the order of the points, which all elements share since corners are numbered alike."""
     theirs = elements.quadrature_points(element.shape, element.degree)
     distance = np.abs(theirs[None] - element.points[:, None]).max(axis=2)
     assert distance.min(axis=1).max() < 1e-12

@@ -1,4 +1,4 @@
-"""PETSc options from a configuration, under a prefix of their own; clear words for those that PETSc does not know."""
+"""PETSc options from a configuration, under a prefix of their own; unknown ones are refused."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from porocore.errors import ConfigurationError
 #: Value of a PETSc option; True and None stand for an option without one.
 OptionValue: TypeAlias = str | int | float | bool | None
 _numbers = count()
-#: Prefix of each set of options that PETSc has been told; its database holds 512 options in all, so none is told twice.
+#: Prefix of each set of options in PETSc's database, which holds 512 options in all, so that none is entered twice.
 _prefixes: dict[tuple[tuple[str, str], ...], str] = {}
-#: PETSc's codes for what a user may have misspelt: no support, wrong state, wrong type, value out of range,
+#: PETSc's error codes for misspelt options: no support, wrong state, wrong type, value out of range,
 #: unknown type, missing package.
-OF_OPTIONS = {56, 58, 62, 63, 73, 86, 92}
+OPTION_ERRORS = {56, 58, 62, 63, 73, 86, 92}
 
 
 class SolverOptions:
@@ -28,11 +28,11 @@ class SolverOptions:
     Parameters
     ----------
     defaults
-        What holds where the user says nothing.
+        Options that the user may override.
     chosen
         The user's options, without a prefix: ``{"ksp_type": "cg"}``.
     key
-        Where they stand in the configuration, for messages.
+        Place in the configuration, for messages.
 
     Raises
     ------
@@ -73,11 +73,11 @@ class SolverOptions:
             raise self.refused(error) from error
 
     def refused(self, error: PETSc.Error) -> ConfigurationError:
-        """What PETSc says of an option that it cannot use."""
+        """Return PETSc's message about an option that it cannot use as an error."""
         return ConfigurationError(f"{self.key}: PETSc refuses {self._text()}: {explanation(error)}")
 
     def check_used(self) -> None:
-        """After the first solve: every option of the user was one.
+        """Check, after the first solve, that PETSc has used every option of the user.
 
         Raises
         ------
@@ -96,7 +96,7 @@ class SolverOptions:
 
 
 def explanation(error: PETSc.Error) -> str:
-    """The last line of PETSc's report, which says what is wrong."""
+    """Return the last line of PETSc's report, which says what is wrong."""
     lines = [line.split("] ", 1)[-1].strip() for line in str(error).splitlines() if line.strip()]
     return lines[-1] if lines else f"error code {error.ierr}"
 

@@ -1,4 +1,4 @@
-"""The solid cell problem: UFL's forms and the core's contact together, and linear solves with their tangent."""
+"""The solid cell problem: energy of UFL's forms and the core's contact, and linear solves with its tangent."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ from porocore_fem_dolfinx.solid_space import SolidSpace
 
 #: More iterations than this cost more than a new factor.
 PATIENCE = 18
-#: Of the diagonal's mean, added to an indefinite tangent.
+#: Shifts of an indefinite tangent, relative to the mean of its diagonal.
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
 
 
 class DolfinxIterate(Iterate):
-    """u¹ as the values ``u`` of the function space's dofs, flat; everything else is computed when it is asked for."""
+    """Displacement u¹ by the flat values ``u`` of the dofs; everything else is computed when it is first needed."""
 
     def __init__(self, problem: DolfinxSolid, H: Array, p: float, u: Array) -> None:
         self.problem, self.H, self.p, self.u = problem, H, p, u
@@ -50,7 +50,7 @@ class DolfinxIterate(Iterate):
 
     @cached_property
     def values(self) -> Array:
-        """∇u¹ (9), P + p cof F (9), Ψ and J at the quadrature points, (cells, q, 20)."""
+        """Values of ∇u¹ (9), P + p cof F (9), Ψ and J at the quadrature points, (cells, q, 20)."""
         return self.problem.loaded(self).values()
 
     @cached_property
@@ -77,14 +77,14 @@ class DolfinxIterate(Iterate):
 
 
 class DolfinxTangentFactor(FactorisedTangent):
-    """What a solid's solver of one class holds until another matrix needs it."""
+    """Factorised tangent of one parity class; factorised again if the solver of the class has served another since."""
 
     iterate: DolfinxIterate
 
     def __init__(self, problem: DolfinxSolid, iterate: DolfinxIterate, parity: str, shift: float) -> None:
         self.problem, self.iterate, self.parity, self.shift = problem, iterate, parity, shift
         self.token = object()
-        self.negative = problem.make(self)
+        self.negative = problem.factorise(self)
 
     def solve(self, rhs: Array) -> Array:
         if rhs.ndim == 1:
@@ -93,7 +93,7 @@ class DolfinxTangentFactor(FactorisedTangent):
 
 
 class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
-    """Π and its derivatives on one mesh."""
+    """Discrete energy Π and its derivatives on one mesh."""
 
     def __init__(
         self, cell: Cell, mesh: CellMesh, *, degree: int, solver: str, petsc: Mapping[str, OptionValue]
@@ -117,10 +117,10 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
         self._full_of: Callable[[], DolfinxIterate | None] = lambda: None
         self._shift = 0.0
 
-    # ---- what a state is ------------------------------------------------------------------------
+    # ---- forms ------------------------------------------------------------------------
 
     def loaded(self, iterate: DolfinxIterate) -> SolidForms:
-        """The forms, of a state."""
+        """Return the forms at an iterate."""
         self._forms.load(iterate, iterate.u)
         return self._forms
 
@@ -154,7 +154,7 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
         self._kept, self._shift = None, 0.0
 
     def _kept_factor(self) -> SymmetricSolver:
-        """The factor made last on this path, at first the undeformed cell's, which is made only once."""
+        """Return the latest factor of this load path, at first that of the undeformed cell, which is made only once."""
         if self._kept is None:
             if self._base is None:
                 self._base = SymmetricSolver(self._solver, self._petsc, self.space.free("").size)
@@ -180,13 +180,13 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
             raise LoadStepFailed(Status.not_converged) from error
 
     def _matrix(self, iterate: DolfinxIterate, parity: str) -> PETSc.Mat:
-        """The tangent for the free unknowns of a class; the next call for this class changes it."""
+        """Return the tangent of the free unknowns of a class; the next call for this class overwrites it."""
         self._in_use.pop(parity, None)
         if self._full_of() is not iterate:
             full = self.loaded(iterate).tangent(self._full)
             if self._full is None:
                 self._full = compat.freed_with(self, full)
-            # A state knows its problem: held in turn, both would stay until Python looks for circles.
+            # An iterate knows its solid: a circle of references would keep both until the garbage collection.
             self._full_of = weakref.ref(iterate)
         if iterate.touching is None:
             return self.space.free(parity).matrix(self._full)
@@ -202,10 +202,7 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
         shift: float = 0.0,
         below: float = 0.0,
     ) -> int:
-        """Make the tangent of a class, with ``shift`` added to its diagonal, the solver's; its negative pivots.
-
-        With ``below`` that of K − below·M instead.
-        """
+        """Factorise K + ``shift``·(mean of its diagonal)·I − ``below``·M of a class, and return its negative pivots."""
         matrix = self._matrix(iterate, parity)
         if below:
             masses = PETSc.Vec().createWithArray(-below * self.masses(parity), comm=PETSc.COMM_SELF)
@@ -241,13 +238,13 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
         return DolfinxTangentFactor(self, iterate, parity, shift)
 
     def apply_factor(self, factor: DolfinxTangentFactor, rhs: Array) -> Array:
-        """x with (K − shift·M) x = rhs, (n,); factorised again where the solver of the class serves another matrix."""
+        """Return x (n,) with (K − shift·M) x = rhs; factorise again if the solver serves another matrix."""
         if self._in_use.get(factor.parity) is not factor.token:
-            self.make(factor)
+            self.factorise(factor)
         return self._solvers[factor.parity].solve(rhs)
 
-    def make(self, factor: DolfinxTangentFactor) -> int:
-        """Let the solver of its class hold the factor; its negative pivots."""
+    def factorise(self, factor: DolfinxTangentFactor) -> int:
+        """Factorise for the solver of the class, and return the number of negative pivots."""
         negative = self._factor(factor.iterate, factor.parity, below=factor.shift)
         self._in_use[factor.parity] = factor.token
         return negative

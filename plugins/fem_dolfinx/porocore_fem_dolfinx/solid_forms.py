@@ -1,4 +1,4 @@
-"""What the solid problem asks of its forms, whatever the material."""
+"""Interface of the solid problem's forms, whatever the material."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from porocore_fem_dolfinx.types import Expr, FunctionSpace
 
 
 class SolidForms(ABC):
-    """Compiled once for a mesh; everything refers to the state that :meth:`load` has put in.
+    """Forms compiled once for a mesh; all refer to the iterate that :meth:`load` has put in.
 
     Parameters
     ----------
     domain
-        Of the solid.
+        Mesh of the solid.
     space
-        Of u¹.
+        Function space of u¹.
     """
 
     def __init__(self, domain: CellDomain, space: FunctionSpace) -> None:
@@ -50,27 +50,27 @@ class SolidForms(ABC):
 
     @abstractmethod
     def values(self) -> Array:
-        """∇u¹ (9), P + p cof F (9), Ψ and J at the quadrature points, (cells, q, 20)."""
+        """Return ∇u¹ (9), P + p cof F (9), Ψ and J at the quadrature points, (cells, q, 20)."""
 
     @abstractmethod
     def residual(self) -> Array:
-        """∂Π/∂u, (dofs,)."""
+        """Return ∂Π/∂u (dofs,)."""
 
     @abstractmethod
     def tangent(self, matrix: PETSc.Mat | None) -> PETSc.Mat:
-        """∂²Π/∂u² as a PETSc matrix, into one that this method has made before, or None."""
+        """Return ∂²Π/∂u², in ``matrix`` if that was made by this method before."""
 
     @abstractmethod
     def load_change(self, dH: Array, dp: float) -> Array:
-        """Change of the residual by the load alone, (dofs,)."""
+        """Return the change of the residual (dofs,) by the load alone."""
 
     @abstractmethod
     def stress_change(self, dH: Array, dp: float) -> Array:
-        """Change of P + p cof F by the load alone, (cells, q, 9)."""
+        """Return the change of P + p cof F (cells, q, 9) by the load alone."""
 
     @cached_property
     def means(self) -> list[Array]:
-        """g with g·u = ∫ ∂u_i/∂Y_j dV, for each (i, j)."""
+        """Vectors g with g·u = ∫ ∂u_i/∂Y_j dV, one for each (i, j)."""
         vectors = []
         for unit in np.eye(9).reshape(9, 3, 3):
             self.dH.value[...] = unit
@@ -78,6 +78,6 @@ class SolidForms(ABC):
         return vectors
 
 
-def flat(tensor: Expr) -> list[Expr]:
-    """The nine components of a UFL tensor, row by row."""
+def components(tensor: Expr) -> list[Expr]:
+    """Return the nine components of a UFL tensor, row by row."""
     return [tensor[i, j] for i in range(3) for j in range(3)]

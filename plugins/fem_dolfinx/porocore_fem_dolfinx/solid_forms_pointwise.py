@@ -1,4 +1,4 @@
-"""Π of a solid of any material: the core's stress and tangent enter the forms as functions at the quadrature points."""
+"""Forms of a solid of any material; the core's stress and tangent are functions at the quadrature points."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determin
 from porocore.states import Array, IntArray
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
-from porocore_fem_dolfinx.solid_forms import SolidForms, flat
+from porocore_fem_dolfinx.solid_forms import SolidForms, components
 from porocore_fem_dolfinx.types import FunctionSpace
 
 
 class PointwiseResponse:
-    """The material at one state; components last, cells in dolfinx's order.
+    """Response of the material to one iterate; components last, cells in dolfinx's order.
 
     Parameters
     ----------
     material
-        Of every element.
+        Material of every element.
     grad : (cells, q, 3, 3)
         ∇u¹.
     H, p
@@ -40,7 +40,7 @@ class PointwiseResponse:
 
     @cached_property
     def values(self) -> Array:
-        """∇u¹ (9), P + p cof F (9), Ψ and J, (cells, q, 20)."""
+        """Values of ∇u¹ (9), P + p cof F (9), Ψ and J, (cells, q, 20)."""
         stress = self.material.stress(self.by_element)[self.order] + self.p * cofactor(self.F)
         energy = self.material.energy_density(self.by_element)[self.order]
         shape = self.F.shape[:2]
@@ -49,40 +49,40 @@ class PointwiseResponse:
 
     @cached_property
     def moduli(self) -> Array:
-        """A + p ∂cof F/∂F, (cells, q, 9, 9)."""
+        """Moduli A + p ∂cof F/∂F, (cells, q, 9, 9)."""
         moduli = self.material.tangent(self.by_element)[self.order]
         if self.p:
             moduli = moduli + self.p * cofactor_tangent(self.F)
         return moduli.reshape(*self.F.shape[:2], 9, 9)
 
     def change(self, dH: Array, dp: float) -> Array:
-        """Change of P + p cof F by the load alone, (cells, q, 9)."""
+        """Return the change of P + p cof F (cells, q, 9) by the load alone."""
         change = self.moduli @ np.asarray(dH).reshape(9)
         return change + dp * cofactor(self.F).reshape(change.shape) if dp else change
 
 
 class PointwiseForms(SolidForms):
-    """Forms that know no material, so that they are compiled once for all of them.
+    """Forms without a material, compiled once for all of them.
 
     Parameters
     ----------
     domain, space
         See :class:`SolidForms`.
     material
-        Of every element of the mesh.
+        Material of every element of the mesh.
     """
 
     def __init__(self, domain: CellDomain, space: FunctionSpace, material: StrainEnergy) -> None:
         super().__init__(domain, space)
         self._material, dx, grad_v = material, domain.dx, self.grad_v
         grad_u = ufl.grad(self.function)
-        self._grad = domain.expression(ufl.as_vector(flat(grad_u)))
+        self._grad = domain.expression(ufl.as_vector(components(grad_u)))
         self._stress, self._stress_places = domain.at_points((3, 3))
         self._moduli, self._moduli_places = domain.at_points((9, 9))
-        grad_du = ufl.as_vector(flat(ufl.grad(ufl.TrialFunction(space))))
+        grad_du = ufl.as_vector(components(ufl.grad(ufl.TrialFunction(space))))
         change = ufl.dot(self._moduli, grad_du)
         self._residual = compat.form(ufl.inner(self._stress, grad_v) * dx)
-        self._tangent = compat.form(ufl.dot(change, ufl.as_vector(flat(grad_v))) * dx)
+        self._tangent = compat.form(ufl.dot(change, ufl.as_vector(components(grad_v))) * dx)
         self.response: PointwiseResponse
 
     def set_load(self, H: Array, p: float) -> None:
@@ -115,6 +115,6 @@ class PointwiseForms(SolidForms):
         return self.response.change(dH, dp)
 
     def _forces(self, stress: Array) -> Array:
-        """∫ S:∇v dV, (dofs,), of S (cells, q, 9)."""
+        """Return ∫ S:∇v dV (dofs,) of S (cells, q, 9)."""
         self._stress.x.array.reshape(-1, 9)[self._stress_places] = stress
         return compat.assemble_vector(self._residual)

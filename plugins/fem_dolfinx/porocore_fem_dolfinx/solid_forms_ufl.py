@@ -1,4 +1,4 @@
-"""Π of a neo-Hookean solid in UFL; H, p and the material's constants change without compilation."""
+"""Forms of a neo-Hookean solid in UFL; H, p and the material's constants change without compilation."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from porocore.states import Array
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
 from porocore_fem_dolfinx.material import energy_density
-from porocore_fem_dolfinx.solid_forms import SolidForms, flat
+from porocore_fem_dolfinx.solid_forms import SolidForms, components
 from porocore_fem_dolfinx.types import FunctionSpace
 
 
 class UflForms(SolidForms):
-    """Π and its derivatives, which UFL finds.
+    """Energy Π in UFL, which UFL differentiates.
 
     Parameters
     ----------
     domain, space
         See :class:`SolidForms`.
     material
-        Its strain energy.
+        Strain energy of the solid.
     """
 
     def __init__(self, domain: CellDomain, space: FunctionSpace, material: NeoHookean) -> None:
@@ -45,8 +45,8 @@ class UflForms(SolidForms):
             ufl.derivative(ufl.inner(stress, grad_v) * dx, self.function, ufl.TrialFunction(space))
         )
         self._change = compat.form(ufl.inner(change, grad_v) * dx)
-        self._state = domain.expression(ufl.as_vector([*flat(grad_u), *flat(stress), energy, J]))
-        self._stress_change = domain.expression(ufl.as_vector(flat(change)))
+        self._state = domain.expression(ufl.as_vector([*components(grad_u), *components(stress), energy, J]))
+        self._stress_change = domain.expression(ufl.as_vector(components(change)))
 
     def set_load(self, H: Array, p: float) -> None:
         """See :class:`SolidForms`."""

@@ -1,4 +1,4 @@
-"""The fluid cell problem in UFL: Taylor–Hood elements, velocity and pressure solved for together."""
+"""The fluid cell problem in UFL: Taylor–Hood elements, one system for velocity and pressure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ QUADRATURE_DEGREE = 4
 
 
 class DolfinxStokes(DiscreteFluid):
-    """∫ ∇w:∇v − p̃ ∇·v − q ∇·w = ∫ e_j·v on the eighth or the whole of the fluid, with unit viscosity."""
+    """Stokes problem ∫ ∇w:∇v − p̃ ∇·v − q ∇·w = ∫ e_j·v of unit viscosity on the eighth or the whole fluid."""
 
     def __init__(self, mesh: CellMesh) -> None:
         self.mesh = mesh = mesh.quadratic
@@ -64,8 +64,8 @@ class DolfinxStokes(DiscreteFluid):
             The system cannot be solved.
         """
         self._domain.move(self.mesh.points if points is None else points)
-        A = _taken(compat.assemble_matrix(self._laplacian))
-        B = _taken(compat.assemble_matrix(self._divergence))
+        A = _into_scipy(compat.assemble_matrix(self._laplacian))
+        B = _into_scipy(compat.assemble_matrix(self._divergence))
         loads = np.empty((3, A.shape[0]))
         for i in range(3):
             self._force.value[:] = np.eye(3)[i]
@@ -80,7 +80,7 @@ class DolfinxStokes(DiscreteFluid):
 
 
 def _saddle_point(A: sparse.csr_matrix, B: sparse.csr_matrix, loads: list[Array]) -> list[Array]:
-    """w of [A Bᵀ; B 0] (w, p) = (f, 0) for each f."""
+    """Return w of [A Bᵀ; B 0] (w, p) = (f, 0) for each f."""
     n, m = A.shape[0], B.shape[0]
     # A stored zero on the diagonal: PETSc's factorisations want to find one there.
     nothing = sparse.csr_matrix((np.zeros(m), (range(m), range(m))), (m, m))
@@ -98,8 +98,8 @@ def _saddle_point(A: sparse.csr_matrix, B: sparse.csr_matrix, loads: list[Array]
         matrix.destroy()
 
 
-def _taken(matrix: PETSc.Mat) -> sparse.csr_matrix:
-    """As a scipy matrix; that of PETSc is freed, which dolfinx leaves to its caller."""
+def _into_scipy(matrix: PETSc.Mat) -> sparse.csr_matrix:
+    """Return a scipy matrix, and free that of PETSc, which dolfinx leaves to its caller."""
     copy = to_scipy(matrix)
     matrix.destroy()
     return copy

@@ -1,4 +1,4 @@
-"""What this plugin uses of the objects of dolfinx and UFL, whose own types differ from version to version."""
+"""Types of dolfinx and UFL as far as they are used here; the libraries' own differ from version to version."""
 
 from __future__ import annotations
 

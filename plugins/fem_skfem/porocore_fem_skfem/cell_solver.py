@@ -1,4 +1,4 @@
-"""The cell solver that the plugin offers."""
+"""Cell solver on scikit-fem's elements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Patterns of sparse matrices as native libraries need them, which read whatever memory a wrong one points at."""
+"""Checks of the patterns of sparse matrices; native libraries read beyond arrays if one is wrong."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from scipy import sparse
 
 #: Row pointers and columns of a matrix in CSR.
 Indices: TypeAlias = npt.NDArray[np.int32]
-#: One truth value for each of what is looked at.
 Mask: TypeAlias = npt.NDArray[np.bool_]
 LARGEST = np.iinfo(np.int32).max
 
@@ -50,7 +49,7 @@ def check_symmetric(indptr: Indices, indices: Indices) -> None:
 
 
 def _checked_rows(indptr: Indices, indices: Indices) -> Indices:
-    """Row of each entry of a square matrix whose rows are sorted and hold no column twice."""
+    """Return the row of each entry of a square matrix whose rows are sorted and hold no column twice."""
     n, entries = len(indptr) - 1, len(indices)
     for name, array in (("row pointers", indptr), ("columns", indices)):
         if array.ndim != 1 or array.dtype.kind != "i":

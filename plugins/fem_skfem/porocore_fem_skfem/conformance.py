@@ -1,4 +1,4 @@
-"""The laws that the solvers of this plugin are held to, by its tests and by ``porocore plugin check``."""
+"""Laws for the solvers of this plugin, in its tests and in ``porocore plugin check``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from porocore_fem_skfem.macro import SkfemMacroSolver
 
 
 class TestSkfemCellSolver(MeshedCellSuite):
-    """Any pore geometry."""
+    """Laws of cells with any pore geometry."""
 
     kit_version = "3"
 
@@ -20,7 +20,7 @@ class TestSkfemCellSolver(MeshedCellSuite):
 
 
 class TestSkfemCellContact(CellContactSuite):
-    """Pore walls that touch themselves."""
+    """Laws of cells whose pore surface touches itself."""
 
     kit_version = "3"
 
@@ -30,7 +30,7 @@ class TestSkfemCellContact(CellContactSuite):
 
 
 class TestSkfemMacroSolver(MacroSolverSuite):
-    """Any body."""
+    """Laws of bodies of any shape."""
 
     kit_version = "3"
 

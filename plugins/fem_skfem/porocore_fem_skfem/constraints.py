@@ -1,4 +1,4 @@
-"""Free unknowns of a class of perturbations, with the matrix pattern and the factors that serve them."""
+"""Free unknowns of the parity classes, and the factors that precondition their tangents."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from porocore_fem_skfem.operators import Pattern
 
 
 class Constraints:
-    """A set of free unknowns with its matrix pattern and the factors that serve it.
+    """Free unknowns of one parity class with the pattern of their matrix and its factors.
 
     ``base`` is the undeformed cell's and never changes, so that a solve does not depend on the one before it;
     ``own`` is renewed within a solve. ``active`` is the one in use, ``shift`` what last made an indefinite tangent
@@ -39,11 +39,11 @@ class Constraints:
         self.active: SymmetricFactor | None = None
 
     def restrict(self, data: Array) -> Array:
-        """Entries of the constrained matrix from those of the whole one."""
+        """Return the entries of the constrained matrix from those of the whole one."""
         return data[self._kept]
 
     def reset(self, undeformed: Callable[[], Array]) -> None:
-        """Use the undeformed cell's factor, made of ``undeformed()`` when it is first needed."""
+        """Use the undeformed cell's factor, which the first call makes of ``undeformed()``."""
         if self._base is None:
             self._base = self._make()
             self._base.factor(self.restrict(undeformed()))
@@ -51,13 +51,13 @@ class Constraints:
         self.shift = 0.0
 
     def widened(self, places: Pattern) -> Constraints:
-        """The same unknowns with further places of the matrix; the undeformed cell's factor serves both."""
+        """Return the same unknowns with further places of the matrix and the same undeformed cell's factor."""
         wider = Constraints(places, self.free, self._solver)
         wider._base, wider.active, wider.shift = self._base, self._base, self.shift
         return wider
 
-    def renew(self, entries: Array) -> int:
-        """Make ``entries`` the active factor; returns the number of negative pivots, -1 where unknown."""
+    def factorise(self, entries: Array) -> int:
+        """Factorise ``entries`` for the active factor, and return its negative pivots, -1 where unknown."""
         if self._factored is not entries:
             if self._own is None:
                 self._own = self._make()
@@ -69,6 +69,6 @@ class Constraints:
         return self._own.negative
 
     def precondition(self, rhs: Array) -> Array:
-        """Apply the active factor."""
+        """Return the active factor applied to ``rhs``."""
         assert self.active is not None
         return self.active.solve(rhs)

@@ -1,4 +1,4 @@
-"""What the linear solvers have in common: an approximate inverse of a matrix of fixed pattern.
+"""Interface of the linear solvers: an approximate inverse of a matrix of fixed pattern.
 
 Nothing reaches a native library that is not checked here: it would read beyond arrays, or never end.
 """
@@ -58,7 +58,7 @@ class SparseFactor(ABC):
         self._factor(self._checked(data, ((self.nnz,),), "matrix"))
 
     def solve(self, rhs: Array) -> Array:
-        """Apply to (n,) or (n, k).
+        """Return the inverse applied to (n,) or (n, k).
 
         Raises
         ------
@@ -83,7 +83,7 @@ class SparseFactor(ABC):
 
     @abstractmethod
     def _solve(self, rhs: Array) -> Array:
-        """Apply to right-hand sides that are checked."""
+        """Return the inverse applied to right-hand sides that are checked."""
 
 
 class SymmetricFactor(SparseFactor):

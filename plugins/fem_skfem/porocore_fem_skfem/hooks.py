@@ -1,4 +1,4 @@
-"""What this plugin offers; importing it loads nothing heavy."""
+"""Offers of this plugin; importing this module loads nothing heavy."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, Symmetric
 
 #: Beyond this number of unknowns a factor grows faster than multigrid does.
 DIRECT_LIMIT = 100_000
-#: SuperLU in three dimensions is only bearable for small systems.
+#: Largest system in three dimensions for which SuperLU is fast enough.
 SUPERLU_LIMIT = 6_000
 
 
@@ -88,18 +88,18 @@ class SymmetricPattern:
         full.sort_indices()
         self._indptr, self._indices, self._source = full.indptr, full.indices, full.data - 1
         self._shape = (n, n)
-        #: Where the diagonal stands among the entries of the upper triangle.
+        #: Places of the diagonal among the entries of the upper triangle.
         self.diagonal = np.asarray(indptr[:-1])
 
     def full(self, data: Array) -> sparse.csr_matrix:
-        """The symmetric matrix in CSR from the entries of its upper triangle."""
+        """Return the symmetric matrix in CSR from the entries of its upper triangle."""
         return sparse.csr_matrix((data[self._source], self._indices, self._indptr), shape=self._shape)
 
 
 def choose_factor(
     indptr: Indices, indices: Indices, *, solver: str, near_kernel: Array, single: bool = True
 ) -> SymmetricFactor:
-    """The best solver that is installed, by size; ``solver`` forces one of pardiso, superlu, amg.
+    """Return the fastest installed solver for the size; ``solver`` forces one of pardiso, superlu, amg.
 
     ``single`` precision is for a factor that preconditions; only PARDISO offers it.
     """
@@ -129,14 +129,14 @@ ROUND_OFF = 2 * np.finfo(float).eps
 
 
 class LinearMap(Protocol):
-    """A square matrix, or what stands for one."""
+    """Linear map, such as a square matrix."""
 
     def __matmul__(self, columns: Array, /) -> Array: ...
 
 
 @dataclass(frozen=True)
 class Iteration:
-    """What came of a conjugate gradient iteration."""
+    """Result of an iterative solve."""
 
     x: Array
     iterations: int
@@ -153,7 +153,7 @@ def refine(
     tolerance: float,
     limit: int = 30,
 ) -> Iteration:
-    """Iterative refinement with a factor of ``matrix`` itself, definite or not, for the columns of (n, k).
+    """Solve for the columns of (n, k) by iterative refinement with a factor of ``matrix`` itself, definite or not.
 
     It ends when every residual is below ``tolerance`` times its right-hand side, or no longer falls. In the second case
     it has converged if the residuals are round-off of the product ``matrix @ x``: near an instability x is so large
@@ -179,7 +179,7 @@ def refine(
 
 
 def _round_off(matrix: sparse.csr_matrix, x: Array, rhs: Array) -> Array:
-    """Norm (k,) of the residuals that round-off leaves where each entry of x is right to the last bit."""
+    """Return the norms (k,) of the residuals that round-off leaves if each entry of x is right to the last bit."""
     return np.asarray(ROUND_OFF * np.linalg.norm(abs(matrix) @ np.abs(x) + np.abs(rhs), axis=0))
 
 
@@ -191,7 +191,7 @@ def conjugate_gradients(
     tolerance: float,
     limit: int = 200,
 ) -> Iteration:
-    """Preconditioned conjugate gradients for (n,) or for the columns of (n, k) at once.
+    """Solve for (n,), or for the columns of (n, k) at once, by preconditioned conjugate gradients.
 
     Stops when every residual is below ``tolerance`` times its right-hand side.
     """

@@ -1,4 +1,4 @@
-"""The macro solver on scikit-fem: the core's time loop on scikit-fem's shape functions and direct factors."""
+"""Macro solver on scikit-fem: the core's time integration on its shape functions and direct factors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class SkfemMacroSolver(TimeSteppingMacroSolver):
     """
 
     def prepare(self, problem: MacroProblem) -> SkfemDiscretisation:
-        """Mesh, boundary data, shape functions and sparsity.
+        """Return mesh, boundary data, shape functions and sparsity.
 
         Raises
         ------

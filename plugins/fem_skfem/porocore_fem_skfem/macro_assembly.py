@@ -139,14 +139,14 @@ class SkfemDiscretisation(Discretisation[System]):
         self._coupling.add(system.coupling, row, self._fixed[column], entries.data)
 
     def _blocks(self, part: slice) -> list[Array]:
-        """Entries (elements, ...) of some elements: of forces by displacements and by pressures, then of volumes."""
+        """Return the entries (elements, ...) of elements: forces by displacements and by pressures, then volumes."""
         return [
             self._entries[first:last].reshape(len(self.elements), -1)[part]
             for first, last in zip(self._ends[:-1], self._ends[1:], strict=True)
         ]
 
     def _integrate(self, tangent: MacroTangent, dt: float, part: slice) -> None:
-        """The blocks of some elements."""
+        """Compute the blocks of some elements."""
         s, total = self.shapes, len(self.elements)
         w, g, gp = s.weights[part], s.grad_u[part], s.grad_p[part]
         e, q, a, _ = g.shape
@@ -179,14 +179,14 @@ class SkfemDiscretisation(Discretisation[System]):
         np.matmul(by_p, by_pressure.reshape(e, 4 * q, c), out=out[3].reshape(e, c, c))
 
     def magnitudes(self, system: System, x: Array) -> Array:
-        """|A| |x| in the free rows."""
+        """Return |A| |x| in the free rows."""
         terms, leading = np.zeros(len(x)), self.free[self.leading]
         terms[leading] = abs(system.free) @ np.abs(x[leading])
         terms[leading] += abs(system.coupling) @ np.abs(x[self.prescribed])
         return terms
 
     def solve(self, system: System, right: Array, jump: Array, *, again: bool = False) -> Array:
-        """By a factor, see :class:`~porocore_fem_skfem.macro_linear.SparseLinearSolver`."""
+        """Solve by :class:`~porocore_fem_skfem.macro_linear.SparseLinearSolver`."""
         change = np.zeros(len(right))
         change[self.prescribed] = jump
         right = self.equations(right)
@@ -197,7 +197,7 @@ class SkfemDiscretisation(Discretisation[System]):
 
 
 class _Pattern:
-    """Sums entries at (row, column) into compressed rows, sorted; a negative index leaves an entry out."""
+    """Sum of entries at (row, column) into sorted compressed rows; a negative index leaves an entry out."""
 
     def __init__(self, row: IntArray, column: IntArray, shape: tuple[int, int]) -> None:
         kept = np.flatnonzero((row >= 0) & (column >= 0))
@@ -214,7 +214,7 @@ class _Pattern:
         )
 
     def matrix(self, entries: Array) -> sparse.csr_matrix:
-        """The matrix in CSR."""
+        """Return the matrix in CSR."""
         return sparse.csr_matrix((self._sum @ entries, self._indices, self._indptr), shape=self._shape)
 
     def add(self, matrix: sparse.csr_matrix, row: IntArray, column: IntArray, values: Array) -> None:

@@ -11,7 +11,7 @@ _I = np.arange(3)[:, None]
 
 
 class Frames:
-    """Turns the entries of the elements that have nodes with frames of their own.
+    """Rotation of the entries of elements that have nodes with frames of their own.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Frames:
         self._of_nodes = of_nodes[cells[self._elements]]
 
     def turn(self, blocks: list[Array], part: slice) -> None:
-        """Turn, in place, the blocks of the elements in ``part``.
+        """Rotate, in place, the blocks of the elements in ``part``.
 
         These are (elements, ...) of (e, a, i, k, b), (e, a, i, c), (e, c, k, b) and (e, c, d), each made flat.
         """
@@ -49,5 +49,5 @@ class Frames:
 
 
 def _columns(Q: Array, values: Array) -> Array:
-    """Q_b applied to the components k of (e, rows, k, b)."""
+    """Return Q_b applied to the components k of (e, rows, k, b)."""
     return np.asarray(np.einsum("ebkl,erlb->erkb", Q, values, optimize=True))

@@ -1,4 +1,4 @@
-"""Linear systems of the u–p problem: direct where small, else GMRES with a factor, perhaps that of a system before."""
+"""Linear systems of the u–p problem: direct if small, else GMRES with a factor, which may be that of an earlier one."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
 
 #: Below this number of unknowns SuperLU is as fast: the columns of the benchmark, no more than a few elements in 3D.
 SMALL = 3_000
-#: Of the residual at which the iteration stops; steps between two restarts, and how many of these.
+#: Relative tolerance of the iteration, steps between two restarts, and number of restarts.
 ACCURACY, STEPS, RESTARTS = 1e-10, 20, 3
-LOOSE = "the body may not be held against rigid motions"
+NOT_HELD = "the body may not be held against rigid motions"
 
 
 class SparseLinearSolver:
-    """Solves systems of one pattern.
+    """Solver of linear systems of one pattern.
 
     The factor of a large one is of single precision, which takes half the time and half the memory; the iteration makes
     up for it. A system for which that is not enough gets one of double precision, and so do those that follow.
@@ -31,7 +31,7 @@ class SparseLinearSolver:
         self._single = True
 
     def solve(self, matrix: sparse.csr_matrix, right: Array, *, again: bool) -> Array:
-        """x with A x = ``right``; ``again``: the last factor may still serve.
+        """Return x with A x = ``right``; with ``again`` the last factor may still serve.
 
         Parameters
         ----------
@@ -54,7 +54,7 @@ class SparseLinearSolver:
                 raise SingularError("the tangent is singular")
         except FactorError as error:
             self._factor = None
-            raise StepFailed(_explained(error)) from error
+            raise StepFailed(_message(error)) from error
         return x
 
     def _by_factor(self, matrix: sparse.csr_matrix, right: Array, again: bool) -> Array | None:
@@ -91,9 +91,9 @@ def _by_superlu(matrix: sparse.csr_matrix, right: Array) -> Array:
         raise OutOfMemoryError(f"SuperLU: {error}") from error
 
 
-def _explained(error: FactorError) -> str:
+def _message(error: FactorError) -> str:
     if isinstance(error, SingularError):
-        return f"{error}: {LOOSE}"
+        return f"{error}: {NOT_HELD}"
     if isinstance(error, OutOfMemoryError):
         return f"{error}: take fewer elements, or dolfinx on several processes"
     return str(error)

@@ -10,7 +10,7 @@ from skfem import Element, ElementHex1, ElementHex2, ElementTetP1, ElementTetP2
 from porocore.macro.body.mesh import BodyMesh
 from porocore.states import Array
 
-#: Of the displacement and of the pressure.
+#: Elements of the displacement and of the pressure.
 PAIRS = {"hexahedron": (ElementHex2(), ElementHex1()), "tetrahedron": (ElementTetP2(), ElementTetP1())}
 
 
@@ -37,7 +37,7 @@ class Shapes:
 
 
 def make_shapes(mesh: BodyMesh) -> Shapes:
-    """Of the elements of ``mesh``, on their isoparametric geometry."""
+    """Return the shape functions of the elements of ``mesh``, on their isoparametric geometry."""
     reference = mesh.element
     u, p = PAIRS[reference.shape]
     xi, nodes = reference.points.T, 2 * reference.nodes
@@ -54,7 +54,7 @@ def make_shapes(mesh: BodyMesh) -> Shapes:
 
 
 def _tabulate(element: Element, xi: Array, nodes: Array) -> tuple[Array, Array]:
-    """Values (a, q) and slopes (a, q, 3) of the functions of ``nodes``, given in half edges."""
+    """Return the values (a, q) and gradients (a, q, 3) of the functions of ``nodes``, given in half edges."""
     places = [tuple(place) for place in np.rint(2 * element.doflocs).astype(int)]
     order = [places.index(tuple(node)) for node in np.rint(nodes).astype(int)]
     pairs = [element.lbasis(xi, i) for i in order]

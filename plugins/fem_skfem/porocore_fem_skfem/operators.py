@@ -1,4 +1,4 @@
-"""From a mesh to constant operators: gradients at the quadrature points, weights, sparsity, scattering.
+"""Constant operators of a mesh: gradients at the quadrature points, weights, sparsity, scattering.
 
 Fields are component-first, (3, nodes) and (3, 3, points), with periodic nodes merged, so that a gradient is
 one sparse product and an assembly one batched product followed by one sparse scatter.
@@ -32,7 +32,7 @@ class Operators:
     cells
         Numbers of the unknowns of each element, (M, 4) or (M, 10); by default those of the mesh's nodes.
     nodes
-        Where the mesh's nodes are, (N, 3); by default its points.
+        Positions (N, 3) of the mesh's nodes; by default its points.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Operators:
         self.n_points = len(self.weights)
 
     def gradient(self, n_nodes: int) -> sparse.csr_matrix:
-        """Sparse (3·points, nodes): row j·points + q is ∂/∂Y_j at point q."""
+        """Return the sparse gradient (3·points, nodes), whose row j·points + q is ∂/∂Y_j at point q."""
         e, q, a, _ = self.grad_N.shape
         points = np.arange(e * q).reshape(e, q)
         rows = np.stack([np.repeat(points[:, :, None], a, 2) + j * e * q for j in range(3)], axis=-1)
@@ -65,17 +65,17 @@ class Operators:
 
     @cached_property
     def volume(self) -> float:
-        """Of the mesh, by this quadrature."""
+        """Volume of the mesh, by this quadrature."""
         return float(self.weights.sum())
 
 
 def corner_values(points: Array) -> Array:
-    """Linear shape functions (4, q) at points (q, 3) of the unit tetrahedron."""
+    """Return the linear shape functions (4, q) at points (q, 3) of the unit tetrahedron."""
     return _shape(ELEMENTS[4], points.T)[0]
 
 
 def _shape(element: Element, xi: Array) -> tuple[Array, Array]:
-    """Values (a, q) and reference gradients (a, 3, q) of a scikit-fem element."""
+    """Return the values (a, q) and reference gradients (a, 3, q) of a scikit-fem element."""
     pairs = [element.lbasis(xi, i) for i in range(element.doflocs.shape[0])]
     return np.array([np.broadcast_to(v, xi.shape[1:]) for v, _ in pairs]), np.array(
         [np.broadcast_to(g, (3, *xi.shape[1:])) for _, g in pairs]
@@ -98,7 +98,7 @@ class Pattern:
         self.rows, self.indices = keys // n, (keys % n).astype(np.int32)
 
     def restricted(self, free: IntArray) -> tuple[Indices, Indices, IntArray]:
-        """Pattern (indptr, indices) of the rows and columns in ``free`` and the entries that it keeps."""
+        """Return the pattern (indptr, indices) of the rows and columns in ``free``, and the entries that it keeps."""
         number = np.full(self.n, -1, dtype=np.int64)
         number[free] = np.arange(len(free))
         kept = np.flatnonzero((number[self.rows] >= 0) & (number[self.indices] >= 0))
@@ -107,33 +107,33 @@ class Pattern:
         return indptr, number[self.indices[kept]].astype(np.int32), kept
 
     def upper(self, rows: IntArray, columns: IntArray) -> tuple[IntArray, IntArray]:
-        """Keys of the entries of a symmetric matrix that lie in its upper triangle, and which entries these are."""
+        """Return the keys and the numbers of the entries that lie in the upper triangle."""
         upper = np.flatnonzero(rows <= columns)
         return rows[upper] * self.n + columns[upper], upper
 
     def lacks(self, keys: IntArray) -> IntArray:
-        """Those of the keys that are not among the places."""
+        """Return the keys that are not among the places."""
         unique = np.unique(keys)
         at = np.minimum(np.searchsorted(self.keys, unique), len(self.keys) - 1)
         return np.asarray(unique[self.keys[at] != unique])
 
     def widened(self, keys: IntArray) -> Pattern:
-        """With further places."""
+        """Return the pattern with further places."""
         return Pattern(np.union1d(self.keys, keys), self.n)
 
     def spread(self, entries: Array, places: Pattern) -> Array:
-        """Entries (nnz) of this pattern from those of a part of it."""
+        """Return the entries (nnz) of this pattern from those of a part of it."""
         out = np.zeros(len(self.keys))
         out[np.searchsorted(self.keys, places.keys)] = entries
         return out
 
     def sum(self, keys: IntArray, values: Array) -> Array:
-        """Entries (nnz) from values at some of the places."""
+        """Return the entries (nnz) from values at some of the places."""
         return np.asarray(np.bincount(np.searchsorted(self.keys, keys), values, len(self.keys)), float)
 
 
 class Scatter:
-    """Sums element blocks into the upper triangle of a matrix whose pattern is computed once.
+    """Sum of element blocks into the upper triangle of a matrix whose pattern is computed once.
 
     Parameters
     ----------
@@ -158,5 +158,5 @@ class Scatter:
         )
 
     def __call__(self, blocks: Array) -> Array:
-        """Entries (nnz) from blocks (elements, m, m)."""
+        """Return the entries (nnz) from blocks (elements, m, m)."""
         return np.asarray(self._sum @ blocks.ravel())

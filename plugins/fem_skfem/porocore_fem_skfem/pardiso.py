@@ -1,4 +1,4 @@
-"""The direct solver of Intel's Math Kernel Library for sparse matrices, by its C interface.
+"""PARDISO, the sparse direct solver of Intel's Math Kernel Library, by its C interface.
 
 The wrappers on the package index know neither the separate phases, nor single precision, nor the inertia,
 which are what makes a cell solve fast and tells whether its tangent is indefinite.
@@ -36,7 +36,7 @@ _ERRORS: dict[int, tuple[type[FactorError], str]] = {
 
 @lru_cache(maxsize=1)
 def library() -> ctypes.CDLL | None:
-    """The loaded library, set to one thread; None where it is not installed."""
+    """Return the loaded library, set to one thread; None where it is not installed."""
     folders = [Path(sys.prefix) / "lib", Path(sys.prefix) / "Library" / "bin", Path(sys.base_prefix) / "lib"]
     for folder in folders:
         for path in sorted([*folder.glob("libmkl_rt.so*"), *folder.glob("mkl_rt*.dll")]):
@@ -53,7 +53,7 @@ def library() -> ctypes.CDLL | None:
 
 
 class _Pardiso(SparseFactor):
-    """Phases of the solver on one pattern in CSR, which is analysed once."""
+    """Solver for one pattern in CSR, which is analysed once."""
 
     def __init__(
         self, indptr: Indices, indices: Indices, kind: int, options: dict[int, int], dtype: npt.DTypeLike

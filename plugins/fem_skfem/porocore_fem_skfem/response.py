@@ -1,4 +1,4 @@
-"""The response of the solid at the quadrature points, and its tangent stiffness.
+"""Response of the solid at the quadrature points, and its tangent stiffness.
 
 Arrays at quadrature points are component-first, (3, 3, points), element by element.
 """
@@ -12,12 +12,12 @@ from porocore.cell.materials.material import StrainEnergy
 from porocore.states import Array
 from porocore_fem_skfem.operators import Operators, Scatter
 
-#: Numbers in a batch of element blocks that stays in the processor's cache.
+#: Numbers in a batch of element blocks that fits into the processor's cache.
 CACHED = 60_000
 
 
-class Kinematics(Protocol):
-    """One iterate.
+class PointKinematics(Protocol):
+    """Kinematics of one iterate at the quadrature points.
 
     Attributes
     ----------
@@ -36,16 +36,16 @@ class Kinematics(Protocol):
 
 
 class SolidResponse(ABC):
-    """Of one material on one mesh.
+    """Response of one material on one mesh.
 
     Parameters
     ----------
     material
-        Of every element.
+        Material of every element.
     operators
         Gradients and weights at the quadrature points.
     scatter
-        Of element blocks into the stiffness.
+        Sum of element blocks into the stiffness.
     """
 
     def __init__(self, material: StrainEnergy, operators: Operators, scatter: Scatter) -> None:
@@ -53,17 +53,17 @@ class SolidResponse(ABC):
         self.grad_N, self.w = operators.grad_N, operators.weights
 
     @abstractmethod
-    def energy_density(self, at: Kinematics) -> Array:
-        """Ψ (points)."""
+    def energy_density(self, at: PointKinematics) -> Array:
+        """Return Ψ (points)."""
 
     @abstractmethod
-    def stress(self, at: Kinematics) -> Array:
-        """P + p cof F (3, 3, points)."""
+    def stress(self, at: PointKinematics) -> Array:
+        """Return P + p cof F (3, 3, points)."""
 
     @abstractmethod
-    def tangent_apply(self, at: Kinematics, dF: Array) -> Array:
-        """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
+    def tangent_apply(self, at: PointKinematics, dF: Array) -> Array:
+        """Return A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
 
     @abstractmethod
-    def stiffness(self, at: Kinematics) -> Array:
-        """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""
+    def stiffness(self, at: PointKinematics) -> Array:
+        """Return the entries of the upper triangle of ∂²Π/∂u², in the order of the scatter's pattern."""

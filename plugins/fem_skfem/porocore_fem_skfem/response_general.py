@@ -1,4 +1,4 @@
-"""Any strain energy, by the core's stress and tangent at the quadrature points."""
+"""Response of any strain energy, by the core's stress and tangent at the quadrature points."""
 
 from __future__ import annotations
 
@@ -6,31 +6,31 @@ import numpy as np
 
 from porocore.core.tensors.cofactors import add_cofactor_tangent
 from porocore.states import Array
-from porocore_fem_skfem.response import CACHED, Kinematics, SolidResponse
+from porocore_fem_skfem.response import CACHED, PointKinematics, SolidResponse
 
 
 class GeneralResponse(SolidResponse):
-    """Any strain energy, by its stress and its tangent A_ijkl."""
+    """Response of any strain energy, by its stress and its tangent A_ijkl."""
 
-    _of: Kinematics | None = None
+    _of: PointKinematics | None = None
     _moduli: Array
 
     def _by_element(self, F: Array) -> Array:
-        """(elements, points of each, 3, 3), a view."""
+        """Return a view (elements, points of each, 3, 3)."""
         e, q = self.grad_N.shape[:2]
         return np.moveaxis(F.reshape(3, 3, e, q), (0, 1), (-2, -1))
 
-    def energy_density(self, at: Kinematics) -> Array:
-        """Ψ (points)."""
+    def energy_density(self, at: PointKinematics) -> Array:
+        """Return Ψ (points)."""
         return self.material.energy_density(self._by_element(at.F)).reshape(-1)
 
-    def stress(self, at: Kinematics) -> Array:
-        """P + p cof F (3, 3, points)."""
+    def stress(self, at: PointKinematics) -> Array:
+        """Return P + p cof F (3, 3, points)."""
         P = np.moveaxis(self.material.stress(self._by_element(at.F)), (-2, -1), (0, 1))
         return P.reshape(3, 3, -1) + at.p * at.cof
 
-    def moduli(self, at: Kinematics) -> Array:
-        """A + p ∂cof F/∂F (3, 3, 3, 3, points), kept until another iterate is asked for."""
+    def moduli(self, at: PointKinematics) -> Array:
+        """Return A + p ∂cof F/∂F (3, 3, 3, 3, points), kept for the last iterate."""
         if self._of is not at:
             A = self.material.tangent(self._by_element(at.F))
             self._moduli = np.moveaxis(A, (-4, -3, -2, -1), (0, 1, 2, 3)).reshape(3, 3, 3, 3, -1)
@@ -39,8 +39,8 @@ class GeneralResponse(SolidResponse):
             self._of = at
         return self._moduli
 
-    def tangent_apply(self, at: Kinematics, dF: Array) -> Array:
-        """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
+    def tangent_apply(self, at: PointKinematics, dF: Array) -> Array:
+        """Return A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
         moduli, changes = self.moduli(at), np.zeros((3, 3, at.J.size))
         for k in range(3):
             for l in range(3):
@@ -48,8 +48,8 @@ class GeneralResponse(SolidResponse):
                     changes += moduli[:, :, k, l] * dF[k, l]
         return changes
 
-    def stiffness(self, at: Kinematics) -> Array:
-        """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""
+    def stiffness(self, at: PointKinematics) -> Array:
+        """Return the entries of the upper triangle of ∂²Π/∂u², in the order of the scatter's pattern."""
         e, q, a, _ = self.grad_N.shape
         weighted = (self.moduli(at) * self.w).reshape(3, 3, 3, 3, e, q)
         blocks = np.empty((e, 3, a, 3, a))

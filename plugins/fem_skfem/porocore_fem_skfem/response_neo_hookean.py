@@ -1,4 +1,4 @@
-"""The neo-Hookean solid, faster than by its tangent A_ijkl."""
+"""Response of the neo-Hookean solid, faster than by its tangent A_ijkl."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ import numpy as np
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.states import Array
 from porocore_fem_skfem.operators import Operators, Scatter
-from porocore_fem_skfem.response import CACHED, Kinematics, SolidResponse
+from porocore_fem_skfem.response import CACHED, PointKinematics, SolidResponse
 
 
 class NeoHookeanResponse(SolidResponse):
-    """The neo-Hookean solid, whose stiffness is a Laplacian, made once, and terms of rank one in F⁻ᵀ∇N."""
+    """Response of the neo-Hookean solid, whose stiffness is a constant Laplacian and terms of rank one in F⁻ᵀ∇N."""
 
     def __init__(self, material: NeoHookean, operators: Operators, scatter: Scatter) -> None:
         super().__init__(material, operators, scatter)
         self.mu, self.volumetric = material.mu, material.volumetric
         self._laplacian = self._constant_blocks()
 
-    def energy_density(self, at: Kinematics) -> Array:
-        """Ψ (points)."""
+    def energy_density(self, at: PointKinematics) -> Array:
+        """Return Ψ (points)."""
         return np.asarray(
             self.mu / 2 * ((at.F * at.F).sum(axis=(0, 1)) - 3) + self.volumetric(np.log(at.J))[0]
         )
 
-    def stress(self, at: Kinematics) -> Array:
-        """P + p cof F (3, 3, points)."""
+    def stress(self, at: PointKinematics) -> Array:
+        """Return P + p cof F (3, 3, points)."""
         first = self.volumetric(np.log(at.J))[1]
         return self.mu * at.F + (first / at.J + at.p) * at.cof
 
-    def tangent_apply(self, at: Kinematics, dF: Array) -> Array:
-        """A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
+    def tangent_apply(self, at: PointKinematics, dF: Array) -> Array:
+        """Return A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
         G = at.cof / at.J  # F⁻ᵀ
         _, first, second = self.volumetric(np.log(at.J))
         pJ = at.p * at.J
@@ -40,8 +40,8 @@ class NeoHookeanResponse(SolidResponse):
         swapped = np.stack([[(inner[i] * G[:, j]).sum(axis=0) for j in range(3)] for i in range(3)])
         return np.asarray((second + pJ) * trace * G - (first + pJ) * swapped + self.mu * dF)
 
-    def stiffness(self, at: Kinematics) -> Array:
-        """Upper triangle of ∂²Π/∂u² over all unknowns, entries in the order of the scatter's pattern."""
+    def stiffness(self, at: PointKinematics) -> Array:
+        """Return the entries of the upper triangle of ∂²Π/∂u², in the order of the scatter's pattern."""
         _, first, second = self.volumetric(np.log(at.J))
         pJ = at.p * at.J
         e, q, a, _ = self.grad_N.shape
@@ -64,7 +64,7 @@ class NeoHookeanResponse(SolidResponse):
         return self.scatter(blocks) + self._laplacian
 
     def _constant_blocks(self) -> Array:
-        """The part μ ∇N_a·∇N_b δ_ij of the tangent, which no state changes."""
+        """Return the constant part μ ∇N_a·∇N_b δ_ij of the tangent."""
         e, q, a, _ = self.grad_N.shape
         flat = self.grad_N.transpose(0, 2, 1, 3).reshape(e, a, q * 3)
         weights = np.repeat(self.w.reshape(e, 1, q), 3, axis=2)

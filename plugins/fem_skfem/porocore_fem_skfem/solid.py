@@ -35,7 +35,7 @@ from porocore_fem_skfem.response_neo_hookean import NeoHookeanResponse
 
 
 class SkfemIterate(Iterate):
-    """Kinematics at one iterate, shared by energy, residual and tangent.
+    """Iterate with its kinematics, shared by energy, residual and tangent.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class SkfemIterate(Iterate):
 
     @cached_property
     def stress(self) -> Array:
-        """P + p cof F."""
+        """Stress P + p cof F (3, 3, points)."""
         return self.problem.response.stress(self)
 
     @cached_property
@@ -87,7 +87,7 @@ class SkfemIterate(Iterate):
 
 
 class SkfemTangentFactor(FactorisedTangent):
-    """A class's factor of ``entries`` (nnz), made anew where the class has used its place for others since."""
+    """Factorised tangent of one parity class; factorised again if the class has factorised another since."""
 
     iterate: SkfemIterate
 
@@ -96,15 +96,15 @@ class SkfemTangentFactor(FactorisedTangent):
     ) -> None:
         self.iterate, self.parity, self.shift = iterate, parity, shift
         self.constraints, self.entries = constraints, entries
-        self.negative = constraints.renew(entries)
+        self.negative = constraints.factorise(entries)
 
     def solve(self, rhs: Array) -> Array:
-        self.constraints.renew(self.entries)
+        self.constraints.factorise(self.entries)
         return self.constraints.precondition(rhs)
 
 
 class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
-    """Batched numpy assembly on scikit-fem's elements; a factor that is kept from load to load."""
+    """Solid by batched numpy assembly on scikit-fem's elements; its factor is kept from load to load."""
 
     def __init__(
         self,
@@ -140,7 +140,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
     # ---- constraints ----------------------------------------------------------------------------
 
     def constraints(self, parity: str = "") -> Constraints:
-        """Free unknowns for fields that are odd under the mirrors of the named axes (eighth only)."""
+        """Return the free unknowns of fields that are odd under the mirrors of the named axes (eighth only)."""
         if parity not in self._constraints:
             fixed = np.zeros((3, self.n_nodes), dtype=bool)
             fixed[:, self.nodes] = held_displacements(self.mesh, parity).T
@@ -150,7 +150,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         return self._constraints[parity]
 
     def reset(self) -> None:
-        """Forget the factors of the last solve, and what touched in it."""
+        """Discard the factors of the last solve and the pattern of its contact."""
         self._places, self._wider = self.scatter.pattern, {}
         self.constraints().reset(self._undeformed_tangent)
 
@@ -238,11 +238,11 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         return self.response.tangent_apply(iterate, dF)
 
     def merged(self, values: Array) -> Array:
-        """(3, nodes) with periodic nodes added up, of (nodes of the mesh, 3)."""
+        """Return the sums (3, nodes) over periodic nodes of values (nodes of the mesh, 3)."""
         return np.stack([np.bincount(self.nodes, column, self.n_nodes) for column in values.T])
 
     def system(self, iterate: SkfemIterate, parity: str) -> tuple[Constraints, Array]:
-        """∂²Π/∂u² for the perturbations of a class: what serves its pattern, and its entries.
+        """Return the constraints of a class and the entries of its ∂²Π/∂u².
 
         Walls that touch couple unknowns that share no element, so contact may widen the pattern.
         """
@@ -263,7 +263,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         return constraints, constraints.restrict(entries + self._places.sum(keys, values[upper]))
 
     def field(self, values: Array, parity: str = "") -> Array:
-        """(3, nodes) of the free unknowns of a class."""
+        """Return the field (3, nodes) of the free unknowns of a class."""
         field = np.zeros(3 * self.n_nodes)
         field[self.constraints(parity).free] = values
         return field.reshape(3, -1)
@@ -271,11 +271,11 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
     # ---- physics --------------------------------------------------------------------------------
 
     def gradient(self, u: Array) -> Array:
-        """∂u_i/∂Y_j (3, 3, points) of u (3, nodes)."""
+        """Return ∂u_i/∂Y_j (3, 3, points) of u (3, nodes)."""
         n = self.operators.n_points
         return np.stack([(self.B @ u_i).reshape(3, n) for u_i in u])
 
     def assemble(self, stress: Array) -> Array:
-        """∫ S:∇v for all nodal v, (3, nodes), of S (3, 3, points)."""
+        """Return ∫ S:∇v (3, nodes) for all nodal v, of S (3, 3, points)."""
         weighted = (stress * self.w).reshape(3, -1)
         return np.stack([self.B_T @ row for row in weighted])

@@ -13,12 +13,12 @@ from porocore_fem_skfem.linalg import conjugate_gradients, refine
 #: More iterations than this cost more than a new factor.
 PATIENCE = 18
 SENSITIVITY_TOLERANCE = 1e-11
-#: Of the diagonal's mean, added to an indefinite tangent.
+#: Shifts of an indefinite tangent, relative to the mean of its diagonal.
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
 
 
 def direction(constraints: Constraints, entries: Array, rhs: Array, accuracy: float) -> Array:
-    """K⁻¹ rhs; with an indefinite K, of the least shifted K that is definite.
+    """Return K⁻¹ rhs; with an indefinite K that of the least shifted K that is definite.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def direction(constraints: Constraints, entries: Array, rhs: Array, accuracy: fl
         solved = conjugate_gradients(
             matrix, rhs, constraints.precondition, tolerance=accuracy, limit=PATIENCE
         )
-        if not solved.converged and constraints.renew(entries) <= 0:
+        if not solved.converged and constraints.factorise(entries) <= 0:
             solved = conjugate_gradients(matrix, rhs, constraints.precondition, tolerance=accuracy)
         return solved.x if solved.converged else _shifted(constraints, entries, rhs)
     except FactorError as error:
@@ -45,7 +45,7 @@ def _shifted(constraints: Constraints, entries: Array, rhs: Array) -> Array:
     while shift < LARGEST_SHIFT:
         moved = entries.copy()
         moved[diagonal] += shift * size
-        if constraints.renew(moved) <= 0:
+        if constraints.factorise(moved) <= 0:
             x = constraints.precondition(rhs)
             if x @ rhs > 0:
                 constraints.shift = shift
@@ -57,10 +57,10 @@ def _shifted(constraints: Constraints, entries: Array, rhs: Array) -> Array:
 def sensitivities(
     matrix: sparse.csr_matrix, factor: FactorisedTangent, R: Array
 ) -> tuple[Array, Array, bool]:
-    """U = −K⁻¹ R (n, k), its share RᵀU + UᵀR + UᵀKU of the second derivatives, and whether K was met as indefinite.
+    """Return U = −K⁻¹ R (n, k), RᵀU + UᵀR + UᵀKU (k, k), and whether K proved indefinite.
 
-    The share equals RᵀU, has an error of second order in that of U, and is symmetric whatever that error. U is NaN
-    where the linear solver does not reach its tolerance.
+    The second is the part of the second derivatives that is due to U. It equals RᵀU, but its error is of second order
+    in that of U, and it is symmetric. U is NaN where the linear solver does not reach its tolerance.
 
     Raises
     ------

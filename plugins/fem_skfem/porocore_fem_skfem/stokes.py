@@ -25,7 +25,7 @@ from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate
 from porocore_fem_skfem.operators import Operators, Scatter, corner_values
 
 TOLERANCE = 1e-9
-#: Share of what is added up to a divergence, below which it is nothing but the error of adding.
+#: A divergence below this share of the sum of its terms' magnitudes is round-off.
 ROUND_OFF = 1e-11
 #: The rule integrates p ∇·v of curved elements exactly, so that a constant pressure does no work.
 DEGREE = 4
@@ -33,7 +33,7 @@ DEGREE = 4
 
 @dataclass(frozen=True, eq=False)
 class _Class:
-    """Velocity components that vanish at the same nodes: which component of which flow, and their factor."""
+    """Velocity components (component, flow) that vanish at the same nodes, and their factor."""
 
     members: list[tuple[int, int]]
     free: IntArray
@@ -173,7 +173,7 @@ class SkfemStokes(DiscreteFluid):
         return np.asarray(np.einsum("inj,n->ij", w, system.load))
 
     def _solve(self, system: _System, rhs: Array) -> Array:
-        """A⁻¹ of (components, nodes, flows)."""
+        """Return A⁻¹ applied to (components, nodes, flows)."""
         out = np.zeros_like(rhs)
         for one, inverse in zip(self._classes, system.inverses, strict=True):
             columns = inverse(np.stack([rhs[i, one.free, j] for i, j in one.members], axis=1))
@@ -190,7 +190,7 @@ class SkfemStokes(DiscreteFluid):
 
 
 class _Operator:
-    """A function of columns as a matrix."""
+    """Linear map by a function of columns."""
 
     def __init__(self, function: Callable[[Array], Array]) -> None:
         self._function = function
