@@ -20,11 +20,9 @@ from porocore_fem_dolfinx.elements import lagrange_element
 from porocore_fem_dolfinx.form_cache import compiling, folder
 from porocore_fem_dolfinx.library import PETSc, dolfinx, fem, fem_petsc, mesh, ufl
 from porocore_fem_dolfinx.types import (
-    Adjacency,
     CompiledExpression,
     CompiledForm,
     Constant,
-    DofMap,
     Element,
     Expr,
     Form,
@@ -115,20 +113,15 @@ def from_vtk(cell: str, nodes: int) -> IntArray:
     return np.array(_FROM_VTK[cell, nodes])
 
 
-def cell_dofs(dofmap: DofMap) -> IntArray:
-    """Return the dofs (cells, n) of a function space, local numbers, ghosts included."""
-    return _table(dofmap.list)
+def cell_dofs(dofmap: fem.DofMap) -> IntArray:
+    """Return the table (cells, n) of a space's or a geometry's dofmap, local numbers, ghosts included."""
+    table = dofmap.list if hasattr(dofmap, "list") else dofmap
+    return np.asarray(table if isinstance(table, np.ndarray) else table.array.reshape(table.num_nodes, -1))
 
 
 def geometry_dofs(domain: Mesh) -> IntArray:
     """Return the local nodes (cells, n) of a mesh."""
-    return _table(domain.geometry.dofmap)
-
-
-def _table(numbers: IntArray | Adjacency) -> IntArray:
-    if isinstance(numbers, np.ndarray):
-        return numbers
-    return numbers.array.reshape(numbers.num_nodes, -1)
+    return cell_dofs(domain.geometry.dofmap)
 
 
 def constant(domain: Mesh, value: Array | float) -> Constant:

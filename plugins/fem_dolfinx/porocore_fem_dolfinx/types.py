@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from porocore.states import Array, IntArray
 
 if TYPE_CHECKING:
+    import dolfinx
     import ufl
     from mpi4py import MPI
     from petsc4py import PETSc
@@ -27,55 +28,26 @@ class CompiledExpression(Protocol):
     eval: Callable[..., Array]
 
 
-class IndexMap(Protocol):
-    """Numbers of the cells, or of the nodes of a space, on this process."""
-
-    size_local: int
-    num_ghosts: int
-
-
-class Topology(Protocol):
-    """Cells of a mesh."""
-
-    original_cell_index: IntArray
-
-    def index_map(self, dimension: int) -> IndexMap: ...
-
-
-class Adjacency(Protocol):
-    """Numbers of each cell in one array, before dolfinx 0.7."""
-
-    array: IntArray
-    num_nodes: int
-
-
 class Geometry(Protocol):
-    """Nodes of a mesh, (nodes, 3)."""
+    """Nodes of a mesh on this process."""
 
     x: Array
     input_global_indices: IntArray
-    dofmap: IntArray | Adjacency
+    dofmap: dolfinx.cpp.graph.AdjacencyList_int32
 
 
 class Mesh(Protocol):
     """Mesh on the processes of a communicator."""
 
     comm: MPI.Intracomm
-    topology: Topology
+    topology: dolfinx.cpp.mesh.Topology
     geometry: Geometry
-
-
-class DofMap(Protocol):
-    """Unknowns of each cell."""
-
-    index_map: IndexMap
-    list: IntArray | Adjacency
 
 
 class FunctionSpace(Protocol):
     """Finite element space."""
 
-    dofmap: DofMap
+    dofmap: dolfinx.fem.DofMap
 
     def tabulate_dof_coordinates(self) -> Array: ...
 
