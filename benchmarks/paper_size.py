@@ -24,7 +24,7 @@ def main() -> str:
         ("curved second order", {"size": 0.2, "element": "quadratic-curved"}),
     ):
         prepared = solver.prepare(Cell(mesh=mesh))
-        setup, _ = best(lambda p=prepared: (p.whole, p.whole.begin()), 1)
+        setup, _ = best(lambda p=prepared: (p.whole, p.whole.reset()), 1)
         plain, _ = best(lambda p=prepared: solver.solve_one(p, H, tangent=False), 2)
         seconds, response = best(lambda p=prepared: solver.solve_one(p, H), 2)
         error = abs(response.tangent.mean_grad_grad_u[0, 0, 1, 0, 1] / exact - 1)

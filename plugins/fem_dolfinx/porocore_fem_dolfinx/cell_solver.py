@@ -8,7 +8,6 @@ from typing import Any
 from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.meshing.quadrature import LARGEST_DEGREE
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore_fem_dolfinx.linalg import choose_solver
@@ -44,17 +43,13 @@ class DolfinxCellSolver(EquilibriumCellSolver):
             raise ConfigurationError(
                 f"fem.options: unknown key '{min(unknown)}'; dolfinx takes quadrature_degree, solver and petsc"
             )
-        if quadrature_degree is not None and quadrature_degree not in range(1, LARGEST_DEGREE + 1):
-            raise ConfigurationError(
-                f"fem.options.quadrature_degree: expected an integer from 1 to {LARGEST_DEGREE}, "
-                f"got {echo(quadrature_degree)}"
-            )
+        super().__init__(quadrature_degree=quadrature_degree)
         if petsc is not None and not isinstance(petsc, Mapping):
             raise ConfigurationError(
                 f"fem.options.petsc: expected PETSc options such as 'ksp_type: cg', got {echo(petsc)}"
             )
         choose_solver(solver, 0)
-        self.quadrature_degree, self.solver, self.petsc = quadrature_degree, solver, dict(petsc or {})
+        self.solver, self.petsc = solver, dict(petsc or {})
 
     def solid(self, cell: Cell, mesh: CellMesh) -> DolfinxSolid:
         degree = self.quadrature_degree or mesh.quadrature_degree

@@ -8,7 +8,6 @@ from porocore.cell.cell import Cell
 from porocore.cell.contact.model import make_contact_model
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.meshing.quadrature import LARGEST_DEGREE
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore_fem_skfem.solid import SkfemSolid
@@ -32,12 +31,8 @@ class SkfemCellSolver(EquilibriumCellSolver):
             raise ConfigurationError(
                 f"fem.options: unknown key {echo(min(unknown))}; scikit-fem takes quadrature_degree and solver"
             )
-        if quadrature_degree is not None and quadrature_degree not in range(1, LARGEST_DEGREE + 1):
-            raise ConfigurationError(
-                f"fem.options.quadrature_degree: expected an integer from 1 to {LARGEST_DEGREE}, "
-                f"got {echo(quadrature_degree)}"
-            )
-        self.quadrature_degree, self.solver = quadrature_degree, solver
+        super().__init__(quadrature_degree=quadrature_degree)
+        self.solver = solver
 
     def solid(self, cell: Cell, mesh: CellMesh) -> SkfemSolid:
         degree = self.quadrature_degree or mesh.quadrature_degree

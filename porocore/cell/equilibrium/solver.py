@@ -18,7 +18,10 @@ from porocore.cell.equilibrium.path import follow
 from porocore.cell.equilibrium.responses import respond
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh import CellMesh, Domain
+from porocore.cell.meshing.quadrature import LARGEST_DEGREE
+from porocore.core.echo import echo
 from porocore.core.fields.declaration import provided_fields
+from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
@@ -89,6 +92,14 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
     contact = True
     returns_fields = True
     meshes = "core"
+
+    def __init__(self, *, quadrature_degree: int | None = None) -> None:
+        if quadrature_degree is not None and quadrature_degree not in range(1, LARGEST_DEGREE + 1):
+            raise ConfigurationError(
+                f"fem.options.quadrature_degree: expected an integer from 1 to {LARGEST_DEGREE}, "
+                f"got {echo(quadrature_degree)}"
+            )
+        self.quadrature_degree = quadrature_degree
 
     @abstractmethod
     def solid(self, cell: Cell, mesh: CellMesh) -> DiscreteSolid:
