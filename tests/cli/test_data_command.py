@@ -20,9 +20,10 @@ from porocore.errors import ConfigurationError, DataError, PluginError, RunFolde
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import SolvedState, flatten_response
 from porocore.sampling.datasets.check import check_file
-from porocore.sampling.datasets.dataset import Dataset, parts_folder
+from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.datasets.export import table
 from porocore.sampling.datasets.layout import Block, Header, write_block
+from porocore.sampling.datasets.parts import parts_folder
 from porocore.states import CellTangent, Status
 
 rng = np.random.default_rng(0)

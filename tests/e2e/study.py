@@ -25,7 +25,8 @@ import yaml
 from warm import WarmCommand
 
 from porocore.errors import DataError
-from porocore.sampling.datasets.dataset import Dataset, parts_folder
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.datasets.parts import parts_folder
 
 POROCORE = Path(sys.executable).with_name("porocore")
 #: The same number of threads everywhere, so that results can be compared bit by bit.

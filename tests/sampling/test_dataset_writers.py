@@ -14,9 +14,11 @@ from campaigns import SCRIPT, sample, solves
 from fake_cell import IDENTITY, INPUTS, mean_gradient, response
 
 import porocore.sampling.datasets.dataset as dataset_module
+import porocore.sampling.datasets.parts as parts_module
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.records import SolvedState
-from porocore.sampling.datasets.dataset import Dataset, parts_folder
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.datasets.parts import parts_folder
 from porocore.states import Status
 
 
@@ -89,18 +91,18 @@ def test_reading_while_parts_are_merged(tmp_path: Path, monkeypatch: pytest.Monk
     writer = create(tmp_path / "data.h5")
     for k in range(3):
         writer.append(record(f"{k}", p=0.01 * k))
-    read, merged = dataset_module.read_block, []
+    read, merged = parts_module.read_block, []
 
     def read_and_merge(path: Path, advice: str, *, sound: bool) -> object:
         found = read(path, advice, sound=sound)
         if not merged:
             merged.append(True)
             with monkeypatch.context() as undone:
-                undone.setattr(dataset_module, "read_block", read)
+                undone.setattr(parts_module, "read_block", read)
                 writer.consolidate()
         return found
 
-    monkeypatch.setattr(dataset_module, "read_block", read_and_merge)
+    monkeypatch.setattr(parts_module, "read_block", read_and_merge)
     reader = Dataset.open(writer.path)
     assert merged
     assert reader.keys == ["0", "1", "2"]

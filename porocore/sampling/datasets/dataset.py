@@ -14,14 +14,13 @@ from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import SolvedState, check_record, flatten_response
-from porocore.sampling.datasets.layout import Block, Header, read_block, read_fields, write_block
+from porocore.sampling.datasets.layout import Block, Header, read_fields, write_block
 from porocore.sampling.datasets.lock import sole_writer
+from porocore.sampling.datasets.parts import parts_folder, read_with_parts, stamp
 from porocore.states import Array, CellResponse, MacroState, Status
 
 #: Finished solves that may lie beside the file before they are merged into it.
 MOST_PARTS = 500
-#: Times that a file is read again when another process replaces it meanwhile.
-MOST_LOOKS = 5
 
 
 class Dataset:
@@ -53,7 +52,7 @@ class Dataset:
         self._where: dict[str, tuple[Block, int]] = {}
         self._provided: frozenset[str] | None = None
         self._writing = False
-        self._seen = _stamp(path)
+        self._seen = stamp(path)
         for block in blocks:
             self._register(block)
 
@@ -94,47 +93,7 @@ class Dataset:
             A file is missing, truncated, foreign or of another version, or holds states of another
             ``identity`` or other ``inputs`` than expected.
         """
-        for _ in range(MOST_LOOKS):
-            seen = _stamp(path)
-            try:
-                dataset = cls._read(path, inputs, identity, sound)
-            except DataError:
-                if _stamp(path) == seen:
-                    raise
-            else:
-                # Parts may have been merged between the reading of the file and that of its parts.
-                if _stamp(path)[:1] == seen[:1]:
-                    return dataset
-        raise DataError(f"{path}: is being written all the time; read it when its process is done")
-
-    @classmethod
-    def _read(cls, path: Path, inputs: InputSpace | None, identity: str | None, sound: bool) -> Self:
-        advice = f"choose another --out, or delete it and {parts_folder(path).name} and sample again"
-        header, block = read_block(path, advice, sound=sound)
-        if identity is not None and header.identity != identity:
-            raise DataError(
-                f"{path}: holds solved states of another cell or other settings (identity "
-                f"{header.identity}, expected {identity}); {advice}"
-            )
-        if inputs is not None and header.inputs != inputs:
-            raise DataError(
-                f"{path}: holds states of other inputs ({describe(header.inputs)}, expected "
-                f"{describe(inputs)}); {advice}"
-            )
-        blocks, seen = [block], set(block.keys)
-        for part in sorted(parts_folder(path).glob("*.h5")):
-            part_header, rows = read_block(
-                part, "delete it and resume; its state is then solved again", sound=sound
-            )
-            if (part_header.identity, part_header.inputs) != (header.identity, header.inputs):
-                raise DataError(
-                    f"{part}: belongs to another dataset than {path.name}; delete the folder "
-                    f"{part.parent.name} or choose another --out"
-                )
-            # Merged already, but killed before its removal.
-            if seen.isdisjoint(rows.keys):
-                blocks.append(rows)
-        return cls(path, header, blocks)
+        return cls(path, *read_with_parts(path, inputs, identity, sound=sound))
 
     @classmethod
     def create_or_open(
@@ -160,7 +119,7 @@ class Dataset:
             yield
             return
         with sole_writer(self.path):
-            if _stamp(self.path) != self._seen:
+            if stamp(self.path) != self._seen:
                 fresh = self.open(self.path, inputs=self.inputs, identity=self.identity)
                 self._blocks, self._where, self._provided = fresh._blocks, fresh._where, fresh._provided
             self._writing = True
@@ -168,7 +127,7 @@ class Dataset:
                 yield
             finally:
                 self._writing = False
-                self._seen = _stamp(self.path)
+                self._seen = stamp(self.path)
 
     def append(self, record: SolvedState) -> None:
         """Keep one finished solve; when this returns it is on disk.
@@ -328,27 +287,3 @@ class Dataset:
             self._provided = provided
         self._blocks.append(block)
         self._where |= {key: (block, row) for row, key in enumerate(block.keys)}
-
-
-def parts_folder(path: Path) -> Path:
-    """Return the folder of the finished solves that are not merged into ``path`` yet."""
-    return path.with_name(f"{path.name}.parts")
-
-
-def _stamp(path: Path) -> tuple[tuple[int, int] | None, ...]:
-    """Return a mark that changes with the file and with the parts beside it."""
-    found: list[tuple[int, int] | None] = []
-    for place in (path, parts_folder(path)):
-        try:
-            stat = place.stat()
-        except OSError:
-            found.append(None)
-        else:
-            found.append((stat.st_ino, stat.st_mtime_ns))
-    return tuple(found)
-
-
-def describe(inputs: InputSpace) -> str:
-    """Return names and ranges of the inputs in one line."""
-    bounds = zip(inputs.names, inputs.lower, inputs.upper, strict=True)
-    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, low, high in bounds)

@@ -10,9 +10,10 @@ import numpy as np
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import flatten_response
-from porocore.sampling.datasets.dataset import Dataset, describe
+from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.datasets.layout import Block, Header, read_fields, write_block
 from porocore.sampling.datasets.lock import sole_writer
+from porocore.sampling.datasets.parts import describe
 
 
 def merge(datasets: Sequence[Dataset], out: Path) -> Dataset:

@@ -6,28 +6,22 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from dataclasses import dataclass, field
 from functools import partial
 from types import TracebackType
 from typing import Any, Self
 from uuid import uuid4
 
-from porocore import errors
-from porocore.errors import PorocoreError, UnexpectedError
+from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField
-from porocore.interfaces.records import failed_response, flatten_response
 from porocore.sampling.execution import tasks
 from porocore.sampling.execution.choice import ExecutorChoice, check_choice, make_worker_backend
+from porocore.sampling.execution.losses import Losses, Task
 from porocore.sampling.execution.tasks import Factory, Failure, FinishedSolve, Ready, Recipe, Unprepared
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
-from porocore.states import CellResponse, MacroState, Status
+from porocore.states import CellResponse, MacroState
 
 #: Seconds between two looks at workers and interrupts while nothing is finished.
 PATIENCE = 0.2
-#: Times that a state is tried when workers die or hang over it.
-TRIES = 2
-#: Workers that may die in a row before one has prepared the cell, and states that may be lost before one is solved.
-MOST_LOST = 3
 
 
 class CellPool:
@@ -58,11 +52,6 @@ class CellPool:
     on_warning
         Called with sentences that the user should read.
 
-    Attributes
-    ----------
-    like
-        As above; may be set later.
-
     Raises
     ------
     ConfigurationError
@@ -86,15 +75,12 @@ class CellPool:
     ) -> None:
         self.workers = workers
         self._recipe = Recipe(uuid4().hex, factory, args, tangent, fields)
-        self._limit = state_seconds
-        self.like = like
+        self._limit, self._losses = state_seconds, Losses(like, state_seconds)
         self._warn, self._warned = on_warning, set[str]()
-        self._waiting: deque[_Task] = deque()
-        self._running: dict[Future[Any], tuple[Worker, _Task | None]] = {}
+        self._waiting: deque[Task] = deque()
+        self._running: dict[Future[Any], tuple[Worker, Task | None]] = {}
         self._finished: deque[FinishedSolve] = deque()
         self._failures: deque[PorocoreError] = deque()
-        self._doubtful: list[_Task] = []
-        self._lost_preparations = 0
         self._finishing = False
         check_choice(executor, workers, scheduler, state_seconds)
         self._make_workers = partial(
@@ -111,14 +97,23 @@ class CellPool:
         return self._made
 
     @property
+    def like(self) -> CellResponse | None:
+        """Response of this cell as a pattern for those of lost states."""
+        return self._losses.like
+
+    @like.setter
+    def like(self, response: CellResponse) -> None:
+        self._losses.like = response
+
+    @property
     def pending(self) -> int:
         """Number of states submitted and not yet returned by :meth:`wait`."""
-        return len(self._waiting) + len(self._finished) + len(self._doubtful) + self._solving
+        return len(self._waiting) + len(self._finished) + len(self._losses.doubtful) + self._solving
 
     @property
     def has_room(self) -> bool:
         """Whether another state can be submitted without waiting long for a worker."""
-        return self.pending - len(self._doubtful) < self._backend.slots + self._backend.ahead
+        return self.pending - len(self._losses.doubtful) < self._backend.slots + self._backend.ahead
 
     def submit(self, key: str, state: MacroState, start: CellField | None = None) -> None:
         """Submit one state (one row) with the field to start from.
@@ -130,7 +125,7 @@ class CellPool:
         PorocoreError
             The scheduler cannot be reached.
         """
-        self._waiting.append(_Task(key, state, start))
+        self._waiting.append(Task(key, state, start))
         if self._backend.eager:
             self._dispatch()
 
@@ -154,7 +149,8 @@ class CellPool:
         while not (self._finished or self._failures):
             self._dispatch()
             self._collect()
-            self._judge_doubtful()
+            if not self._finished:
+                self._failures += self._losses.judge(nothing_else=not self._waiting and not self._solving)
             if stop() and not (self._finished or self._failures):
                 return None
         if self._backend.eager:
@@ -167,7 +163,7 @@ class CellPool:
     def finish_running(self) -> Iterator[FinishedSolve]:
         """Drop the waiting states and yield the finished ones of those that run, leaving out failures."""
         self._waiting.clear()
-        self._doubtful.clear()
+        self._losses.doubtful.clear()
         self._finishing = True
         try:
             while self._solving or self._finished:
@@ -221,7 +217,7 @@ class CellPool:
                 else:
                     self._begin(worker, task, tasks.prepare_and_solve, self._recipe, *what)
 
-    def _begin(self, worker: Worker, task: _Task | None, call: Callable[..., Any], *args: Any) -> None:
+    def _begin(self, worker: Worker, task: Task | None, call: Callable[..., Any], *args: Any) -> None:
         try:
             self._running[worker.submit(call, *args)] = worker, task
         except BrokenExecutor:  # it died while it had nothing to do: no state is to blame
@@ -229,7 +225,7 @@ class CellPool:
             if task is not None:
                 self._waiting.appendleft(task)
 
-    def _next_for(self, worker: Worker) -> _Task:
+    def _next_for(self, worker: Worker) -> Task:
         """Return the first of the queue; a second try goes to another machine if there is one."""
         hosts = {other.host for other in self._backend.workers()}
         for task in self._waiting:
@@ -255,19 +251,19 @@ class CellPool:
                 future.cancel()
                 self._died(worker, task)
 
-    def _take(self, future: Future[Any], worker: Worker, task: _Task | None) -> None:
+    def _take(self, future: Future[Any], worker: Worker, task: Task | None) -> None:
         trouble = future.exception() if not future.cancelled() else None
         if future.cancelled() or isinstance(trouble, BrokenExecutor) or _means_death(trouble):
             self._died(worker, task)
             return
         if trouble is not None:
-            self._failures.append(_as_error(task, Failure(type(trouble).__name__, str(trouble), "")))
+            self._failures.append(Failure(type(trouble).__name__, str(trouble), "").as_error(_place(task)))
             return
         result = future.result()
         if isinstance(result, Failure):
-            self._failures.append(_as_error(task, result))
+            self._failures.append(result.as_error(_place(task)))
         elif isinstance(result, Ready):
-            worker.prepared, self._lost_preparations = True, 0
+            worker.prepared, self._losses.preparations = True, 0
             self._tell(self._backend.check(result))
         elif isinstance(result, Unprepared):
             worker.prepared = False
@@ -275,53 +271,20 @@ class CellPool:
             self._waiting.appendleft(task)
         else:
             self._finished.append(result)
-            if self.like is None:
-                self.like = result.response
-            self._finished += [self._lost_outcome(task) for task in self._doubtful]
-            self._doubtful.clear()
+            if self._losses.like is None:
+                self._losses.like = result.response
+            self._finished += self._losses.take_lost()
 
-    def _died(self, worker: Worker, task: _Task | None) -> None:
+    def _died(self, worker: Worker, task: Task | None) -> None:
         self._backend.lost(worker)
         if self._finishing:
             return
         if task is None:
-            self._lost_preparations += 1
-            if self._lost_preparations >= MOST_LOST:
-                self._failures.append(
-                    PorocoreError(
-                        f"{MOST_LOST} workers in a row died while they prepared the cell (out of memory, or killed); "
-                        "finished states are kept: resume with fewer workers or a coarser mesh"
-                    )
-                )
-            return
-        task.tries += 1
-        task.host = worker.host
-        if task.tries < TRIES:
+            self._failures += self._losses.preparation_died()
+        elif self._losses.may_be_tried_again(task, worker.host):
             self._waiting.appendleft(task)
-        elif self.like is None:
-            self._doubtful.append(task)
         else:
-            self._finished.append(self._lost_outcome(task))
-
-    def _judge_doubtful(self) -> None:
-        """Fail if several states were lost before any was solved, since the fault may not be theirs."""
-        only = not self._waiting and not self._solving
-        if self._doubtful and not self._finished and (only or len(self._doubtful) >= MOST_LOST):
-            lost = " and ".join(repr(task.key) for task in self._doubtful)
-            limit = "" if self._limit is None else f", or over {self._limit:g} s (sampling.state_seconds)"
-            self._doubtful.clear()
-            self._failures.append(
-                PorocoreError(
-                    f"workers died twice each while solving {lost}, and no state was solved before (out of memory, "
-                    f"killed{limit}); finished states are kept: resume with fewer workers, a coarser mesh"
-                    f"{'' if self._limit is None else ' or more time'}"
-                )
-            )
-
-    def _lost_outcome(self, task: _Task) -> FinishedSolve:
-        assert self.like is not None
-        response = failed_response(Status.lost, names=flatten_response(self.like))
-        return FinishedSolve(task.key, response, None, time.perf_counter() - task.began)
+            self._finished += self._losses.take_lost()
 
     def _tell(self, warnings: list[str]) -> None:
         for text in warnings:
@@ -330,29 +293,10 @@ class CellPool:
                 self._warn(text)
 
 
-@dataclass(eq=False)
-class _Task:
-    """State on its way through the pool."""
-
-    key: str
-    state: MacroState
-    start: CellField | None
-    tries: int = 0
-    #: Where the worker was that died over it.
-    host: str | None = None
-    began: float = field(default_factory=time.perf_counter)
-
-
 def _means_death(trouble: BaseException | None) -> bool:
     """Return whether dask reports a dead worker; its class is not imported for that."""
     return type(trouble).__name__ == "KilledWorker"
 
 
-def _as_error(task: _Task | None, failure: Failure) -> PorocoreError:
-    kind = getattr(errors, failure.kind, None)
-    if isinstance(kind, type) and issubclass(kind, PorocoreError):
-        return kind(failure.message)
-    where = "while it prepared the cell" if task is None else f"at state '{task.key}'"
-    return UnexpectedError(
-        f"the cell solver raised {failure.kind} {where}: {failure.message}", failure.details
-    )
+def _place(task: Task | None) -> str:
+    return "while it prepared the cell" if task is None else f"at state '{task.key}'"

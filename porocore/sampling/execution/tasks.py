@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
 
+from porocore import errors
+from porocore.errors import PorocoreError, UnexpectedError
 from porocore.interfaces.cell import CellField, CellSolver
 from porocore.plugins.border import solution_of
 from porocore.sampling.execution.threads import THREAD_VARIABLES
@@ -74,6 +76,13 @@ class Failure:
     def from_exception(cls, error: Exception) -> Failure:
         """Return the exception that is being handled, as text."""
         return cls(type(error).__name__, str(error), traceback.format_exc())
+
+    def as_error(self, where: str) -> PorocoreError:
+        """Return the error to raise in the asking process."""
+        kind = getattr(errors, self.kind, None)
+        if isinstance(kind, type) and issubclass(kind, PorocoreError):
+            return kind(self.message)
+        return UnexpectedError(f"the cell solver raised {self.kind} {where}: {self.message}", self.details)
 
 
 @dataclass(frozen=True)

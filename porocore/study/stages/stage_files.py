@@ -17,7 +17,8 @@ from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.reference import CellReference
 from porocore.plugins.registry import registry
 from porocore.sampling.campaign import is_complete
-from porocore.sampling.datasets.dataset import Dataset, describe
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.datasets.parts import describe
 from porocore.sampling.samplers.random_states import RandomStates
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig

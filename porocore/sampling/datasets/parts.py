@@ -1,0 +1,85 @@
+"""Reading of a dataset: the file and the finished solves beside it, also while another process merges them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from porocore.core.inputs.input_space import InputSpace
+from porocore.errors import DataError
+from porocore.sampling.datasets.layout import Block, Header, read_block
+
+#: Times that a file is read again when another process replaces it meanwhile.
+MOST_ATTEMPTS = 5
+
+
+def read_with_parts(
+    path: Path, inputs: InputSpace | None, identity: str | None, *, sound: bool
+) -> tuple[Header, list[Block]]:
+    """Return the header and the rows of the file and of the parts beside it; see :meth:`Dataset.open`."""
+    for _ in range(MOST_ATTEMPTS):
+        seen = stamp(path)
+        try:
+            found = _read(path, inputs, identity, sound)
+        except DataError:
+            if stamp(path) == seen:
+                raise
+        else:
+            # Parts may have been merged between the reading of the file and that of its parts.
+            if stamp(path)[:1] == seen[:1]:
+                return found
+    raise DataError(f"{path}: is being written all the time; read it when its process is done")
+
+
+def _read(
+    path: Path, inputs: InputSpace | None, identity: str | None, sound: bool
+) -> tuple[Header, list[Block]]:
+    advice = f"choose another --out, or delete it and {parts_folder(path).name} and sample again"
+    header, block = read_block(path, advice, sound=sound)
+    if identity is not None and header.identity != identity:
+        raise DataError(
+            f"{path}: holds solved states of another cell or other settings (identity "
+            f"{header.identity}, expected {identity}); {advice}"
+        )
+    if inputs is not None and header.inputs != inputs:
+        raise DataError(
+            f"{path}: holds states of other inputs ({describe(header.inputs)}, expected "
+            f"{describe(inputs)}); {advice}"
+        )
+    blocks, seen = [block], set(block.keys)
+    for part in sorted(parts_folder(path).glob("*.h5")):
+        part_header, rows = read_block(
+            part, "delete it and resume; its state is then solved again", sound=sound
+        )
+        if (part_header.identity, part_header.inputs) != (header.identity, header.inputs):
+            raise DataError(
+                f"{part}: belongs to another dataset than {path.name}; delete the folder "
+                f"{part.parent.name} or choose another --out"
+            )
+        # Merged already, but killed before its removal.
+        if seen.isdisjoint(rows.keys):
+            blocks.append(rows)
+    return header, blocks
+
+
+def parts_folder(path: Path) -> Path:
+    """Return the folder of the finished solves that are not merged into ``path`` yet."""
+    return path.with_name(f"{path.name}.parts")
+
+
+def stamp(path: Path) -> tuple[tuple[int, int] | None, ...]:
+    """Return a mark that changes with the file and with the parts beside it."""
+    found: list[tuple[int, int] | None] = []
+    for place in (path, parts_folder(path)):
+        try:
+            stat = place.stat()
+        except OSError:
+            found.append(None)
+        else:
+            found.append((stat.st_ino, stat.st_mtime_ns))
+    return tuple(found)
+
+
+def describe(inputs: InputSpace) -> str:
+    """Return names and ranges of the inputs in one line."""
+    bounds = zip(inputs.names, inputs.lower, inputs.upper, strict=True)
+    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, low, high in bounds)

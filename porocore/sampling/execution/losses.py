@@ -1,0 +1,103 @@
+"""Losses of workers: which state is tried again, recorded as lost, or reported as an error."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+from porocore.errors import PorocoreError
+from porocore.interfaces.cell import CellField
+from porocore.interfaces.records import failed_response, flatten_response
+from porocore.sampling.execution.tasks import FinishedSolve
+from porocore.states import CellResponse, MacroState, Status
+
+#: Times that a state is tried when workers die or hang over it.
+TRIES = 2
+#: Workers that may die in a row before one has prepared the cell, and states that may be lost before one is solved.
+MOST_LOST = 3
+
+
+@dataclass(eq=False)
+class Task:
+    """State on its way through the pool."""
+
+    key: str
+    state: MacroState
+    start: CellField | None
+    tries: int = 0
+    #: Host of the worker that died over it.
+    host: str | None = None
+    began: float = field(default_factory=time.perf_counter)
+
+
+class Losses:
+    """Account of dead workers and of the states that they worked on.
+
+    As long as no state was solved, a lost state may not be at fault; it is doubtful.
+
+    Attributes
+    ----------
+    like
+        A response of the cell, as a pattern for those of lost states; None before the first.
+    doubtful
+        States lost before any was solved.
+    preparations
+        Workers that died in a row while they prepared the cell.
+    """
+
+    def __init__(self, like: CellResponse | None, limit: float | None) -> None:
+        self.like, self._limit = like, limit
+        self.doubtful: list[Task] = []
+        self.preparations = 0
+
+    def preparation_died(self) -> list[PorocoreError]:
+        """Count a worker that died while it prepared the cell; return an error if there are too many."""
+        self.preparations += 1
+        if self.preparations < MOST_LOST:
+            return []
+        return [
+            PorocoreError(
+                f"{MOST_LOST} workers in a row died while they prepared the cell (out of memory, or killed); "
+                "finished states are kept: resume with fewer workers or a coarser mesh"
+            )
+        ]
+
+    def may_be_tried_again(self, task: Task, host: str) -> bool:
+        """Count a worker that died over a state; return False if the state is lost, which makes it doubtful."""
+        task.tries += 1
+        task.host = host
+        if task.tries < TRIES:
+            return True
+        self.doubtful.append(task)
+        return False
+
+    def take_lost(self) -> list[FinishedSolve]:
+        """Return the doubtful states as lost, once a pattern of the response is known."""
+        if self.like is None:
+            return []
+        names, lost = flatten_response(self.like), self.doubtful
+        self.doubtful = []
+        return [
+            FinishedSolve(
+                task.key,
+                failed_response(Status.lost, names=names),
+                None,
+                time.perf_counter() - task.began,
+            )
+            for task in lost
+        ]
+
+    def judge(self, *, nothing_else: bool) -> list[PorocoreError]:
+        """Return an error if several states, or all that there are, were lost before any was solved."""
+        if not self.doubtful or not (nothing_else or len(self.doubtful) >= MOST_LOST):
+            return []
+        lost = " and ".join(repr(task.key) for task in self.doubtful)
+        limit = "" if self._limit is None else f", or over {self._limit:g} s (sampling.state_seconds)"
+        self.doubtful.clear()
+        return [
+            PorocoreError(
+                f"workers died twice each while solving {lost}, and no state was solved before (out of memory, "
+                f"killed{limit}); finished states are kept: resume with fewer workers, a coarser mesh"
+                f"{'' if self._limit is None else ' or more time'}"
+            )
+        ]
