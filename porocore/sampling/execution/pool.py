@@ -20,7 +20,7 @@ from porocore.sampling.execution.tasks import Factory, Failure, FinishedSolve, R
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 from porocore.states import CellResponse, MacroState
 
-#: Seconds between two looks at workers and interrupts while nothing is finished.
+#: Seconds between two checks of workers and interrupts while nothing is finished.
 PATIENCE = 0.2
 
 
@@ -34,12 +34,12 @@ class CellPool:
     Parameters
     ----------
     factory, args
-        ``factory(*args)`` returns the solver and the prepared cell. They are sent to each worker, which prepares its
-        own, so both must be picklable: ``factory`` is a function at the top level of a module.
+        ``factory(*args)`` returns the solver and the prepared cell in each worker. Both must be picklable: ``factory``
+        is a function at the top level of a module.
     workers
         Number of processes.
     tangent, fields
-        What each solve shall return, see :meth:`porocore.CellSolver.solve`.
+        Results of each solve, see :meth:`porocore.CellSolver.solve`.
     executor
         One of :data:`porocore.sampling.execution.EXECUTORS`, or any executor with ``submit(function, *args)`` that
         returns futures of :mod:`concurrent.futures`; ``workers`` is then the number of states that it gets at a time.
@@ -50,13 +50,12 @@ class CellPool:
     like
         A response of this cell, as a pattern for those of lost states. By default, that of the first solved state.
     on_warning
-        Called with sentences that the user should read.
+        Called with warnings for the user.
 
     Raises
     ------
     ConfigurationError
-        These do not go together. That dask is missing, or its scheduler out of reach, shows when the first state is
-        handed in: workers are started only then.
+        The settings exclude each other. A missing dask or scheduler shows at the first state, which starts the workers.
     """
 
     def __init__(
@@ -112,7 +111,7 @@ class CellPool:
 
     @property
     def has_room(self) -> bool:
-        """Whether another state can be submitted without waiting long for a worker."""
+        """True if another state can be submitted without waiting long for a worker."""
         return self.pending - len(self._losses.doubtful) < self._backend.slots + self._backend.ahead
 
     def submit(self, key: str, state: MacroState, start: CellField | None = None) -> None:
@@ -172,7 +171,7 @@ class CellPool:
                 if self._solving:
                     try:
                         self._collect()
-                    except PorocoreError:  # those who are asked have gone
+                    except PorocoreError:  # the workers have gone
                         self._running.clear()
         finally:
             self._finishing = False
@@ -190,7 +189,7 @@ class CellPool:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if kind is not None and not issubclass(kind, Exception) and self._running:
-            # The caller was interrupted while it waited: nobody will take what is being solved.
+            # The caller was interrupted while it waited, so the running solves have no receiver.
             self._backend.abort()
         else:
             self.close()
@@ -236,10 +235,8 @@ class CellPool:
 
     def _collect(self) -> None:
         """Wait briefly for calls that end and for workers that vanish."""
-        if self._running:
-            done, _ = wait(self._running, PATIENCE, return_when=FIRST_COMPLETED)
-        else:
-            done = set()
+        done, _ = wait(self._running, PATIENCE, return_when=FIRST_COMPLETED)
+        if not self._running:
             self._tell(self._backend.warnings)
             time.sleep(PATIENCE)
         for future in done:
