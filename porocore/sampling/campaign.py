@@ -34,7 +34,7 @@ class CampaignProgress:
     rate: float
     #: Estimate of what is left [s]; None until there is a rate.
     remaining: float | None
-    #: An interrupt has come: what runs is finished and kept; a second one stops at once.
+    #: Interrupted: running solves are finished and kept; a second interrupt stops at once.
     stopping: bool = False
 
 
@@ -43,7 +43,7 @@ class CampaignSummary:
     """Result of a campaign."""
 
     solved: int
-    #: Taken from the dataset, where an earlier run had left them.
+    #: States taken from the dataset of an earlier run.
     reused: int
     #: Number of states by status, reused ones included.
     counts: dict[Status, int]
@@ -58,13 +58,12 @@ def run_campaign(
     *,
     on_progress: Callable[[CampaignProgress], None] | None = None,
 ) -> CampaignSummary:
-    """Solve what ``sampler`` asks for until it is done, keeping each outcome before the sampler is told.
+    """Solve the states of ``sampler`` until it is done; each is kept before the sampler receives it.
 
-    States that the dataset holds already are told from there, so an interrupted campaign goes on where it
-    was. A request names the state whose field it starts from, and that field comes from the dataset, so
-    neither interruptions nor the number of workers change a result, given a solver whose answer depends on
-    nothing but the state and the start. A state over which workers died or hung twice is kept with the status
-    ``lost``.
+    States that the dataset holds already are taken from there, so an interrupted campaign continues. A request names
+    the state whose field it starts from, and that field comes from the dataset; so neither interruptions nor the number
+    of workers change a result, if the solver's answer depends on nothing but the state and the start. A state over which
+    workers died or hung twice is kept with the status ``lost``.
 
     Raises
     ------

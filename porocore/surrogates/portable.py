@@ -39,7 +39,7 @@ class ModelSurrogate(Surrogate):
     Attributes
     ----------
     backend
-        What the user calls it.
+        Name of the surrogate for the user.
     model
         ``mlp`` or ``potential``.
     accuracy

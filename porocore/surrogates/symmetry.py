@@ -126,11 +126,11 @@ class Ties:
     Attributes
     ----------
     number : (o, K)
-        Which free number the coefficient of output and monomial is; −1 where it has to vanish.
+        Index of the free number of each output and monomial; −1 where the coefficient vanishes.
     sign : (o, K)
         Its sign.
     count
-        Of free numbers.
+        Number of free numbers.
     """
 
     number: IntArray

@@ -1,8 +1,8 @@
 """Saturation beyond the sampled states, where the fine structure of a fit means nothing.
 
-A polynomial of high degree, or a network, means nothing outside its training states and soon has no convexity left. So
-only W₂ and a polynomial of low degree are continued there; everything finer is evaluated at variables that follow y
-inside the sampled box and come to rest a little beyond it.
+A polynomial of high degree, or a network, means nothing outside its training states and soon loses convexity. So only
+W₂ and a polynomial of low degree are continued there; all finer parts are evaluated at variables that follow y inside
+the sampled box and saturate a little beyond it.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from porocore.states import Array
 from porocore.surrogates.polynomial.monomials import IntArray
 from porocore.surrogates.symmetry import on_variables, stabiliser
 
-#: How far beyond the box the variables come to rest, as a share of its size.
+#: Width of the saturation beyond the box, as a share of its size.
 MARGIN = 0.1
-#: In many variables the sampled states leave the corners empty, and the box is enlarged by this share at each end.
+#: The box is enlarged by this share at each end in many variables, where the sampled states leave the corners empty.
 EXTENSION, MANY = 0.1, 4
 
 
@@ -32,7 +32,7 @@ class TrainingBox:
     active
         Variables that were sampled; the others are left as they are.
     low, high : (d,)
-        Of the active ones; rest, y = 0, lies inside.
+        Bounds of the active variables; rest, y = 0, lies inside.
     """
 
     active: tuple[int, ...]

@@ -60,7 +60,7 @@ def check_file(path: Path, tolerance: float = TOLERANCE) -> list[DatasetCheck]:
     if response.conductivity is not None:
         K = np.where(np.isfinite(response.conductivity), response.conductivity, np.eye(3))
         same = np.abs(K - K.transpose(0, 2, 1)).max(axis=(1, 2)) <= tolerance * np.abs(K).max(axis=(1, 2))
-        # Of a pore that is closed in some direction, an eigenvalue is zero.
+        # A pore that is closed in some direction has an eigenvalue of zero.
         positive = np.linalg.eigvalsh((K + K.transpose(0, 2, 1)) / 2)
         same &= positive[:, 0] >= -tolerance * positive[:, 2]
         findings.append(_all("K positive", same, keys, "a conductivity that is not symmetric and positive"))

@@ -38,7 +38,7 @@ class Dataset:
     inputs
         The sampled inputs and their ranges.
     identity
-        Hash of everything that the solved values depend on; states of another identity are refused.
+        Hash of all settings that the solved values depend on; states of another identity are refused.
     provenance
         Texts: the configuration, versions, and so on.
     """
@@ -183,7 +183,7 @@ class Dataset:
             self._blocks, self._where = [], {}
             self._register(merged)
         try:
-            # Besides the parts just merged, those merged before a kill and what a kill left half written.
+            # Besides the parts just merged, those merged before a kill and half-written files.
             for path in [*parts, *folder.glob("*.h5"), *folder.glob(".*.part")]:
                 path.unlink(missing_ok=True)
             if folder.exists():

@@ -139,12 +139,11 @@ def read_block(path: Path, advice: str, *, sound: bool = True) -> tuple[Header, 
     Parameters
     ----------
     path
-        Anything.
+        The file.
     advice
-        What to do with a file that cannot be read.
+        Advice for a file that cannot be read.
     sound
-        Refuse rows that hold NaN where numbers belong, or numbers where none do, and statuses that do not exist;
-        False: for whoever examines them.
+        Refuse rows with missing or unexpected numbers and unknown statuses; False to examine them.
 
     Raises
     ------

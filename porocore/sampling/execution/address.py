@@ -9,11 +9,11 @@ from urllib.parse import urlsplit
 from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError
 
-#: Of an address whose host and port can be tried by themselves; a text without any is tcp.
+#: Protocols of addresses whose host and port are tried here; an address without one is tcp.
 SCHEMES = ("tcp", "tls", "ws", "wss")
-#: Of others that dask knows, which only dask can try.
+#: Protocols that only dask can try.
 OTHERS = ("inproc", "ucx", "ucxx")
-#: Seconds to wait for an answer in.
+#: Seconds to wait for an answer.
 TIMEOUT = 3.0
 EXAMPLE = "expected the address of a dask scheduler such as tcp://node:8786"
 
@@ -24,14 +24,14 @@ def check_reachable(address: str) -> None:
     Raises
     ------
     ConfigurationError
-        It is no address, or nobody listens there.
+        The text is no address, or no scheduler answers there.
     """
     scheme, between, _ = address.partition("://")
     if between and scheme in OTHERS:
         return
     host, port = _host_and_port(address if between else f"tcp://{address}")
     why = ["no answer in time"]
-    # The search for a name knows no time limit of its own.
+    # The lookup of a name has no time limit of its own.
     attempt = threading.Thread(target=_connect, args=(host, port, why), daemon=True)
     attempt.start()
     attempt.join(1.5 * TIMEOUT)

@@ -36,7 +36,7 @@ def check_choice(
     Raises
     ------
     ConfigurationError
-        The executor is unknown, these do not go together, or this system knows no time limits.
+        The executor is unknown, the settings exclude each other, or this system has no time limits.
     """
     if workers < 1:
         raise ValueError(f"expected at least one worker, got {workers}")

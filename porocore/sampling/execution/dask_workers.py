@@ -24,11 +24,11 @@ from porocore.sampling.execution.tasks import Ready
 from porocore.sampling.execution.threads import THREAD_VARIABLES, interrupts_blocked, one_thread
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
-#: Seconds between two looks at which workers are there.
+#: Seconds between two queries of the workers.
 LOOK_INTERVAL = 0.5
-#: Seconds to reach a scheduler in.
+#: Time limit for reaching a scheduler [s].
 TIMEOUT = 20
-#: Seconds for workers to end in.
+#: Time limit for the end of workers [s].
 FAREWELL = 10
 
 
@@ -47,7 +47,7 @@ class DaskBackend(WorkerBackend):
     PluginError
         dask.distributed is not installed.
     ConfigurationError
-        That is no address, or nobody listens there.
+        The text is no address, or no scheduler answers there.
     PorocoreError
         No scheduler answers at the address.
     """
@@ -91,7 +91,7 @@ class DaskBackend(WorkerBackend):
                 self._client = distributed.Client(
                     self._address, timeout=TIMEOUT, set_as_default=False, name="porocore"
                 )
-        except Exception as error:  # whatever another program's answer makes of dask
+        except Exception as error:  # dask raises anything when another program answers
             raise PorocoreError(
                 f"no dask scheduler answers at {self._address} ({' '.join(str(error).split())}); start one with "
                 "'dask scheduler', or leave out --scheduler to have workers on this machine"
@@ -153,7 +153,7 @@ class DaskBackend(WorkerBackend):
 
     def close(self) -> None:
         """Leave the scheduler and end a local cluster."""
-        with suppress(Exception):  # whatever is gone already
+        with suppress(Exception):  # it may be gone already
             self._client.close(timeout=FAREWELL)
         if self._cluster is not None:
             with suppress(Exception):

@@ -1,6 +1,6 @@
 """Tasks of a worker: the cell is prepared once, and then solved state by state.
 
-The functions here are what an executor is given to call. Every exception travels back as text.
+An executor calls these functions. Every exception travels back as text.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from porocore.plugins.border import solution_of
 from porocore.sampling.execution.threads import THREAD_VARIABLES
 from porocore.states import CellResponse, MacroState
 
-#: Makes a solver and what its ``prepare`` returned; called once in each worker.
+#: Returns a solver and its prepared cell; called once in each worker.
 Factory = Callable[..., tuple[CellSolver, Any]]
 #: Prepared cells that a process keeps: those of the pools that used it last.
 MOST_CELLS = 4
@@ -167,7 +167,7 @@ def prepare_and_solve(
 
 @contextmanager
 def _ended_after(seconds: float | None) -> Iterator[None]:
-    # The default action of SIGALRM is taken by the system itself: no library can sleep through it.
+    # The system itself takes the default action of SIGALRM, so no library can block it.
     if seconds is None:
         yield
         return

@@ -29,7 +29,7 @@ def one_thread() -> Iterator[None]:
 @contextmanager
 def interrupts_blocked() -> Iterator[None]:
     """Keep Ctrl-C from processes that are started during the block, even while they import."""
-    # Where it is started along with the first process, it opens the signal again.
+    # If it is started along with the first process, it unblocks the signal.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -16,9 +16,9 @@ class Worker(ABC):
     Attributes
     ----------
     prepared
-        Whether it holds the cell; kept by the pool.
+        True if it holds the cell; kept by the pool.
     host
-        Machine, as far as known, so that a second try can be made on another one.
+        Machine, if known, so that a second try can be made on another one.
     """
 
     def __init__(self) -> None:
@@ -36,11 +36,11 @@ class WorkerBackend(ABC):
     Attributes
     ----------
     ahead
-        States that may wait, so that a worker need not wait for the one who asks.
+        Number of states that may wait, so that no worker waits for the next one.
     eager
-        Whether calls begin when they are submitted, and not only when they are waited for.
+        True if calls start when they are submitted, not only when they are waited for.
     separate
-        Whether workers can be told apart, and prepared one by one.
+        True if workers can be distinguished and prepared one by one.
     """
 
     ahead = 1
@@ -54,7 +54,7 @@ class WorkerBackend(ABC):
         Raises
         ------
         PorocoreError
-            They cannot be reached any more.
+            The workers cannot be reached any more.
         """
 
     @property
@@ -69,7 +69,7 @@ class WorkerBackend(ABC):
         Raises
         ------
         PorocoreError
-            It is not, and there is no other.
+            The worker cannot be replaced, and there is no other.
         """
 
     def check(self, ready: Ready) -> list[str]:
@@ -78,7 +78,7 @@ class WorkerBackend(ABC):
         Raises
         ------
         PluginError
-            It cannot take part.
+            The worker cannot be used.
         """
         return []
 

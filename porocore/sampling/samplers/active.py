@@ -42,11 +42,11 @@ class LearningSampler(RoundSampler, StudySampler):
     inputs, count
         The box, and the budget of states.
     initial, usual
-        Size of the design at the beginning, and what it is where that is None.
+        Size of the first design, and its default.
     batch
         States in a round; more where a share :data:`GROWTH` of what is known is more.
     seed
-        Of everything random.
+        Seed of all random numbers.
     """
 
     _study: StudyFacts | None = None
@@ -130,7 +130,7 @@ class LearningSampler(RoundSampler, StudySampler):
 class Active(LearningSampler):
     """A design that fills the box, then rounds of states at the largest disagreement of a committee of polynomials.
 
-    The members of the committee learn what the closure needs: W with its slopes, or <∇u¹>. The states of a round
+    The members of the committee learn W with its gradient, or <∇u¹>, as the closure needs. The states of a round
     are those that tell most about the places where the members disagree, as a share of the response's range; each is
     chosen in the knowledge of those before it. Candidates come from a Sobol
     sequence. States that failed or are unstable are not learned from; candidates nearer to one of them than to any
@@ -191,7 +191,7 @@ class Active(LearningSampler):
         reachable = self.reachable(unit)
         judgement = self.judge(unit)
         if judgement is None or not judgement.disagreement.any():
-            # Too little is known for anybody to disagree.
+            # Too little is known for a disagreement.
             return unit[spread_out(unit, reachable.astype(float), self.points, size)]
         if self.tolerance is not None and self.enough and judgement.disagreement.max() < self.tolerance:
             return unit[:0]

@@ -12,7 +12,7 @@ from porocore.sampling.samplers.designs import box_corners, sobol_points
 from porocore.states import Array
 
 BoolArray = npt.NDArray[np.bool_]
-#: A round looks so many times at what its first states leave to be learned.
+#: Updates of the candidates' value within one round.
 MOST_UPDATES = 8
 
 #: Up to so many inputs a sampling begins with the corners of the box. With four they would be the first 16 states, of
@@ -34,7 +34,7 @@ class SobolStream:
     d
         Number of inputs.
     seed
-        Of the scrambling.
+        Seed of the scrambling.
     """
 
     def __init__(self, d: int, seed: int) -> None:

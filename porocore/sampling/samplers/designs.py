@@ -14,7 +14,7 @@ from porocore.sampling.samplers.options import refuse_unknown, whole, yes_or_no
 from porocore.sampling.samplers.rounds import RoundSampler
 from porocore.states import Array
 
-#: Of more inputs a box has too many corners to solve them all.
+#: Boxes of more inputs have too many corners to solve them all.
 MOST_CORNER_INPUTS = 8
 #: Up to so many numbers a Latin hypercube is improved by exchanges: about two seconds.
 MOST_OPTIMISED = 4000
@@ -32,8 +32,7 @@ class Design(RoundSampler):
     seed : int, at least 0
         Seed of the randomisation.
     corners : bool
-        Whether the 2^d corners of the box come first, of up to eight inputs; a surrogate then never extrapolates within
-        the box.
+        Solve the 2^d corners of the box of up to eight inputs first, so that a surrogate never extrapolates within it.
 
     Raises
     ------

@@ -58,7 +58,7 @@ class LineSweep:
     origin
         The solved point at zero.
     end
-        Where the line ends; its sign is the direction.
+        End of the line; its sign is the direction.
     step
         Default step, positive.
     tolerance

@@ -103,7 +103,7 @@ class MacroDriven(LearningSampler):
         visited = self._lattice(self.inputs.gather(self.inputs.without_rotation(found.states)))
         distance, _ = distances(visited, self.points)
         reachable, apart = self.reachable(visited), APART * spacing(len(self.points) + size, d)
-        # Where the states on the way are that dense already, they are made denser.
+        # States that are already that dense are made denser.
         while (reachable & (distance > apart)).sum() < size and apart > 2 / LATTICE:
             apart /= 2
         allowed = reachable & (distance > apart)

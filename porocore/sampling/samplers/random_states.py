@@ -36,7 +36,7 @@ class RandomStates(Sampler):
     count
         Number of states with values that are wanted.
     seed
-        Of the draw.
+        Seed of the random states.
     most_tries
         After ``most_tries * count`` states there are no more, however few have values.
 

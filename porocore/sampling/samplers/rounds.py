@@ -29,7 +29,7 @@ class RoundSampler(Sampler):
     count
         The budget: states that are asked for at most, those without values included.
     points : (n, d)
-        What has been asked for, in the unit box, in the order of asking.
+        States asked for, in the unit box, in the order of asking.
     """
 
     def __init__(self, inputs: InputSpace, count: int) -> None:

@@ -43,7 +43,7 @@ def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | Non
     found, rest = data.responses.conductivity, data.reference.conductivity
     if found is None or rest is None:
         return None
-    # What breaks the symmetry of the cell at rest is the error of a free mesh.
+    # The error of a free mesh breaks the symmetry of the cell at rest.
     mean = on_places(data.symmetry).mean(on_one(data.symmetry), rest[0].reshape(9, 1)).reshape(3, 3)
     basis = conducting_basis(mean)
     r = basis.shape[1]

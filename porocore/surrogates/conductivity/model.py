@@ -2,7 +2,7 @@
 
 K_ref = B exp(S) Bᵀ with S = ln(Bᵀ K₀ B) + a polynomial in (ln U, p) that begins at first order. So K_ref is K₀ at rest,
 symmetric and positive definite for any coefficients, and objective, as it depends on F through U only. The columns of B
-span the directions in which the pore space runs on forever; what it is closed to it stays closed to, however deformed.
+span the directions in which the pore space is open; closed directions stay closed under any deformation.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from porocore.surrogates.potential.data import variables
 from porocore.surrogates.stretch.log_stretch import LogStretch
 from porocore.surrogates.training_box import TrainingBox
 
-#: A direction in which the undeformed pore conducts less than this share of the largest is one that it is closed to.
+#: The pore is closed in directions in which it conducts less than this share of the largest conductivity.
 CLOSED = 1e-6
 
 
@@ -37,7 +37,7 @@ class ConductivityModel:
     log_rest : (r, r)
         ln(Bᵀ K₀ B).
     polynomial
-        What is added to it, as the upper triangle of a matrix in space (3, 3), row by row, in the variables ``active``.
+        Polynomial that is added to it, the upper triangle of a matrix in space (3, 3), row by row, in ``active``.
     active
         The variables that were sampled.
     training_box
@@ -45,10 +45,10 @@ class ConductivityModel:
     sampled
         Hull of the training states that have a conductivity.
     estimate
-        Of the errors of ln K_ref, by which states are flagged; None: those beyond the hull are.
+        Estimate of the errors of ln K_ref, which flags states; None: those beyond the hull are flagged.
     closing
-        Some training states have no conductivity, since pore walls touch. No smooth function goes on from the others to
-        these, so that states beyond the hull are flagged whatever is estimated.
+        Some training states have no conductivity, since pore walls touch. No smooth function covers both kinds, so
+        states beyond the hull are flagged whatever the estimate.
     """
 
     basis: Array

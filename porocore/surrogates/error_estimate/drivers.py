@@ -9,7 +9,7 @@ import numpy as np
 from porocore.core.inputs.input_space import NAMES, InputSpace, components
 from porocore.states import Array, MacroState
 
-#: Moved so far into its range, as a share of it, a component can no longer be what makes an error large.
+#: Share of its range by which a component is moved inwards to see whether it drives the error.
 WITHIN = 0.25
 MINUS = str.maketrans("-", "−")
 
@@ -25,9 +25,9 @@ def reasons(
     Parameters
     ----------
     inputs
-        That were sampled.
+        The sampled inputs.
     states
-        Flagged, without rotation where the surrogate does not feel one.
+        The flagged states, without rotation if the surrogate is objective.
     estimate
         Error of states as a share of the range of what is learned, (n,); None where there is no estimate.
     """

@@ -1,8 +1,7 @@
 """Estimated distance of a surrogate from the cell, by polynomials fitted to the same solved states.
 
-The polynomials are of higher degree than what a surrogate can be trusted with, and are held by a prior where the states
-do not determine them. The surrogate's distance from their mean is what it has left out; their scatter is what the
-states leave open.
+The polynomials have a higher degree than a surrogate and a prior where the states do not determine them. The distance
+of the surrogate from their mean is its bias; their scatter is the variance that the states leave.
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ class ErrorEstimate:
     terms
         Polynomial of the terms in the variables; None where the terms are the variables.
     judged
-        Of gradients by the variables, those that are judged; empty where the values are.
+        Variables whose derivatives are judged; empty if values are judged.
     spread : (c,)
         Ranges of the c quantities that are judged, by which errors are divided.
     nugget
-        Standard deviation of what no smooth function follows, as a share.
+        Standard deviation of the noise, as a share.
     safe : (2, v)
         Box of the variables in which no estimate comes near the tolerance, so that none has to be made there.
     """
@@ -52,9 +51,9 @@ class ErrorEstimate:
         Parameters
         ----------
         variables : (v, n)
-            Of the states.
+            Variables of the states.
         found : (c, n)
-            What the surrogate says of the judged quantities there.
+            The surrogate's judged quantities there.
         """
         low, high = self.safe[:, :, None]
         there = np.flatnonzero(~((variables >= low) & (variables <= high)).all(axis=0))

@@ -1,8 +1,8 @@
 """Fit of the polynomials of an error estimate: Bayesian least squares, calibrated by cross-validation.
 
-Coefficients have a normal prior whose width falls by a factor with each degree. This factor, the share of what no
-smooth function follows, and the common scale are those under which states that were left out of a fit are most likely
-(cross-validation; Rasmussen & Williams 2006, ch. 5).
+Coefficients have a normal prior whose width falls by a factor with each degree. This factor, the noise and the common
+scale are those under which states that were left out of a fit are most likely (cross-validation; Rasmussen & Williams
+2006, ch. 5).
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ class Equations:
     Attributes
     ----------
     rows : (K, c, n)
-        Of each of K monomials the c quantities that are known at a state, such as its value and its gradients.
+        Quantities c of each of K monomials at the states, such as its value and its derivatives.
     right : (o, c, n)
-        What the functions have there.
+        The same quantities of the functions.
     degrees : (K,)
         Weights of the monomials.
     judged : (c,) bool

@@ -17,7 +17,7 @@ from porocore.surrogates.polynomial.terms import VARIABLES, Terms
 from porocore.surrogates.potential.data import PotentialData
 from porocore.surrogates.potential.model import PotentialModel
 
-#: By so much more than values may gradients of <∇u¹> be missed: they jump where the pore wall begins to touch itself.
+#: Weight of values over gradients of <∇u¹>, which jump where the pore wall begins to touch itself.
 GRADIENT_TOLERANCE = 5.0
 #: A variable that was not sampled is free in the safe box: another rule flags it.
 FREE = 1e3

@@ -30,7 +30,7 @@ def write_archive(
     path
         Its folder is made if it does not exist.
     form, version
-        What kind of file it is.
+        Kind and version of the file.
     header
         Anything that JSON can hold; floats are kept to the last bit.
     arrays

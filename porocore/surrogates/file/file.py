@@ -47,9 +47,9 @@ class SurrogateMetadata:
     Attributes
     ----------
     backend
-        Who wrote it.
+        Name of the surrogate that wrote it.
     options
-        With which options it was trained.
+        Options of the training.
     identity
         Hash of cell and material.
     provenance

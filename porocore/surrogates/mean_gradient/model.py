@@ -57,7 +57,7 @@ class AnchoredModel:
     linear : (9, 10)
         M (row by row) and, in the last column, Q. All nine components of H enter here, sampled or not.
     components
-        Which of the nine components of <∇u¹>_s the network corrects; the others follow the linear part.
+        Components of <∇u¹>_s that the network corrects; the others follow the linear part.
     output_scale
         S, one for each of ``components``.
     network
@@ -65,7 +65,7 @@ class AnchoredModel:
     sampled
         The inputs and the hull of the training states.
     estimate
-        Of its errors, by which states are flagged; None: those beyond the hull are.
+        Estimate of its errors, which flags states; None: those beyond the hull are flagged.
     """
 
     linear: Array

@@ -1,8 +1,8 @@
 """Training of the network of a potential on values and gradients together, with the derivatives of any library.
 
 The loss is written once, in operations that torch and jax.numpy share; a backend compiles it with its own
-automatic differentiation, and scipy's L-BFGS minimises it. The network enters as it is used: what it says at rest
-up to second order is subtracted, so that training does not spend itself on what is known exactly.
+automatic differentiation, and scipy's L-BFGS minimises it. The network enters as it is used: its expansion at rest
+up to second order is subtracted, since these orders are known exactly.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ class SobolevProblem:
     terms
         t, those that some state moves.
     middle, half : (k,)
-        Of their ranges.
+        Middle and half width of their ranges.
     scale
-        Of what is learned.
+        Unit of the remainder.
     x : (n, k)
         Scaled terms (t − middle)/half.
     rest : (1, k)
@@ -184,7 +184,7 @@ def train(
             loss = float(function(state)[0])
             on_progress(TrainingProgress(done, iterations, loss, loss))
 
-    # What a polynomial leaves over may be so small that L-BFGS, whose limits are absolute, would not begin.
+    # The remainder of a polynomial may be so small that L-BFGS, whose limits are absolute, would not start.
     unit = function(theta)[0] or 1.0
 
     def scaled(parameters: Array) -> tuple[float, Array]:

@@ -21,9 +21,9 @@ from porocore.surrogates.potential.data import PotentialData, variables
 from porocore.surrogates.potential.model import mean_grad_terms
 from porocore.surrogates.stretch.log_stretch import LogStretch
 
-#: By so much more than values may gradients of <∇u¹> be missed.
+#: Weight of values over gradients of <∇u¹>.
 GRADIENT_TOLERANCE = 5.0
-#: Of higher degree are no members; and none has more coefficients than this.
+#: Largest degree and number of coefficients of a member.
 HIGHEST_DEGREE, MOST_TERMS = 8, 160
 
 
@@ -91,15 +91,15 @@ class Committee:
     Attributes
     ----------
     target
-        What they learned.
+        Target of the fits.
     exponents : (K, k)
         Monomials, ascending in weight.
     members
         Coefficients (o, K) of each, zero for monomials beyond its degree.
     degree
-        That of the smallest cross-validated error.
+        Degree with the smallest cross-validated error.
     covariance : (K', K')
-        Of the coefficients up to this degree, for equations with errors of variance one.
+        Covariance of the coefficients up to this degree, for equations with errors of variance one.
     """
 
     target: Target
@@ -129,8 +129,8 @@ class Committee:
 class PolynomialJudgement:
     """Disagreement of the members at m candidates, and the value of solving each of them.
 
-    A candidate's worth is the variance that solving it is expected to take from the fit at all candidates together,
-    each weighted by the square of the disagreement there: Bayesian linear regression, as in I-optimal designs.
+    The value of a candidate is the expected reduction of the variance of the fit at all candidates together, each
+    weighted by the square of the disagreement there: Bayesian linear regression, as in I-optimal designs.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ def _each(a: Array, b: Array) -> Array:
 def committee(data: TrainingSet, responses: tuple[str, ...]) -> Committee:
     """Return the committee of the stable states of ``data``, for a closure that needs ``responses``.
 
-    With too few states for two members, nobody disagrees.
+    With too few states for two members, the disagreement is zero.
 
     Raises
     ------

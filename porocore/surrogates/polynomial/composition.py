@@ -60,7 +60,7 @@ class TermSum:
     Attributes
     ----------
     terms, polynomial
-        With one output, or with no monomials at all.
+        Polynomial with one output, or without monomials.
     part, rows
         The other function, and which of the terms it takes.
     """
@@ -73,7 +73,7 @@ class TermSum:
     def start(self, y: Array) -> Callable[[Array, Array, Array], None]:
         """Start the evaluation at y (7, n).
 
-        What is returned adds to a value (n,), a gradient (7, n) and a Hessian (7, 7, n), in place.
+        The returned function adds to a value (n,), a gradient (7, n) and a Hessian (7, 7, n), in place.
         """
         derivatives = TermDerivatives(self.terms, y) if self.terms.name != "plain" else None
         t = y[list(self.terms.variables)] if derivatives is None else derivatives.t

@@ -26,7 +26,7 @@ from porocore.surrogates.training_box import TrainingBox
 
 #: More variables than this are combined by the cell's symmetry, where it has one.
 MOST_PLAIN = 3
-#: What is of higher weight is not continued beyond the sampled states.
+#: Terms of higher weight are not continued beyond the sampled states.
 ANCHOR_DEGREE = 4
 #: A stress across the directions that were sampled is learned where W₂ misses it by more than this [E].
 SMALLEST_SLOPE = 1e-9
@@ -98,7 +98,7 @@ def fit_mean_grad(data: PotentialData) -> Polynomial:
         return Polynomial(np.zeros((0, len(data.active)), dtype=np.int64), np.zeros((9, 0)))
     size = value.std(axis=1) + 1e-300
     for together in on_places(stabiliser(data.rest.symmetry, data.active)).orbits():
-        # What the cell does not tell apart weighs the same.
+        # Components that the symmetry of the cell exchanges weigh the same.
         size[together], scale[together] = size[together].max(), scale[together].max(axis=0)
     samples = RegressionData(data.y, value[learned], gradients[learned], size[learned], scale[learned])
     part = fit(samples, terms, 2, tied=_turning(data, learned)).polynomial

@@ -11,7 +11,7 @@ from porocore.surrogates.polynomial.monomials import IntArray, Polynomial
 from porocore.surrogates.polynomial.terms import Terms
 from porocore.surrogates.symmetry import Equivariance
 
-#: A fit with fewer equations for each coefficient than this can go astray without a sign in its residual.
+#: Equations for each coefficient; with fewer, a bad fit need not show in its residual.
 EQUATIONS_PER_TERM = 2
 RIDGE = 1e-10
 LARGEST_DEGREE = 12
@@ -29,7 +29,7 @@ class RegressionData:
     value : (o, n), gradients : (o, 7, n)
         Quantities and derivatives.
     value_scale : (o,), gradient_scale : (o, 7)
-        What errors are divided by; infinite for a derivative that is not to be fitted.
+        Divisors of the errors; infinite for a derivative that is not fitted.
     """
 
     y: Array

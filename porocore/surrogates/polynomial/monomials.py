@@ -12,9 +12,9 @@ import numpy.typing as npt
 from porocore.states import Array
 
 IntArray = npt.NDArray[np.int64]
-#: States are taken in blocks of so many numbers, which stay in the processor's cache; and no fewer states at once.
+#: Numbers in a block of states, which stay in the processor's cache, and least states in a block.
 LARGEST_BLOCK, SMALLEST_BLOCK = 200_000, 256
-#: Which output by which variables, and the values (n,).
+#: Output and variables of a derivative, and its values (n,).
 GradientEntry = tuple[tuple[int, int], Array]
 HessianEntry = tuple[tuple[int, int, int], Array]
 

@@ -35,7 +35,7 @@ class Terms:
     active
         Variables that states move. On them alone monomials of invariant terms are told apart.
     crosswise
-        Whether a monomial has to hold one of ``once``.
+        True if a monomial has to hold one of ``once``.
     """
 
     name: str

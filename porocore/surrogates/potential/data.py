@@ -15,7 +15,7 @@ from porocore.surrogates.stretch.components import PLACES
 from porocore.surrogates.stretch.log_stretch import LogStretch
 from porocore.surrogates.symmetry import on_places, on_variables
 
-#: A variable that stays within this of zero in all states has not been sampled.
+#: A variable below this in all states was not sampled.
 STILL = 1e-9
 
 
@@ -49,7 +49,7 @@ class RestExpansion:
     def from_response(cls, reference: CellResponse, symmetry: PointGroup) -> RestExpansion:
         """Return the expansion from the response of the undeformed cell (one row) with its tangent.
 
-        What breaks the cell's symmetry there is the error of a free mesh, and is averaged out.
+        The error of a free mesh breaks the cell's symmetry and is averaged out.
 
         Raises
         ------

@@ -86,7 +86,7 @@ class PotentialModel:
     terms, polynomial
         Third order and a little higher, continued beyond the sampled states; None where there is no such part.
     network
-        The rest; None where there is no such part.
+        Finer part; None where there is no such part.
     mean_grad
         Polynomial in the variables ``active``: components of Rᵀ<∇u¹>_s beyond the linear limit, (9 outputs).
     active
@@ -96,9 +96,9 @@ class PotentialModel:
     training_box
         Their box in the variables y.
     refinement
-        The rest, as a polynomial in the same terms; None where there is no such part.
+        Finer part as a polynomial in the same terms; None where there is no such part.
     estimate
-        Of its errors, by which states are flagged; None: those beyond the hull are.
+        Estimate of its errors, which flags states; None: those beyond the hull are flagged.
     """
 
     rest: RestExpansion

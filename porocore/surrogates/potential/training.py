@@ -62,7 +62,7 @@ def train_potential(
         )
     coordinates = plain(data.active) if options.symmetry == "none" else coordinates_for(data)
     terms, polynomial = terms_for(data), None
-    # What acts across the sampled variables no network of these can say.
+    # A network of the sampled variables cannot describe stresses across them.
     anchor = terms if options.anchor == "polynomial" else terms.across()
     if options.anchor == "polynomial" or terms.once:
         polynomial = fit_potential(data, anchor, highest=ANCHOR_DEGREE).polynomial
