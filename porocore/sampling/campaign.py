@@ -62,8 +62,8 @@ def run_campaign(
 
     States that the dataset holds already are taken from there, so an interrupted campaign continues. A request names
     the state whose field it starts from, and that field comes from the dataset; so neither interruptions nor the number
-    of workers change a result, if the solver's answer depends on nothing but the state and the start. A state over which
-    workers died or hung twice is kept with the status ``lost``.
+    of workers change a result, if the solver's answer depends on nothing but the state and the start. A state that
+    workers died over or hung over twice is kept with the status ``lost``.
 
     Raises
     ------
