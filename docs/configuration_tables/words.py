@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 import re
-import types
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import yaml
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from porocore.core.formulas.time_function import TimeFunction
+from porocore.core.models.walk import bare, is_section, is_union
 
 COUNTS, TOGETHER = {2: "two", 3: "three"}, {2: "pairs", 3: "triples"}
 NOUNS = {float: "number", int: "whole number", str: "text", TimeFunction: "value"}
@@ -62,7 +61,7 @@ def _words(annotation: Any, metadata: Iterable[Any], name: str, plural: bool = F
         metadata = [*metadata, *more]
     origin, arguments = get_origin(annotation), get_args(annotation)
     limits = _limits(metadata)
-    if origin in (Union, types.UnionType):
+    if is_union(annotation):
         return _union(arguments, metadata, name, plural)
     if origin is Literal:
         return codes(arguments)
@@ -78,7 +77,7 @@ def _words(annotation: Any, metadata: Iterable[Any], name: str, plural: bool = F
         return codes(choice[1].split("|"))
     if annotation is str and "max_length" in limits:
         return f"text, at most {limits['max_length']:,} characters"
-    if _is_section(annotation) and annotation is not TimeFunction:
+    if is_section(annotation) and annotation is not TimeFunction:
         return f"`{{{', '.join(annotation.model_fields)}}}`"
     low, high = limits.get("gt", limits.get("ge")), limits.get("lt", limits.get("le"))
     noun = NOUNS[annotation] + ("s" if plural else "")
@@ -87,7 +86,7 @@ def _words(annotation: Any, metadata: Iterable[Any], name: str, plural: bool = F
 
 def _union(arguments: tuple[Any, ...], metadata: Iterable[Any], name: str, plural: bool) -> str:
     given = [part for part in arguments if part is not type(None)]
-    if any(_bare(part) is TimeFunction for part in given):  # a number, or a course in time of its own
+    if any(bare(part)[0] is TimeFunction for part in given):  # a number, or a course in time of its own
         given = [TimeFunction]
     found = " or ".join(_words(part, metadata, name, plural) for part in given)
     return f"{found}, any of them null" if len(given) < len(arguments) and type(None) in arguments else found
@@ -95,7 +94,7 @@ def _union(arguments: tuple[Any, ...], metadata: Iterable[Any], name: str, plura
 
 def _mapping(value: Any, limits: dict[str, Any]) -> str:
     least = ", not empty" if limits.get("min_length") else ""
-    plain = value is Any or _is_section(_bare(value)) or get_origin(_bare(value)) in (Union, types.UnionType)
+    plain = value is Any or is_section(bare(value)[0]) or is_union(bare(value)[0])
     return f"mapping{least}" if plain else f"mapping of names to {_words(value, (), 'each', plural=True)}"
 
 
@@ -108,7 +107,7 @@ def _list(part: Any, limits: dict[str, Any], name: str) -> str:
 
 def _fixed(parts: tuple[Any, ...], plural: bool) -> str:
     """A list of a fixed length: ``three numbers``, ``triples of numbers``, ``3 × 3 numbers``, ``[number, text]``."""
-    inner = get_args(_bare(parts[0])) if get_origin(_bare(parts[0])) is tuple else ()
+    inner = get_args(bare(parts[0])[0]) if get_origin(bare(parts[0])[0]) is tuple else ()
     if inner:
         return f"{len(parts)} × {len(inner)} {_words(inner[0], (), 'each', plural=True)}"
     if len(set(parts)) > 1:
@@ -120,7 +119,7 @@ def _fixed(parts: tuple[Any, ...], plural: bool) -> str:
 def _without_null(annotation: Any, metadata: list[Any]) -> Any:
     """The annotation of a field that may be null, without that."""
     arguments = get_args(annotation)
-    if get_origin(annotation) not in (Union, types.UnionType) or type(None) not in arguments:
+    if not is_union(annotation) or type(None) not in arguments:
         return annotation
     rest = [part for part in arguments if part is not type(None)]
     return rest[0] if len(rest) == 1 else Union[tuple(rest)]  # noqa: UP007
@@ -139,16 +138,6 @@ def _limits(metadata: Iterable[Any]) -> dict[str, Any]:
 def _flat(metadata: Iterable[Any]) -> Iterator[Any]:
     for extra in metadata:
         yield from extra.metadata if isinstance(extra, FieldInfo) else (extra,)
-
-
-def _bare(annotation: Any) -> Any:
-    while get_origin(annotation) is Annotated:
-        annotation = get_args(annotation)[0]
-    return annotation
-
-
-def _is_section(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
 def _number(value: float | None) -> str:

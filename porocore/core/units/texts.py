@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import types
 from collections.abc import Mapping
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Any, get_args
 
-from pydantic import BaseModel, Discriminator, Tag
+from pydantic import BaseModel
 
 from porocore.core.echo import echo
 from porocore.core.files.yaml_document import Location, dotted
+from porocore.core.models.walk import Place, bare, is_section, walk
 from porocore.core.units.dimensions import ByKey, Carried, Dimension
 from porocore.core.units.quantities import UnitError, has_unit, in_si
 from porocore.core.units.scales import QUANTITIES, Scales
@@ -39,119 +39,70 @@ def resolved(
     data, faults
         At each faulty place the text is left as it is.
     """
-    reader = _Reader(scales)
-    return reader.section(model, data, (), None), reader.faults
+    found: dict[Location, float] = {}
+    faults: list[tuple[Location, str]] = []
+    #: By place, the dimension of its value, and that of the value to which its section belongs.
+    known: dict[Location, tuple[Dimension | None, Dimension | None]] = {}
+    for place in walk(model, data):
+        dimension, _ = known[place.path] = _dimension(place, known)
+        if not isinstance(place.value, str):
+            continue
+        dimension = dimension or _of_a_member(place.annotation)
+        if dimension is not None and has_unit(place.value):
+            try:
+                found[place.path] = _number(place.value, dimension, scales)
+            except UnitError as error:
+                faults.append((place.path, f"{dotted(place.path)}: {error}"))
+    return _replaced(data, found, ()), faults
 
 
-class _Reader:
-    def __init__(self, scales: Scales | None) -> None:
-        self.scales = scales
-        self.faults: list[tuple[Location, str]] = []
+def _dimension(
+    place: Place, known: Mapping[Location, tuple[Dimension | None, Dimension | None]]
+) -> tuple[Dimension | None, Dimension | None]:
+    """Return the dimension of a value, and that of the value to which its section belongs.
 
-    def section(self, model: type[BaseModel], data: Any, at: Location, carried: Dimension | None) -> Any:
-        if not isinstance(data, Mapping):
-            return data
-        found = dict(data)
-        for key, value in data.items():
-            if isinstance(key, str) and (field := model.model_fields.get(key)) is not None:
-                found[key] = self._value(field.annotation, field.metadata, value, (*at, key), None, carried)
-        return found
-
-    def _value(
-        self,
-        annotation: Any,
-        metadata: list[Any],
-        data: Any,
-        at: Location,
-        dimension: Dimension | None,
-        carried: Dimension | None,
-    ) -> Any:
-        """Convert one value; ``dimension`` is that of the enclosing value, unless its own metadata says otherwise."""
-        while get_origin(annotation) is Annotated:
-            annotation, *more = get_args(annotation)
-            metadata = [*metadata, *more]
-        by_key: Mapping[str, Dimension] = {}
-        for extra in metadata:
-            if isinstance(extra, Dimension):
-                dimension = extra
-            elif isinstance(extra, Carried):
-                dimension = carried
-            elif isinstance(extra, ByKey):
-                by_key = extra.dimensions
-        union = get_origin(annotation) in (Union, types.UnionType)
-        if isinstance(data, str):
-            inner = _of_a_branch(annotation) if union and dimension is None else None
-            return self._text(data, at, inner or dimension)
-        if union:
-            branch = _branch(annotation, metadata, data)
-            return data if branch is None else self._value(branch, [], data, at, dimension, carried)
-        arguments = get_args(annotation)
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            return self.section(annotation, data, at, dimension)
-        if get_origin(annotation) is dict and isinstance(data, Mapping):
-            return {
-                key: self._value(
-                    arguments[1], [], value, (*at, str(key)), by_key.get(str(key), dimension), carried
-                )
-                for key, value in data.items()
-            }
-        if get_origin(annotation) is tuple and isinstance(data, list | tuple):
-            same = arguments[-1] is Ellipsis
-            parts = [arguments[0 if same else min(i, len(arguments) - 1)] for i in range(len(data))]
-            return [
-                self._value(part, [], value, (*at, str(i)), dimension, carried)
-                for i, (part, value) in enumerate(zip(parts, data, strict=True))
-            ]
-        return data
-
-    def _text(self, text: str, at: Location, dimension: Dimension | None) -> Any:
-        if dimension is None or not has_unit(text):
-            return text
-        key = dotted(at)
-        if not dimension.si and self.scales is None:
-            self.faults.append((at, f"{key}: {echo(text)} {NO_SCALES}"))
-            return text
-        try:
-            value = in_si(text, dimension.quantity)
-        except UnitError as error:
-            self.faults.append((at, f"{key}: {error}"))
-            return text
-        if not dimension.si:
-            assert self.scales is not None
-            value /= QUANTITIES[dimension.quantity].factor(self.scales.exact)
-        try:
-            return float(value)
-        except OverflowError:
-            self.faults.append((at, f"{key}: {echo(text)} is too large a number"))
-            return text
+    Entries of a mapping or list have the dimension of the whole unless their own metadata say otherwise.
+    """
+    dimension = carried = None
+    if (above := place.above) is not None:
+        dimension, carried = known[above.path]
+        if is_section(above.annotation):
+            dimension, carried = None, dimension
+        for extra in above.metadata:
+            if isinstance(extra, ByKey):
+                dimension = extra.dimensions.get(place.path[-1], dimension)
+    for extra in place.metadata:
+        if isinstance(extra, Dimension):
+            dimension = extra
+        elif isinstance(extra, Carried):
+            dimension = carried
+    return dimension, carried
 
 
-def _branch(annotation: Any, metadata: list[Any], data: Any) -> Any:
-    """Return the member of a union that a value other than a text belongs to; None if none matters."""
-    chooser = next((extra for extra in metadata if isinstance(extra, Discriminator)), None)
-    for branch in get_args(annotation):
-        extras = get_args(branch)[1:] if get_origin(branch) is Annotated else ()
-        tag = next((extra.tag for extra in extras if isinstance(extra, Tag)), None)
-        if chooser is not None:
-            if callable(chooser.discriminator) and tag == chooser.discriminator(data):
-                return branch
-        elif _may_hold(branch, data):
-            return branch
-    return None
+def _number(text: str, dimension: Dimension, scales: Scales | None) -> float:
+    if not dimension.si and scales is None:
+        raise UnitError(f"{echo(text)} {NO_SCALES}")
+    value = in_si(text, dimension.quantity)
+    if scales is not None and not dimension.si:
+        value /= QUANTITIES[dimension.quantity].factor(scales.exact)
+    try:
+        return float(value)
+    except OverflowError:
+        raise UnitError(f"{echo(text)} is too large a number") from None
 
 
-def _of_a_branch(annotation: Any) -> Dimension | None:
-    """Return the dimension of a member of a union that has one."""
-    extras = (extra for branch in get_args(annotation) for extra in get_args(branch)[1:])
-    return next((extra for extra in extras if isinstance(extra, Dimension)), None)
-
-
-def _may_hold(branch: Any, data: Any) -> bool:
-    """Return whether a branch is a container for data of this type."""
-    while get_origin(branch) is Annotated:
-        branch = get_args(branch)[0]
-    if get_origin(branch) in (Union, types.UnionType):
-        return any(_may_hold(part, data) for part in get_args(branch))
+def _replaced(data: Any, numbers: Mapping[Location, float], at: Location) -> Any:
+    """Return a copy of nested data with numbers at some places."""
+    if at in numbers:
+        return numbers[at]
     if isinstance(data, Mapping):
-        return get_origin(branch) is dict or (isinstance(branch, type) and issubclass(branch, BaseModel))
-    return get_origin(branch) is tuple and isinstance(data, list | tuple)
+        return {key: _replaced(value, numbers, (*at, str(key))) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return type(data)(_replaced(value, numbers, (*at, str(i))) for i, value in enumerate(data))
+    return data
+
+
+def _of_a_member(annotation: Any) -> Dimension | None:
+    """Return the dimension of a member of a union that has one."""
+    extras = (extra for member in get_args(annotation) for extra in bare(member)[1])
+    return next((extra for extra in extras if isinstance(extra, Dimension)), None)

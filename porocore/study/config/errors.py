@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-import types
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from porocore.core.echo import cut, did_you_mean, echo
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
+from porocore.core.models.walk import bare, is_section, is_union
 from porocore.errors import ConfigurationError
 
 #: Reason of a bound, by dotted key.
@@ -221,7 +221,7 @@ def _hint(root: type[BaseModel], at: Location) -> tuple[Any, list[Any]]:
             continue
         for branch in _branches(annotation):
             origin, arguments = get_origin(branch), get_args(branch)
-            if isinstance(branch, type) and issubclass(branch, BaseModel) and part in branch.model_fields:
+            if is_section(branch) and part in branch.model_fields:
                 field = branch.model_fields[part]
                 annotation, metadata = field.annotation, list(field.metadata)
                 break
@@ -243,14 +243,10 @@ def _hint(root: type[BaseModel], at: Location) -> tuple[Any, list[Any]]:
 
 def _branches(annotation: Any, keep_annotated: bool = False) -> list[Any]:
     """Return the members of a union, without their constraints unless these are to be kept."""
-    if get_origin(annotation) is Annotated and not keep_annotated:
-        return _branches(get_args(annotation)[0])
-    if get_origin(annotation) is Annotated and get_origin(get_args(annotation)[0]) in (
-        Union,
-        types.UnionType,
-    ):
-        return _branches(get_args(annotation)[0], keep_annotated)
-    if get_origin(annotation) in (Union, types.UnionType):
+    inner, _ = bare(annotation)
+    if not keep_annotated or is_union(inner):
+        annotation = inner
+    if is_union(annotation):
         return [b for member in get_args(annotation) for b in _branches(member, keep_annotated)]
     return [annotation]
 
@@ -270,7 +266,7 @@ def _other_keys(at: Location, root: type[BaseModel]) -> str:
     annotation = _hint(root, at[:-1])[0]
     names: list[str] = []
     for branch in _branches(annotation):
-        if isinstance(branch, type) and issubclass(branch, BaseModel):
+        if is_section(branch):
             names += branch.model_fields
     return _nearest(at[-1], names)
 

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
+from porocore.core.models.walk import is_section
 from porocore.core.units.dimensions import MULTIPLES, Carried, Dimension, Unit
 from porocore.core.units.scales import QUANTITIES
 from porocore.study.config.config import RunConfig
@@ -113,9 +114,5 @@ def _units(annotation: Any, metadata: Iterable[Any], carried: str) -> Iterator[s
         for argument in arguments:
             if argument not in (type(None), Ellipsis):
                 yield from _units(argument, (), carried)
-    elif not _is_section(annotation):
+    elif not is_section(annotation):
         yield ""
-
-
-def _is_section(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)

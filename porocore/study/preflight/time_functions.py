@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from porocore.core.echo import echo
+from porocore.core.files.yaml_document import dotted
 from porocore.core.formulas.domain import first_fault
 from porocore.core.formulas.expressions import Expression
 from porocore.core.formulas.time_function import TimeFunction
+from porocore.core.models.walk import walk
 from porocore.errors import ConfigurationError
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroSetup
@@ -27,17 +27,19 @@ def check_time_functions(setup: MacroSetup) -> None:
     ConfigurationError
         A function divides by zero, takes the root of a negative number or becomes too large; names key and time.
     """
-    courses = [(key, course) for key, course in _courses(setup) if course.expression is not None]
-    if not courses:
-        return
-    times = run_times(setup)
-    for key, course in courses:
-        text = course.expression or ""
+    expressions = [
+        (place.path, place.value.expression)
+        for place in walk(MacroSetup, setup)
+        if isinstance(place.value, TimeFunction) and place.value.expression is not None
+    ]
+    times = run_times(setup) if expressions else np.zeros(0)
+    for path, text in expressions:
         fault = first_fault(Expression.parse(text, ("t",)), times)
         if fault is not None:
             index, why = fault
+            key = dotted(("macro", *path, "expression"))
             raise ConfigurationError(
-                f"{key}.expression: {echo(text)} {why} near t = {times[index]:.6g}, within the run from t = 0 to "
+                f"{key}: {echo(text)} {why} near t = {times[index]:.6g}, within the run from t = 0 to "
                 f"{setup.time.end:g}; t and the result are dimensionless"
             )
 
@@ -51,18 +53,3 @@ def run_times(setup: MacroSetup) -> Array:
         times.append(stepper.time)
     found: Array = np.unique(np.concatenate([times, np.linspace(0, setup.time.end, DENSE + 1)]))
     return found
-
-
-def _courses(setup: MacroSetup) -> Iterator[tuple[str, TimeFunction]]:
-    for name, boundary in setup.boundary.items():
-        for field in type(boundary).model_fields:
-            yield from _within(f"macro.boundary.{name}.{field}", getattr(boundary, field))
-    yield from _within("macro.body_force", setup.body_force)
-
-
-def _within(key: str, value: object) -> Iterator[tuple[str, TimeFunction]]:
-    if isinstance(value, TimeFunction):
-        yield key, value
-    elif isinstance(value, tuple):
-        for i, part in enumerate(value):
-            yield from _within(f"{key}.{i}", part)
