@@ -120,12 +120,12 @@ class SamplingSummary:
 
 @dataclass(frozen=True, eq=False)
 class OutputCheck:
-    """One output of the surrogate on the held-out states.
+    r"""One output of the surrogate on the held-out states.
 
     Attributes
     ----------
     name
-        Label in matplotlib's mathematics, such as ``r"$\\langle\\nabla_Y u^1\\rangle_{22}$"``.
+        Label in matplotlib's mathematics, such as ``r"$\langle\nabla_Y u^1\rangle_{22}$"``.
     plain
         The same in plain text, such as ``"⟨∇u¹⟩₂₂"``.
     solved, predicted : (m,)

@@ -24,6 +24,11 @@ ROOMS = (
     "porocore/core",
     "porocore/interfaces",
     "porocore/plugins",
+    "porocore/study",
+    "porocore/surrogates",
+    "porocore/cli",
+    "plugins/surrogate_jax/porocore_surrogate_jax",
+    "plugins/surrogate_torch/porocore_surrogate_torch",
 )
 FILES = sorted(
     path

@@ -258,7 +258,6 @@ def test_surface_of_curved_tetrahedra(monkeypatch):
 
 def test_cell_picture_shows_the_solid():
     """Seen from outside, the picture is filled where the cube is and white elsewhere."""
-
     image = imread(io.BytesIO(png_bytes(cell_picture(CUBE, KUHN), dpi=40)))[..., :3]
     height, width, _ = image.shape
     assert (image[height // 2, width // 2] < 0.95).any()

@@ -1,0 +1,1 @@
+"""Cell and macro solvers with dolfinx and PETSc."""

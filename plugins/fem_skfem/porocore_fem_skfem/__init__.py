@@ -1,0 +1,1 @@
+"""Cell and macro solvers with scikit-fem."""

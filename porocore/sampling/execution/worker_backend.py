@@ -97,7 +97,7 @@ class WorkerBackend(ABC):
 
 
 class SerialBackend(WorkerBackend):
-    """This process with all its threads; a state is solved when it is waited for."""
+    """The process itself with all its threads; a state is solved when it is waited for."""
 
     ahead = 0
     eager = False

@@ -16,7 +16,7 @@ from porocore.states import CellResponse, Status
 
 
 def random_requests(inputs: InputSpace, count: int, seed: int) -> list[Request]:
-    """Return ``count`` states, uniform in the box of the inputs, with the keys ``test-000``, ``test-001``, …
+    """Return ``count`` states, uniform in the box of the inputs, with the keys ``test-000`` and so on.
 
     All start from the undeformed cell. A larger ``count`` with the same seed begins with the same states.
     """

@@ -28,7 +28,7 @@ def quantities(
     conductivity: Array,
     law: ConductivityLaw = "piola-unrotated",
 ) -> dict[str, Array]:
-    """Name → (n,), NaN where a state has no values, or the cell solver does not provide them.
+    r"""Name → (n,), NaN where a state has no values, or the cell solver does not provide them.
 
     By the definitions of Dehghani & Zilian (eqs. intavg_cell and intavg_domain) the "integral average" <·>_s is per
     volume of the whole cell, and the "average", written with a bar, is that of the solid, <·>_s/φ_s. Their figures of
@@ -37,7 +37,7 @@ def quantities(
     ==================  ==================================================================================
     ``mean_grad_ij``    <∂u¹_i/∂Y_j>_s [–]
     ``avg_grad_ij``     <∂u¹_i/∂Y_j>_s/φ_s, the average of the paper's figures [–]
-    ``max_grad_ij``     largest \\|∂u¹_i/∂Y_j\\| in the solid [–]
+    ``max_grad_ij``     largest \|∂u¹_i/∂Y_j\| in the solid [–]
     ``avg_energy``      <Ψ>_s/φ_s [E]
     ``max_energy``      largest Ψ [E]
     ``J_bar``           det F̄, F̄ = I + H + <∇u¹>_s/φ_s [–]
