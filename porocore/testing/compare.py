@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from porocore.states import Array, CellResponse, MacroState
-from porocore.testing.expect import holds, same, there
+from porocore.testing.expect import holds, require, same
 
 RESPONSES = ("mean_grad", "potential", "stress", "fluid_volume")
 #: Responses with the names of their derivatives in :class:`~porocore.states.CellTangent`.
 DERIVATIVES = {name: (f"{name}_grad_u", f"{name}_p") for name in ("mean_grad", "stress", "fluid_volume")}
 
 
-def provided(response: CellResponse) -> Iterator[tuple[str, tuple[Array, Array]]]:
+def with_derivatives(response: CellResponse) -> Iterator[tuple[str, tuple[Array, Array]]]:
     """Responses that come with both derivatives, and those: with respect to H and to p."""
     for name, (by_H, by_p) in DERIVATIVES.items():
         slopes = getattr(response.tangent, by_H), getattr(response.tangent, by_p)
@@ -24,7 +24,7 @@ def provided(response: CellResponse) -> Iterator[tuple[str, tuple[Array, Array]]
             yield name, slopes
 
 
-def moved(states: MacroState, column: int, step: float) -> MacroState:
+def perturbed(states: MacroState, column: int, step: float) -> MacroState:
     """The states with one of the ten components (H row by row, then p) moved."""
     flat, p = states.grad_u.reshape(-1, 9).copy(), states.p.copy()
     if column == 9:
@@ -38,14 +38,14 @@ def assert_identical(found: CellResponse, expected: CellResponse, state: str) ->
     """Raise a violation unless both are alike to the last bit, derivatives and flags included."""
     same(
         "outside_training_range",
-        there("outside_training_range", found.outside_training_range, state),
-        there("outside_training_range", expected.outside_training_range, state),
+        require("outside_training_range", found.outside_training_range, state),
+        require("outside_training_range", expected.outside_training_range, state),
         state,
     )
     for name in RESPONSES:
         if getattr(expected, name) is not None:
             same(name, getattr(found, name), getattr(expected, name), state)
-    slopes, others = dict(provided(found)), dict(provided(expected))
+    slopes, others = dict(with_derivatives(found)), dict(with_derivatives(expected))
     holds(slopes.keys() == others.keys(), state, f"derivatives of {sorted(others)}", sorted(slopes))
     for name in others:
         for what, a, b in zip(("H", "p"), slopes[name], others[name], strict=True):

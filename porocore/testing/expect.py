@@ -88,7 +88,7 @@ def same(what: str, found: Any, expected: Any, state: str) -> None:
         )
 
 
-def there(what: str, value: T | None, state: str) -> T:
+def require(what: str, value: T | None, state: str) -> T:
     """Return the value; raise a :class:`Violation` where it is None."""
     __tracebackhide__ = True
     if value is None:
@@ -113,7 +113,7 @@ def refused(*errors: type[Exception], state: str, naming: tuple[str, ...] = ()) 
         raise Violation(state, expected, "no error")
 
 
-def told(law: Callable[..., None]) -> Callable[..., None]:
+def as_violation(law: Callable[..., None]) -> Callable[..., None]:
     """Return the law with a :class:`Violation` in the place of an error that the implementation raises in it."""
 
     @wraps(law)
@@ -131,7 +131,7 @@ def told(law: Callable[..., None]) -> Callable[..., None]:
     return telling
 
 
-def words(grad_u: Any, p: Any = 0.0) -> str:
+def state_text(grad_u: Any, p: Any = 0.0) -> str:
     """Return a state (H, p) as text, without the components that are zero."""
     H = np.asarray(grad_u, float).reshape(3, 3)
     parts = [f"H{i + 1}{j + 1} = {H[i, j]:.4g}" for i in range(3) for j in range(3) if H[i, j]]
@@ -139,12 +139,12 @@ def words(grad_u: Any, p: Any = 0.0) -> str:
     return ", ".join(parts) or "at rest"
 
 
-def these(states: MacroState) -> str:
+def states_text(states: MacroState) -> str:
     """Return several states as text: the first, and how many more."""
     if not len(states):
         return "no states"
     more = f" and {len(states) - 1} more states" if len(states) > 1 else ""
-    return words(states.grad_u[0], states.p[0]) + more
+    return state_text(states.grad_u[0], states.p[0]) + more
 
 
 def options(given: Mapping[str, Any]) -> str:

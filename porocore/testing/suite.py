@@ -9,7 +9,7 @@ import pytest
 
 from porocore.core.echo import did_you_mean
 from porocore.plugins.kit_version import KIT_VERSION, complaint
-from porocore.testing.expect import Undefined, holds, told
+from porocore.testing.expect import Undefined, as_violation, holds
 
 
 class Suite:
@@ -34,7 +34,7 @@ class Suite:
         super().__init_subclass__(**more)
         for name, law in list(vars(cls).items()):
             if name.startswith("test_") and callable(law):
-                setattr(cls, name, told(law))
+                setattr(cls, name, as_violation(law))
         for name, reason in cls.expected_failures.items():
             law = name.partition("[")[0]
             if not callable(getattr(cls, law, None)):

@@ -37,7 +37,7 @@ def cube_group(active: tuple[int, ...]) -> Array:
     return np.array(list(found.values()))
 
 
-def breaks(
+def symmetry_error(
     respond: Callable[[MacroState], CellResponse], states: MacroState, Q: npt.ArrayLike
 ) -> dict[str, float]:
     """Return by how much each response fails to turn with Q, as a share of its largest entry; 0 for a symmetric law.

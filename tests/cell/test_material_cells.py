@@ -124,10 +124,11 @@ def test_derivatives_are_slopes_with_fibres():
     dH, dp = np.random.default_rng(1).normal(size=(3, 3)), 0.4
     at = SOLVER.solve(prepared, MacroState.single(H, p)).response
     around = [
-        SOLVER.solve(prepared, s, tangent=False).response for s in identities.steps_around(H, p, dH, dp, step)
+        SOLVER.solve(prepared, s, tangent=False).response
+        for s in identities.stencil_states(H, p, dH, dp, step)
     ]
-    differences = identities.slopes(around, step)
-    for name, slope in identities.along(at, dH, dp).items():
+    differences = identities.difference_quotients(around, step)
+    for name, slope in identities.linear_changes(at, dH, dp).items():
         assert identities.misfit(differences[name], slope) < 1e-6, name
     assert identities.major_symmetry(at.tangent) < 1e-9
     assert identities.reciprocity(at.tangent) < 1e-9
@@ -182,7 +183,7 @@ def test_local_fields_take_the_stress_of_their_material():
     cell = Cell(geometry=WIDE, material=CROSSED, mesh=MESH)
     H = np.diag([0.05, -0.03, 0.02])
     solution = SOLVER.solve(SOLVER.prepare(cell), MacroState.single(H), fields=True)
-    points = PointFields.of(cell, solution.fields[0])
+    points = PointFields.from_cell_field(cell, solution.fields[0])
     assert identities.misfit(points.mean(points.stress), solution.response.stress[0]) < 1e-9
     assert float(points.energy.max()) == pytest.approx(float(solution.response.extrema.energy[0]), rel=1e-9)
 

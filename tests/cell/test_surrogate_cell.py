@@ -5,7 +5,7 @@ import pytest
 
 from porocore.states import MacroState
 from porocore.testing.cell_laws.identities import cubic_symmetry
-from porocore.testing.compare import moved, provided
+from porocore.testing.compare import perturbed, with_derivatives
 from porocore.testing.synthetic.potential_cell import respond
 
 
@@ -18,8 +18,8 @@ def states(n=6):
 def test_derivatives_are_the_slopes(column):
     at, h = states(), 1e-3
     response = respond(at)
-    slopes = dict(provided(response)) | {"potential": (response.stress, -response.fluid_volume)}
-    near = [respond(moved(at, column, k * h)) for k in (-2, -1, 1, 2)]
+    slopes = dict(with_derivatives(response)) | {"potential": (response.stress, -response.fluid_volume)}
+    near = [respond(perturbed(at, column, k * h)) for k in (-2, -1, 1, 2)]
     for name, (by_H, by_p) in slopes.items():
         m2, m1, p1, p2 = (getattr(value, name) for value in near)
         found = by_p if column == 9 else by_H[..., column // 3, column % 3]

@@ -17,8 +17,8 @@ from porocore.states import MacroState
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import ACTIVATIONS, Network
 from porocore.surrogates.portable import NumpySurrogate
-from porocore.testing.compare import RESPONSES, provided
-from porocore.testing.symmetry import breaks
+from porocore.testing.compare import RESPONSES, with_derivatives
+from porocore.testing.symmetry import symmetry_error
 from porocore.testing.synthetic.cell import respond, synthetic_training_set
 from porocore.testing.synthetic.grouped_cell import GroupedCell
 
@@ -124,9 +124,9 @@ def test_a_file_written_by_one_is_read_by_all(library, trained, writer, training
                 assert getattr(found, response) is None
                 continue
             compare([getattr(found, response)], [truth], 0.0)
-        slopes = dict(provided(expected))
+        slopes = dict(with_derivatives(expected))
         assert slopes
-        for response, pair in provided(found):
+        for response, pair in with_derivatives(found):
             compare(pair, slopes[response], np.abs(slopes[response][0]).max())
         np.testing.assert_array_equal(found.outside_training_range, expected.outside_training_range)
 
@@ -166,7 +166,7 @@ def test_a_network_has_the_group_of_its_cell(library, name, group, anchor):
     surrogate = library(name)(model="potential", **options).fit(cell.training_set(), seed=3)
     states = general_states(6, seed=7)
     for Q in CUBIC.matrices:
-        worst = breaks(lambda s: surrogate.predict(s, tangent=False), states, Q)
+        worst = symmetry_error(lambda s: surrogate.predict(s, tangent=False), states, Q)
         assert max(worst.values()) < 1e-11 if Q in GROUPS[group] else worst["potential"] > 1e-6
 
 

@@ -12,7 +12,7 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws import CLOSURES, ClosedLaw
 from porocore.states import MacroState
-from porocore.testing.compare import RESPONSES, provided
+from porocore.testing.compare import RESPONSES, with_derivatives
 from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION
 from porocore.verification.crosscheck.comparison import SPREAD
@@ -64,8 +64,8 @@ def test_two_agree_within_their_errors(surrogate_pair, fitted):
 def test_the_undeformed_cell_is_exact(surrogate, fitted):
     """Each in what it offers, so that all linear limits are the same."""
     rest = fitted(surrogate).predict(MacroState.zeros(1))
-    known = dict(provided(DATA.reference))
-    for name, slopes in provided(rest):
+    known = dict(with_derivatives(DATA.reference))
+    for name, slopes in with_derivatives(rest):
         np.testing.assert_allclose(getattr(rest, name), getattr(DATA.reference, name), rtol=0, atol=1e-11)
         for slope, expected in zip(slopes, known[name], strict=True):
             np.testing.assert_allclose(slope, expected, rtol=0, atol=1e-10, err_msg=name)

@@ -139,8 +139,8 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
         "select_backends",
         lambda fem, names: find(fem, names or SURROGATES),
     )
-    run_cases, find_cases = ladder.run_cases, ladder.find_cases
-    patch.setattr(ladder, "find_cases", lambda names: find_cases(names or CASES))
+    run_cases, select_cases = ladder.run_cases, ladder.select_cases
+    patch.setattr(ladder, "select_cases", lambda names: select_cases(names or CASES))
     patch.setattr(ladder, "run_cases", lambda *words, long, **named: run_cases(*words, long=False, **named))
     # What is on them is tested with the reports and the local fields, and takes most of the time of a small study.
     patch.setattr(matplotlib.figure.Figure, "draw", lambda figure, renderer: None)

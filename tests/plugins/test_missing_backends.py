@@ -55,7 +55,7 @@ def test_what_needs_any_backend_names_them_all():
     assert message(backend_selection.select_backends).endswith(
         f"no cell solver takes part; install one: {FEM}"
     )
-    assert message(ladder.find_backends) == f"there is no finite-element backend; install one: {FEM}"
+    assert message(ladder.select_solvers) == f"there is no finite-element backend; install one: {FEM}"
 
 
 def test_a_plugin_of_the_project_that_is_not_here_is_told_apart_from_an_unknown_one():

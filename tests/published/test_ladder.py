@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from porocore.verification.ladder.cases import CASES, find_backends, find_cases, run_cases, solve_item
+from porocore.verification.ladder.cases import CASES, run_cases, select_cases, select_solvers, solve_item
 
 #: Items that cost a second or so; the others are for the slow tests.
 QUICK = {
@@ -31,7 +31,7 @@ def test_the_quick_items_exist():
 
 @pytest.mark.parametrize(("case", "item"), ITEMS)
 def test_known_answers(case, item):
-    backends = find_backends().names[case.kind]
+    backends = select_solvers().names[case.kind]
     found = {name: solve_item(case, item, name) for name in backends}
     for rows in found.values():
         assert rows
@@ -46,7 +46,7 @@ def test_known_answers(case, item):
 
 @pytest.mark.slow
 def test_the_long_form():
-    rows = run_cases(find_cases(), find_backends(), long=True)
+    rows = run_cases(select_cases(), select_solvers(), long=True)
     assert all(row.passed for row in rows), "\n".join(row.describe() for row in rows if not row.passed)
     orders = {
         (row.case, row.item): row.check.order for row in rows if row.check.reference and row.check.order

@@ -20,7 +20,7 @@ def general_states(n=5):
 
 
 @pytest.mark.parametrize("name", [*SLOPES, "potential"])
-def test_derivatives_are_the_slopes(name):
+def test_derivatives_match_differences(name):
     states, h = general_states(), 1e-4
     at = respond(states)
     if name == "potential":

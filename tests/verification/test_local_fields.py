@@ -22,9 +22,9 @@ from porocore.interfaces.records import failed_response
 from porocore.states import Status
 from porocore.study.config.sections import FemSettings
 from porocore.verification.local_fields import pictures
-from porocore.verification.local_fields.nodal import NodalFields, recovered
+from porocore.verification.local_fields.nodal import NodalFields, recover_at_nodes
 from porocore.verification.local_fields.points import PointFields
-from porocore.verification.local_fields.solve import PAPER_STATES, in_words, solve_and_write, solve_fields
+from porocore.verification.local_fields.solve import PAPER_STATES, solve_and_write, solve_fields, state_text
 from porocore.verification.local_fields.vtu import write_vtu
 
 pytest.importorskip("porocore_fem_skfem")
@@ -85,7 +85,7 @@ def affine(cell, gradient):
     """u¹ with the same gradient everywhere, which no periodic field has, to look at integration and recovery alone."""
     mesh = cell.make_mesh("solid", "whole")
     field = CellField(np.diag([0.1, 0.0, -0.1]), 0.2, "whole", mesh.points @ np.asarray(gradient).T)
-    return PointFields.of(cell, field)
+    return PointFields.from_cell_field(cell, field)
 
 
 @pytest.mark.parametrize("cell", [CURVED, LINEAR], ids=["curved", "linear"])
@@ -110,7 +110,7 @@ def test_an_affine_field_has_its_gradient_everywhere(cell):
 def test_recovery_keeps_to_the_values_around_a_node():
     points = affine(LINEAR, np.zeros((3, 3)))
     middles = points.mesh.points[points.mesh.cells].mean(axis=1)
-    found = recovered(points, (np.abs(middles[:, 0]) > 0.3).astype(float)[:, None])
+    found = recover_at_nodes(points, (np.abs(middles[:, 0]) > 0.3).astype(float)[:, None])
     assert found.min() == 0.0
     assert found.max() == 1.0
     assert ((found > 0) & (found < 1)).any()
@@ -121,7 +121,7 @@ def test_recovery_of_a_linear_function_is_linear_inside():
     points = affine(CURVED, np.zeros((3, 3)))
     mesh = points.mesh
     N, _ = shape_functions(tetrahedron_rule(2)[0], 10)
-    found = recovered(points, np.abs(np.einsum("eai,qa->eqi", mesh.points[mesh.cells], N)[..., 0]))
+    found = recover_at_nodes(points, np.abs(np.einsum("eai,qa->eqi", mesh.points[mesh.cells], N)[..., 0]))
     x = np.abs(mesh.points[:, 0])
     inside = (np.abs(mesh.points) < 0.45).all(axis=1) & (x > 0.05)
     off = np.abs(found - x)[inside]
@@ -164,9 +164,9 @@ def test_what_cannot_be_written(tmp_path):
 
 
 def test_states_in_words():
-    assert in_words({"H22": -0.2, "p": 0.1, "H11": 0.0}) == "H22 = −0.2, p = 0.1"
-    assert in_words({}) == "the undeformed state"
-    assert in_words({"H12": 0.4, "p": 0.1}, mathtext=True) == "$H_{12}$ = 0.4, $p$ = 0.1"
+    assert state_text({"H22": -0.2, "p": 0.1, "H11": 0.0}) == "H22 = −0.2, p = 0.1"
+    assert state_text({}) == "the undeformed state"
+    assert state_text({"H12": 0.4, "p": 0.1}, mathtext=True) == "$H_{12}$ = 0.4, $p$ = 0.1"
     assert set(PAPER_STATES) == {"pressure", "uni", "shear"}
 
 

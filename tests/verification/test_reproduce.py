@@ -12,8 +12,8 @@ from porocore.core.console import Console
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 from porocore.study.benchmark import as_stated_path, benchmark_path
 from porocore.study.config.loading import load_config
-from porocore.verification.reproduce.catalogue import FIGURES, SKETCHES, chosen
-from porocore.verification.reproduce.claims import Finding, Row, compared, judged
+from porocore.verification.reproduce.catalogue import FIGURES, SKETCHES, select_figures
+from porocore.verification.reproduce.claims import CheckedClaim, Finding, compare_number, judge_statement
 from porocore.verification.reproduce.make import CLAIMS, RECORD, claim_folder, draw, write_pages
 from porocore.verification.reproduce.page import html, markdown
 from porocore.verification.reproduce.study import Results
@@ -28,8 +28,8 @@ def test_every_figure_of_the_paper_but_its_sketches_is_there():
 
 
 def test_figures_are_chosen_by_number_or_panel():
-    assert [figure.name for figure in chosen(["13", "16b", "13a"])] == ["13a", "13b", "16b"]
-    assert chosen(None) == FIGURES
+    assert [figure.name for figure in select_figures(["13", "16b", "13a"])] == ["13a", "13b", "16b"]
+    assert select_figures(None) == FIGURES
 
 
 @pytest.mark.parametrize("name", ["1", "24", "13c", "x"])
@@ -37,20 +37,20 @@ def test_a_figure_that_does_not_exist_is_refused(name):
     with pytest.raises(
         ConfigurationError, match=f"there is no figure '{name}' to be computed; expected one of 2, 3"
     ):
-        chosen([name])
+        select_figures([name])
 
 
 def test_numbers_agree_within_their_tolerance_only():
-    assert compared(2.0, 2.01, 0.01) == Finding("2.010 (+0.5 %)", "yes")
-    assert compared(-0.32, -0.36, 0.05, "why").verdict == "no"
-    assert judged(False, "text", "why") == Finding("text", "no", "why")
-    assert judged(True, "text", "why").why == ""
+    assert compare_number(2.0, 2.01, 0.01) == Finding("2.010 (+0.5 %)", "yes")
+    assert compare_number(-0.32, -0.36, 0.05, "why").verdict == "no"
+    assert judge_statement(False, "text", "why") == Finding("text", "no", "why")
+    assert judge_statement(True, "text", "why").why == ""
 
 
 ROWS = {
-    "cell": [Row("Figure 2a", "one | two", "three", "yes", "")],
-    "cost": [Row("Figure 11", "four", "five", "–", "because")],
-    "column": [Row("Figure 13", "six", "seven <b>", "no", "that is so")],
+    "cell": [CheckedClaim("Figure 2a", "one | two", "three", "yes", "")],
+    "cost": [CheckedClaim("Figure 11", "four", "five", "–", "because")],
+    "column": [CheckedClaim("Figure 13", "six", "seven <b>", "no", "that is so")],
 }
 
 
@@ -151,13 +151,13 @@ def test_all_figures_and_claims_on_a_coarse_cell(results):
     again = dataclasses.replace(results)
     before = (page.parent / "sensitivity" / "sensitivity.h5").stat().st_mtime_ns
     claim_folder(again, resume=True)
-    draw(again, chosen(["5a", "13a"]))
+    draw(again, select_figures(["5a", "13a"]))
     assert (page.parent / "sensitivity" / "sensitivity.h5").stat().st_mtime_ns == before
 
 
 @pytest.mark.slow
 def test_one_figure_computes_no_more_than_it_needs(results):
     claim_folder(results, resume=False)
-    (path,) = draw(results, chosen(["8a"]))
+    (path,) = draw(results, select_figures(["8a"]))
     assert path.exists()
     assert not (results.folder / "column").exists()

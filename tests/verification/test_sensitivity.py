@@ -13,7 +13,7 @@ from porocore.sampling.execution import FinishedSolve
 from porocore.states import CellExtrema, CellResponse, CellTangent, MacroState, Status
 from porocore.verification.sensitivity.figures import MAKERS, figures, write_figures
 from porocore.verification.sensitivity.file import load, save
-from porocore.verification.sensitivity.line import HalfLine, Walk, targets
+from porocore.verification.sensitivity.line import HalfLine, HalfLineSolve, targets
 from porocore.verification.sensitivity.plan import LOADS, StudyPlan, Sweep, states_of
 from porocore.verification.sensitivity.quantities import quantities
 from porocore.verification.sensitivity.results import Sensitivity, line_name
@@ -89,17 +89,17 @@ def test_a_plan_says_its_half_lines_and_describes_itself():
     assert next((name, sign) for name, sign, _ in PLAN.half_lines()) == ("shear", 1)
     assert {(name, sign): goal for name, sign, goal in PLAN.half_lines()}["pressure", -1] == -0.4
     assert ("shear", -1) not in [(name, sign) for name, sign, _ in PLAN.half_lines()]
-    assert StudyPlan.of_description(PLAN.describe()) == PLAN
+    assert StudyPlan.from_description(PLAN.describe()) == PLAN
 
 
 @pytest.mark.parametrize("edge", [0.05, 0.333, 0.5, 0.999])
 def test_the_end_of_what_can_be_solved_is_found(edge):
-    asked, walk = [], targets(-1.0, 0.25, 0.01)
-    value = next(walk)
+    asked, values = [], targets(-1.0, 0.25, 0.01)
+    value = next(values)
     while value is not None:
         asked.append(value)
         try:
-            value = walk.send(abs(value) <= edge)
+            value = values.send(abs(value) <= edge)
         except StopIteration:
             value = None
     solved = [v for v in asked if abs(v) <= edge]
@@ -110,19 +110,19 @@ def test_the_end_of_what_can_be_solved_is_found(edge):
 
 
 def test_a_goal_is_reached_in_equal_steps():
-    walk = targets(1.0, 0.3, 0.01)
-    asked = [next(walk), *(walk.send(True) for _ in range(3))]
+    values = targets(1.0, 0.3, 0.01)
+    asked = [next(values), *(values.send(True) for _ in range(3))]
     np.testing.assert_allclose(asked, [0.25, 0.5, 0.75, 1.0])
     with pytest.raises(StopIteration):
-        walk.send(True)
+        values.send(True)
 
 
 def test_a_walk_keeps_what_was_solved_and_the_nearest_failure():
-    walk = Walk("uniaxial", -1, -0.2, 0.1, 0.05, made_up(np.zeros(1), [Status.converged]))
-    while not walk.done:
-        status = Status.contact if walk.value > -0.12 else Status.overlap
-        walk.take(FinishedSolve("", made_up(np.array([walk.value]), [status]), "field", 0.5))
-    line = walk.line()
+    half_line = HalfLineSolve("uniaxial", -1, -0.2, 0.1, 0.05, made_up(np.zeros(1), [Status.converged]))
+    while not half_line.done:
+        status = Status.contact if half_line.value > -0.12 else Status.overlap
+        half_line.record(FinishedSolve("", made_up(np.array([half_line.value]), [status]), "field", 0.5))
+    line = half_line.line()
     np.testing.assert_allclose(line.values, [0, -0.1, -0.15])
     assert list(line.response.status) == [Status.converged, Status.contact, Status.overlap]
     assert line.end is Status.overlap

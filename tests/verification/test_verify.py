@@ -12,8 +12,14 @@ from porocore.plugins import registry
 from porocore.plugins.table import PluginRow
 from porocore.verification.ladder import cases as ladder
 from porocore.verification.ladder import document
-from porocore.verification.ladder.case import Case, Check, number, observed_order
-from porocore.verification.ladder.cases import Backends, Row, find_backends, find_cases, run_cases
+from porocore.verification.ladder.case import Check, VerificationCase, observed_order, relative_check
+from porocore.verification.ladder.cases import (
+    CaseResult,
+    SolverSelection,
+    run_cases,
+    select_cases,
+    select_solvers,
+)
 
 
 @pytest.fixture
@@ -31,7 +37,7 @@ def porocore_command(monkeypatch, capsys):
 
 
 def right(solver, long):
-    return [number("a number", 2.0, 2.01 if long else 2.001, 1e-3, order=2.0, note="of a fake")]
+    return [relative_check("a number", 2.0, 2.01 if long else 2.001, 1e-3, order=2.0, note="of a fake")]
 
 
 def wrong(solver, long):
@@ -43,8 +49,10 @@ def broken(solver, long):
 
 
 FAKES = {
-    "good": Case("good", "Good", "nobody", "macro solver", {"only": right}),
-    "bad": Case("bad", "Bad", "nobody", "macro solver", {"first": broken, "second": wrong, "third": right}),
+    "good": VerificationCase("good", "Good", "nobody", "macro solver", {"only": right}),
+    "bad": VerificationCase(
+        "bad", "Bad", "nobody", "macro solver", {"first": broken, "second": wrong, "third": right}
+    ),
 }
 
 
@@ -62,7 +70,7 @@ def fakes(monkeypatch):
     monkeypatch.setattr(ladder, "CASES", FAKES)
     monkeypatch.setattr(ladder, "registry", Registry)
     monkeypatch.setattr(
-        ladder, "find_backends", lambda fem: Backends({"cell solver": (), "macro solver": ("fake",)})
+        ladder, "select_solvers", lambda fem: SolverSelection({"cell solver": (), "macro solver": ("fake",)})
     )
 
 
@@ -75,18 +83,18 @@ def test_observed_order_is_the_slope():
 
 
 def test_what_passes():
-    assert number("x", -4.0, -4.04, 0.0101).error == pytest.approx(0.01)
-    assert number("x", -4.0, -4.04, 0.0101).passed
-    assert not number("x", -4.0, -4.04, 0.0099).passed
-    assert not number("x", 1.0, float("inf"), 0.1).passed
-    assert not Row("a", "b", "c", None, "raised").passed
+    assert relative_check("x", -4.0, -4.04, 0.0101).error == pytest.approx(0.01)
+    assert relative_check("x", -4.0, -4.04, 0.0101).passed
+    assert not relative_check("x", -4.0, -4.04, 0.0099).passed
+    assert not relative_check("x", 1.0, float("inf"), 0.1).passed
+    assert not CaseResult("a", "b", "c", None, "raised").passed
 
 
 def test_an_item_that_raises_is_a_failed_row_and_the_others_go_on(fakes):
     told = []
     rows = run_cases(
-        find_cases(),
-        ladder.find_backends(()),
+        select_cases(),
+        ladder.select_solvers(()),
         on_item=lambda what, done, count: told.append((what, done, count)),
     )
     assert [(r.case, r.item, r.passed) for r in rows] == [
@@ -104,11 +112,11 @@ def test_an_item_that_raises_is_a_failed_row_and_the_others_go_on(fakes):
 
 
 def test_the_long_form_is_asked_for(fakes):
-    assert not run_cases(find_cases(["good"]), ladder.find_backends(()), long=True)[0].passed
+    assert not run_cases(select_cases(["good"]), ladder.select_solvers(()), long=True)[0].passed
 
 
 def test_the_document_is_json_without_nan(fakes):
-    rows = run_cases(find_cases(), ladder.find_backends(()))
+    rows = run_cases(select_cases(), ladder.select_solvers(()))
     data = json.loads(document.text(rows, long=False), parse_constant=pytest.fail)
     assert (data["format"], data["form"], data["passed"]) == ("porocore-verification", "short", False)
     assert data["rows"][0]["ours"] == 2.001
@@ -118,21 +126,21 @@ def test_the_document_is_json_without_nan(fakes):
 
 
 def test_cases_come_in_the_order_of_the_ladder():
-    assert [case.name for case in find_cases(["terzaghi", "channel"])] == ["channel", "terzaghi"]
-    names = [case.name for case in find_cases()]
+    assert [case.name for case in select_cases(["terzaghi", "channel"])] == ["channel", "terzaghi"]
+    names = [case.name for case in select_cases()]
     assert {"spheres", "cylinders", "homogeneous", "identities", "mandel", "xie-leo", "small-strain"} < set(
         names
     )
-    for case in find_cases():
+    for case in select_cases():
         assert case.source
         assert case.items
 
 
 def test_unknown_names_are_refused():
     with pytest.raises(ConfigurationError, match="unknown case 'sphere'; the cases are channel, spheres, "):
-        find_cases(["sphere"])
+        select_cases(["sphere"])
     with pytest.raises(PluginError, match="unknown cell solver 'fenics'"):
-        find_backends(["fenics"])
+        select_solvers(["fenics"])
 
 
 def test_a_broken_plugin_is_a_failure_unless_backends_are_named(monkeypatch):
@@ -145,11 +153,11 @@ def test_a_broken_plugin_is_a_failure_unless_backends_are_named(monkeypatch):
             return [*rows, fault, missing]
 
     monkeypatch.setattr(ladder, "registry", Registry)
-    found = find_backends()
+    found = select_solvers()
     assert [row.describe() for row in found.broken] == ["porocore-bent 1: broken: ImportError: no"]
     assert found.absent == ("thin (missing dependency): pip",)
     name = found.names["cell solver"][0]
-    assert find_backends([name]) == Backends({"cell solver": (name,), "macro solver": (name,)})
+    assert select_solvers([name]) == SolverSelection({"cell solver": (name,), "macro solver": (name,)})
 
 
 def test_the_command_prints_a_table_and_the_status(fakes, porocore_command, tmp_path):

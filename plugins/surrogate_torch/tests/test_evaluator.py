@@ -12,7 +12,7 @@ import torch
 from porocore.errors import ConfigurationError
 from porocore.surrogates.network.network import ACTIVATIONS, Network
 from porocore.surrogates.portable import NumpySurrogate
-from porocore.testing.compare import provided
+from porocore.testing.compare import with_derivatives
 from porocore.testing.synthetic.potential_cell import potential_training_set
 from porocore_surrogate_torch.autodiff import TorchAutodiff, choose_device
 from porocore_surrogate_torch.evaluator import TorchNetwork, available_device
@@ -92,7 +92,7 @@ def test_numpy_predicts_the_same_from_the_file(fitted, tmp_path):
     one, other = fitted.predict(states), NumpySurrogate.load(tmp_path / "surrogate.h5").predict(states)
     for name in ("potential", "stress", "fluid_volume", "mean_grad"):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=0, atol=1e-13)
-    for (_, slopes), (_, others) in zip(provided(one), provided(other), strict=True):
+    for (_, slopes), (_, others) in zip(with_derivatives(one), with_derivatives(other), strict=True):
         for a, b in zip(slopes, others, strict=True):
             np.testing.assert_allclose(a, b, rtol=0, atol=1e-12)
 

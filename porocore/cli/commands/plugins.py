@@ -18,7 +18,7 @@ from porocore.plugins.kinds import Kind, kind_of
 if TYPE_CHECKING:
     from porocore.plugins.discovery import Offered
     from porocore.plugins.table import PluginRow
-    from porocore.testing.installed.check import Law
+    from porocore.testing.installed.check import LawResult
 
 plugin = typer.Typer(
     help="Write a project for a plugin, or check a plugin against its laws.", no_args_is_help=True
@@ -74,12 +74,12 @@ def check(
 
     Exit status 1 if it breaks a law that it does not list among its expected failures.
     """
-    from porocore.testing.installed.check import UnknownLaw, offers_of
+    from porocore.testing.installed.check import UnknownLaw, find_offers
 
-    laws: list[Law] = []
+    laws: list[LawResult] = []
     unknown: UnknownLaw | None = None
     with interruptible():
-        for offered in offers_of(name, None if kind is None else kind_of(kind)):
+        for offered in find_offers(name, None if kind is None else kind_of(kind)):
             try:
                 laws += _check(offered, only)
             except UnknownLaw as error:  # another kind of the same name may have this law
@@ -97,7 +97,7 @@ def check(
         raise typer.Exit(1)
 
 
-def _check(offered: Offered, only: str) -> list[Law]:
+def _check(offered: Offered, only: str) -> list[LawResult]:
     """Check one offer against its laws and show the progress."""
     from porocore.core.console import Console
     from porocore.testing.installed.check import check_plugin
@@ -109,7 +109,7 @@ def _check(offered: Offered, only: str) -> list[Law]:
         def begin(law: str, total: int) -> None:
             task.update(done, total, failed=failed, detail=law)
 
-        def end(law: Law, total: int) -> None:
+        def end(law: LawResult, total: int) -> None:
             nonlocal done, failed
             done, failed = done + 1, failed + (law.result == "failed")
             task.update(done, total, failed=failed)
@@ -117,7 +117,7 @@ def _check(offered: Offered, only: str) -> list[Law]:
         return check_plugin(offered, end, only=only, on_start=begin)
 
 
-def _show(laws: list[Law]) -> None:
+def _show(laws: list[LawResult]) -> None:
     """Print a table for each suite, and the counts."""
     from rich.console import Console
     from rich.table import Table
@@ -130,7 +130,7 @@ def _show(laws: list[Law]) -> None:
             table.add_column(column, overflow="fold", no_wrap=column == "result")
         for law in laws:
             if (law.kind, law.suite) == (kind, suite):
-                table.add_row(Text(law.words), Text(law.result, style=COLOURS[law.result]), Text(law.reason))
+                table.add_row(Text(law.text), Text(law.result, style=COLOURS[law.result]), Text(law.reason))
         console.print(table)
     counts = {
         result: sum(law.result == result for law in laws)
@@ -196,10 +196,10 @@ def _suite_faults(kind: Kind, name: str, implementation: type[Any]) -> list[str]
     if find_spec("pytest") is None:
         return []
     from porocore.plugins.kit_version import complaint
-    from porocore.testing.installed.suites import suites_of
+    from porocore.testing.installed.suites import find_suites
 
     offered = registry().find(kind, name)
-    found = attempt(suites_of, kind, offered.offer, implementation)
+    found = attempt(find_suites, kind, offered.offer, implementation)
     if found.error is not None:
         module = getattr(offered.offer.suites, "__module__", None) or ""
         place = place_of(found.error.__cause__ or found.error, module) or offered.source.file

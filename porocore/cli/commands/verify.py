@@ -14,7 +14,7 @@ from porocore.core.console import Console
 
 if TYPE_CHECKING:
     from porocore.verification.ladder.case import Check
-    from porocore.verification.ladder.cases import Row
+    from porocore.verification.ladder.cases import CaseResult
 
 #: Columns of the table where standard output is no terminal.
 WIDTH = 150
@@ -47,9 +47,9 @@ def verify(
     with interruptible():
         from porocore.core.files.atomic import place_for
         from porocore.verification.ladder import document
-        from porocore.verification.ladder.cases import find_backends, find_cases, run_cases
+        from porocore.verification.ladder.cases import run_cases, select_cases, select_solvers
 
-        cases, backends = find_cases(case or ()), find_backends(fem or ())
+        cases, backends = select_cases(case or ()), select_solvers(fem or ())
         if out is not None:
             place_for(out)
         console = Console()
@@ -75,7 +75,7 @@ def verify(
         raise typer.Exit(1)
 
 
-def _print(rows: Sequence[Row]) -> None:
+def _print(rows: Sequence[CaseResult]) -> None:
     from rich.text import Text
 
     from porocore.verification.ladder.cases import CASES

@@ -27,8 +27,8 @@ from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack
 from porocore.states import MacroState
 from porocore.testing.cell_laws.calls import Calls
 from porocore.testing.cell_laws.exact import ExactCells
-from porocore.testing.cell_laws.suite import RESPONSES, STATES, STEP, slope_is, state_words
-from porocore.testing.expect import holds, near, there
+from porocore.testing.cell_laws.suite import RESPONSES, STATES, STEP, matches_difference, state_label
+from porocore.testing.expect import holds, near, require
 
 
 class CellSolverSuite(ExactCells, Calls):
@@ -40,8 +40,8 @@ class CellSolverSuite(ExactCells, Calls):
     @pytest.mark.parametrize("name", STATES)
     def test_shapes(self, responses: dict[str, Any], name: str) -> None:
         """The batch axis leads; the indices of a response stand before those of the variable."""
-        response, state = responses[name], state_words(name)
-        tensor, tangent = (1, 3, 3), there("derivatives", responses[name].tangent, state)
+        response, state = responses[name], state_label(name)
+        tensor, tangent = (1, 3, 3), require("derivatives", responses[name].tangent, state)
         shapes = {
             "mean_grad": tensor,
             "stress": tensor,
@@ -58,7 +58,7 @@ class CellSolverSuite(ExactCells, Calls):
                 holds(found == shape, state, f"{what} of shape {shape}", f"shape {found}")
 
     @pytest.mark.parametrize("name", STATES)
-    def test_derivatives_are_the_slopes(
+    def test_derivatives_match_differences(
         self, solver: CellSolver, prepared: Any, responses: dict[str, Any], name: str
     ) -> None:
         """Central differences of the responses along a random direction of (H, p)."""
@@ -68,14 +68,16 @@ class CellSolverSuite(ExactCells, Calls):
         if name != "sheared":
             dH = np.diag(np.diag(dH))
         differences = self.differences(solver, prepared, H, p, dH, dp)
-        for response, slope in identities.along(responses[name], dH, dp).items():
-            slope_is(f"slope of {response}", differences[response], slope, state_words(name))
+        for response, slope in identities.linear_changes(responses[name], dH, dp).items():
+            matches_difference(f"slope of {response}", differences[response], slope, state_label(name))
 
     @staticmethod
     def differences(solver: CellSolver, prepared: Any, H: Any, p: float, dH: Any, dp: float) -> Any:
         """Slopes of the responses in a direction."""
-        states = identities.steps_around(H, p, dH, dp, STEP)
-        return identities.slopes([solver.solve(prepared, state).response for state in states], STEP)
+        states = identities.stencil_states(H, p, dH, dp, STEP)
+        return identities.difference_quotients(
+            [solver.solve(prepared, state).response for state in states], STEP
+        )
 
     def test_shear_derivatives_of_a_diagonal_state(
         self, solver: CellSolver, prepared: Any, responses: dict[str, Any]
@@ -85,16 +87,16 @@ class CellSolverSuite(ExactCells, Calls):
         dH = np.zeros((3, 3))
         dH[0, 1], dH[2, 0] = 1.0, -0.5
         differences = self.differences(solver, prepared, H, p, dH, 0.0)
-        slopes = identities.along(responses["compressed"], dH, 0.0)
+        slopes = identities.linear_changes(responses["compressed"], dH, 0.0)
         # Energy and fluid volume are even in shear, so their slopes vanish.
         for response in ("mean_grad", "stress"):
-            state = f"{state_words('compressed')}, along a shear"
-            slope_is(f"slope of {response}", differences[response], slopes[response], state)
+            state = f"{state_label('compressed')}, along a shear"
+            matches_difference(f"slope of {response}", differences[response], slopes[response], state)
 
     @pytest.mark.parametrize("name", STATES)
     def test_reciprocity(self, responses: dict[str, Any], name: str) -> None:
         """∂P_E/∂p = −∂φ/∂H, and ∂P_E/∂H has major symmetry."""
-        tangent, state = responses[name].tangent, state_words(name)
+        tangent, state = responses[name].tangent, state_label(name)
         skew = identities.major_symmetry(tangent)
         holds(skew < 1e-9, state, "major symmetry of ∂P_E/∂H up to 1e-9", f"a misfit of {skew:.3g}")
         misfit = identities.reciprocity(tangent)
@@ -109,7 +111,7 @@ class CellSolverSuite(ExactCells, Calls):
         for name in RESPONSES:
             expected = getattr(before, name)[0]
             expected = R @ expected if expected.shape else expected
-            self.assert_near(name, getattr(turned, name)[0], expected, f"{state_words('sheared')}, turned")
+            self.assert_near(name, getattr(turned, name)[0], expected, f"{state_label('sheared')}, turned")
 
     @pytest.mark.parametrize("law", ["piola", "deformed"])
     def test_a_rotation_of_the_body_rotates_the_flux(self, solver: CellSolver, law: ConductivityLaw) -> None:
@@ -128,5 +130,5 @@ class CellSolverSuite(ExactCells, Calls):
         straight, turned = PulledBack.from_states(
             states, found.mean_grad, grad_p, solid, K, law, found.conductivity
         ).flux
-        state = f"{state_words('sheared')}, turned, by the conductivity '{law}'"
+        state = f"{state_label('sheared')}, turned, by the conductivity '{law}'"
         near("the flux through reference area", turned, straight, state, within=1e-7 * np.abs(straight).max())

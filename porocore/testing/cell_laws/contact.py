@@ -22,12 +22,12 @@ from porocore.cell.contact.settings import ContactSettings
 from porocore.interfaces.cell import CellSolver
 from porocore.states import MacroState, Status
 from porocore.testing.cell_laws.suite import CellSuite
-from porocore.testing.expect import holds, near, same, there, words
+from porocore.testing.expect import holds, near, require, same, state_text
 
 #: In contact with the mirror planes and stable; all four loads that keep the planes mirrors differ.
 TOUCHING = MacroState.single(np.diag([0.01, -0.26, -0.005]), 0.02)
 #: In words.
-IN_CONTACT = f"in contact ({words(TOUCHING.grad_u[0], TOUCHING.p[0])})"
+IN_CONTACT = f"in contact ({state_text(TOUCHING.grad_u[0], TOUCHING.p[0])})"
 #: Of differences; the contact's energy has jumps in its second derivatives, so that the step is small.
 STEP = 3e-5
 #: The loads that keep the planes mirrors: H_11, H_22, H_33 and p.
@@ -79,7 +79,7 @@ class CellContactSuite(CellSuite):
         holds(gap < 0, IN_CONTACT, "a negative min_gap, since a penalty gives way", gap)
         holds(pivots <= 0, IN_CONTACT, "no negative pivots", pivots)
 
-    def test_stress_and_fluid_volume_are_the_slopes_of_the_potential(
+    def test_stress_and_fluid_volume_derive_from_the_potential(
         self, touching: Any, differences: dict[str, Any]
     ) -> None:
         response = touching.response
@@ -87,7 +87,7 @@ class CellContactSuite(CellSuite):
             slope = response.stress[0].ravel()[load] if load < 9 else -response.fluid_volume[0]
             near(f"dW/d{name} by differences,", slope, differences[name]["potential"], IN_CONTACT, rel=1e-5)
 
-    def test_derivatives_are_the_slopes(self, touching: Any, differences: dict[str, Any]) -> None:
+    def test_derivatives_match_differences(self, touching: Any, differences: dict[str, Any]) -> None:
         tangent = touching.response.tangent
         by_H = tangent.stress_grad_u[0].reshape(3, 3, 9)
         for name, load in LOADS.items():
@@ -122,7 +122,7 @@ class CellContactSuite(CellSuite):
         same("status", other.status, [int(Status.contact)], state)
         near(
             "stress[1, 1]",
-            there("stress", other.stress, state)[0, 1, 1],
+            require("stress", other.stress, state)[0, 1, 1],
             touching.response.stress[0, 1, 1],
             state,
             rel=1e-2,
@@ -134,11 +134,14 @@ class CellContactSuite(CellSuite):
         prepared = solver.prepare(Cell(mesh=self.mesh, contact=contact))
         deep = MacroState.single(np.diag([0.0, -0.36, 0.0]))
         response = solver.solve(prepared, deep, tangent=False).response
-        state = f"{words(deep.grad_u[0])}, {contact!r}"
+        state = f"{state_text(deep.grad_u[0])}, {contact!r}"
         status = Status(int(response.status[0]))
         holds(status is Status.overlap, state, "the status overlap", status.name)
         holds(
-            np.isnan(there("stress", response.stress, state)).all(), state, "NaN for stress", response.stress
+            np.isnan(require("stress", response.stress, state)).all(),
+            state,
+            "NaN for stress",
+            response.stress,
         )
 
     def test_a_start_in_contact_changes_the_way_and_not_the_answer(
@@ -152,7 +155,7 @@ class CellContactSuite(CellSuite):
             solver.solve(solver.prepare(Cell(mesh=self.mesh)), light).response,
         ]
         for other in others:
-            state = f"{words(light.grad_u[0], light.p[0])}, after a state in contact"
+            state = f"{state_text(light.grad_u[0], light.p[0])}, after a state in contact"
             same("status", other.status, [int(Status.converged)], state)
             near("stress", other.stress, cold.stress, state, within=1e-9, rel=1e-7)
             slope, before = other.tangent.stress_grad_u, cold.tangent.stress_grad_u

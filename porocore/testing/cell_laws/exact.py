@@ -15,7 +15,7 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.interfaces.cell import CellSolver
 from porocore.states import Array, MacroState, Status
 from porocore.testing.cell_laws.suite import CellSuite
-from porocore.testing.expect import holds, near, same, there, words
+from porocore.testing.expect import holds, near, require, same, state_text
 
 #: μ_f K of three channels of radius 0.25 (Dehghani and Zilian 2022), two digits of which are certain.
 THREE_CHANNELS = 1.94e-3
@@ -78,7 +78,7 @@ class ExactCells(CellSuite):
             pytest.skip("the solid of this cell is not one isotropic material")
         F = stretch * np.eye(3)
         p = float(-solid.stress(F[None])[0, 0, 0] / stretch**2)
-        H, state = F - np.eye(3), words(F - np.eye(3), p)
+        H, state = F - np.eye(3), state_text(F - np.eye(3), p)
         found: Any = solver.solve_one(prepared, H, p)
         same("status", found.status, [int(Status.converged)], state)
         rest: Any = solver.solve_one(prepared, np.zeros((3, 3)))
@@ -149,9 +149,9 @@ class ExactCells(CellSuite):
         prepared = deformed.prepare(cell, deformed=True)
         found: Any = solver.solve(prepared, MacroState(H, np.array([0.0, p, 0.0])), tangent=False).response
         K = solver.conductivity(prepared)
-        states = ["at rest", words(H[1], p), words(H[2])]
+        states = ["at rest", state_text(H[1], p), state_text(H[2])]
         for what, shape in (("conductivity", (3, 3, 3)), ("min_fluid_jacobian", (3,))):
-            values = there(what, getattr(found, what), "prepared with deformed=True")
+            values = require(what, getattr(found, what), "prepared with deformed=True")
             holds(values.shape == shape, "three states", f"{what} of shape {shape}", values.shape)
         near("conductivity", found.conductivity[0], K, states[0], within=1e-9 * K.max())
         near("conductivity", found.conductivity[1], grown**3 * K, states[1], within=1e-7 * K.max())
@@ -172,7 +172,7 @@ class ExactCells(CellSuite):
         response = solver.solve(solver.prepare(cell), MacroState(H, np.zeros(3)), tangent=False).response
         through = type(solver).accuracy is not None and cell.geometry == OrthogonalChannels()
         for row in range(3):
-            status, state = Status(int(response.status[row])), f"{words(H[row])}, without contact"
+            status, state = Status(int(response.status[row])), f"{state_text(H[row])}, without contact"
             if not status.has_values:
                 continue
             holds(
@@ -181,7 +181,7 @@ class ExactCells(CellSuite):
                 "a status without values, since the wall passes through itself",
                 status.name,
             )
-            volume = there("fluid_volume", response.fluid_volume, state)[row]
+            volume = require("fluid_volume", response.fluid_volume, state)[row]
             porous = cell.geometry.porosity > 0
             holds(volume > 0 or not porous, state, "the status overlap, or a positive fluid volume", volume)
 

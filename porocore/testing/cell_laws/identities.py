@@ -27,7 +27,7 @@ def uniform_pressure(tangent: CellTangent, poisson_ratio: float) -> float:
 
     A pressure on solid and pore alike, uniform, compresses both alike.
     """
-    M, Q = _there(tangent.mean_grad_grad_u), _there(tangent.mean_grad_p)
+    M, Q = _require(tangent.mean_grad_grad_u), _require(tangent.mean_grad_p)
     return misfit(np.diag(Q), (1 - 2 * poisson_ratio) * np.einsum("iikk->i", M))
 
 
@@ -54,35 +54,35 @@ def cubic_symmetry(M: Array) -> float:
 
 def major_symmetry(tangent: CellTangent) -> float:
     """∂P_E/∂H = (∂P_E/∂H)ᵀ: there is a potential."""
-    A = _there(tangent.stress_grad_u).reshape(9, 9)
+    A = _require(tangent.stress_grad_u).reshape(9, 9)
     return misfit(A.T, A)
 
 
 def reciprocity(tangent: CellTangent) -> float:
     """∂P_E/∂p = −∂φ/∂H: there is a potential of H and p."""
-    return misfit(-_there(tangent.fluid_volume_grad_u), _there(tangent.stress_p))
+    return misfit(-_require(tangent.fluid_volume_grad_u), _require(tangent.stress_p))
 
 
 def objectivity(straight: CellResponse, turned: CellResponse, R: Array) -> dict[str, float]:
     """One row each, at F and at R F: W and φ do not feel the rotation, P_E and <∇u¹> turn with it."""
     return {
-        name: misfit(_there(getattr(turned, name)), turn @ value if turn.size else value)
+        name: misfit(_require(getattr(turned, name)), turn @ value if turn.size else value)
         for name, turn, value in (
-            ("potential", np.empty(0), _there(straight.potential)),
-            ("fluid_volume", np.empty(0), _there(straight.fluid_volume)),
-            ("stress", R, _there(straight.stress)),
+            ("potential", np.empty(0), _require(straight.potential)),
+            ("fluid_volume", np.empty(0), _require(straight.fluid_volume)),
+            ("stress", R, _require(straight.stress)),
             ("mean_grad", R, straight.mean_grad[0]),
         )
     }
 
 
-def along(at: CellResponse, dH: Array, dp: float) -> dict[str, Array]:
+def linear_changes(at: CellResponse, dH: Array, dp: float) -> dict[str, Array]:
     """Change of each response of one row in a direction, by its derivatives; that of W is P_E:dH − φ dp."""
     t = at.tangent
     assert t is not None
 
     def slope(by_H: Array | None, by_p: Array | None) -> Array:
-        total: Array = np.tensordot(_there(by_H), dH, axes=2) + _there(by_p) * dp
+        total: Array = np.tensordot(_require(by_H), dH, axes=2) + _require(by_p) * dp
         return total
 
     assert at.fluid_volume is not None
@@ -94,21 +94,21 @@ def along(at: CellResponse, dH: Array, dp: float) -> dict[str, Array]:
     }
 
 
-def steps_around(H: Array, p: float, dH: Array, dp: float, h: float) -> list[MacroState]:
+def stencil_states(H: Array, p: float, dH: Array, dp: float, h: float) -> list[MacroState]:
     """States whose responses :func:`slopes` differences."""
     return [MacroState.single(H + k * h * dH, p + k * h * dp) for k in STEPS]
 
 
-def slopes(steps: Sequence[CellResponse], h: float) -> dict[str, Array]:
+def difference_quotients(steps: Sequence[CellResponse], h: float) -> dict[str, Array]:
     """Change of each response in a direction, by differences of the responses at :func:`steps_around`."""
     found = {}
     for name in ("mean_grad", "stress", "fluid_volume", "potential"):
-        values = [_there(getattr(step, name)) for step in steps]
+        values = [_require(getattr(step, name)) for step in steps]
         found[name] = np.asarray(sum(w * v for w, v in zip(WEIGHTS, values, strict=True)) / h)
     return found
 
 
-def _there(array: Array | None) -> Array:
+def _require(array: Array | None) -> Array:
     """The one row of a response that must be provided."""
     assert array is not None
     row: Array = array[0]

@@ -23,8 +23,8 @@ from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.interfaces.cell import CellSolver
 from porocore.states import MacroState, Status
 from porocore.testing.cell_laws.base import CellSolverSuite
-from porocore.testing.cell_laws.suite import RESPONSES, STATES, state_words
-from porocore.testing.expect import holds, near, there, words
+from porocore.testing.cell_laws.suite import RESPONSES, STATES, state_label
+from porocore.testing.expect import holds, near, require, state_text
 
 
 class MeshedCellSuite(CellSolverSuite):
@@ -46,7 +46,7 @@ class MeshedCellSuite(CellSolverSuite):
         self, solver: CellSolver, responses: dict[str, Any], name: str
     ) -> None:
         whole = solver.solve_one(solver.prepare(self.make_cell(symmetry="none")), *STATES[name])
-        eighth, state = responses[name], f"{state_words(name)} of the whole cell, against the eighth"
+        eighth, state = responses[name], f"{state_label(name)} of the whole cell, against the eighth"
         for response in RESPONSES:
             near(response, getattr(whole, response), getattr(eighth, response), state, within=1e-8, rel=1e-7)
         for slope, value in vars(eighth.tangent).items():
@@ -78,7 +78,7 @@ class MeshedCellSuite(CellSolverSuite):
         batch = solver.solve(prepared, MacroState(H, np.zeros(4)), fields=True)
         wanted = [Status.converged, Status.overlap, Status.inverted, Status.converged]
         for row, status in enumerate(wanted):
-            state, found = f"row {row} of 4 ({words(H[row])})", Status(int(batch.response.status[row]))
+            state, found = f"row {row} of 4 ({state_text(H[row])})", Status(int(batch.response.status[row]))
             holds(found is status, state, f"the status {status.name}", found.name)
             for name in RESPONSES:
                 values = getattr(batch.response, name)[row]
@@ -86,5 +86,5 @@ class MeshedCellSuite(CellSolverSuite):
                 what = "numbers" if status.has_values else "NaN"
                 holds(right.all(), state, f"{what} for {name}", values)
         if type(solver).returns_fields:
-            fields = [field is None for field in there("fields", batch.fields, "a batch of 4")]
+            fields = [field is None for field in require("fields", batch.fields, "a batch of 4")]
             holds(fields == [False, True, True, False], "a batch of 4", "no field for rows 1 and 2", fields)

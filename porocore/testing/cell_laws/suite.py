@@ -11,7 +11,7 @@ from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.interfaces.cell import CellSolver
 from porocore.states import Array, MacroState
-from porocore.testing.expect import near, words
+from porocore.testing.expect import near, state_text
 from porocore.testing.suite import Suite
 
 #: Three states away from zero: diagonal, diagonal under suction, and general with shear and pressure.
@@ -64,12 +64,12 @@ class CellSuite(Suite):
         return MacroState.concatenate([MacroState.single(*state) for state in STATES.values()])
 
 
-def state_words(name: str) -> str:
+def state_label(name: str) -> str:
     """Return one of ``STATES`` as text."""
-    return f"{name} ({words(*STATES[name])})"
+    return f"{name} ({state_text(*STATES[name])})"
 
 
-def slope_is(what: str, difference: Any, slope: Any, state: str) -> None:
+def matches_difference(what: str, difference: Any, slope: Any, state: str) -> None:
     """Hold a derivative against a difference of the responses, up to 1e-6 of its largest entry."""
     size = float(np.abs(slope).max())
     near(f"{what} by differences,", slope, difference, state, within=max(1e-6 * size, 1e-9))

@@ -12,11 +12,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from porocore.core.echo import did_you_mean
 from porocore.errors import PluginError
@@ -41,18 +41,18 @@ class UnknownLaw(PluginError):
     """
 
     def __init__(self, name: str, laws: Sequence[str]) -> None:
-        near = did_you_mean(in_words(name), laws, most=3, cutoff=0.4) or f"there are {', '.join(laws)}"
-        super().__init__(f"--only: there is no law '{in_words(name)}'; {near}")
+        near = did_you_mean(law_text(name), laws, most=3, cutoff=0.4) or f"there are {', '.join(laws)}"
+        super().__init__(f"--only: there is no law '{law_text(name)}'; {near}")
         self.laws = laws
 
 
-def in_words(law: str) -> str:
+def law_text(law: str) -> str:
     """Return the name of a law as a reader reads it."""
     return law.removeprefix("test_").replace("_", " ")
 
 
 @dataclass(frozen=True)
-class Law:
+class LawResult:
     """One law, in one case, and whether the plugin obeys it.
 
     Attributes
@@ -80,13 +80,13 @@ class Law:
     seconds: float
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """The law as a reader reads it."""
-        text = in_words(self.law)
+        text = law_text(self.law)
         return f"{text} [{self.case}]" if self.case else text
 
 
-def offers_of(name: str, kind: Kind | None = None) -> list[Offered]:
+def find_offers(name: str, kind: Kind | None = None) -> list[Offered]:
     """What is offered under a name, of every kind or of one.
 
     Raises
@@ -111,11 +111,11 @@ def offers_of(name: str, kind: Kind | None = None) -> list[Offered]:
 
 def check_plugin(
     offered: Offered,
-    on_law: Callable[[Law, int], None] | None = None,
+    on_law: Callable[[LawResult, int], None] | None = None,
     *,
     only: str = "",
     on_start: Callable[[str, int], None] | None = None,
-) -> list[Law]:
+) -> list[LawResult]:
     """Run the suites of one offer.
 
     Parameters
@@ -145,7 +145,7 @@ def check_plugin(
         report.touch()
         environment = {k: v for k, v in os.environ.items() if k != "PYTEST_ADDOPTS"}
         environment["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
-        command = [sys.executable, "-m", "porocore.testing.installed.check", kind, name, folder, only]
+        command = [sys.executable, "-m", "porocore.testing.installed.child", kind, name, folder, only]
         with (
             log.open("wb") as said,
             subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=environment) as process,
@@ -159,7 +159,7 @@ def check_plugin(
             raise PluginError(str(lines[-1]["fault"]))
         if lines and "unknown" in lines[-1]:
             raise UnknownLaw(only, lines[-1]["unknown"])
-        laws = [Law(**line["law"]) for line in lines if "law" in line]
+        laws = [LawResult(**line["law"]) for line in lines if "law" in line]
         if not lines or "end" not in lines[-1] or not laws:
             said_last = " | ".join(log.read_text("utf-8", "replace").split("\n")[-LAST:]).strip(" |")
             raise PluginError(
@@ -172,7 +172,7 @@ def check_plugin(
 def _follow(
     process: subprocess.Popen[bytes],
     report: Path,
-    on_law: Callable[[Law, int], None] | None,
+    on_law: Callable[[LawResult, int], None] | None,
     on_start: Callable[[str, int], None] | None,
 ) -> list[dict[str, Any]]:
     """The lines of a growing file, until the process ends."""
@@ -190,123 +190,7 @@ def _follow(
                 if "start" in line and on_start is not None:
                     on_start(line["start"], total)
                 if "law" in line and on_law is not None:
-                    on_law(Law(**line["law"]), total)
+                    on_law(LawResult(**line["law"]), total)
             if ended:
                 return lines
             time.sleep(INTERVAL)
-
-
-# ---- in the process of the check ------------------------------------------------------------------
-
-
-def collected(kind: Kind, name: str) -> dict[str, type[Any]]:
-    """The suites of a plugin, by names that pytest collects."""
-    from porocore.testing.installed.suites import suites_of
-
-    offered = registry().find(kind, name)
-    suites = suites_of(kind, offered.offer, registry().get(kind, name))
-    if offered.offer.suites is None:
-        suites[0].recipe = ("porocore.testing.installed.check:default_suite", kind, name)
-    return {s.__name__ if s.__name__.startswith("Test") else f"Test{s.__name__}": s for s in suites}
-
-
-def default_suite(kind: Kind, name: str) -> type[Any]:
-    """Return the suite of a plugin that has none of its own."""
-    (suite,) = collected(kind, name).values()
-    return suite
-
-
-class _Reporter:
-    """A pytest plugin that writes a line for each law."""
-
-    def __init__(self, kind: Kind, name: str, path: Path, only: str) -> None:
-        self.kind, self.name, self.only = kind, name, in_words(only)
-        self._unknown: list[str] = []
-        self._file = path.open("a", encoding="utf-8")
-        self._fault = ""
-
-    def write(self, **line: Any) -> None:
-        self._file.write(json.dumps(line) + "\n")
-        self._file.flush()
-
-    def pytest_collectreport(self, report: Any) -> None:
-        if report.failed:
-            text = str(getattr(getattr(report.longrepr, "reprcrash", None), "message", report.longrepr))
-            text = next((part for part in reversed(text.splitlines()) if part.strip()), text)
-            self._fault = text.removeprefix("E").strip().removeprefix("porocore.errors.PluginError: ")
-
-    def pytest_collection_modifyitems(self, items: list[Any]) -> None:
-        if not self.only:
-            return
-        laws = {in_words(item.originalname): None for item in items}
-        if self.only not in laws and not self._fault:
-            self._unknown = list(laws)
-        items[:] = [item for item in items if in_words(item.originalname) == self.only]
-
-    def pytest_runtest_logstart(self, nodeid: str) -> None:
-        law, _, case = nodeid.rpartition("::")[2].partition("[")
-        self.write(start=in_words(law) + (f" [{case}" if case else ""))
-
-    def pytest_collection_finish(self, session: Any) -> None:
-        self.write(total=len(session.items))
-
-    def pytest_runtest_logreport(self, report: Any) -> None:
-        # A law is told when it was called, or when its set-up did not let it be called.
-        if report.when != "call" and not (report.when == "setup" and not report.passed) and not report.failed:
-            return
-        _, suite, law = report.nodeid.split("::")
-        law, _, case = law.partition("[")
-        result, reason, details = _outcome(report)
-        told = Law(
-            self.kind, self.name, suite, law, case.removesuffix("]"), result, reason, details, report.duration
-        )
-        self.write(law=asdict(told))
-
-    def close(self, status: int) -> None:
-        if self._fault:
-            self.write(fault=self._fault)
-        elif self._unknown:
-            self.write(unknown=self._unknown)
-        else:
-            self.write(end=status)
-        self._file.close()
-
-
-def _outcome(report: Any) -> tuple[Result, str, str]:
-    if report.passed:
-        return "passed", "", ""
-    if report.skipped:
-        if hasattr(report, "wasxfail"):
-            return "expected failure", str(report.wasxfail).removeprefix("reason: "), ""
-        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
-        return "skipped", reason.removeprefix("Skipped: "), ""
-    crash = getattr(report.longrepr, "reprcrash", None)
-    message = str(crash.message if crash else report.longrepr)
-    first = " ".join(message.splitlines()[0].split()) if message.strip() else "failed without a message"
-    return "failed", first.removeprefix("Failed: ").removeprefix("AssertionError: "), report.longreprtext
-
-
-def _main(arguments: Sequence[str]) -> int:
-    """Run pytest; the results go into the folder's ``report``."""
-    import pytest
-
-    kind, name, folder, only = arguments
-    if kind not in get_args(Kind):
-        raise ValueError(f"expected one of {get_args(Kind)}, got {kind!r}")
-    here = Path(folder)
-    module = here / "test_laws.py"
-    module.write_text(
-        f"from porocore.testing.installed.check import collected\n\nglobals().update(collected({kind!r}, {name!r}))\n",
-        encoding="utf-8",
-    )
-    (here / "pytest.ini").write_text("[pytest]\n", encoding="utf-8")
-    reporter = _Reporter(kind, name, here / "report", only)  # type: ignore[arg-type]
-    options = ["-p", "no:cacheprovider", "--import-mode=importlib", f"--rootdir={folder}"]
-    options += ["-c", str(here / "pytest.ini"), f"--basetemp={here / 'files'}", str(module)]
-    status = int(pytest.main(options, plugins=[reporter]))
-    reporter.close(status)
-    return status
-
-
-if __name__ == "__main__":
-    raise SystemExit(_main(sys.argv[1:]))

@@ -12,7 +12,7 @@ from porocore.plugins.kit_version import KIT_VERSION
 from porocore.testing.suite import Suite
 
 
-def suites_of(kind: Kind, offer: Offer, implementation: type[Any]) -> list[type[Suite]]:
+def find_suites(kind: Kind, offer: Offer, implementation: type[Any]) -> list[type[Suite]]:
     """The suites that an offer names; where it names none, that of its kind with default options.
 
     Raises

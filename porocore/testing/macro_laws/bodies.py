@@ -97,7 +97,7 @@ class Bodies(Solving):
         data = {"body": body, "boundary": boundary, "time": SHORT, "load": 1.0}
         return MacroProblem.model_validate(data | settings)
 
-    def test_the_tangent_is_the_slope_of_the_residual_on_any_body(self, body: Any) -> None:
+    def test_the_tangent_is_the_derivative_of_the_residual_on_any_body(self, body: Any) -> None:
         """Followers included, at a state without any symmetry."""
         d = self.discretise(self.problem(body, boundary={"y+": {"follower": 0.3}}))
         rng = np.random.default_rng(0)

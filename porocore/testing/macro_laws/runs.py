@@ -103,11 +103,11 @@ class Runs(Solving):
 
     def test_too_few_iterations_end_in_an_error_that_says_so(self) -> None:
         problem = confined_column(3, load=-0.1, time=SHORT, newton={"iterations": 1, "tolerance": 1e-12})
-        state, words = (
+        state, naming = (
             "newton.iterations = 1 with a tolerance of 1e-12",
             ("after 1 iterations", "newton.tolerance"),
         )
-        with refused(SolveError, state=state, naming=words):
+        with refused(SolveError, state=state, naming=naming):
             self.solve(problem, NONLINEAR)
 
     def test_a_body_that_can_turn_is_an_error(self) -> None:

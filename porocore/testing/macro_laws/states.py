@@ -33,7 +33,7 @@ class KnownStates(Solving):
     """Part of :class:`porocore.testing.macro_laws.base.MacroSolverSuite`."""
 
     @pytest.mark.parametrize("elements", [(1, 2, 1), (2, 1, 2)])
-    def test_tangent_is_the_slope_of_the_residual(self, elements: Any) -> None:
+    def test_tangent_is_the_derivative_of_the_residual(self, elements: Any) -> None:
         """All unknowns free to move, a nonlinear law, a state without any symmetry."""
         problem = confined_column(elements, size=(0.7, 1.1, 0.9))
         d = self.discretise(problem)

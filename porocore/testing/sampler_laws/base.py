@@ -26,7 +26,7 @@ from porocore.interfaces.sampler import Request, Sampler
 from porocore.testing import elsewhere
 from porocore.testing.compare import global_random_state
 from porocore.testing.expect import holds, options, refused, same
-from porocore.testing.sampler_laws.sampling import FAILED, INPUTS, Outcome, inform, run, solve
+from porocore.testing.sampler_laws.sampling import FAILED, INPUTS, SamplingRecord, inform, run, solve
 from porocore.testing.suite import Suite
 
 #: Boxes of other numbers of inputs.
@@ -62,11 +62,11 @@ class SamplerSuite(Suite):
 
     @pytest.fixture(scope="class")
     @classmethod
-    def whole(cls) -> Outcome:
+    def whole(cls) -> SamplingRecord:
         """A sampling from its beginning to its end. Not to be changed."""
         return run(cls.ready())
 
-    def test_requests_are_what_they_should_be(self, whole: Outcome) -> None:
+    def test_requests_are_what_they_should_be(self, whole: SamplingRecord) -> None:
         """Unique keys, finite numbers within the box, no state twice."""
         asked, state = whole.asked, "all requests"
         holds(asked, state, "at least one", "none")
@@ -79,13 +79,13 @@ class SamplerSuite(Suite):
             count = len(set(values))
             holds(count == len(asked), state, f"{len(asked)} different {what}", f"{count}")
 
-    def test_it_keeps_to_its_budget(self, whole: Outcome) -> None:
+    def test_it_keeps_to_its_budget(self, whole: SamplingRecord) -> None:
         if self.budget is None:
             pytest.skip("budget = None: it decides by itself when it knows enough")
         count = len(whole.asked)
         holds(count <= self.budget, "a whole sampling", f"at most {self.budget} states", f"{count} states")
 
-    def test_it_says_when_it_is_done(self, whole: Outcome) -> None:
+    def test_it_says_when_it_is_done(self, whole: SamplingRecord) -> None:
         holds(whole.ended, "nothing is left to ask or to wait for", "done = True", "done = False")
         state = "while states were being solved"
         holds(
@@ -97,7 +97,7 @@ class SamplerSuite(Suite):
         count = len(whole.asked)
         holds(whole.expected == count, "at the end", f"expected = {count}", whole.expected)
 
-    def test_starts_are_solved_states(self, whole: Outcome) -> None:
+    def test_starts_are_solved_states(self, whole: SamplingRecord) -> None:
         """A field to start from must exist when the state is asked for."""
         bad = whole.bad_starts
         holds(
@@ -107,36 +107,38 @@ class SamplerSuite(Suite):
             f"{', '.join(bad[:3])} start from others",
         )
 
-    def test_it_is_deterministic(self, whole: Outcome) -> None:
+    def test_it_is_deterministic(self, whole: SamplingRecord) -> None:
         """Without drawing from a global random number generator."""
         before = global_random_state()
         _same_states(run(self.ready()).asked, whole.asked, "sampled twice")
         untouched = before == global_random_state()
         holds(untouched, "a whole sampling", "no draw from a global random number generator", "one")
 
-    def test_another_process_asks_for_the_same_states(self, whole: Outcome, tmp_path: Path) -> None:
+    def test_another_process_asks_for_the_same_states(self, whole: SamplingRecord, tmp_path: Path) -> None:
         """With another PYTHONHASHSEED, as a resumed run has it; else the states that were solved are solved again."""
         question = "porocore.testing.sampler_laws.sampling:asked"
         state = "in another process, with another PYTHONHASHSEED"
         rows = elsewhere.ask(type(self), question, state, tmp_path)
         _same_states([Request(key, tuple(x), start) for key, x, start in rows], whole.asked, state)
 
-    def test_the_seed_decides(self, whole: Outcome) -> None:
+    def test_the_seed_decides(self, whole: SamplingRecord) -> None:
         """Another seed gives other states, where the class declares ``seeded``."""
         self.needs(type(self.ready()).seeded, "seeded = False: nothing in this sampler is random")
         other = run(self.ready(seed=7)).states
         holds(other != whole.states, "seed=7, seeded = True", "other states", "the same states")
 
     @pytest.mark.parametrize("order", [1, 2])
-    def test_the_same_states_whatever_the_order_of_completion(self, whole: Outcome, order: int) -> None:
+    def test_the_same_states_whatever_the_order_of_completion(
+        self, whole: SamplingRecord, order: int
+    ) -> None:
         """Under the same keys, from the same starts; workers finish in any order."""
         found = run(self.ready(), order=order).asked
         _same_states(found, whole.asked, f"told in another order ({order})", ordered=False)
 
-    def test_an_interrupted_sampling_goes_on_by_telling_again(self, whole: Outcome) -> None:
+    def test_an_interrupted_sampling_goes_on_by_telling_again(self, whole: SamplingRecord) -> None:
         """A new sampler is told what is known as it asks for it, in another order."""
         half = run(self.ready(), most=(len(whole.asked) + 1) // 2)
-        known = {request.key: request for request in half.told}
+        known = {request.key: request for request in half.observed}
         resumed = run(self.ready(), order=3)
         again = [request for request in resumed.asked if request.key in known]
         state = "interrupted half-way, and told again in another order"
@@ -160,9 +162,9 @@ class SamplerSuite(Suite):
 
     def test_a_cell_without_any_solution_ends_the_sampling(self) -> None:
         """Failed states are outcomes like others; a sampler must not ask for ever."""
-        outcome = run(self.ready(), answer=lambda inputs, request: FAILED, most=2000)
+        record = run(self.ready(), answer=lambda inputs, request: FAILED, most=2000)
         state = "no state can be solved"
-        holds(outcome.ended, state, "an end", f"{len(outcome.asked)} requests and no end")
+        holds(record.ended, state, "an end", f"{len(record.asked)} requests and no end")
 
     def test_outcomes_are_not_changed(self) -> None:
         sampler = self.ready()

@@ -59,7 +59,7 @@ def inform(sampler: Sampler, responses: tuple[str, ...] = ("stress", "fluid_volu
 
 
 @dataclass
-class Outcome:
+class SamplingRecord:
     """What a sampling did.
 
     Attributes
@@ -77,7 +77,7 @@ class Outcome:
     """
 
     asked: list[Request] = field(default_factory=list)
-    told: list[Request] = field(default_factory=list)
+    observed: list[Request] = field(default_factory=list)
     ended: bool = False
     early: int = 0
     expected: int = 0
@@ -96,7 +96,7 @@ def run(
     inputs: InputSpace = INPUTS,
     answer: Answer = solve,
     most: int = 10_000,
-) -> Outcome:
+) -> SamplingRecord:
     """Ask, solve and tell until nothing is left, or ``most`` states were told.
 
     Parameters
@@ -110,23 +110,23 @@ def run(
     answer
         What the cell responds.
     """
-    draw, waiting, outcome = random.Random(order), list[Request](), Outcome()
+    draw, waiting, record = random.Random(order), list[Request](), SamplingRecord()
     solved: set[str] = set()
-    while len(outcome.told) < most:
+    while len(record.observed) < most:
         new = sampler.ask()
-        outcome.bad_starts += [r.key for r in new if r.start is not None and r.start not in solved]
-        outcome.asked += new
+        record.bad_starts += [r.key for r in new if r.start is not None and r.start not in solved]
+        record.asked += new
         waiting += new
         if not waiting:
-            outcome.ended = sampler.done
+            record.ended = sampler.done
             break
         if sampler.done:
-            outcome.early = outcome.early or len(waiting)
+            record.early = record.early or len(waiting)
         request = waiting.pop(0 if order is None else draw.randrange(len(waiting)))
         response = answer(inputs, request)
         if Status(int(response.status[0])).has_values:
             solved.add(request.key)
         sampler.tell(request.key, response)
-        outcome.told.append(request)
-    outcome.expected = sampler.expected
-    return outcome
+        record.observed.append(request)
+    record.expected = sampler.expected
+    return record

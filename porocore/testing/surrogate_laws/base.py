@@ -21,8 +21,8 @@ import numpy as np
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, CellResponse, MacroState
-from porocore.testing.compare import RESPONSES, assert_identical, moved, provided
-from porocore.testing.expect import holds, near, options, refused, same, there, these, words
+from porocore.testing.compare import RESPONSES, assert_identical, perturbed, with_derivatives
+from porocore.testing.expect import holds, near, options, refused, require, same, state_text, states_text
 from porocore.testing.surrogate_laws.files import Files
 from porocore.testing.surrogate_laws.training import Trainings
 from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
@@ -36,17 +36,17 @@ class SurrogateSuite(Files, Trainings):
     def test_shapes(self, fitted: Surrogate, unseen: TrainingSet) -> None:
         """The batch axis leads, an empty batch included; each response comes with its slopes."""
         response = fitted.predict(unseen.states)
-        n, state = len(unseen.states), these(unseen.states)
+        n, state = len(unseen.states), states_text(unseen.states)
         same("status", response.status, np.zeros(n), state)
         shapes = {"outside_training_range": (n,), "mean_grad": (n, 3, 3)}
-        for name, slopes in provided(response):
+        for name, slopes in with_derivatives(response):
             value = getattr(response, name)
             for what, slope, shape in (("H", slopes[0], (*value.shape, 3, 3)), ("p", slopes[1], value.shape)):
                 holds(
                     slope.shape == shape, state, f"d{name}/d{what} of shape {shape}", f"shape {slope.shape}"
                 )
         for name, shape in shapes.items():
-            found = np.shape(there(name, getattr(response, name), state))
+            found = np.shape(require(name, getattr(response, name), state))
             holds(found == shape, state, f"{name} of shape {shape}", f"shape {found}")
         none = len(fitted.predict(MacroState.zeros(0)).mean_grad)
         holds(none == 0, "an empty batch", "no rows", f"{none} rows")
@@ -61,17 +61,17 @@ class SurrogateSuite(Files, Trainings):
                     values, truth = values[:, 1, 1], truth[:, 1, 1]
                 self._compare(name, values, truth, self.accuracy(fitted))
 
-    def test_learns_the_slopes(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+    def test_learns_the_derivatives(self, fitted: Surrogate, unseen: TrainingSet) -> None:
         """Within ten times the declared accuracy, on states that it has not seen."""
         predicted = fitted.predict(unseen.states)
-        known = dict(provided(unseen.responses))
-        for name, (by_H, by_p) in provided(predicted):
+        known = dict(with_derivatives(unseen.responses))
+        for name, (by_H, by_p) in with_derivatives(predicted):
             H22 = (..., 1, 1)
             pairs = ((f"d{name}/dH22", by_H[H22], known[name][0][H22]), (f"d{name}/dp", by_p, known[name][1]))
             for what, slopes, truth in pairs:
                 if name == "stress":
                     slopes, truth = slopes[:, 1, 1], truth[:, 1, 1]
-                self._compare(what, slopes, truth, self.slope_accuracy(fitted))
+                self._compare(what, slopes, truth, self.derivative_accuracy(fitted))
 
     @staticmethod
     def _compare(what: str, values: Array, truth: Array, accuracy: float) -> None:
@@ -93,7 +93,7 @@ class SurrogateSuite(Files, Trainings):
             f"{error[worst]:.2e}",
         )
 
-    def test_derivatives_are_the_slopes(self, fitted: Surrogate, unseen: TrainingSet) -> None:
+    def test_derivatives_match_differences(self, fitted: Surrogate, unseen: TrainingSet) -> None:
         """In all ten directions, those that were not sampled included.
 
         At states that the differences do not carry across the end of the range, where a surrogate may change its
@@ -103,8 +103,8 @@ class SurrogateSuite(Files, Trainings):
         inside = ((x > np.array(INPUTS.lower) + 0.01) & (x < np.array(INPUTS.upper) - 0.01)).all(axis=1)
         states = unseen.states[np.flatnonzero(inside)[:40]]
         response = fitted.predict(states)
-        slopes = dict(provided(response))
-        holds(slopes, these(states), "a response with its derivatives", "none")
+        slopes = dict(with_derivatives(response))
+        holds(slopes, states_text(states), "a response with its derivatives", "none")
         if (
             response.potential is not None
             and response.stress is not None
@@ -113,14 +113,20 @@ class SurrogateSuite(Files, Trainings):
             slopes["potential"] = response.stress, -response.fluid_volume
         h = 1e-3
         for column in range(10):
-            values = [fitted.predict(moved(states, column, k * h), tangent=False) for k in (-2, -1, 1, 2)]
+            values = [fitted.predict(perturbed(states, column, k * h), tangent=False) for k in (-2, -1, 1, 2)]
             for name, (by_H, by_p) in slopes.items():
                 m2, m1, p1, p2 = (getattr(value, name) for value in values)
                 difference = (m2 - 8 * m1 + 8 * p1 - p2) / (12 * h)
                 slope = by_p if column == 9 else by_H[..., column // 3, column % 3]
                 variable = "p" if column == 9 else f"H{column // 3 + 1}{column % 3 + 1}"
                 within = 1e-6 * max(np.abs(slope).max(), 1e-3)
-                near(f"d{name}/d{variable} by differences,", slope, difference, these(states), within=within)
+                near(
+                    f"d{name}/d{variable} by differences,",
+                    slope,
+                    difference,
+                    states_text(states),
+                    within=within,
+                )
 
     def test_rows_do_not_depend_on_the_batch_or_its_order(
         self, fitted: Surrogate, unseen: TrainingSet
@@ -128,19 +134,19 @@ class SurrogateSuite(Files, Trainings):
         states = unseen.states[:20]
         together = fitted.predict(states)
         backwards = fitted.predict(states[::-1])[::-1]
-        _same_rows(backwards, together, f"{these(states)}, backwards")
+        _same_rows(backwards, together, f"{states_text(states)}, backwards")
         for row in range(20):
             alone = states[row : row + 1]
-            _same_rows(fitted.predict(alone), together[row : row + 1], f"{these(alone)}, alone")
+            _same_rows(fitted.predict(alone), together[row : row + 1], f"{states_text(alone)}, alone")
 
     def test_two_calls_give_the_same_to_the_last_bit(self, fitted: Surrogate, unseen: TrainingSet) -> None:
         one, two = fitted.predict(unseen.states), fitted.predict(unseen.states)
-        assert_identical(two, one, f"{these(unseen.states)}, predicted twice")
+        assert_identical(two, one, f"{states_text(unseen.states)}, predicted twice")
 
     def test_derivatives_only_where_they_are_wanted(self, fitted: Surrogate, unseen: TrainingSet) -> None:
         states = unseen.states[:20]
         plain, whole = fitted.predict(states, tangent=False), fitted.predict(states)
-        state = f"{these(states)}, tangent=False"
+        state = f"{states_text(states)}, tangent=False"
         holds(plain.tangent is None, state, "no derivatives", "derivatives")
         for name in RESPONSES:
             if getattr(whole, name) is not None:
@@ -164,11 +170,11 @@ class SurrogateSuite(Files, Trainings):
         """``provides``, unless it is None, lists the responses that are there, each with its derivatives."""
         response = fitted.predict(unseen.states[:3])
         found = {name for name in RESPONSES if getattr(response, name) is not None}
-        says, state = fitted.provides, these(unseen.states[:3])
+        says, state = fitted.provides, states_text(unseen.states[:3])
         if says is not None:
             declared = set(says) & set(RESPONSES)
             holds(declared == found, state, f"the responses of provides, {sorted(declared)}", sorted(found))
-        with_slopes = dict(provided(response))
+        with_slopes = dict(with_derivatives(response))
         for name in found & {"mean_grad", "stress", "fluid_volume"}:
             empty = np.isnan(getattr(response, name)).all()
             holds(name in with_slopes or empty, state, f"derivatives of {name}", "None")
@@ -176,9 +182,9 @@ class SurrogateSuite(Files, Trainings):
     def test_reference_state_is_exact(self, fitted: Surrogate, data: TrainingSet) -> None:
         """With its derivatives; where ``exact_at_rest`` is False, within the declared accuracy and without them."""
         at_rest = fitted.predict(MacroState.zeros(1))
-        known = dict(provided(data.reference))
+        known = dict(with_derivatives(data.reference))
         exact = type(fitted).exact_at_rest
-        for name, slopes in provided(at_rest):
+        for name, slopes in with_derivatives(at_rest):
             span = float(np.ptp(getattr(data.responses, name), axis=0).max())
             within = 1e-12 if exact else type(fitted).expected_error * span
             near(name, getattr(at_rest, name), getattr(data.reference, name), "at rest", within=within)
@@ -190,13 +196,13 @@ class SurrogateSuite(Files, Trainings):
         x = np.array([[-0.1, 0.1], [-0.2001, 0.1], [-0.1, 0.2401], [0.0, 0.0], [0.1, 0.3]])
         states = INPUTS.scatter(x)
         states.grad_u[3, 0, 1] = 0.01
-        outside = there(
+        outside = require(
             "outside_training_range",
             fitted.predict(states, tangent=False).outside_training_range,
-            these(states),
+            states_text(states),
         )
         for row, flagged in enumerate([False, True, True, True, True]):
-            state = words(states.grad_u[row], states.p[row])
+            state = state_text(states.grad_u[row], states.p[row])
             holds(
                 bool(outside[row]) == flagged,
                 state,
@@ -204,7 +210,7 @@ class SurrogateSuite(Files, Trainings):
                 bool(outside[row]),
             )
         trained = fitted.predict(data.states, tangent=False).outside_training_range
-        count = int(there("outside_training_range", trained, "the states of the training").sum())
+        count = int(require("outside_training_range", trained, "the states of the training").sum())
         holds(not count, "the states of the training", "none outside", f"{count} outside")
 
     def test_invalid_options_are_refused(self) -> None:
@@ -218,14 +224,14 @@ def _same_rows(found: CellResponse, expected: CellResponse, state: str) -> None:
     same("status", found.status, expected.status, state)
     same(
         "outside_training_range",
-        there("outside_training_range", found.outside_training_range, state),
-        there("outside_training_range", expected.outside_training_range, state),
+        require("outside_training_range", found.outside_training_range, state),
+        require("outside_training_range", expected.outside_training_range, state),
         state,
     )
     for name in RESPONSES:
         if getattr(expected, name) is not None:
             near(name, getattr(found, name), getattr(expected, name), state, within=1e-12)
-    others = dict(provided(found))
-    for name, slopes in provided(expected):
+    others = dict(with_derivatives(found))
+    for name, slopes in with_derivatives(expected):
         for what, one, other in zip(("H", "p"), others[name], slopes, strict=True):
             near(f"d{name}/d{what}", one, other, state, within=1e-10)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from porocore.states import Array, CellResponse, MacroState
-from porocore.testing.compare import RESPONSES, provided
+from porocore.testing.compare import RESPONSES, with_derivatives
 
 #: Names of the functions and methods that read a pickle.
 READ = ("load", "loads")
@@ -21,7 +21,7 @@ def arrays(response: CellResponse) -> dict[str, Array]:
     """Return what a surrogate predicts, with the derivatives, by names."""
     found = {name: getattr(response, name) for name in RESPONSES if getattr(response, name) is not None}
     found["outside_training_range"] = np.asarray(response.outside_training_range, float)
-    for name, (by_H, by_p) in provided(response):
+    for name, (by_H, by_p) in with_derivatives(response):
         found |= {f"d{name} by H": by_H, f"d{name} by p": by_p}
     return found
 

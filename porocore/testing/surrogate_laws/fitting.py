@@ -47,7 +47,7 @@ class Fitting(Suite):
         return 0.6 * type(surrogate).expected_error
 
     @staticmethod
-    def slope_accuracy(surrogate: Surrogate) -> float:
+    def derivative_accuracy(surrogate: Surrogate) -> float:
         """The same for the derivatives with respect to the sampled inputs."""
         return 6 * type(surrogate).expected_error
 

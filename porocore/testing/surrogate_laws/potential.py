@@ -7,8 +7,8 @@ import pytest
 
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, MacroState
-from porocore.testing.compare import RESPONSES, provided
-from porocore.testing.expect import holds, near, there, these
+from porocore.testing.compare import RESPONSES, with_derivatives
+from porocore.testing.expect import holds, near, require, states_text
 from porocore.testing.surrogate_laws.base import SurrogateSuite
 
 
@@ -30,9 +30,9 @@ class PotentialSuite(SurrogateSuite):
     def test_it_provides_a_potential(self, fitted: Surrogate, states: MacroState) -> None:
         response = fitted.predict(states)
         for name in RESPONSES:
-            there(name, getattr(response, name), these(states))
-        found, wanted = sorted(dict(provided(response))), ["fluid_volume", "mean_grad", "stress"]
-        holds(found == wanted, these(states), f"derivatives of {wanted}", found)
+            require(name, getattr(response, name), states_text(states))
+        found, wanted = sorted(dict(with_derivatives(response))), ["fluid_volume", "mean_grad", "stress"]
+        holds(found == wanted, states_text(states), f"derivatives of {wanted}", found)
 
     def test_rest_is_free_of_energy_and_stress(self, fitted: Surrogate, data: TrainingSet) -> None:
         at_rest = fitted.predict(MacroState.zeros(1))
@@ -41,15 +41,17 @@ class PotentialSuite(SurrogateSuite):
         near("fluid_volume", at_rest.fluid_volume, data.reference.fluid_volume, "at rest", within=1e-12)
 
     def test_the_tangent_is_symmetric(self, fitted: Surrogate, states: MacroState) -> None:
-        tangent = there("derivatives", fitted.predict(states).tangent, these(states))
-        A = there("∂P_E/∂H", tangent.stress_grad_u, these(states))
-        near("∂P_E/∂H, with major symmetry,", A, A.transpose(0, 3, 4, 1, 2), these(states), within=1e-12)
+        tangent = require("derivatives", fitted.predict(states).tangent, states_text(states))
+        A = require("∂P_E/∂H", tangent.stress_grad_u, states_text(states))
+        near(
+            "∂P_E/∂H, with major symmetry,", A, A.transpose(0, 3, 4, 1, 2), states_text(states), within=1e-12
+        )
 
     def test_reciprocity(self, fitted: Surrogate, states: MacroState) -> None:
         """∂P_E/∂p = −∂φ/∂H."""
-        tangent = there("derivatives", fitted.predict(states).tangent, these(states))
-        by_H = there("∂φ/∂H", tangent.fluid_volume_grad_u, these(states))
-        near("∂P_E/∂p = −∂φ/∂H", tangent.stress_p, -by_H, these(states), within=1e-12)
+        tangent = require("derivatives", fitted.predict(states).tangent, states_text(states))
+        by_H = require("∂φ/∂H", tangent.fluid_volume_grad_u, states_text(states))
+        near("∂P_E/∂p = −∂φ/∂H", tangent.stress_p, -by_H, states_text(states), within=1e-12)
 
     def test_objectivity(self, fitted: Surrogate, states: MacroState) -> None:
         """W and φ do not feel a rotation; P_E and <∇u¹> turn with it."""
@@ -57,10 +59,16 @@ class PotentialSuite(SurrogateSuite):
         turned = MacroState(R @ (np.eye(3) + states.grad_u) - np.eye(3), states.p)
         before, after = fitted.predict(states, tangent=False), fitted.predict(turned, tangent=False)
         for name in ("potential", "fluid_volume"):
-            near(name, getattr(after, name), getattr(before, name), f"{these(states)}, turned", within=1e-12)
+            near(
+                name,
+                getattr(after, name),
+                getattr(before, name),
+                f"{states_text(states)}, turned",
+                within=1e-12,
+            )
         for name in ("stress", "mean_grad"):
             expected = R @ getattr(before, name)
-            near(name, getattr(after, name), expected, f"{these(states)}, turned", within=1e-12)
+            near(name, getattr(after, name), expected, f"{states_text(states)}, turned", within=1e-12)
 
     @pytest.mark.parametrize("seed", [0, 1, 2])
     def test_a_closed_cycle_does_no_work(self, fitted: Surrogate, seed: int) -> None:
@@ -74,8 +82,8 @@ class PotentialSuite(SurrogateSuite):
         )
         response = fitted.predict(loop, tangent=False)
         dH, dp = cos[:, None, None] * H2 - sin[:, None, None] * H1, cos * p2 - sin * p1
-        stress = there("stress", response.stress, these(loop))
-        volume = there("fluid_volume", response.fluid_volume, these(loop))
+        stress = require("stress", response.stress, states_text(loop))
+        volume = require("fluid_volume", response.fluid_volume, states_text(loop))
         power = np.einsum("nij,nij->n", stress, dH) - volume * dp
         state = f"a closed loop of {len(angle)} states"
         mean = np.abs(power).mean()

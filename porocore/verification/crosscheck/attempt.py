@@ -12,7 +12,7 @@ P = ParamSpec("P")
 
 
 @dataclass(frozen=True)
-class Attempt(Generic[T]):
+class TimedOutcome(Generic[T]):
     """What came of it: a value, or the reason why there is none; and the wall time [s]."""
 
     value: T | None
@@ -20,12 +20,12 @@ class Attempt(Generic[T]):
     seconds: float
 
 
-def attempt(what: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Attempt[T]:
+def attempt(what: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> TimedOutcome[T]:
     """Call foreign code; whatever it raises is the reason."""
     began = time.perf_counter()
     try:
         value = what(*args, **kwargs)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - foreign code, kept and shown
         text = " ".join(str(error).split()) or "no message"
-        return Attempt(None, f"{type(error).__name__}: {text}", time.perf_counter() - began)
-    return Attempt(value, "", time.perf_counter() - began)
+        return TimedOutcome(None, f"{type(error).__name__}: {text}", time.perf_counter() - began)
+    return TimedOutcome(value, "", time.perf_counter() - began)

@@ -39,7 +39,7 @@ class CrossCheck:
     """
 
     config: RunConfig
-    contestants: BackendSelection
+    selection: BackendSelection
     comparisons: tuple[Comparison, ...]
     cells: tuple[CellRun, ...]
     samples: SharedSamples | None

@@ -38,7 +38,7 @@ PARTS: dict[Part, tuple[str, str, str]] = {
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """One part on the page."""
 
     part: Part
@@ -114,7 +114,7 @@ def _sections(result: CrossCheck) -> Any:
         lines = [line for line in result.comparisons if line.part == part]
         pictures = _pictures(result) if part == "body" else []
         if lines or pictures:
-            yield Section(part, title, case, text, lines, pictures)
+            yield PageSection(part, title, case, text, lines, pictures)
 
 
 def _pictures(result: CrossCheck) -> list[Picture]:

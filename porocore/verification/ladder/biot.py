@@ -8,7 +8,7 @@ from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import Array
 
 
-def isotropic(
+def isotropic_coefficients(
     lame: float, shear: float, biot: float, storage: float, conductivity: float
 ) -> LinearCoefficients:
     """Coefficients from λ and μ of the drained frame, α, 1/M_B and k/μ_f, in units that fit together."""

@@ -52,7 +52,7 @@ Solve = Callable[[Any, bool], Sequence[Check]]
 
 
 @dataclass(frozen=True)
-class Case:
+class VerificationCase:
     """Something that is known, in items that are solved one by one.
 
     Attributes
@@ -74,7 +74,7 @@ class Case:
     items: Mapping[str, Solve]
 
 
-def number(quantity: str, reference: float, ours: float, allowed: float, **more: Any) -> Check:
+def relative_check(quantity: str, reference: float, ours: float, allowed: float, **more: Any) -> Check:
     """A number against its reference, with the relative error."""
     return Check(quantity, abs(ours / reference - 1), allowed, reference, ours, **more)
 

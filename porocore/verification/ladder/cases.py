@@ -19,9 +19,9 @@ from porocore.verification.ladder import (
     unconfined,
     xie_leo,
 )
-from porocore.verification.ladder.case import Case, Check, Solve
+from porocore.verification.ladder.case import Check, Solve, VerificationCase
 
-CASES: dict[str, Case] = {
+CASES: dict[str, VerificationCase] = {
     case.name: case
     for case in (
         permeability.CHANNEL,
@@ -40,7 +40,7 @@ KINDS: tuple[Kind, ...] = ("cell solver", "macro solver")
 
 
 @dataclass(frozen=True)
-class Row:
+class CaseResult:
     """One line of the table: a check, or the reason why there is none, which is a failure.
 
     Attributes
@@ -78,7 +78,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Backends:
+class SolverSelection:
     """Who climbs.
 
     Attributes
@@ -92,11 +92,11 @@ class Backends:
     """
 
     names: dict[Kind, tuple[str, ...]]
-    broken: tuple[Row, ...] = ()
+    broken: tuple[CaseResult, ...] = ()
     absent: tuple[str, ...] = ()
 
 
-def find_backends(fem: Sequence[str] = ()) -> Backends:
+def select_solvers(fem: Sequence[str] = ()) -> SolverSelection:
     """The installed finite-element backends, or those that are named.
 
     Raises
@@ -114,12 +114,12 @@ def find_backends(fem: Sequence[str] = ()) -> Backends:
             if not any(name in ready[kind] for kind in KINDS):
                 registry().find("cell solver", name)
         chosen = {kind: tuple(n for n in dict.fromkeys(fem) if n in ready[kind]) for kind in KINDS}
-        return Backends(chosen)
+        return SolverSelection(chosen)
     if not any(ready.values()):
         why = [f"{row.name} ({row.state}): {row.advice}" for row in table if row.kind in (*KINDS, "")]
         raise PluginError(f"there is no finite-element backend; install one: {'; '.join(dict.fromkeys(why))}")
     broken = [
-        Row("", "", row.distribution, None, f"{row.state}: {row.advice}")
+        CaseResult("", "", row.distribution, None, f"{row.state}: {row.advice}")
         for row in table
         if row.state in ("broken", "offered twice") and row.kind in (*KINDS, "")
     ]
@@ -129,10 +129,10 @@ def find_backends(fem: Sequence[str] = ()) -> Backends:
         if row.state == "missing dependency" and row.kind in KINDS
     ]
     names = {kind: tuple(found) for kind, found in ready.items()}
-    return Backends(names, tuple(dict.fromkeys(broken)), tuple(dict.fromkeys(absent)))
+    return SolverSelection(names, tuple(dict.fromkeys(broken)), tuple(dict.fromkeys(absent)))
 
 
-def find_cases(names: Sequence[str] = ()) -> list[Case]:
+def select_cases(names: Sequence[str] = ()) -> list[VerificationCase]:
     """Those that are named, all if none is, in the order of the ladder.
 
     Raises
@@ -147,12 +147,12 @@ def find_cases(names: Sequence[str] = ()) -> list[Case]:
 
 
 def run_cases(
-    cases: Sequence[Case],
-    backends: Backends,
+    cases: Sequence[VerificationCase],
+    backends: SolverSelection,
     *,
     long: bool = False,
     on_item: Callable[[str, int, int], None] | None = None,
-) -> list[Row]:
+) -> list[CaseResult]:
     """Solve every item of every case with every backend; what raises is a failed row, and the others go on.
 
     ``on_item`` is told what comes next, how many items are done and how many there are.
@@ -173,12 +173,12 @@ def run_cases(
     return rows
 
 
-def solve_item(case: Case, item: str, backend: str, *, long: bool = False) -> list[Row]:
+def solve_item(case: VerificationCase, item: str, backend: str, *, long: bool = False) -> list[CaseResult]:
     """The rows of one item with one backend."""
     outcome = attempt(_solve, case.items[item], case.kind, backend, long)
     if outcome.value is None:
-        return [Row(case.name, item, backend, None, outcome.reason, outcome.seconds)]
-    return [Row(case.name, item, backend, check, "", outcome.seconds) for check in outcome.value]
+        return [CaseResult(case.name, item, backend, None, outcome.reason, outcome.seconds)]
+    return [CaseResult(case.name, item, backend, check, "", outcome.seconds) for check in outcome.value]
 
 
 def _solve(solve: Solve, kind: Kind, backend: str, long: bool) -> Sequence[Check]:

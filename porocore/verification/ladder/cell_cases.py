@@ -16,7 +16,7 @@ from porocore.cell.meshing.mesh import MeshSettings
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import Array, CellResponse, MacroState
-from porocore.verification.ladder.case import Case, Check, number
+from porocore.verification.ladder.case import Check, VerificationCase, relative_check
 
 #: What is checked holds on every mesh.
 MESH, FINE = MeshSettings(size=0.2, fluid_size=0.14), MeshSettings(size=0.1, fluid_size=0.1)
@@ -46,7 +46,7 @@ def at_rest(solver: CellSolver, long: bool) -> Sequence[Check]:
     return [
         Check("Q_ii = (1 − 2ν)(M_2222 + 2 M_2211)", identities.uniform_pressure(rest.tangent, nu), EXACT),
         Check("φ_f I − I:M = φ_f I − C:Q", identities.biot_forms(linear), EXACT),
-        number(
+        relative_check(
             "Biot modulus −1/tr Q > 0",
             identities.biot_modulus(linear, porosity, nu),
             linear.biot_modulus,
@@ -55,7 +55,7 @@ def at_rest(solver: CellSolver, long: bool) -> Sequence[Check]:
         ),
         Check("cubic symmetry of M", identities.cubic_symmetry(rest.tangent.mean_grad_grad_u[0]), EXACT),
         Check("K = Kᵀ", identities.misfit(K.T, K), EXACT),
-        number("smallest over largest eigenvalue of K", 1.0, float(values[0] / values[-1]), EXACT),
+        relative_check("smallest over largest eigenvalue of K", 1.0, float(values[0] / values[-1]), EXACT),
     ]
 
 
@@ -67,8 +67,8 @@ def derivatives(state: tuple[Array, float], solver: CellSolver, prepared: Any) -
     if np.abs(H - np.diag(np.diag(H))).max() == 0:
         dH = np.diag(np.diag(dH))
     at = solver.solve(prepared, MacroState.single(H, p)).response
-    around = [solver.solve(prepared, s).response for s in identities.steps_around(H, p, dH, dp, STEP)]
-    differences = identities.slopes(around, STEP)
+    around = [solver.solve(prepared, s).response for s in identities.stencil_states(H, p, dH, dp, STEP)]
+    differences = identities.difference_quotients(around, STEP)
     assert at.tangent is not None
     checks = [
         Check(
@@ -78,7 +78,7 @@ def derivatives(state: tuple[Array, float], solver: CellSolver, prepared: Any) -
             identities.misfit(differences[name], slope),
             DIFFERENCE,
         )
-        for name, slope in identities.along(at, dH, dp).items()
+        for name, slope in identities.linear_changes(at, dH, dp).items()
     ]
     return [
         *checks,
@@ -134,7 +134,7 @@ def _homogeneous(state: tuple[Array, float]) -> Any:
     return solve
 
 
-HOMOGENEOUS = Case(
+HOMOGENEOUS = VerificationCase(
     "homogeneous",
     "Cell without pores",
     "the material's own law",
@@ -144,7 +144,7 @@ HOMOGENEOUS = Case(
         "general H": _homogeneous((np.array([[0.1, 0.2, 0], [0, -0.15, 0.05], [0, 0, 0.1]]), 0.3)),
     },
 )
-IDENTITIES = Case(
+IDENTITIES = VerificationCase(
     "identities",
     "Identities of the cell",
     "Dehghani & Zilian 2022; reciprocity, objectivity, Hill–Mandel",

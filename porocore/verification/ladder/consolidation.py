@@ -18,8 +18,8 @@ from porocore.macro.analytic.mandel import Mandel
 from porocore.macro.analytic.terzaghi import Terzaghi
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import MacroProblem
-from porocore.verification.ladder.biot import isotropic, relative_l2
-from porocore.verification.ladder.case import Case, Check, observed_order
+from porocore.verification.ladder.biot import isotropic_coefficients, relative_l2
+from porocore.verification.ladder.case import Check, VerificationCase, observed_order
 
 #: A load cannot act at once: it is there after this share of the first step.
 SUDDEN = 1e-6
@@ -32,7 +32,9 @@ PUBLISHED = "PorePy's error at the same resolution"
 
 def terzaghi(solver: MacroSolver, long: bool) -> Sequence[Check]:
     """A column of 1 m under 0.6 GPa; units of m, s and GPa."""
-    coefficients = isotropic(lame=1.65, shear=1.475, biot=1.0, storage=0.0, conductivity=9.86e-14 / 1e-12)
+    coefficients = isotropic_coefficients(
+        lame=1.65, shear=1.475, biot=1.0, storage=0.0, conductivity=9.86e-14 / 1e-12
+    )
     layer = Terzaghi.from_coefficients(coefficients, height=1.0, load=0.6)
     law = LinearPoroelasticity(coefficients)
     # The error is that of the steps and of the elements: both are refined, steps with the square.
@@ -127,7 +129,7 @@ def _mandel_errors(
     solution = _solve(
         solver,
         LinearPoroelasticity(
-            isotropic(block.lame, block.shear, block.biot, block.storage, block.conductivity)
+            isotropic_coefficients(block.lame, block.shear, block.biot, block.storage, block.conductivity)
         ),
         size=(block.half_width, 10, 2),
         elements=(50, 5, 1),
@@ -162,14 +164,14 @@ def _solve(solver: MacroSolver, law: LinearPoroelasticity, **problem: Any) -> Ma
     return solver.solve(solver.prepare(MacroProblem.model_validate(problem | {"body": body})), law)
 
 
-TERZAGHI_CASE = Case(
+TERZAGHI_CASE = VerificationCase(
     "terzaghi",
     "One-dimensional consolidation",
     "Terzaghi 1923; errors to be undercut: PorePy 1.8, tests of terzaghi_biot",
     "macro solver",
     {"10 cells": terzaghi},
 )
-MANDEL_CASE = Case(
+MANDEL_CASE = VerificationCase(
     "mandel",
     "Block between rigid plates",
     "Mandel 1953; Cheng & Detournay 1988; errors to be undercut: PorePy 1.8, tests of mandel_biot",

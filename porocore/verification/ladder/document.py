@@ -14,7 +14,7 @@ from porocore.core.files.atomic import atomic_path
 FORMAT, VERSION = "porocore-verification", 1
 
 
-def document(rows: Sequence[ladder.Row], *, long: bool) -> dict[str, Any]:
+def document(rows: Sequence[ladder.CaseResult], *, long: bool) -> dict[str, Any]:
     """Everything in the table; a number that is none is null."""
     return {
         "format": FORMAT,
@@ -25,18 +25,18 @@ def document(rows: Sequence[ladder.Row], *, long: bool) -> dict[str, Any]:
     }
 
 
-def text(rows: Sequence[ladder.Row], *, long: bool) -> str:
+def text(rows: Sequence[ladder.CaseResult], *, long: bool) -> str:
     """The document as JSON."""
     return json.dumps(document(rows, long=long), indent=1, ensure_ascii=False) + "\n"
 
 
-def write(path: Path, rows: Sequence[ladder.Row], *, long: bool) -> None:
+def write(path: Path, rows: Sequence[ladder.CaseResult], *, long: bool) -> None:
     """The document into a file, atomically."""
     with atomic_path(path) as part:
         part.write_text(text(rows, long=long), encoding="utf-8")
 
 
-def _row(row: ladder.Row) -> dict[str, Any]:
+def _row(row: ladder.CaseResult) -> dict[str, Any]:
     case = ladder.CASES.get(row.case)
     found: dict[str, Any] = {
         "case": row.case,

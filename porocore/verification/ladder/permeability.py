@@ -13,7 +13,7 @@ from porocore.cell.geometry.kinds import CylinderArray, Geometry, OrthogonalChan
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.interfaces.cell import CellSolver
 from porocore.states import Array
-from porocore.verification.ladder.case import Case, Check, number, observed_order
+from porocore.verification.ladder.case import Check, VerificationCase, observed_order, relative_check
 
 #: Drag F = 6π μ a 𝒦 U of a sphere of radius a in a simple cubic array of concentration c (Zick & Homsy, table 2).
 SPHERES = {0.027: 2.008, 0.064: 2.810, 0.125: 4.292, 0.216: 7.442, 0.343: 15.4, 0.45: 28.1, np.pi / 6: 42.1}
@@ -60,7 +60,7 @@ def _levels(count: int, ratio: float = 1.4, first: int = 0) -> list[float]:
 
 def _check(quantity: str, reference: float, sizes: list[float], values: list[float], note: str = "") -> Check:
     order = observed_order(sizes, values) if len(values) > 3 else None
-    return number(quantity, reference, values[-1], ALLOWED, order=order, note=note)
+    return relative_check(quantity, reference, values[-1], ALLOWED, order=order, note=note)
 
 
 def channel(radius: float, solver: CellSolver, long: bool) -> Sequence[Check]:
@@ -72,7 +72,7 @@ def channel(radius: float, solver: CellSolver, long: bool) -> Sequence[Check]:
     values = [float(k[2, 2]) for k in K]
     order = observed_order([1 / level for level in levels], values, exact)
     return [
-        number("K μ along it", exact, values[-1], 1e-3, order=order),
+        relative_check("K μ along it", exact, values[-1], 1e-3, order=order),
         Check("K across it, of that along it", float(abs(K[-1][0, 0]) / values[-1]), 1e-5),
     ]
 
@@ -106,7 +106,9 @@ def cylinders(concentration: float, solver: CellSolver, long: bool) -> Sequence[
     if narrow:
         reference = 2**1.5 / (9 * np.pi) * (1 - 2 * radius) ** 2.5
         note = "leading term of lubrication theory for a narrow gap, for comparison"
-        checks.append(number("K μ across the axis, lubrication", reference, values[-1], ALLOWED, note=note))
+        checks.append(
+            relative_check("K μ across the axis, lubrication", reference, values[-1], ALLOWED, note=note)
+        )
     return checks
 
 
@@ -114,17 +116,17 @@ def _items(solve: Callable[..., Sequence[Check]], keys: Sequence[float], name: s
     return {f"{name} = {key:.4g}": partial(solve, key) for key in keys}
 
 
-CHANNEL = Case(
+CHANNEL = VerificationCase(
     "channel", "Straight channel", "Hagen–Poiseuille", "cell solver", _items(channel, (0.15, 0.25), "r")
 )
-SPHERE_ARRAY = Case(
+SPHERE_ARRAY = VerificationCase(
     "spheres",
     "Simple cubic array of spheres",
     "Zick & Homsy 1982, J. Fluid Mech. 115, table 2",
     "cell solver",
     _items(spheres, tuple(SPHERES), "c"),
 )
-CYLINDER_ARRAY = Case(
+CYLINDER_ARRAY = VerificationCase(
     "cylinders",
     "Square array of cylinders",
     "Sangani & Acrivos 1982, Int. J. Multiphase Flow 8, table 1",

@@ -22,7 +22,7 @@ from porocore.testing.synthetic.response import (
     confined_column,
     cubic_reference,
 )
-from porocore.verification.ladder.case import Case, Check, observed_order
+from porocore.verification.ladder.case import Check, VerificationCase, observed_order
 
 #: The largest moves the top by a tenth of the height.
 LOADS = (0.04, 0.02, 0.01, 0.005)
@@ -109,7 +109,7 @@ def _relative(name: str, one: History, other: History) -> float:
     return float(np.abs(a - b).max() / np.abs(b).max())
 
 
-CASE = Case(
+CASE = VerificationCase(
     "small-strain",
     "Small-strain limit",
     "Biot 1941, with the coefficients of the same cell",

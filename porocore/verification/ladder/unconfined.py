@@ -13,8 +13,8 @@ from porocore.macro.body.meshed import body_mesh
 from porocore.macro.body.surfaces import Facets
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import MacroProblem
-from porocore.verification.ladder.biot import isotropic
-from porocore.verification.ladder.case import Case, Check, observed_order
+from porocore.verification.ladder.biot import isotropic_coefficients
+from porocore.verification.ladder.case import Check, VerificationCase, observed_order
 
 #: Of the largest value of each quantity over time.
 ALLOWED = 0.01
@@ -68,7 +68,7 @@ def _errors(
             "time": time | {"tolerance": tolerance},
         }
     )
-    coefficients = isotropic(exact.lame, exact.shear, 1.0, STORAGE, exact.conductivity)
+    coefficients = isotropic_coefficients(exact.lame, exact.shear, 1.0, STORAGE, exact.conductivity)
     solution = solver.solve(solver.prepare(problem), LinearPoroelasticity(coefficients))
     mesh = body_mesh(problem)
     area = float(Facets(mesh, mesh.surfaces["y+"]).areas.sum())
@@ -90,7 +90,7 @@ def _errors(
     return first, second, third
 
 
-CASE = Case(
+CASE = VerificationCase(
     "unconfined",
     "Unconfined compression of a poroelastic cylinder",
     "Armstrong, Lai & Mow 1984, J. Biomech. Eng. 106, 165–173",

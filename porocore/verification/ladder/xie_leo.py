@@ -11,7 +11,7 @@ from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.analytic.xie_leo import XieLeo
 from porocore.macro.problem import MacroProblem
-from porocore.verification.ladder.case import Case, Check, number, observed_order
+from porocore.verification.ladder.case import Check, VerificationCase, observed_order, relative_check
 from porocore.verification.ladder.clay_law import ClayLaw
 
 #: Time [s] → degree of consolidation by settlement, by pressure, and settlement [m] of the paper's layer.
@@ -59,9 +59,9 @@ def closed_form(solver: MacroSolver, long: bool) -> Sequence[Check]:
         degree = ours / layer.final_settlement
         # The times are published with five digits, so the numbers are good for some 1e-5.
         checks += [
-            number(f"U_s, {t:.5g} s", by_settlement, degree, 1e-4),
-            number(f"U_p, {t:.5g} s", by_pressure, layer.degree_by_pressure(t), 1e-4),
-            number(f"settlement [m], {t:.5g} s", settlement, ours, 1e-4),
+            relative_check(f"U_s, {t:.5g} s", by_settlement, degree, 1e-4),
+            relative_check(f"U_p, {t:.5g} s", by_pressure, layer.degree_by_pressure(t), 1e-4),
+            relative_check(f"settlement [m], {t:.5g} s", settlement, ours, 1e-4),
         ]
     return checks
 
@@ -79,9 +79,9 @@ def layer_of_clay(solver: MacroSolver, long: bool) -> Sequence[Check]:
         found = -float(last.profiles[i].u[:, 1].min())
         degree = 1 - mean_pressure(last, i) / layer.load
         checks += [
-            number(f"U_s, {t:.5g} s", by_settlement, found / layer.final_settlement, ALLOWED),
-            number(f"U_p, {t:.5g} s", by_pressure, degree, ALLOWED),
-            number(f"settlement [m], {t:.5g} s", settlement, found, ALLOWED),
+            relative_check(f"U_s, {t:.5g} s", by_settlement, found / layer.final_settlement, ALLOWED),
+            relative_check(f"U_p, {t:.5g} s", by_pressure, degree, ALLOWED),
+            relative_check(f"settlement [m], {t:.5g} s", settlement, found, ALLOWED),
         ]
         depth = layer.height - last.points[:, 1]
         error = float(np.abs(last.profiles[i].p - layer.pressure(depth, t)).max() / layer.load)
@@ -98,7 +98,7 @@ def _history_error(layer: XieLeo, solution: MacroSolution) -> float:
     return float(np.abs(history.settlement[later] - exact).max() / layer.final_settlement)
 
 
-CASE = Case(
+CASE = VerificationCase(
     "xie-leo",
     "Large-strain consolidation of clay",
     "Xie & Leo 2004, Comput. Geotech. 31, 301–314",

@@ -16,7 +16,7 @@ from porocore.core.files.atomic import atomic_path
 from porocore.errors import RunFolderError
 from porocore.report.figures.style import new_figure, png_bytes, styled
 from porocore.states import Array
-from porocore.verification.local_fields.pictures import View, box_of, draw
+from porocore.verification.local_fields.pictures import View, box_of, draw_views
 
 #: Colours of a phase with one region, and of several.
 COLOURS: dict[str, tuple[str, tuple[float, float]]] = {
@@ -71,7 +71,7 @@ def render_phases(cell: Cell, files: list[Path], picture: Path, *, titled: bool 
             colours, span = (REGIONS[0], (-0.5, REGIONS[1] - 0.5)) if several else COLOURS[mesh.phase]
             box, bounds = box_of(mesh.points)
             png = Path(scratch) / f"{mesh.phase}.png"
-            draw(
+            draw_views(
                 path, [View(str(png), "region", span, False, False, box, bounds, cmap=colours)], Path(scratch)
             )
             images[mesh.phase] = imread(png)[..., :3]

@@ -39,7 +39,7 @@ class NodalFields:
     @cached_property
     def grad(self) -> Array:
         """∇u¹, (N, 3, 3) [–]."""
-        return recovered(self.points, self.points.grad)
+        return recover_at_nodes(self.points, self.points.grad)
 
     @property
     def F(self) -> Array:
@@ -49,32 +49,32 @@ class NodalFields:
     @cached_property
     def J(self) -> Array:
         """det F, (N,)."""
-        return recovered(self.points, self.points.J)
+        return recover_at_nodes(self.points, self.points.J)
 
     @cached_property
     def energy(self) -> Array:
         """Ψ, (N,) [E]."""
-        return recovered(self.points, self.points.energy)
+        return recover_at_nodes(self.points, self.points.energy)
 
     @cached_property
     def stress(self) -> Array:
         """First Piola–Kirchhoff stress P, (N, 3, 3) [E]."""
-        return recovered(self.points, self.points.stress)
+        return recover_at_nodes(self.points, self.points.stress)
 
     @cached_property
     def cauchy(self) -> Array:
         """σ, (N, 3, 3) [E]."""
-        return recovered(self.points, self.points.cauchy)
+        return recover_at_nodes(self.points, self.points.cauchy)
 
     @cached_property
     def von_mises(self) -> Array:
         """Of σ, (N,) [E]."""
         trace = np.trace(self.points.cauchy, axis1=-2, axis2=-1)
         deviator = self.points.cauchy - trace[..., None, None] / 3 * np.eye(3)
-        return recovered(self.points, np.sqrt(1.5 * (deviator**2).sum(axis=(-2, -1))))
+        return recover_at_nodes(self.points, np.sqrt(1.5 * (deviator**2).sum(axis=(-2, -1))))
 
 
-def recovered(points: PointFields, values: Array) -> Array:
+def recover_at_nodes(points: PointFields, values: Array) -> Array:
     """Values (M, q, …) of the quadrature points at the nodes, (N, …).
 
     Extrapolated linearly from the quadrature points of each element, where a finite-element gradient is most accurate,

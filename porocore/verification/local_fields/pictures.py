@@ -110,7 +110,7 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
             for cut in (False, True):
                 png = str(Path(scratch) / f"{kind}-{int(cut)}.png")
                 views.append(View(png, scalars, (0.0, tops[kind]), kind == "disp", cut, box, bounds))
-        draw(vtu, views, Path(scratch))
+        draw_views(vtu, views, Path(scratch))
         for kind in tops:
             images = [imread(view.png)[..., :3] for view in views if Path(view.png).name.startswith(kind)]
             beyond = float(nodal.points.energy.max()) if kind == "energy" else None
@@ -121,7 +121,7 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
     return found
 
 
-def require() -> None:
+def require_pyvista() -> None:
     """Refuse at once what could not be drawn at the end.
 
     Raises
@@ -163,7 +163,7 @@ def box_of(
     return edges, tuple(float(x) for pair in zip(lows, highs, strict=True) for x in pair)
 
 
-def draw(vtu: Path, views: list[View], scratch: Path) -> None:
+def draw_views(vtu: Path, views: list[View], scratch: Path) -> None:
     """Every view of a file by a child process; with the next kind of window where one fails.
 
     Raises

@@ -45,7 +45,7 @@ class PointFields:
     u: Array
 
     @classmethod
-    def of(cls, cell: Cell, field: CellField) -> PointFields:
+    def from_cell_field(cls, cell: Cell, field: CellField) -> PointFields:
         """From what a cell solver returned; a field of the eighth is unfolded by its mirrors.
 
         Raises

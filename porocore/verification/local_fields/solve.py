@@ -100,7 +100,7 @@ def solve_and_write(
         from porocore.verification.local_fields.pictures import render
 
         status = Status(int(response.status[0]))
-        title = in_words(state, mathtext=True) + ("" if status is Status.converged else f" ({status.name})")
+        title = state_text(state, mathtext=True) + ("" if status is Status.converged else f" ({status.name})")
         drawn = render(vtu, nodal, folder, name, title)
     return LocalFields(response, points, nodal, vtu, drawn)
 
@@ -159,7 +159,7 @@ def state_row(cell: Cell, state: Mapping[str, float]) -> Array:
                 f"expected finite values of some of {', '.join(NAMES)}, got {cut(name)} = {value:g}"
             )
         row[NAMES.index(name)] = value
-    require_possible(row[:9], row[9], cell.modulus, in_words(state))
+    require_possible(row[:9], row[9], cell.modulus, state_text(state))
     return row
 
 
@@ -179,9 +179,9 @@ def solve_fields(
     if field is None:
         status = Status(int(solution.response.status[0]))
         raise PorocoreError(
-            f"{in_words(state)} has no local fields to write, its status is {status.name}: {MEANINGS[status]}"
+            f"{state_text(state)} has no local fields to write, its status is {status.name}: {MEANINGS[status]}"
         )
-    return solution.response, PointFields.of(cell, field)
+    return solution.response, PointFields.from_cell_field(cell, field)
 
 
 def write_paper_states(
@@ -197,7 +197,7 @@ def write_paper_states(
     }
 
 
-def in_words(state: Mapping[str, float], *, mathtext: bool = False) -> str:
+def state_text(state: Mapping[str, float], *, mathtext: bool = False) -> str:
     """``H22 = −0.2, p = 0.1``, for a figure with indices."""
     moved = {name: value for name, value in state.items() if value}
     if mathtext:

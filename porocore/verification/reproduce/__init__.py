@@ -14,7 +14,7 @@ from porocore.plugins.kinds import KINDS
 from porocore.study.benchmark import as_stated_path, benchmark_path
 from porocore.study.config.loading import load_config
 from porocore.study.preflight.checks import find_backends
-from porocore.verification.reproduce.catalogue import chosen
+from porocore.verification.reproduce.catalogue import select_figures
 
 #: Publications that can be recomputed.
 PAPERS = ("dehghani2022",)
@@ -67,15 +67,15 @@ def reproduce(
     RunFolderError
         The folder cannot be written, or holds something else.
     """
-    from porocore.verification.local_fields.pictures import require
+    from porocore.verification.local_fields.pictures import require_pyvista
     from porocore.verification.reproduce.make import claim_folder, draw, write_pages
     from porocore.verification.reproduce.study import Results
 
     if paper not in PAPERS:
         raise ConfigurationError(f"unknown publication {echo(paper)}; expected {', '.join(PAPERS)}")
-    wanted = chosen(figures)
+    wanted = select_figures(figures)
     if pictures and any(figure.stage == "fields" for figure in wanted):
-        require()
+        require_pyvista()
     config, stated = (
         load_config(path).with_backends(fem, surrogate) for path in (benchmark_path(), as_stated_path())
     )

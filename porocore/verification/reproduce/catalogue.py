@@ -147,7 +147,7 @@ FIGURES: tuple[PaperFigure, ...] = (
 )
 
 
-def chosen(wanted: Sequence[str] | None) -> tuple[PaperFigure, ...]:
+def select_figures(wanted: Sequence[str] | None) -> tuple[PaperFigure, ...]:
     """The figures with these numbers, ``13`` or ``13a``; all for None.
 
     Raises

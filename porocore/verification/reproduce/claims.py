@@ -54,7 +54,7 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Row:
+class CheckedClaim:
     """A claim beside its finding."""
 
     where: str
@@ -64,22 +64,24 @@ class Row:
     why: str
 
 
-def rows(claims: tuple[Claim, ...], results: Results) -> list[Row]:
+def check_claims(claims: tuple[Claim, ...], results: Results) -> list[CheckedClaim]:
     """All of them, in order."""
     made = []
     for claim in claims:
         finding = claim.check(results)
-        made.append(Row(claim.where, claim.said, finding.text, finding.verdict, finding.why))
+        made.append(CheckedClaim(claim.where, claim.said, finding.text, finding.verdict, finding.why))
     return made
 
 
-def compared(published: float, found: float, tolerance: float, why: str = "", more: str = "") -> Finding:
+def compare_number(
+    published: float, found: float, tolerance: float, why: str = "", more: str = ""
+) -> Finding:
     """A number beside ours; agrees within a relative tolerance."""
     off = found / published - 1
     text = f"{number(found)} ({100 * off:+.1f} %)".replace("-", "−") + more
     return Finding(text, "yes" if abs(off) <= tolerance else "no", why)
 
 
-def judged(holds: bool, text: str, why: str = "") -> Finding:
+def judge_statement(holds: bool, text: str, why: str = "") -> Finding:
     """A statement that holds or does not."""
     return Finding(text, "yes" if holds else "no", "" if holds else why)

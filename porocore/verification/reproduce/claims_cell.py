@@ -8,7 +8,7 @@ from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.report.format import number, plain
 from porocore.states import Array
-from porocore.verification.reproduce.claims import Claim, Finding, Verdict, compared, judged
+from porocore.verification.reproduce.claims import Claim, Finding, Verdict, compare_number, judge_statement
 from porocore.verification.reproduce.column import at
 from porocore.verification.reproduce.study import Results
 
@@ -18,7 +18,7 @@ RADIUS = "the paper's text gives r = 0.2, but its K, M and Q belong to r = 0.25"
 def _two_radii(published: float, here: float, there: float) -> Finding:
     """A value of the undeformed cell for r = 0.25, and beside it that of the text's r = 0.2."""
     why = RADIUS if abs(here / there - 1) > 0.5 else ""
-    return compared(published, here, 0.01, why, f"; r = 0.2: {number(there)}")
+    return compare_number(published, here, 0.01, why, f"; r = 0.2: {number(there)}")
 
 
 def _radius(results: Results) -> float:
@@ -30,7 +30,7 @@ def _radius(results: Results) -> float:
 def _porosity(results: Results) -> Finding:
     stated = results.as_stated_config.cell.geometry
     here = results.config.cell.geometry
-    return compared(0.29, stated.porosity, 0.02, "", f" for r = 0.2; r = 0.25: {number(here.porosity)}")
+    return compare_number(0.29, stated.porosity, 0.02, "", f" for r = 0.2; r = 0.25: {number(here.porosity)}")
 
 
 def _conductivity(results: Results) -> Finding:
@@ -81,7 +81,7 @@ def _intersection(results: Results, name: str, values: Array) -> Finding:
     points = results.fields[name].nodal.points.mesh.points
     place = np.abs(points[int(np.argmax(values))])
     where = ", ".join(number(float(x), 2) for x in np.sort(place))
-    return judged(
+    return judge_statement(
         bool((place <= 1.05 * radius).all()),
         f"the largest value lies at |Y| = ({where}), in order of size; the channels of r = {plain(radius)} cross "
         f"within |Y_i| ≤ {plain(radius)}",
@@ -102,7 +102,7 @@ def _elongation(results: Results) -> Finding:
     nodal = results.fields["uni"].nodal
     moved = nodal.points.mesh.points + nodal.displacement
     extents = ", ".join(number(float(x), 3) for x in np.ptp(moved, axis=0))
-    return judged(
+    return judge_statement(
         bool(np.ptp(moved[:, 0]) > 1.05 * np.ptp(moved[:, 1])),
         f"the deformed solid measures {extents} along X, Y and Z at H_11 = 0.4",
     )
@@ -113,7 +113,7 @@ def _energy_uniaxial(results: Results) -> Finding:
     high = nodal.energy >= 0.5 * nodal.energy.max()
     farthest = float(np.abs(nodal.points.mesh.points[high, 0]).max())
     radius = _radius(results)
-    return judged(
+    return judge_statement(
         farthest <= radius,
         f"Ψ is above half of its largest value only where |Y_1| ≤ {number(farthest, 2)}",
     )
@@ -123,7 +123,7 @@ def _concentration(results: Results) -> Finding:
     points = results.fields["shear"].nodal.points
     mean = float(points.mean(points.energy)) / float(points.volume.sum())
     ratio = float(points.energy.max()) / mean
-    return judged(ratio > 3, f"the largest Ψ is {number(ratio, 2)} times the mean at H_12 = 0.4")
+    return judge_statement(ratio > 3, f"the largest Ψ is {number(ratio, 2)} times the mean at H_12 = 0.4")
 
 
 def _shear_diagonal(results: Results) -> Finding:
@@ -131,7 +131,7 @@ def _shear_diagonal(results: Results) -> Finding:
     top = float(shear.values[np.isfinite(shear.quantities["avg_grad_11"])][-1])
     found = {ii: at(shear.values, shear.quantities[f"avg_grad_{ii}"], top) for ii in ("11", "22", "33")}
     listed = ", ".join(f"{number(value, 2)} ({ii})" for ii, value in found.items())
-    return judged(
+    return judge_statement(
         max(map(abs, found.values())) > 0.02,
         f"averages of ∂u¹_i/∂Y_i at H_12 = {plain(top)}: {listed}; the linear theory has 0",
     )
@@ -155,7 +155,7 @@ def _nonlinear_profiles(results: Results) -> Finding:
         texts.append(
             f"{100 * off:+.0f} % at {name} = {plain(round(float(along.values[end]), 3))}".replace("-", "−")
         )
-    return judged(largest > 0.1, "away from the tangent at rest: " + ", ".join(texts))
+    return judge_statement(largest > 0.1, "away from the tangent at rest: " + ", ".join(texts))
 
 
 def _max_against_average(results: Results) -> Finding:
@@ -166,7 +166,7 @@ def _max_against_average(results: Results) -> Finding:
         mean = np.abs(along.quantities[f"avg_grad_{component}"][moved])
         ratios.append(along.quantities[f"max_grad_{component}"][moved] / mean)
     ratio = np.concatenate(ratios)
-    return judged(
+    return judge_statement(
         float(np.median(ratio)) > 2,
         f"the largest is {number(float(ratio.min()), 2)} to {number(float(ratio.max()), 2)} times the average of the "
         f"corresponding component, in the median {number(float(np.median(ratio)), 2)} times",
@@ -177,7 +177,7 @@ def _hidden_components(results: Results) -> Finding:
     along = results.sensitivity.loads["uniaxial"]
     mean = float(np.nanmax(np.abs(along.quantities["avg_grad_12"])))
     top = at(along.values, along.quantities["max_grad_12"], 0.4)
-    return judged(
+    return judge_statement(
         mean < 1e-6 and top > 0.05,
         f"under H_11 the average of ∂u¹_1/∂Y_2 is 0 to {number(max(mean, 1e-16), 1)}, its largest magnitude "
         f"{number(top, 2)} at H_11 = 0.4",
@@ -208,7 +208,7 @@ def _conductivity_signs(results: Results) -> Finding:
     K_t = [squeezed.quantities[f"Kt_{ii}"] for ii in ("11", "22")]
     H = [at(squeezed.values, values, -0.2) for values in K_t]
     by_flux = [at(squeezed.values, squeezed.quantities["J_bar"] * values, -0.2) for values in K_t]
-    return judged(
+    return judge_statement(
         min(p) > 1 and H[0] > 1 > H[1],
         f"K_t/K at p = 0.2: {number(p[0], 3)} in all directions; at H_11 = −0.2: {number(H[0], 3)} along (11), "
         f"{number(H[1], 3)} across (22). The flux through reference area goes by K_ref = det F̄ K_t: "

@@ -8,7 +8,7 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.kinds import make_body
 from porocore.report.figures.profiles import profile_at
 from porocore.report.format import number, percent, plain
-from porocore.verification.reproduce.claims import Claim, Finding, Verdict, judged
+from porocore.verification.reproduce.claims import Claim, Finding, Verdict, judge_statement
 from porocore.verification.reproduce.column import LARGE, SMALL, Column
 from porocore.verification.reproduce.study import Results
 
@@ -40,7 +40,7 @@ def _twenty_percent(results: Results) -> Finding:
     others = [m["final_settlement"] for m in results.column.figures_of(LARGE)["others"]]
     linear = results.column.figures_of(LARGE)["linear"]["final_settlement"]
     more = "".join(f"; closure potential: {percent(1 - o / linear)}" for o in others)
-    return judged(0.15 <= 1 - ratio <= 0.25, f"{percent(1 - ratio)} smaller{more}")
+    return judge_statement(0.15 <= 1 - ratio <= 0.25, f"{percent(1 - ratio)} smaller{more}")
 
 
 def _steady(results: Results) -> Finding:
@@ -48,7 +48,7 @@ def _steady(results: Results) -> Finding:
     early, late = found["time_to_95_percent"], found["time_to_99_percent"]
     history = results.column.case(LARGE).nonlinear.history
     then = float(np.interp(38, history.time, history.settlement)) / found["final_settlement"]
-    return judged(
+    return judge_statement(
         early <= 38 <= late * 1.1 and linear["time_to_95_percent"] > late,
         f"95 % at {number(early, 3)}, 99 % at {number(late, 3)}; at t = 38 {percent(then)} of the final settlement; "
         f"linear: 95 % at {number(linear['time_to_95_percent'], 3)}, 99 % at {number(linear['time_to_99_percent'], 3)}",
@@ -58,12 +58,12 @@ def _steady(results: Results) -> Finding:
 
 def _small_strain(results: Results) -> Finding:
     settled = results.column.figures_of(SMALL)["nonlinear"]["final_settlement"] / _height(results.column)
-    return judged(0.015 <= settled <= 0.025, f"{percent(settled)} of the height")
+    return judge_statement(0.015 <= settled <= 0.025, f"{percent(settled)} of the height")
 
 
 def _small_settlement(results: Results) -> Finding:
     column = results.column.figures_of(SMALL)
-    return judged(
+    return judge_statement(
         abs(column["settlement_ratio"] - 1) < 0.03,
         f"{percent(1 - column['settlement_ratio'])} smaller than linear",
     )
@@ -71,7 +71,7 @@ def _small_settlement(results: Results) -> Finding:
 
 def _small_sooner(results: Results) -> Finding:
     ratio = results.column.figures_of(SMALL)["time_to_95_percent_ratio"]
-    return judged(ratio < 1, f"95 % are reached {percent(1 - ratio)} earlier")
+    return judge_statement(ratio < 1, f"95 % are reached {percent(1 - ratio)} earlier")
 
 
 def _small_transient(results: Results) -> Finding:
@@ -98,7 +98,7 @@ def _pressure_sooner(results: Results) -> Finding:
     tenths = [
         _time_below(s, 0.1) for s in (results.column.case(LARGE).nonlinear, results.column.case(LARGE).linear)
     ]
-    return judged(
+    return judge_statement(
         tenths[0] < tenths[1],
         f"below half of its largest value from t = {number(halves[0], 3)} (linear {number(halves[1], 3)}), "
         f"below a tenth from {number(tenths[0], 3)} ({number(tenths[1], 3)})",
@@ -116,7 +116,7 @@ def _time_below(solution: MacroSolution, share: float) -> float:
 def _drained_less(results: Results) -> Finding:
     figures = results.column.figures_of(LARGE)
     nonlinear, linear = figures["nonlinear"], figures["linear"]
-    return judged(
+    return judge_statement(
         figures["drained_ratio"] < 0.95,
         f"{percent(1 - figures['drained_ratio'])} less by the paper's integral, "
         f"{percent(1 - nonlinear['drained_flux'] / linear['drained_flux'])} less through the boundary",
@@ -129,7 +129,7 @@ def _drained_sooner(results: Results) -> Finding:
         float(np.interp(10, s.history.time, s.history.drained) / s.history.drained[-1])
         for s in (case.nonlinear, case.linear)
     ]
-    return judged(
+    return judge_statement(
         at_10[0] > at_10[1],
         f"at t = 10 {percent(at_10[0], 0)} of the final volume, linear {percent(at_10[1], 0)}",
     )
@@ -148,7 +148,7 @@ def _closer_when_small(results: Results) -> Finding:
         texts.append(
             f"{word}: largest gap {percent(found[0], 0)} under −0.2, {percent(found[1])} under −0.01"
         )
-    return judged(all(gaps), "; ".join(texts))
+    return judge_statement(all(gaps), "; ".join(texts))
 
 
 def _fluid_more_sensitive(results: Results) -> Finding:
@@ -159,7 +159,7 @@ def _fluid_more_sensitive(results: Results) -> Finding:
     pressure = abs(float(nonlinear.pressure_max[i] - linear.pressure_max[i])) / float(
         linear.pressure_max.max()
     )
-    return judged(
+    return judge_statement(
         pressure > settlement,
         f"where the settlement is 0.1 (t = {number(float(nonlinear.time[i]), 3)}) it is {percent(settlement, 2)} "
         f"of its final value away from linear, the pressure {percent(pressure, 2)} of its largest",
@@ -176,7 +176,7 @@ def _end_points(results: Results) -> Finding:
             (solution.points[np.argmax(-profile.u[:, 1]), 1], solution.points[np.argmax(profile.p), 1])
         )
     top = _height(results.column)
-    return judged(
+    return judge_statement(
         all(u == top and p == 0 for u, p in places),
         f"largest settlement at X_2 = {plain(float(places[-1][0]))}, largest pressure at "
         f"{plain(float(places[-1][1]))}, at all kept times",
@@ -185,13 +185,13 @@ def _end_points(results: Results) -> Finding:
 
 def _pressure_gone(results: Results) -> Finding:
     final = results.column.figures_of(LARGE)["nonlinear"]["final_pressure"]
-    return judged(final < 1e-3, f"largest p at the end: {number(final, 1)}")
+    return judge_statement(final < 1e-3, f"largest p at the end: {number(final, 1)}")
 
 
 def _discretisation(results: Results) -> Finding:
     macro = results.config.macro
     elements = len(make_body(macro.body).cells)
-    return judged(
+    return judge_statement(
         elements == 106 and macro.time.ramp_increments == 10,
         f"{elements} elements; {macro.time.ramp_increments} increments of {plain(macro.time.ramp_step)}, then of "
         f"{plain(macro.time.step)}",
@@ -203,7 +203,7 @@ def _jump(results: Results) -> Finding:
     ramped = int(np.flatnonzero(history.ramp >= 1 - 1e-9)[0])
     share = float(history.settlement[ramped] / history.settlement[-1])
     pressure = float(history.pressure_max[ramped] / history.pressure_max.max())
-    return judged(
+    return judge_statement(
         share > 0.2 and pressure > 0.9,
         f"at t = {plain(float(history.time[ramped]))} {percent(share, 0)} of the final settlement and "
         f"{percent(pressure, 0)} of the largest pressure are there",

@@ -13,7 +13,7 @@ from porocore.interfaces.solution import Profile
 from porocore.report.figures.profiles import ColumnAxis, profile_at
 from porocore.report.format import number, percent, plain
 from porocore.states import Array
-from porocore.verification.reproduce.claims import Claim, Finding, compared, judged
+from porocore.verification.reproduce.claims import Claim, Finding, compare_number, judge_statement
 from porocore.verification.reproduce.column import LARGE, Column
 from porocore.verification.reproduce.column_figures import paper_velocity
 from porocore.verification.reproduce.study import Results
@@ -28,7 +28,7 @@ def _pressure_profiles(results: Results) -> Finding:
     for time in results.column.times:
         one, other = profile_at(case.nonlinear, time).p, profile_at(case.linear, time).p
         gaps.append(float(np.abs(one - other).max() / np.abs(other).max()))
-    return judged(
+    return judge_statement(
         gaps[0] < gaps[-1],
         "largest gap by the largest linear pressure of the time: "
         + ", ".join(
@@ -59,13 +59,13 @@ def _k22(results: Results) -> Finding:
     rest = float(results.reference.conductivity[1, 1])
     found, text = _along(results.column, lambda f: f.conductivity[:, 1, 1], "K_t,22")
     rising = all(later[0] >= sooner[0] - 1e-9 for sooner, later in itertools.pairwise(found))
-    return judged(rising and found[-1][0] > rest, f"{text}; undeformed {number(rest, 3)}")
+    return judge_statement(rising and found[-1][0] > rest, f"{text}; undeformed {number(rest, 3)}")
 
 
 def _k11(results: Results) -> Finding:
     rest = float(results.reference.conductivity[0, 0])
     found, text = _along(results.column, lambda f: f.conductivity[:, 0, 0], "K_t,11")
-    return judged(
+    return judge_statement(
         found[0][0] > rest and found[0][1] < found[0][0] and found[-1][0] < rest,
         f"{text}; undeformed {number(rest, 3)}",
     )
@@ -77,7 +77,7 @@ def _h22(results: Results) -> Finding:
     others = np.abs(end.grad_u).max(axis=0)
     others[1, 1] = 0
     least = float(end.grad_u[:, 1, 1].min())
-    return compared(
+    return compare_number(
         -0.32,
         least,
         0.05,
@@ -88,25 +88,25 @@ def _h22(results: Results) -> Finding:
 
 def _mean_22(results: Results) -> Finding:
     found, text = _along(results.column, lambda f: f.mean_grad[:, 1, 1], "⟨∇u¹⟩_22")
-    return judged(all(top > 0 for _, top in found) and found[-1][0] > 0, text)
+    return judge_statement(all(top > 0 for _, top in found) and found[-1][0] > 0, text)
 
 
 def _mean_11(results: Results) -> Finding:
     found, text = _along(results.column, lambda f: f.mean_grad[:, 0, 0], "⟨∇u¹⟩_11")
-    return judged(found[0][0] < 0 < found[-1][0], text)
+    return judge_statement(found[0][0] < 0 < found[-1][0], text)
 
 
 def _mean_33(results: Results) -> Finding:
     profile = results.column.case(LARGE).nonlinear.profiles[-1]
     gap = float(np.abs(profile.mean_grad[:, 2, 2] - profile.mean_grad[:, 0, 0]).max())
     share = gap / float(np.abs(profile.mean_grad[:, 0, 0]).max())
-    return judged(share < 0.02, f"they differ by at most {percent(share, 2)} at the end")
+    return judge_statement(share < 0.02, f"they differ by at most {percent(share, 2)} at the end")
 
 
 def _f22(results: Results) -> Finding:
     profile = results.column.case(LARGE).nonlinear.profiles[-1]
     bar, simple = float(profile.deformation[:, 1, 1].mean()), float(1 + profile.grad_u[:, 1, 1].mean())
-    return judged(
+    return judge_statement(
         bar > simple,
         f"F̄_22 = {number(bar, 3)} at the end where 1 + H_22 = {number(simple, 3)}",
     )
@@ -115,7 +115,7 @@ def _f22(results: Results) -> Finding:
 def _f11(results: Results) -> Finding:
     found, text = _along(results.column, lambda f: f.deformation[:, 0, 0], "F̄_11")
     H = max(float(np.abs(p.grad_u[:, 0, 0]).max()) for p in results.column.case(LARGE).nonlinear.profiles)
-    return judged(
+    return judge_statement(
         H < 1e-9 and abs(found[-1][0] - 1) > 1e-3, f"{text}; largest H_11: {number(max(H, 1e-16), 1)}"
     )
 
@@ -131,7 +131,7 @@ def _velocity(results: Results) -> Finding:
         for (w, lin, tr), t in zip(found, results.column.times, strict=True)
     ]
     fallen = [found[-1][k] / found[0][k] for k in (0, 1)]
-    return judged(
+    return judge_statement(
         fallen[0] < 0.5 * fallen[1],
         f"largest: {'; '.join(texts)}. From the first to the last time w falls to {percent(fallen[0])}, "
         f"the linear one to {percent(fallen[1])}",
@@ -163,12 +163,12 @@ def _tangents(results: Results, name: str) -> tuple[float, list[tuple[float, flo
 
 def _m2222(results: Results) -> Finding:
     rest, found, text = _tangents(results, "M_2222")
-    return judged(abs(found[-1][0] - rest) > abs(found[0][0] - rest), text)
+    return judge_statement(abs(found[-1][0] - rest) > abs(found[0][0] - rest), text)
 
 
 def _m2211(results: Results) -> Finding:
     rest, found, text = _tangents(results, "M_2211")
-    return judged(
+    return judge_statement(
         found[0][0] < rest and found[0][1] > found[0][0] and found[-1][0] > found[0][0],
         text,
         "the sign of the change depends on the crease and contact of the cell, which the paper leaves out",
@@ -182,7 +182,7 @@ def _q(name: str, claim: str) -> Claim:
         rest, found, _ = _tangents(results, name)
         by_H = found[-1][0]
         wanted = pressed > rest and (by_H < rest if name == "Q_22" else by_H > rest)
-        return judged(
+        return judge_statement(
             wanted,
             f"p = 0.2 alone: {number(pressed, 3)}; drained, H_22 alone: {number(by_H, 3)}; "
             f"undeformed {number(rest, 3)}",
@@ -193,7 +193,7 @@ def _q(name: str, claim: str) -> Claim:
 
 
 def _scenario(name: str, quantity: str, published: float, unit: float = 1.0) -> Finding:
-    return compared(published, SCENARIOS[name].factor(quantity) * unit, 0.01)
+    return compare_number(published, SCENARIOS[name].factor(quantity) * unit, 0.01)
 
 
 CLAIMS = (

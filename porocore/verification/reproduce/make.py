@@ -15,7 +15,7 @@ from porocore.report.figures.style import png_bytes
 from porocore.study.stages.stage_times import stage_times, timed
 from porocore.verification.reproduce import claims_cell, claims_cost, claims_history, claims_profiles
 from porocore.verification.reproduce.catalogue import PaperFigure, Stage
-from porocore.verification.reproduce.claims import Row, rows
+from porocore.verification.reproduce.claims import CheckedClaim, check_claims
 from porocore.verification.reproduce.page import html, markdown
 from porocore.verification.reproduce.study import Results
 from porocore.verification.sensitivity.figures import write_figures
@@ -101,7 +101,9 @@ def write_pages(results: Results, figures: Sequence[PaperFigure], command: str) 
         needed(results)
     _ = results.as_stated, results.calls
     with timed(results.timings, "claims"):
-        found: dict[str, list[Row]] = {key: rows(claims, results) for key, claims in CLAIMS.items()}
+        found: dict[str, list[CheckedClaim]] = {
+            key: check_claims(claims, results) for key, claims in CLAIMS.items()
+        }
     timings = stage_times(results.timings)
     record = results.folder / RECORD
     document = read_json(record)

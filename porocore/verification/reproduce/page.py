@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from porocore.report.format import duration
 from porocore.report.page import environment
 from porocore.verification.reproduce.catalogue import PaperFigure
-from porocore.verification.reproduce.claims import Row
+from porocore.verification.reproduce.claims import CheckedClaim
 
 TITLE = "Dehghani & Zilian (2022), recomputed"
 SOURCE = (
@@ -26,7 +26,7 @@ PARTS = (
 )
 
 
-def verdicts(parts: Mapping[str, Sequence[Row]]) -> str:
+def verdicts(parts: Mapping[str, Sequence[CheckedClaim]]) -> str:
     """How many rows agree, in a sentence."""
     counts = {"yes": 0, "partly": 0, "no": 0, "–": 0}
     for rows in parts.values():
@@ -38,7 +38,7 @@ def verdicts(parts: Mapping[str, Sequence[Row]]) -> str:
     )
 
 
-def markdown(parts: Mapping[str, Sequence[Row]], command: str, timings: Mapping[str, float]) -> str:
+def markdown(parts: Mapping[str, Sequence[CheckedClaim]], command: str, timings: Mapping[str, float]) -> str:
     """The tables, to be kept as a document.
 
     Parameters
@@ -63,7 +63,7 @@ def markdown(parts: Mapping[str, Sequence[Row]], command: str, timings: Mapping[
 
 
 def html(
-    parts: Mapping[str, Sequence[Row]], figures: Sequence[PaperFigure], timings: Mapping[str, float]
+    parts: Mapping[str, Sequence[CheckedClaim]], figures: Sequence[PaperFigure], timings: Mapping[str, float]
 ) -> str:
     """The page with tables and figures, which lie beside it in ``figures/``."""
     return (

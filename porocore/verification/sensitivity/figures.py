@@ -28,7 +28,7 @@ from porocore.report.figures.style import (
     styled,
 )
 from porocore.states import Status
-from porocore.verification.sensitivity.results import Along, Sensitivity
+from porocore.verification.sensitivity.results import LoadResponses, Sensitivity
 
 TITLES = {
     "uniaxial": "uniaxial, $H_{11}$",
@@ -148,7 +148,7 @@ def _panels(
     return figure
 
 
-def _curve(axes: Axes, study: Sensitivity, along: Along, quantity: str, look: dict[str, Any]) -> None:
+def _curve(axes: Axes, study: Sensitivity, along: LoadResponses, quantity: str, look: dict[str, Any]) -> None:
     """The states with values, those in contact or unstable marked, and where a line ends before its goal."""
     y = along.quantities[quantity]
     y = np.where(np.abs(y) < 1e-9, 0.0, y)  # what is zero by symmetry, up to the tolerance of the solves

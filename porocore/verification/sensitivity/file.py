@@ -63,7 +63,7 @@ def load(path: Path) -> Sensitivity:
                 f"{path}: expected a sensitivity study of version {VERSION}; choose another --out"
             )
         return Sensitivity(
-            plan=StudyPlan.of_description(json.loads(file.attribute("plan", str))),
+            plan=StudyPlan.from_description(json.loads(file.attribute("plan", str))),
             identity=file.attribute("identity", str),
             rest=_sound_response(file, "rest"),
             conductivity=file.array("conductivity", 3, 3),

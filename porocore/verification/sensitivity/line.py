@@ -77,7 +77,7 @@ def step_count(goal: float, step: float) -> int:
     return max(1, math.ceil(abs(goal / step) - 1e-9))
 
 
-class Walk:
+class HalfLineSolve:
     """A half line on its way: which state comes next, from which field, and what was found.
 
     Parameters
@@ -103,7 +103,7 @@ class Walk:
         """The one to solve next, one row; its neighbour is :attr:`field`."""
         return states_of(self.load, self.value)
 
-    def take(self, outcome: FinishedSolve) -> None:
+    def record(self, outcome: FinishedSolve) -> None:
         """What the solve of :attr:`state` gave."""
         row = self.value, outcome.response, outcome.seconds
         solved = bool(outcome.response.valid[0])

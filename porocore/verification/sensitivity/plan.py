@@ -105,7 +105,7 @@ class StudyPlan:
         }
 
     @classmethod
-    def of_description(cls, described: Mapping[str, Any]) -> StudyPlan:
+    def from_description(cls, described: Mapping[str, Any]) -> StudyPlan:
         """The inverse of :meth:`describe`."""
         sweeps = {name: Sweep(**sweep) for name, sweep in described["sweeps"].items()}
         return cls(sweeps, float(described["tolerance"]))

@@ -20,7 +20,7 @@ def line_name(load: str, sign: int) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Along:
+class LoadResponses:
     """Both half lines of one load, n states by ascending value, the undeformed one once.
 
     Attributes
@@ -86,11 +86,11 @@ class Sensitivity:
         return all(line_name(name, sign) in self.lines for name, sign, _ in self.plan.half_lines())
 
     @cached_property
-    def loads(self) -> dict[str, Along]:
+    def loads(self) -> dict[str, LoadResponses]:
         """Every load of the plan with what its half lines hold; ask when the study is complete."""
         return {name: self._along(name) for name in LOADS if name in self.plan.sweeps}
 
-    def _along(self, load: str) -> Along:
+    def _along(self, load: str) -> LoadResponses:
         values, responses, seconds = [np.zeros(1)], [self.rest], [np.zeros(1)]
         for sign in (1, -1):
             line = self.lines.get(line_name(load, sign))
@@ -102,7 +102,7 @@ class Sensitivity:
         order = np.argsort(at)
         response = CellResponse.concatenate(responses)[order]
         found = quantities(states_of(load, at[order]), response, self.porosity, self.conductivity, self.law)
-        return Along(load, at[order], response.status, np.concatenate(seconds)[order], found)
+        return LoadResponses(load, at[order], response.status, np.concatenate(seconds)[order], found)
 
     def end(self, load: str, sign: int) -> Status | None:
         """Why a half line ended before its goal; None where it reached it."""

@@ -23,7 +23,7 @@ from porocore.study.config.sections import FemSettings
 from porocore.study.preflight.checks import find_backends
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.verification.sensitivity.file import load, save
-from porocore.verification.sensitivity.line import HalfLine, Walk
+from porocore.verification.sensitivity.line import HalfLine, HalfLineSolve
 from porocore.verification.sensitivity.plan import StudyPlan, states_of
 from porocore.verification.sensitivity.results import Sensitivity, line_name
 from porocore.verification.sensitivity.tables import write_table
@@ -177,15 +177,15 @@ def run_study(
     """
     plan, path = StudyPlan() if plan is None else plan, folder / FILE
     study = _load_or_begin(path, cell, fem, plan, conductivity, dict(provenance or {}))
-    walks = [
-        Walk(name, sign, goal, plan.sweeps[name].step, plan.tolerance, study.rest)
+    half_lines = [
+        HalfLineSolve(name, sign, goal, plan.sweeps[name].step, plan.tolerance, study.rest)
         for name, sign, goal in plan.half_lines()
         if line_name(name, sign) not in study.lines
     ]
-    if walks:
+    if half_lines:
         arguments = (fem.backend, fem.options, cell, conductivity)
-        with CellPool(prepare_cell, arguments, workers=min(workers, len(walks))) as pool:
-            for line in _Campaign(study, pool, walks, on_state).lines():
+        with CellPool(prepare_cell, arguments, workers=min(workers, len(half_lines))) as pool:
+            for line in _Campaign(study, pool, half_lines, on_state).lines():
                 study.lines[line_name(line.load, line.sign)] = line
                 save(path, study)
     return study
@@ -233,37 +233,39 @@ class _Campaign:
         self,
         study: Sensitivity,
         pool: CellPool,
-        walks: list[Walk],
+        half_lines: list[HalfLineSolve],
         on_state: Callable[[SensitivityProgress], None],
     ) -> None:
         self.study, self.pool, self.on_state = study, pool, on_state
-        self._idle = list(enumerate(walks))  # a heap: first the one that the plan names first
-        self._under_way: dict[str, tuple[int, Walk]] = {}
+        self._idle = list(enumerate(half_lines))  # a heap: first the one that the plan names first
+        self._under_way: dict[str, tuple[int, HalfLineSolve]] = {}
         self._done = sum(len(line) - 1 for line in study.lines.values())
-        self._ahead = {id(walk): walk.steps for walk in walks}
+        self._ahead = {id(half_line): half_line.steps for half_line in half_lines}
 
     def lines(self) -> Iterator[HalfLine]:
         """As they are finished."""
         while self._idle or self._under_way:
             while self._idle and self.pool.has_room:
-                number, walk = heapq.heappop(self._idle)
-                key = f"{walk.load} {walk.value:g}"
-                self._under_way[key] = number, walk
-                self.pool.submit(key, walk.state, walk.field)
+                number, half_line = heapq.heappop(self._idle)
+                key = f"{half_line.load} {half_line.value:g}"
+                self._under_way[key] = number, half_line
+                self.pool.submit(key, half_line.state, half_line.field)
             outcome = self.pool.wait()
-            number, walk = self._under_way.pop(outcome.key)
-            value = walk.value
-            walk.take(outcome)
-            self._tell(walk, value, Status(int(outcome.response.status[0])))
-            if walk.done:
-                yield walk.line()
+            number, half_line = self._under_way.pop(outcome.key)
+            value = half_line.value
+            half_line.record(outcome)
+            self._tell(half_line, value, Status(int(outcome.response.status[0])))
+            if half_line.done:
+                yield half_line.line()
             else:
-                heapq.heappush(self._idle, (number, walk))
+                heapq.heappush(self._idle, (number, half_line))
 
-    def _tell(self, walk: Walk, value: float, status: Status) -> None:
+    def _tell(self, half_line: HalfLineSolve, value: float, status: Status) -> None:
         self._done += 1
-        ahead = self._ahead[id(walk)] - 1
-        self._ahead[id(walk)] = 0 if walk.done else max(ahead if status.has_values else 1, 1)
+        ahead = self._ahead[id(half_line)] - 1
+        self._ahead[id(half_line)] = 0 if half_line.done else max(ahead if status.has_values else 1, 1)
         self.on_state(
-            SensitivityProgress(walk.load, value, status, self._done, self._done + sum(self._ahead.values()))
+            SensitivityProgress(
+                half_line.load, value, status, self._done, self._done + sum(self._ahead.values())
+            )
         )

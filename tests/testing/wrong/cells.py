@@ -76,7 +76,7 @@ class TestFlatResponses(_Law):
 
 
 class TestWrongSign(_Law):
-    caught_by = "test_derivatives_are_the_slopes"
+    caught_by = "test_derivatives_match_differences"
 
     class solver_class(Altered):
         def alter(self, response, states):

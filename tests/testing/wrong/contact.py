@@ -29,7 +29,7 @@ class TestKeepsItToItself(Contact):
 
 
 class TestWithoutTheEnergyOfContact(Contact):
-    caught_by = "test_stress_and_fluid_volume_are_the_slopes_of_the_potential"
+    caught_by = "test_stress_and_fluid_volume_derive_from_the_potential"
     slow = True
 
     class solver_class(Altered):
@@ -38,7 +38,7 @@ class TestWithoutTheEnergyOfContact(Contact):
 
 
 class TestWithoutTheStiffnessOfContact(Contact):
-    caught_by = "test_derivatives_are_the_slopes"
+    caught_by = "test_derivatives_match_differences"
     slow = True
 
     class solver_class(Altered):
@@ -47,7 +47,7 @@ class TestWithoutTheStiffnessOfContact(Contact):
 
 
 class TestFluidVolumeFeelsNoContact(Contact):
-    caught_by = "test_derivatives_are_the_slopes"
+    caught_by = "test_derivatives_match_differences"
     slow = True
 
     class solver_class(Altered):

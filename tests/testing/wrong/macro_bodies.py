@@ -19,7 +19,7 @@ class TestFine(Law):
 
 
 class TestForgetsFollowers(Law):
-    caught_by = "test_the_tangent_is_the_slope_of_the_residual_on_any_body"
+    caught_by = "test_the_tangent_is_the_derivative_of_the_residual_on_any_body"
 
     class elements(Elements):
         def system(self, tangent, dt, follower=None):

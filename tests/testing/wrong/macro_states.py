@@ -17,7 +17,7 @@ class TestFine(Law):
 
 
 class TestWrongSign(Law):
-    caught_by = "test_tangent_is_the_slope_of_the_residual"
+    caught_by = "test_tangent_is_the_derivative_of_the_residual"
 
     class elements(Elements):
         def system(self, tangent, dt, follower=None):
@@ -27,7 +27,7 @@ class TestWrongSign(Law):
 class TestForgetsTheFluxBySqueezing(Law):
     """Of the conductivity that changes with H."""
 
-    caught_by = "test_tangent_is_the_slope_of_the_residual"
+    caught_by = "test_tangent_is_the_derivative_of_the_residual"
 
     class elements(Elements):
         def system(self, tangent, dt, follower=None):

@@ -77,7 +77,7 @@ class TestLearnsNothing(_Law):
 
 
 class TestWrongSlopes(_Law):
-    caught_by = "test_learns_the_slopes"
+    caught_by = "test_learns_the_derivatives"
 
     class surrogate(Altered):
         def alter(self, response, states):
@@ -85,7 +85,7 @@ class TestWrongSlopes(_Law):
 
 
 class TestWrongSign(_Law):
-    caught_by = "test_derivatives_are_the_slopes"
+    caught_by = "test_derivatives_match_differences"
 
     class surrogate(Altered):
         def alter(self, response, states):
