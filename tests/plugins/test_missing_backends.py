@@ -59,5 +59,5 @@ def test_what_needs_any_backend_names_them_all():
 
 
 def test_a_plugin_of_the_project_that_is_not_here_is_told_apart_from_an_unknown_one():
-    assert message(plugin_check.offers_of, "skfem") == f"cell solver {SKFEM}"
-    assert "got 'skfam'; there are active, " in message(plugin_check.offers_of, "skfam")
+    assert message(plugin_check.find_offers, "skfem") == f"cell solver {SKFEM}"
+    assert "got 'skfam'; there are active, " in message(plugin_check.find_offers, "skfam")
