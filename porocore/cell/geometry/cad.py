@@ -1,4 +1,4 @@
-"""Geometries that are drawn with the OpenCASCADE kernel of gmsh, and meshed by gmsh."""
+"""Geometries that are drawn with the OpenCASCADE kernel of gmsh and meshed by gmsh."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from porocore.cell.meshing.tetrahedra import EDGES, Element, Phase, Tetrahedra, 
 from porocore.errors import PorocoreError
 from porocore.states import Array, IntArray
 
-#: A narrow channel needs at least some ten elements around it, however coarse the rest may be.
+#: Largest element size over the radius of a channel, for about ten elements around it.
 LARGEST_SIZE_TO_RADIUS = 0.8
-#: Two elements, seldom three, around a fillet, whose arc is 60° to 90°; coarser ones away from it.
+#: Element size over the radius of a fillet, for two or three elements around its arc of 60° to 90°, and its growth.
 SIZE_TO_FILLET, GROWTH = 0.8, 1.0
-#: Of the distance between a wall and a mirror plane: a quadratic element across it has the parabola of the flow. Where
-#: finer elements than these are asked for, those in the gaps become finer alike.
+#: Element size over the distance between a wall and a mirror plane: a quadratic element across the gap represents the
+#: parabola of the flow. Below the size COARSE, the elements in gaps are refined by the same ratio.
 SIZE_TO_GAP, COARSE = 0.8, 0.2
-#: A curved element whose volume element falls below this share of the straight one's gets straight edges.
+#: A curved element gets straight edges if its smallest volume element is below this share of the straight one's.
 LEAST_STRETCH = 0.02
 SYSTEM_LIBRARIES = (
     "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
@@ -37,9 +37,9 @@ class DrawnPart:
     solid, fluid
         Volumes; none where the phase is absent.
     fillets, channels
-        Faces of the wall that the CAD kernel has only approximately.
+        Faces of the wall that the CAD kernel represents approximately.
     extruded
-        The volumes are one layer of elements along an axis along which nothing changes.
+        True for one layer of elements along an axis of translational symmetry.
     """
 
     solid: list[int]
@@ -50,7 +50,7 @@ class DrawnPart:
 
 
 class DrawnGeometry(PoreGeometry):
-    """A geometry that adds its part to a gmsh model; the mesh follows."""
+    """Geometry that adds its part to a gmsh model, from which its mesh is made."""
 
     @abstractmethod
     def draw(self, gmsh: Any) -> DrawnPart:
@@ -58,7 +58,7 @@ class DrawnGeometry(PoreGeometry):
 
     @property
     def narrowest(self) -> float:
-        """A length that elements must not exceed by much, whatever the settings; infinite where there is none."""
+        """Smallest length that limits the element size, whatever the settings; infinite without one."""
         return float("inf")
 
     @property
@@ -67,15 +67,15 @@ class DrawnGeometry(PoreGeometry):
         return 0.0
 
     def gap(self, x: float, y: float, z: float) -> float:
-        """How wide the fluid is between walls beside a point of the part, as far as elements must follow it."""
+        """Return the width of the fluid between walls at a point of the part, where it limits the element size."""
         return float("inf")
 
     def onto_fillet(self, points: Array) -> Array:
-        """Points (n, 3) of the drawn part near a fillet, moved onto it; as they are where there is none."""
+        """Return points (n, 3) of the drawn part near a fillet, projected onto it; unchanged without one."""
         return points
 
     def onto_channel(self, points: Array) -> Array:
-        """Points (n, 3) of the drawn part near a channel's wall, moved onto it; as they are where there is none."""
+        """Return points (n, 3) of the drawn part near a channel's wall, projected onto it; unchanged without one."""
         return points
 
     def elements(self, size: float) -> float:
@@ -84,7 +84,7 @@ class DrawnGeometry(PoreGeometry):
         return PER_CUBE / min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest) ** 3 + on_fillets
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
-        """By gmsh; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
+        """Return the mesh that gmsh makes; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class DrawnGeometry(PoreGeometry):
 
 
 def import_gmsh() -> Any:
-    """The module, or an error that says which libraries it needs."""
+    """Return the module gmsh, or raise an error that names the libraries it needs."""
     try:
         import gmsh
     except (ImportError, OSError) as error:
@@ -137,7 +137,7 @@ def import_gmsh() -> Any:
 
 
 def _refine(gmsh: Any, faces: list[int], smallest: float, largest: float) -> None:
-    """Elements of the smallest size on the faces, growing with the distance from them."""
+    """Set the smallest element size on the faces, growing with the distance from them."""
     fields = gmsh.model.mesh.field
     distance, size = fields.add("Distance"), fields.add("Threshold")
     fields.setNumbers(distance, "SurfacesList", faces)
@@ -153,7 +153,7 @@ def _refine(gmsh: Any, faces: list[int], smallest: float, largest: float) -> Non
 
 
 def _follow_gaps(gmsh: Any, geometry: DrawnGeometry, largest: float) -> None:
-    """Elements as small as the gaps beside them."""
+    """Set the element size to a share of the gap at each point."""
     share = SIZE_TO_GAP * min(1.0, largest / COARSE)
 
     def size(dim: int, tag: int, x: float, y: float, z: float, proposed: float) -> float:
@@ -165,11 +165,11 @@ def _follow_gaps(gmsh: Any, geometry: DrawnGeometry, largest: float) -> None:
 
 
 def _nodes(gmsh: Any, geometry: DrawnGeometry, part: DrawnPart) -> Array:
-    """Coordinates by tag, (largest tag + 1, 3), those on approximate faces moved onto the wall."""
+    """Return coordinates by tag, (largest tag + 1, 3), with nodes of approximate faces projected onto the wall."""
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     points = np.full((int(tags.max()) + 1, 3), np.nan)
     points[tags.astype(np.int64)] = coordinates.reshape(-1, 3)
-    # The fillet's ends are also the channel's: last what is the more curved.
+    # The ends of a fillet also lie on the channel; the more curved surface comes last.
     for faces, onto in ((part.channels, geometry.onto_channel), (part.fillets, geometry.onto_fillet)):
         for face in faces:
             on_face = gmsh.model.mesh.getNodes(2, face, includeBoundary=True)[0].astype(np.int64)
@@ -178,9 +178,9 @@ def _nodes(gmsh: Any, geometry: DrawnGeometry, part: DrawnPart) -> Array:
 
 
 def _straighten_folds(nodes: Array, cells: IntArray | None) -> None:
-    """Give straight edges to curved tetrahedra that fold over themselves, beside narrow gaps and where walls touch.
+    """Give straight edges to folded curved tetrahedra, and to their neighbours along these edges.
 
-    The neighbours along those edges have them straight too.
+    They occur beside narrow gaps and where walls touch.
     """
     if cells is None:
         return
@@ -193,7 +193,7 @@ def _straighten_folds(nodes: Array, cells: IntArray | None) -> None:
 
 
 def _cells(gmsh: Any, tags_of_volumes: list[int]) -> IntArray | None:
-    """Tetrahedra (VTK order) of the given volumes, by the tags of their nodes; None without any volume."""
+    """Return the tetrahedra (VTK order) of the given volumes by the tags of their nodes; None without any volume."""
     blocks = []
     for volume in tags_of_volumes:
         kinds, _, tags_of_kind = gmsh.model.mesh.getElements(3, volume)
@@ -211,7 +211,7 @@ def _cells(gmsh: Any, tags_of_volumes: list[int]) -> IntArray | None:
 
 
 def _read(gmsh: Any, tags_of_volumes: list[int], nodes: Array, element: str) -> Tetrahedra:
-    """Points and tetrahedra of the given volumes, numbered from 0."""
+    """Return points and tetrahedra of the given volumes, numbered from 0."""
     cells = _cells(gmsh, tags_of_volumes)
     if cells is None:
         return Tetrahedra(np.empty((0, 3)), np.empty((0, 4 if element == "linear" else 10), dtype=np.int64))

@@ -8,9 +8,9 @@ import numpy as np
 
 from porocore.states import Array
 
-#: How far around the cell a body must be known for the level set beside the cell's faces.
+#: Margin around the cell within which bodies contribute to the level set at the faces.
 MARGIN = 0.1
-#: Lines in a cell's length along each of two axes on which the volume is measured; it is exact along each.
+#: Lines along each of two axes on which the volume is integrated, exactly along each line.
 LINES = 500
 CHUNK = 20_000
 
@@ -18,12 +18,12 @@ Body = tuple[Array, Array, float]
 
 
 class Capsules:
-    """Points within a radius of one of some straight lines; a sphere is a line without length.
+    """Union of capsules: points within a radius of straight lines; a sphere is a line of length 0.
 
     Parameters
     ----------
     bodies
-        Ends and radius of each.
+        Ends and radius of each capsule.
     """
 
     def __init__(self, bodies: Sequence[Body]) -> None:
@@ -34,19 +34,19 @@ class Capsules:
         self._radius = np.array([radius for _, _, radius in near])
 
     def reaching(self, low: float, high: float, touch: float) -> list[Body]:
-        """The bodies that reach farther than ``touch`` into the box [low, high]³."""
+        """Return the bodies that reach farther than ``touch`` into the box [low, high]³."""
         return [(a, b, r) for a, b, r in self.bodies if _distance(a, b, low, high) < r - touch]
 
     def value(self, points: Array) -> Array:
-        """Distance (n,) of points (n, 3) to the union; negative within the bodies, where it is that to the nearest."""
+        """Return the distance (n,) of points (n, 3) to the union; inside it is negative, that to the nearest body."""
         return self._nearest(points)[0]
 
     def gradient(self, points: Array) -> Array:
-        """(n, 3) at points (n, 3); away from the nearest body."""
+        """Return the gradient (n, 3) of the distance at points (n, 3), away from the nearest body."""
         return self._nearest(points)[1]
 
     def _nearest(self, points: Array) -> tuple[Array, Array]:
-        values, slopes = [np.empty(0)], [np.empty((0, 3))]
+        values, gradients = [np.empty(0)], [np.empty((0, 3))]
         square = np.maximum((self._along**2).sum(axis=1), 1e-30)
         for part in np.array_split(points, len(points) * len(self._radius) // 2_000_000 + 1):
             away = part[:, None] - self._start
@@ -57,11 +57,11 @@ class Capsules:
             row = np.arange(len(part))
             length = distance[row, nearest]
             values.append(length - self._radius[nearest])
-            slopes.append(away[row, nearest] / np.maximum(length, 1e-30)[:, None])
-        return np.concatenate(values), np.concatenate(slopes)
+            gradients.append(away[row, nearest] / np.maximum(length, 1e-30)[:, None])
+        return np.concatenate(values), np.concatenate(gradients)
 
     def share(self, low: float, high: float) -> float:
-        """Share of the box [low, high]³ that the bodies fill, each bar without round ends; to about 5e-5."""
+        """Return the share of the box [low, high]³ in the bodies, bars without round ends, to about 5e-5."""
         count = round(LINES * (high - low))
         grid = low + (high - low) * (np.arange(count) + 0.5) / count
         lines = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -79,7 +79,7 @@ class Capsules:
 
 
 def _crossing(lines: Array, a: Array, b: Array, radius: float) -> tuple[Array, Array]:
-    """Where lines in the direction of z through (n, 2) points enter and leave a sphere or a bar; the same if never."""
+    """Return the heights at which lines along z through points (n, 2) enter and leave a body; equal if never."""
     away = np.column_stack([lines - a[:2], np.full(len(lines), -a[2])])  # at z = 0
     length = float(np.linalg.norm(b - a))
     axis = (b - a) / length if length else np.zeros(3)
@@ -107,6 +107,6 @@ def _crossing(lines: Array, a: Array, b: Array, radius: float) -> tuple[Array, A
 
 
 def _distance(a: Array, b: Array, low: float, high: float) -> float:
-    """About the distance of a straight line to the box [low, high]³, from above; exact for a point."""
+    """Return an upper bound of the distance of a straight line to the box [low, high]³; exact for a point."""
     points = a + np.linspace(0.0, 1.0, 201 if np.any(a != b) else 1)[:, None] * (b - a)
     return float(np.linalg.norm(points - np.clip(points, low, high), axis=1).min())

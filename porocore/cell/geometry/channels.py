@@ -1,4 +1,4 @@
-"""Straight circular channels, the cell of Dehghani & Zilian among them."""
+"""Straight circular channels, among them the cell of Dehghani & Zilian."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.core.units.dimensions import Unit
 from porocore.states import Array
 
-#: The mesh resolves every fillet, so that a smaller one would only cost elements.
+#: Smallest radius of a fillet, since the mesh resolves each of them.
 SMALLEST_FILLET = 0.005
 AxisRadius = Annotated[float, Field(ge=0, lt=0.5)]
 
@@ -26,8 +26,8 @@ AxisRadius = Annotated[float, Field(ge=0, lt=0.5)]
 class OrthogonalChannels(DrawnGeometry):
     """Straight circular channels along coordinate axes that meet in the middle of the cell.
 
-    With all three axes this is the cell of Dehghani & Zilian: a cube from which three cylinders are subtracted. With
-    ``radii`` every axis has a radius of its own, 0 where there is no channel, in place of ``radius`` and ``axes``.
+    With all three axes this is the cell of Dehghani & Zilian: a cube from which three cylinders are subtracted.
+    ``radii``, one for each axis and 0 for no channel, replaces ``radius`` and ``axes``.
     """
 
     kind: Literal["orthogonal-channels"] = "orthogonal-channels"
@@ -82,14 +82,14 @@ class OrthogonalChannels(DrawnGeometry):
 
     @property
     def _by_axis(self) -> dict[str, float]:
-        """The radius of each channel there is."""
+        """Radius of each channel by its axis."""
         if self.radii is None:
             return dict.fromkeys(self.axes, self.radius)
         return {axis: radius for axis, radius in zip("xyz", self.radii, strict=True) if radius}
 
     @property
     def porosity(self) -> float:
-        """Exact volume share of the pores, φ_f.
+        """Exact volume share φ_f of the pores.
 
         Channels with different radii: :func:`~porocore.cell.geometry.crossing.crossing_volume`. Equal ones with
         sharp ridges: n π r² − (volume counted twice). Equal ones with rounded ridges:
@@ -119,12 +119,12 @@ class OrthogonalChannels(DrawnGeometry):
 
     @property
     def narrowest(self) -> float:
-        """The smallest radius."""
+        """Smallest radius of a channel."""
         return min(self._by_axis.values())
 
     @property
     def disconnected(self) -> str:
-        """Solid is left along every edge of the cell."""
+        """Empty: solid runs along every edge of the cell."""
         return ""
 
     @property
@@ -134,13 +134,13 @@ class OrthogonalChannels(DrawnGeometry):
 
     @property
     def unfolding(self) -> Unfolding:
-        """The wedge with all three axes alike, else the eighth."""
+        """The wedge for three equal channels, else the eighth."""
         radii = self._by_axis
         return "wedge" if len(radii) == 3 and len(set(radii.values())) == 1 else "eighth"
 
     @property
     def point_group(self) -> PointGroup:
-        """Mirrors, and the permutations of axes with equal channels."""
+        """Point group of the mirrors and of the permutations of axes with equal channels."""
         radii = np.array([self._by_axis.get(axis, 0.0) for axis in "xyz"])
         return CUBIC.kept(lambda Q: (np.abs(Q) @ radii == radii).all())
 
@@ -155,17 +155,17 @@ class OrthogonalChannels(DrawnGeometry):
         if self.fillet:
             solid, rest = split(occ, part, [(3, self._rounded_solid(gmsh))])
             return DrawnPart(solid, rest, _rounded_faces(gmsh, solid))
-        # Within the wedge x² + y² is the smallest of the three, so only the channel along z is met.
-        met = {"z": min(self._by_axis.values())} if self.unfolding == "wedge" else self._by_axis
-        fluid, rest = split(occ, part, self._channels(occ, met))
+        # In the wedge x² + y² is the smallest of the three, so only the channel along z enters.
+        inside = {"z": min(self._by_axis.values())} if self.unfolding == "wedge" else self._by_axis
+        fluid, rest = split(occ, part, self._channels(occ, inside))
         return DrawnPart(rest, fluid)
 
     def onto_fillet(self, points: Array) -> Array:
-        """Points (n, 3) of the drawn part near a fillet, moved onto it."""
+        """Return points (n, 3) of the drawn part near a fillet, projected onto it."""
         return onto_fillet(points, self.radius, self.fillet, self.axes)
 
     def onto_channel(self, points: Array) -> Array:
-        """Points (n, 3) of the wedge near the wall of its channel, moved onto it."""
+        """Return points (n, 3) of the wedge near the wall of its channel, projected onto it."""
         moved = points.copy()
         moved[:, :2] *= self.radius / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
         return moved
@@ -179,9 +179,9 @@ class OrthogonalChannels(DrawnGeometry):
         return cylinders
 
     def _rounded_solid(self, gmsh: Any) -> int:
-        """The eighth of the solid between two channels.
+        """Draw the eighth of the solid between two channels and return its tag.
 
-        OpenCASCADE does not find every fillet between channels along x and z; those along x and y it does.
+        OpenCASCADE fails on some fillets between channels along x and z; they are drawn along x and y and rotated.
         """
         occ = gmsh.model.occ
         solid, _ = occ.cut([(3, eighth(occ))], self._channels(occ, {"x": self.radius, "y": self.radius}))
@@ -193,7 +193,7 @@ class OrthogonalChannels(DrawnGeometry):
         return int(rounded[0][1])
 
     def _is_ridge(self, gmsh: Any, curve: int) -> bool:
-        """Between the channels along x and y."""
+        """Return whether a curve is the ridge between the channels along x and y."""
         low, high = gmsh.model.getParametrizationBounds(1, curve)
         x, y, z = gmsh.model.getValue(1, curve, [(low[0] + high[0]) / 2])
         return bool(abs(np.hypot(y, z) - self.radius) < 1e-6 and abs(np.hypot(x, z) - self.radius) < 1e-6)

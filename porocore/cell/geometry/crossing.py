@@ -1,4 +1,4 @@
-"""The volume of three circular channels of different radii that cross in the middle of the cell."""
+"""Volume of three circular channels of different radii that cross in the middle of the cell."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 
 @lru_cache(maxsize=16)
 def crossing_volume(along_x: float, along_y: float, along_z: float) -> float:
-    """Share of the cell that channels along the axes fill, of the given radii; 0 for none.
+    """Return the share of the cell in channels of the given radii along the axes; a radius of 0 is no channel.
 
-    Of each section across z the area is known: of two strips across each other, and of what the disk adds to them. It
-    is integrated over z, between the heights where a strip ends, where it has the slope of a root.
+    The area of each section across z is known: two crossing strips, and the part of the disk outside of them. It is
+    integrated over z between the heights where a strip ends, where it varies like a square root.
     """
     from scipy.integrate import quad  # slow to import
 
     def section(z: float) -> float:
-        """Of the quarter 0 ≤ x, y ≤ ½."""
+        """Return the area of the section in the quarter 0 ≤ x, y ≤ ½."""
         y = np.sqrt(max(along_x**2 - z**2, 0.0))  # half width of the strip along x
         x = np.sqrt(max(along_y**2 - z**2, 0.0))
         return float(0.25 - (0.5 - x) * (0.5 - y) + _beyond(along_z, float(x), float(y)))
@@ -28,7 +28,7 @@ def crossing_volume(along_x: float, along_y: float, along_z: float) -> float:
     )
     total = 0.0
     for low, high in pairwise(ends):
-        # z = low + (high − low) sin² s takes the roots at the ends away.
+        # z = low + (high − low) sin² s makes the integrand smooth at the ends.
         total += quad(
             lambda s, a=low, b=high: section(a + (b - a) * np.sin(s) ** 2) * (b - a) * np.sin(2 * s),
             0.0,
@@ -40,7 +40,7 @@ def crossing_volume(along_x: float, along_y: float, along_z: float) -> float:
 
 
 def _beyond(r: float, x: float, y: float) -> float:
-    """Area of a quarter of a disk where both coordinates exceed x and y."""
+    """Return the area of a quarter of a disk where the coordinates exceed x and y."""
     if x**2 + y**2 >= r**2:
         return 0.0
     right, top = np.sqrt(r**2 - y**2), np.sqrt(r**2 - x**2)
@@ -49,7 +49,7 @@ def _beyond(r: float, x: float, y: float) -> float:
 
 
 def _corner_on_circle(along_x: float, along_y: float, along_z: float) -> list[float]:
-    """The height at which the corner between the strips lies on the circle, if there is one."""
+    """Return the height at which the corner between the strips lies on the circle, if there is one."""
     square = (along_x**2 + along_y**2 - along_z**2) / 2
     inside = 0 < square < min(along_x, along_y) ** 2
     return [float(np.sqrt(square))] if inside else []

@@ -1,4 +1,4 @@
-"""Pieces that geometries draw with the OpenCASCADE kernel of gmsh."""
+"""Volumes that several geometries draw with the OpenCASCADE kernel of gmsh."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def split(occ: Any, part: tuple[int, int], tools: list[tuple[int, int]]) -> tuple[list[int], list[int]]:
-    """Tags of the pieces of a volume within and without the tools."""
+    """Split a volume by some tools and return the tags of its pieces inside and outside of them."""
     pieces, origin = occ.fragment([part], tools)
     of_part = set(origin[0])
     inside = {piece for images in origin[1:] for piece in images} & of_part
@@ -16,12 +16,12 @@ def split(occ: Any, part: tuple[int, int], tools: list[tuple[int, int]]) -> tupl
 
 
 def eighth(occ: Any) -> int:
-    """The volume [0, ½]³."""
+    """Draw the volume [0, ½]³ and return its tag."""
     return int(occ.addBox(0, 0, 0, 0.5, 0.5, 0.5))
 
 
 def wedge(occ: Any) -> int:
-    """The volume 0 ≤ x ≤ y ≤ z ≤ ½."""
+    """Draw the volume 0 ≤ x ≤ y ≤ z ≤ ½ and return its tag."""
     return _tetrahedron(occ, [(0, 0, 0), (0, 0, 0.5), (0, 0.5, 0.5), (0.5, 0.5, 0.5)])
 
 

@@ -1,7 +1,7 @@
-"""Pore geometries in the unit cube [−½, ½]³, by the ``kind`` that the user writes.
+"""Choice of a pore geometry by the ``kind`` in the configuration.
 
-A geometry names its smallest part that mirror planes unfold into the whole cell and meshes that part;
-:mod:`porocore.cell.meshing.mirror` unfolds the mesh.
+A geometry meshes its smallest part that mirrors unfold into the whole cell; :mod:`porocore.cell.meshing.mirror` unfolds
+the mesh.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Solid obstacles in a fluid: the packings whose permeability is known, and a cell without any pore."""
+"""Solid obstacles in a fluid, packings of known permeability; and a cell without pores."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from porocore.cell.meshing.estimate import PER_CUBE
 from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.core.units.dimensions import Unit
 
-#: Neighbours with less than this between them have a gap that no mesh resolves.
+#: Smallest gap between neighbours that a mesh resolves.
 SMALLEST_GAP = 0.002
 
 
@@ -42,7 +42,7 @@ class SphereArray(DrawnGeometry):
 
     @property
     def porosity(self) -> float:
-        """1 − 4/3 π r³, less the three bars as far as they stand out of the spheres."""
+        """Porosity 1 − 4/3 π r³, less the parts of the three bars outside the spheres."""
         r, n = self.radius, self.neck
         height = np.sqrt(r**2 - n**2)
         cap = np.pi * (r - height) ** 2 * (2 * r + height) / 3
@@ -51,7 +51,7 @@ class SphereArray(DrawnGeometry):
 
     @property
     def unfolding(self) -> Unfolding:
-        """A cubic cell."""
+        """The wedge of a cubic cell."""
         return "wedge"
 
     @property
@@ -62,20 +62,20 @@ class SphereArray(DrawnGeometry):
 
     @property
     def disconnected(self) -> str:
-        """Without necks."""
+        """Reason without necks; empty with necks."""
         return "" if self.neck else "its spheres do not touch; give cell.geometry.neck > 0"
 
     @property
     def narrowest(self) -> float:
-        """The radius."""
+        """Radius of the obstacles."""
         return self.radius
 
     def gap(self, x: float, y: float, z: float) -> float:
-        """To the mirror plane between this sphere and the next along z, the only one that the wedge meets."""
+        """Return the distance from the sphere to the mirror plane across z, the only one in the wedge."""
         return 0.5 - float(np.sqrt(max(self.radius**2 - max(x**2 + y**2, self.neck**2), 0.0)))
 
     def draw(self, gmsh: Any) -> DrawnPart:
-        """The wedge; of the three bars it meets the one along z alone."""
+        """Draw the wedge, which only the bar along z enters."""
         occ = gmsh.model.occ
         solid = [(3, occ.addSphere(0, 0, 0, self.radius))]
         if self.neck:
@@ -102,7 +102,7 @@ class CylinderArray(DrawnGeometry):
 
     @property
     def porosity(self) -> float:
-        """1 − π r²."""
+        """Porosity 1 − π r²."""
         return 1 - np.pi * self.radius**2
 
     @property
@@ -112,7 +112,7 @@ class CylinderArray(DrawnGeometry):
 
     @property
     def point_group(self) -> PointGroup:
-        """That of a square prism along z, 4/mmm."""
+        """Point group 4/mmm of a square prism along z."""
         return CUBIC.kept(lambda Q: Q[2, 2] != 0)
 
     @property
@@ -122,16 +122,16 @@ class CylinderArray(DrawnGeometry):
 
     @property
     def disconnected(self) -> str:
-        """Across the axis."""
+        """Reason, across the axis of the cylinders."""
         return "its cylinders do not touch"
 
     @property
     def narrowest(self) -> float:
-        """The radius."""
+        """Radius of the obstacles."""
         return self.radius
 
     def gap(self, x: float, y: float, z: float) -> float:
-        """To the mirror planes between this cylinder and the next along x and along y."""
+        """Return the distance from the cylinder to the mirror planes across x and y."""
         return 0.5 - float(np.sqrt(max(self.radius**2 - min(x, y) ** 2, 0.0)))
 
     def elements(self, size: float) -> float:
@@ -139,7 +139,7 @@ class CylinderArray(DrawnGeometry):
         return PER_CUBE / min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest) ** 2
 
     def draw(self, gmsh: Any) -> DrawnPart:
-        """A section, extruded: the flow does not change along z."""
+        """Draw a section and extrude it by one element; the flow is uniform along z."""
         occ = gmsh.model.occ
         square = (2, occ.addRectangle(0, 0, 0, 0.5, 0.5))
         disk = (2, occ.addDisk(0, 0, 0, self.radius, self.radius))
@@ -156,24 +156,24 @@ class CylinderArray(DrawnGeometry):
 
 
 class NoPores(DrawnGeometry):
-    """A cell that is all solid, for checks: its response is that of the material."""
+    """Cell without pores, for checks: its response is that of the material."""
 
     kind: Literal["no-pores"]
     """A cell that is all solid, for checks: its response is that of the material."""
 
     @property
     def porosity(self) -> float:
-        """0."""
+        """Porosity of 0."""
         return 0.0
 
     @property
     def unfolding(self) -> Unfolding:
-        """A cubic cell."""
+        """The wedge of a cubic cell."""
         return "wedge"
 
     @property
     def disconnected(self) -> str:
-        """It does hang together."""
+        """Empty: the solid is connected."""
         return ""
 
     @property
@@ -182,7 +182,7 @@ class NoPores(DrawnGeometry):
         return "no pores"
 
     def draw(self, gmsh: Any) -> DrawnPart:
-        """The wedge."""
+        """Draw the wedge."""
         occ = gmsh.model.occ
         tag = wedge(occ)
         occ.synchronize()

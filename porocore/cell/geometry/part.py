@@ -1,4 +1,4 @@
-"""What a pore geometry says of itself, and the part of a cell that it contributes."""
+"""Interface of a pore geometry."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Unfolding = Literal["wedge", "eighth", "whole"]
 
 
 class PoreGeometry(StrictModel, ABC):
-    """The shape of the pores in the unit cube [−½, ½]³, which repeats itself periodically.
+    """Shape of the pores in the periodic unit cube [−½, ½]³.
 
     A new kind derives this class, has a field ``kind`` with one allowed text, and stands in
     :data:`porocore.cell.geometry.kinds.Geometry`. Most derive :class:`porocore.cell.geometry.cad.DrawnGeometry` or
@@ -26,58 +26,58 @@ class PoreGeometry(StrictModel, ABC):
     @property
     @abstractmethod
     def porosity(self) -> float:
-        """Volume share of the pores, φ_f, as exactly as the geometry is known; 0 for a cell without any."""
+        """Volume share φ_f of the pores, as exactly as the geometry is known; 0 without pores."""
 
     @property
     @abstractmethod
     def unfolding(self) -> Unfolding:
-        """The part that is meshed and unfolded by mirrors.
+        """Part that is meshed and unfolded by mirrors.
 
-        The wedge 0 ≤ x ≤ y ≤ z ≤ ½ of a cubic cell, or the eighth [0, ½]³ of a cell that is symmetric under the three
-        mirrors through its middle; else the whole, a cell without such mirrors.
+        It is the wedge 0 ≤ x ≤ y ≤ z ≤ ½ of a cubic cell, the eighth [0, ½]³ of a cell with the three mirrors through
+        its middle, or the whole cell.
         """
 
     @property
     @abstractmethod
     def description(self) -> str:
-        """A few words for a reader, such as ``spheres of radius 0.4 on a cubic lattice``."""
+        """Short description, such as ``spheres of radius 0.4 on a cubic lattice``."""
 
     @property
     def point_group(self) -> PointGroup:
-        """The operations of the cube that leave the pores as they are, together with some shift of the periodic cell.
+        """Point group of the pores: the operations of the cube that, with some shift, map them onto themselves.
 
-        Here: those that unfold the part. A kind that has more says so. To leave out some costs accuracy, to claim too
-        many makes laws wrong. Parts of the solid that differ in material may change places, see :meth:`regions_after`.
+        By default it has the operations that unfold the part. A smaller group costs accuracy, a larger one makes laws
+        wrong. Regions of different material may be mapped onto each other, see :meth:`regions_after`.
         """
         return {"wedge": CUBIC, "eighth": MIRRORS, "whole": TRIVIAL}[self.unfolding]
 
     def regions_after(self, Q: IntArray) -> Mapping[str, str] | None:
-        """Return to which region of the solid an operation Q (3, 3) of the point group takes each, by name.
+        """Return the image of each region of the solid under an operation Q (3, 3) of the point group, by name.
 
-        A region that is not named stays where it is; None: regions are not taken to regions.
+        A region that is not named stays in place; None: regions are not mapped onto regions.
         """
         return {}
 
     @property
     def disconnected(self) -> str | None:
-        """Why the solid does not hang together from cell to cell; empty if it does, None where only a mesh can tell."""
+        """Reason why the solid is not connected across the periodic cell; empty if it is, None if a mesh must tell."""
         return None
 
     def elements(self, size: float) -> float:
-        """Return about how many tetrahedra of the given size fill the whole cell, without meshing it."""
+        """Return the approximate number of tetrahedra of a size in the whole cell, without meshing it."""
         return PER_CUBE / size**3
 
     @abstractmethod
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
-        """Mesh the part, both phases with the same nodes on the wall.
+        """Return the mesh of the part, both phases with the same nodes on the wall.
 
-        Nodes on the planes of the part lie there to 1e-9; those of a whole cell lie there exactly, and opposite faces
-        have the same nodes to the last bit.
+        Nodes on the planes of a part lie there to 1e-9. Nodes on the faces of a whole cell lie there exactly, and
+        opposite faces have the same nodes to the last bit.
 
         Parameters
         ----------
         size
-            Of the elements, in lengths of the cell.
+            Element size, in lengths of the cell.
 
         Raises
         ------

@@ -1,9 +1,9 @@
 """The wedge 0 ≤ x ≤ y ≤ z ≤ ½ of a cell with three channels and rounded ridges, built face by face.
 
-Within the wedge only the channel along z is met, half of the fillet along one ridge, and a sixth of a corner. Boolean
-operations and OpenCASCADE's own fillets fail on the corner's sphere and the planes that cut it lengthwise; points and
-curves of the wedge are known, and its curved faces are filled in between them. The filling is not exact, the nodes
-of the mesh are put onto the wall afterwards.
+The wedge contains parts of the channel along z, half of the fillet along one ridge, and a sixth of a corner. Boolean
+operations and OpenCASCADE's own fillets fail on the sphere of the corner and the planes that cut it lengthwise. So the
+known points and curves of the wedge are drawn, and its curved faces are fillings between them. A filling is not exact;
+the nodes of the mesh are projected onto the wall afterwards.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from porocore.states import Array
 
 #: Points of the spline along the middle of the fillet.
 SPLINE_POINTS = 25
-#: Of a face's width and length: where the filling is made to pass through points of the wall.
+#: Shares of the width and length of a face at which its filling passes through points of the wall.
 GUIDES = np.linspace(0.0, 1.0, 6)[1:-1]
 
 
 @dataclass(frozen=True)
 class RoundedWedge:
-    """Tags of what was drawn: volumes, and the faces of the wall."""
+    """Tags of the volumes of a drawn wedge, and of the faces of its wall."""
 
     solid: int
     fluid: int
@@ -31,12 +31,70 @@ class RoundedWedge:
     fillets: list[int]
 
 
+class _Drawing:
+    """Points, curves and faces of a gmsh model by the names of their corners."""
+
+    def __init__(self, occ: Any, corners: dict[str, Array]) -> None:
+        self.occ = occ
+        self.points = {name: self.point(place) for name, place in corners.items()}
+        self.curves: dict[tuple[str, str], int] = {}
+
+    def point(self, place: Array) -> int:
+        return int(self.occ.addPoint(*(float(x) for x in place)))
+
+    def line(self, a: str, b: str) -> None:
+        self.curves[a, b] = self.occ.addLine(self.points[a], self.points[b])
+
+    def arc(self, a: str, b: str, centre: str) -> None:
+        self.curves[a, b] = self.occ.addCircleArc(self.points[a], self.points[centre], self.points[b])
+
+    def loop(self, names: tuple[str, ...]) -> int:
+        ends = zip(names, (*names[1:], names[0]), strict=True)
+        curves = [self.curves[a, b] if (a, b) in self.curves else -self.curves[b, a] for a, b in ends]
+        return int(self.occ.addCurveLoop(curves))
+
+    def plane(self, *names: str) -> int:
+        return int(self.occ.addPlaneSurface([self.loop(names)]))
+
+    def filling(self, guides: Array, *names: str) -> int:
+        inside = [self.point(place) for place in guides]
+        return int(self.occ.addSurfaceFilling(self.loop(names), pointTags=inside))
+
+    def volume(self, faces: list[int]) -> int:
+        return int(self.occ.addVolume([self.occ.addSurfaceLoop(faces)]))
+
+
 def draw_wedge(occ: Any, radius: float, fillet: float) -> RoundedWedge:
-    """Add solid and fluid of the wedge, which share the wall, to the current model."""
-    r, f = radius, fillet
+    """Add solid and fluid of the wedge, with a common wall, to the current model."""
+    R = radius + fillet
+    middle = middle_of_fillet(R, fillet, np.linspace(0.0, np.pi / 4, SPLINE_POINTS))
+    corners = _corners(radius, fillet, middle)
+    drawing = _Drawing(occ, corners)
+    _add_curves(drawing, middle)
+    channel = drawing.filling(_on_channel(radius, R), "top", "top diagonal", "contact end", "contact")
+    fillets = [
+        drawing.filling(_on_fillet(R, fillet), "contact", "contact end", "middle end", "middle"),
+        drawing.filling(_on_corner(corners["corner"], fillet), "contact end", "tip", "middle end"),
+    ]
+    solid = [
+        drawing.plane("top", "edge", "middle", "contact"),
+        drawing.plane("top", "top diagonal", "far", "edge"),
+        drawing.plane("top diagonal", "contact end", "tip", "far"),
+        drawing.plane("edge", "far", "tip", "middle end", "middle"),
+    ]
+    fluid = [
+        drawing.plane("origin", "axis", "top", "contact", "middle"),
+        drawing.plane("axis", "top", "top diagonal"),
+        drawing.plane("origin", "axis", "top diagonal", "contact end", "tip"),
+        drawing.plane("origin", "middle", "middle end", "tip"),
+    ]
+    wall = [channel, *fillets]
+    return RoundedWedge(drawing.volume([*solid, *wall]), drawing.volume([*fluid, *wall]), channel, fillets)
+
+
+def _corners(r: float, f: float, middle: Array) -> dict[str, Array]:
+    """Return the corners of all faces, and the centres of the arcs, by name."""
     R, root = r + f, np.sqrt(0.5)
-    corner = np.full(3, R * root)
-    middle = middle_of_fillet(R, f, np.linspace(0.0, np.pi / 4, SPLINE_POINTS))
     places: dict[str, Any] = {
         "origin": (0, 0, 0),
         "axis": (0, 0, 0.5),
@@ -50,73 +108,33 @@ def draw_wedge(occ: Any, radius: float, fillet: float) -> RoundedWedge:
         "middle end": middle[-1],
         "tip": np.full(3, R * root - f / np.sqrt(3)),  # of the corner
         "centre": (0, R, R),
-        "corner": corner,
+        "corner": np.full(3, R * root),
     }
-    point = {name: occ.addPoint(*(float(x) for x in place)) for name, place in places.items()}
-    lines: dict[tuple[str, str], int] = {}
+    return {name: np.asarray(place, dtype=np.float64) for name, place in places.items()}
 
-    def line(a: str, b: str) -> None:
-        lines[a, b] = occ.addLine(point[a], point[b])
 
-    def arc(a: str, b: str, centre: int) -> None:
-        lines[a, b] = occ.addCircleArc(point[a], centre, point[b])
-
+def _add_curves(drawing: _Drawing, middle: Array) -> None:
+    """Add the straight edges, the arcs, and the two curves along the fillet."""
     for pair in (
         ("origin", "axis"), ("axis", "top"), ("axis", "top diagonal"), ("origin", "middle"), ("origin", "tip"),
         ("top", "contact"), ("top", "edge"), ("edge", "middle"), ("edge", "far"), ("far", "top diagonal"),
         ("far", "tip"), ("top diagonal", "contact end"),
     ):  # fmt: skip
-        line(*pair)
-    arc("top", "top diagonal", point["axis"])
-    arc("contact", "middle", point["centre"])
+        drawing.line(*pair)
+    drawing.arc("top", "top diagonal", "axis")
+    drawing.arc("contact", "middle", "centre")
     for a, b in (("contact end", "middle end"), ("contact end", "tip"), ("tip", "middle end")):
-        arc(a, b, point["corner"])
+        drawing.arc(a, b, "corner")
+    occ, points = drawing.occ, drawing.points
     # On the channel the fillet ends along a plane section through the origin, an ellipse.
-    foot, major = occ.addPoint(0, 0, 0), point["contact"]
-    lines["contact", "contact end"] = occ.addEllipseArc(major, foot, major, point["contact end"])
-    inner = [occ.addPoint(*(float(x) for x in place)) for place in middle[1:-1]]
-    lines["middle", "middle end"] = occ.addSpline([point["middle"], *inner, point["middle end"]])
-
-    def loop(*names: str) -> int:
-        curves = []
-        for a, b in zip(names, (*names[1:], names[0]), strict=True):
-            curves.append(lines[a, b] if (a, b) in lines else -lines[b, a])
-        return int(occ.addCurveLoop(curves))
-
-    def plane(*names: str) -> int:
-        return int(occ.addPlaneSurface([loop(*names)]))
-
-    def fill(guides: Array, *names: str) -> int:
-        inside = [occ.addPoint(*(float(x) for x in place)) for place in guides]
-        return int(occ.addSurfaceFilling(loop(*names), pointTags=inside))
-
-    channel = fill(_on_channel(r, R), "top", "top diagonal", "contact end", "contact")
-    fillets = [
-        fill(_on_fillet(R, f), "contact", "contact end", "middle end", "middle"),
-        fill(_on_corner(corner, f), "contact end", "tip", "middle end"),
-    ]
-    solid = [
-        plane("top", "edge", "middle", "contact"),
-        plane("top", "top diagonal", "far", "edge"),
-        plane("top diagonal", "contact end", "tip", "far"),
-        plane("edge", "far", "tip", "middle end", "middle"),
-    ]
-    fluid = [
-        plane("origin", "axis", "top", "contact", "middle"),
-        plane("axis", "top", "top diagonal"),
-        plane("origin", "axis", "top diagonal", "contact end", "tip"),
-        plane("origin", "middle", "middle end", "tip"),
-    ]
-    wall = [channel, *fillets]
-
-    def volume(faces: list[int]) -> int:
-        return int(occ.addVolume([occ.addSurfaceLoop([*faces, *wall])]))
-
-    return RoundedWedge(volume(solid), volume(fluid), channel, fillets)
+    foot, major = occ.addPoint(0, 0, 0), points["contact"]
+    drawing.curves["contact", "contact end"] = occ.addEllipseArc(major, foot, major, points["contact end"])
+    inner = [drawing.point(place) for place in middle[1:-1]]
+    drawing.curves["middle", "middle end"] = occ.addSpline([points["middle"], *inner, points["middle end"]])
 
 
 def _on_channel(r: float, R: float) -> Array:
-    """Points for the filling to pass through."""
+    """Return points of the channel for the filling to pass through."""
     angle, share = np.meshgrid(np.pi / 4 * GUIDES, GUIDES)
     x, y = r * np.sin(angle.ravel()), r * np.cos(angle.ravel())
     low = R / r * y
@@ -146,7 +164,7 @@ def _unit(vectors: Array) -> Array:
 
 
 def middle_of_fillet(R: float, fillet: float, t: Array) -> Array:
-    """Where the fillet between the channels along y and z meets the plane y = z, (n, 3)."""
+    """Return the section of the fillet between the channels along y and z with the plane y = z, (n, 3)."""
     sine, cosine = np.sin(t), np.cos(t)
     centre = R * np.stack([sine, cosine, cosine], axis=-1)
     bisector = np.stack([2 * sine, cosine, cosine], axis=-1)  # sum of the two directions of contact

@@ -28,11 +28,11 @@ LATTICES: dict[str, tuple[Array, float]] = {
     "bcc": (np.array([[0, 0, 0], [0.5, 0.5, 0.5]]), 3**0.5 / 2),
     "fcc": (np.array([[0, 0, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [0.5, 0.5, 0]]), 2**0.5 / 2),
 }
-#: A body that reaches less far into the part is left out: it only touches it.
+#: Smallest depth of a body in the part; one with less only touches it and is left out.
 TOUCH = 1e-9
-#: Given centres in one cell, throats between them, and periods that a throat bridges along an axis.
+#: Limits on given centres in one cell, throats between them, and periods that a throat spans along an axis.
 MOST, MOST_THROATS, FARTHEST = 64, 512, 4
-#: Lengths that differ by less are the same.
+#: Tolerance of equal lengths.
 SAME = 1e-9
 Radius = Annotated[float, Field(gt=0, lt=0.9), Unit("cell")]
 Point = tuple[float, float, float]
@@ -51,9 +51,9 @@ class Throat(StrictModel):
 
 
 class SpherePores(DrawnGeometry):
-    """Spherical pores at the places of a lattice or at given centres, repeated periodically.
+    """Spherical pores at the points of a lattice or at given centres, repeated periodically.
 
-    Pores that overlap are joined by that; others by throats, in a lattice between nearest neighbours.
+    Overlapping pores are joined; others are joined by throats, in a lattice between nearest neighbours.
     """
 
     kind: Literal["sphere-pores"]
@@ -125,7 +125,7 @@ class SpherePores(DrawnGeometry):
 
     @property
     def _spheres(self) -> tuple[Array, Array]:
-        """Centres (n, 3) and radii (n,), one for each period."""
+        """Centres (n, 3) and radii (n,) of one period."""
         if self.lattice:
             centres = LATTICES[self.lattice][0]
         else:
@@ -141,12 +141,12 @@ class SpherePores(DrawnGeometry):
 
     @property
     def unfolding(self) -> Unfolding:
-        """Lattices are cubic."""
+        """The wedge of a cubic lattice, else the whole cell."""
         return "wedge" if self.lattice else "whole"
 
     @property
     def point_group(self) -> PointGroup:
-        """The cube's of a lattice; of given centres what spheres and throats have."""
+        """Point group of the cube for a lattice, else that of spheres and throats."""
         return CUBIC if self.lattice else _point_group(self)
 
     @property
@@ -160,7 +160,7 @@ class SpherePores(DrawnGeometry):
 
     @property
     def narrowest(self) -> float:
-        """The radius of the smallest pore or throat."""
+        """Radius of the smallest pore or throat."""
         radii = [self.throat] if self.throat else []
         radii += [throat.radius for throat in self.throats or () if throat.radius is not None]
         return float(min([*radii, *self._spheres[1]]))
@@ -226,7 +226,7 @@ class SpherePores(DrawnGeometry):
         return found
 
     def _given_tubes(self) -> list[tuple[Array, Array, float]]:
-        """Ends and radius of every given throat, once."""
+        """Return ends and radius of every given throat, once."""
         found = []
         for throat in self.throats or ():
             a, b = self._ends(throat)
@@ -234,7 +234,7 @@ class SpherePores(DrawnGeometry):
         return found
 
     def _ends(self, throat: Throat) -> Array:
-        """Centres (2, 3) of the two pores that a throat joins, the first in the cell."""
+        """Return the centres (2, 3) of the two pores that a throat joins, the first in the cell."""
         centres, _ = self._spheres
         given = np.array(self.centres, dtype=np.float64)
         i, j = throat.join
@@ -246,7 +246,7 @@ class SpherePores(DrawnGeometry):
 
 @lru_cache(maxsize=8)
 def _point_group(geometry: SpherePores) -> PointGroup:
-    """That of given centres: each sphere and throat stands for a point with a length and a radius."""
+    """Return the point group of given centres; each sphere and throat is a point with a length and a radius."""
     centres, radii = geometry._spheres
     tubes = geometry._given_tubes()
     middles = np.array([*centres, *((a + b) / 2 for a, b, _ in tubes)])

@@ -8,11 +8,11 @@ from porocore.cell.level_sets.cutting import LevelSet, TwoPhases, onto
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, least_stretch, used, with_middles
 from porocore.states import Array, IntArray
 
-#: A curved element whose volume element falls below this share of the straight one's gets straight edges.
+#: A curved element gets straight edges if its smallest volume element is below this share of the straight one's.
 LEAST_STRETCH = 0.2
-#: A middle that would move farther than this share of its edge stays.
+#: Largest motion of a mid-edge node, as a share of its edge; one that would move farther stays.
 FARTHEST = 0.35
-#: Of the level set's largest value: what is smaller lies on the wall.
+#: Tolerance of a point on the wall, relative to the largest value of the level set.
 FOUND = 1e-9
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -20,16 +20,16 @@ FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 def phases(
     mesh: TwoPhases, level_set: LevelSet, element: Element, low: float, high: float, *, periodic: bool
 ) -> dict[Phase, Tetrahedra]:
-    """The phases one by one, of linear elements or of those of second order with the middles of edges on the wall.
+    """Return both phases in linear elements, or in quadratic ones with mid-edge nodes on the wall.
 
-    An element that would fold over itself keeps straight edges, and so do its neighbours along those edges.
+    An element that would fold keeps straight edges, and so do its neighbours along those edges.
 
     Parameters
     ----------
     low, high
-        Sides of the box that the mesh fills; what lies on a side stays there.
+        Sides of the box of the mesh; nodes on a side stay there.
     periodic
-        Whether opposite sides are one: their nodes move alike.
+        True where opposite sides are identified; their nodes move together.
     """
     points, cells = mesh.points, mesh.cells
     if element != "linear":
@@ -63,7 +63,7 @@ def _curved(
     length = np.linalg.norm(mesh.points[edges[on_wall, 0]] - mesh.points[edges[on_wall, 1]], axis=1)
     longest = np.full(len(places), np.inf)
     np.minimum.at(longest, image, FARTHEST * length)
-    # Beside a ridge of the wall there may be no way onto it.
+    # Beside a ridge of the wall the projection onto it may fail.
     found = np.abs(level_set.value(ends)) <= FOUND * np.abs(level_set.value(mesh.points)).max()
     kept = found & (np.linalg.norm(moves, axis=1) < longest)
     number = np.full(len(points), -1)
@@ -83,7 +83,7 @@ def _curved(
 
 
 def _wall_edges(mesh: TwoPhases, edges: IntArray) -> IntArray:
-    """Which edges (E, 2) belong to facets between the two phases."""
+    """Return the rows of edges (E, 2) that belong to facets between the two phases."""
     facets = np.sort(mesh.cells[:, FACES].reshape(-1, 3), axis=1)
     solid = np.repeat(mesh.solid, 4)
     unique, inverse = np.unique(facets, axis=0, return_inverse=True)

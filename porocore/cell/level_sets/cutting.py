@@ -1,8 +1,8 @@
-"""Both phases of a level set as tetrahedra: a lattice whose nodes near the wall move onto it and whose cells are cut.
+"""Tetrahedra of both phases of a level set, cut from a lattice.
 
-Isosurface stuffing [Labelle & Shewchuk, ACM Trans. Graph. 26 (2007) 57]. A node with a cut of one of its edges close by
-is moved there, so that no small pieces are cut off. What is split into prisms is split further through the corner with
-the lowest number, so that neighbours, and periodic images, agree about the diagonals without asking each other.
+Isosurface stuffing [Labelle & Shewchuk, ACM Trans. Graph. 26 (2007) 57]: lattice nodes near the wall move onto it, and
+tetrahedra across the wall are cut. A node moves to a close cut of one of its edges, so no small pieces are cut off.
+Prisms are split through the corner with the lowest number, so neighbours and periodic images have the same diagonals.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from porocore.cell.meshing.tetrahedra import oriented, volumes
 from porocore.errors import PorocoreError
 from porocore.states import Array, IntArray
 
-#: A node moves to a cut that is closer than these shares of an edge: between cubes, to a cube's centre, and of halved
-#: tetrahedra. The first two are Labelle and Shewchuk's for the best dihedral angles.
+#: Distance of a cut, as a share of its edge, within which a node moves to it: for edges between cubes, to the centre of
+#: a cube, and of halved tetrahedra. The first two are Labelle and Shewchuk's for the best dihedral angles.
 CLOSE_LONG, CLOSE_SHORT, CLOSE_HALVED = 0.25, 0.41, 0.3
-#: On a side, where no edge within the side has a close cut, a node may move so far along it, in edges of a cube.
+#: Largest motion of a node along a side without a close cut of an edge in that side, in edges of a cube.
 FARTHEST = 0.25
-#: Cuts that no node could move to keep at least this share of the edge from its ends.
+#: Smallest distance of any other cut from the ends of its edge, as a share of the edge.
 LEAST_SHARE = 0.05
-#: Of its value anywhere: a level set that is smaller is zero.
+#: Tolerance of a zero of the level set, relative to its largest value.
 ZERO = 1e-12
 STEPS = 60
-#: Of a tetrahedron's volume over that of the lattice's: a node whose move leaves less stays where it is.
+#: Smallest volume of a tetrahedron over that of the lattice's; a node whose motion would leave less stays.
 FLAT = 1e-3
-#: The corners of a prism, two triangles and three edges between them, in the order that makes each of them the first.
+#: Orders of the corners of a prism, two triangles, that put each corner first.
 TURNED = np.array(
     [
         [0, 1, 2, 3, 4, 5],
@@ -44,13 +44,13 @@ TURNED = np.array(
 
 
 class LevelSet(Protocol):
-    """A smooth function that is positive in the solid, zero on the wall and negative in the pores."""
+    """Smooth function that is positive in the solid, zero on the wall and negative in the pores."""
 
     def value(self, points: Array) -> Array:
-        """(n,) at points (n, 3)."""
+        """Return the values (n,) at points (n, 3)."""
 
     def gradient(self, points: Array) -> Array:
-        """(n, 3) at points (n, 3)."""
+        """Return the gradients (n, 3) at points (n, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +62,9 @@ class TwoPhases:
     points : (N, 3)
         Nodes.
     cells : (M, 4)
-        Positively oriented.
+        Tetrahedra, positively oriented.
     solid : (M,)
-        Which of them are solid; the others are fluid.
+        True for solid tetrahedra; the others are fluid.
     """
 
     points: Array
@@ -73,7 +73,7 @@ class TwoPhases:
 
 
 def cut(lattice: Lattice, level_set: LevelSet) -> TwoPhases:
-    """The tetrahedra of a lattice, cut along a level set.
+    """Return the tetrahedra of a lattice, cut along a level set.
 
     Raises
     ------
@@ -101,14 +101,14 @@ def cut(lattice: Lattice, level_set: LevelSet) -> TwoPhases:
 
 
 class _Cuts:
-    """Where the level set cuts the edges of a lattice, and which nodes are close to a cut."""
+    """Cuts of the edges of a lattice by a level set, and the nodes close to a cut."""
 
     def __init__(self, lattice: Lattice, level_set: LevelSet, signs: IntArray, scale: float) -> None:
         self.lattice, self.level_set, self.signs, self.scale = lattice, level_set, signs, scale
         ends, image, moved = lattice.edges
         across = signs[ends[:, 0]] * signs[ends[:, 1]] < 0
         self.ends, moved = ends[across], moved[across]
-        # The cut of an edge is that of its image, to the last bit.
+        # Periodic images of an edge have the same cut, to the last bit.
         images, self.number = np.unique(image[across], axis=0, return_inverse=True)
         self.number = self.number.reshape(-1)
         a, b = lattice.points[images[:, 0]], lattice.points[images[:, 1]]
@@ -123,7 +123,7 @@ class _Cuts:
         self.close = np.select(kinds, [CLOSE_LONG, CLOSE_SHORT], CLOSE_HALVED)
 
     def warped(self, movable: npt.NDArray[np.bool_]) -> tuple[Array, npt.NDArray[np.bool_]]:
-        """The lattice's nodes (N, 3), moved onto the level set where a cut is close, and which (N,) lie on it."""
+        """Return the lattice's nodes (N, 3), moved onto the level set at close cuts, and which ones (N,) lie on it."""
         lattice, n = self.lattice, len(self.lattice.points)
         near: list[tuple[IntArray, Array, npt.NDArray[np.bool_]]] = []
         for end, share in ((0, self.share), (1, 1 - self.share)):
@@ -134,7 +134,7 @@ class _Cuts:
         node, step, within = (np.concatenate(part) for part in zip(*near, strict=True))
         moves = np.full((n, 3), np.nan)
         distance = np.linalg.norm(step, axis=1)
-        # The farthest first, so that the closest is what stays; equal ones in an order that the steps decide.
+        # The farthest come first, so the closest remains; equal distances are ordered by their steps.
         order = np.lexsort((*step.T, -distance))
         order = order[within[order]]
         moves[node[order]] = step[order]
@@ -148,7 +148,7 @@ class _Cuts:
         return lattice.placed(lattice.points + np.where(moved[:, None], moves, 0.0)), moved
 
     def _along_sides(self, nodes: IntArray) -> Array:
-        """Steps (n, 3) of nodes on sides onto the level set, along the sides; NaN where it is too far."""
+        """Return the steps (n, 3) of nodes on sides onto the level set, along the sides; NaN where it is too far."""
         start = self.lattice.points[nodes]
         held = self.lattice.on_side[nodes]
         end = onto(self.level_set, start, held)
@@ -158,7 +158,7 @@ class _Cuts:
         return step
 
     def __call__(self, a: IntArray, b: IntArray) -> IntArray:
-        """Number of the cut on the edges between nodes a (n,) and b (n,), each of which is cut; behind the nodes."""
+        """Return the numbers of the cuts of the edges between nodes a (n,) and b (n,), counted after the nodes."""
         n = len(self.lattice.points)
         if not len(a):
             return np.zeros(0, dtype=np.int64)
@@ -168,20 +168,20 @@ class _Cuts:
 
 
 def onto(level_set: LevelSet, points: Array, held: npt.NDArray[np.bool_], steps: int = 20) -> Array:
-    """Points (n, 3) moved onto the level set along its gradient, without the components held (n, 3)."""
+    """Return points (n, 3) projected onto the level set along its gradient, without the components held (n, 3)."""
     points = points.copy()
     for _ in range(steps):
         value = level_set.value(points)
-        slope = np.where(held, 0.0, level_set.gradient(points))
-        square = np.maximum((slope**2).sum(axis=1), 1e-30)
-        points -= (value / square)[:, None] * slope
+        gradient = np.where(held, 0.0, level_set.gradient(points))
+        square = np.maximum((gradient**2).sum(axis=1), 1e-30)
+        points -= (value / square)[:, None] * gradient
     return points
 
 
 def _roots(level_set: LevelSet, a: Array, b: Array, sign: IntArray, scale: float) -> Array:
-    """Shares (n,) of the ways from a to b (n, 3) at which a level set of the given sign at a vanishes.
+    """Return the shares (n,) of the lines from a to b (n, 3) at which a level set of the given sign at a vanishes.
 
-    By the method of Illinois: regula falsi that halves the value of an end that stays.
+    The Illinois method is a regula falsi that halves the value of an end that stays.
     """
     low, high = np.zeros(len(a)), np.ones(len(a))
     f_low, f_high = level_set.value(a) * sign, level_set.value(b) * sign
@@ -203,7 +203,7 @@ def _roots(level_set: LevelSet, a: Array, b: Array, sign: IntArray, scale: float
 
 
 def _split(lattice: Lattice, cuts: _Cuts, points: Array, signs: IntArray, level_set: LevelSet) -> TwoPhases:
-    """Every tetrahedron by the signs of its nodes; nodes on the level set belong to either phase."""
+    """Split every tetrahedron by the signs of its nodes; nodes on the level set belong to either phase."""
     n = len(points)
     everything = np.concatenate([points, cuts.points])
     key = np.concatenate([lattice.first, n + cuts.number])
@@ -213,7 +213,7 @@ def _split(lattice: Lattice, cuts: _Cuts, points: Array, signs: IntArray, level_
         (cells[(negative == 0) & (positive > 0)], True),
         (cells[(positive == 0) & (negative > 0)], False),
     ]
-    flat = cells[(positive == 0) & (negative == 0)]  # all nodes were moved onto the wall
+    flat = cells[(positive == 0) & (negative == 0)]  # all nodes moved onto the wall
     inside = level_set.value(lattice.points[flat].mean(axis=1)) > 0
     pieces += [(flat[inside], True), (flat[~inside], False)]
 
@@ -226,7 +226,7 @@ def _split(lattice: Lattice, cuts: _Cuts, points: Array, signs: IntArray, level_
     ):
         chosen, own = cells[alone], at[alone] == (1 if solid else -1)
         a, *rest = _first(chosen, own.argmax(axis=1)).T
-        # A node on the level set stands for the cut of the edge to it.
+        # A node on the level set is the cut of the edge to it.
         tips = [_where_cut(cuts, signs, a, b) for b in rest]
         pieces.append((np.stack([a, *tips], axis=1), solid))
         prism(tips, rest, not solid)
@@ -251,15 +251,15 @@ def _where_cut(cuts: _Cuts, signs: IntArray, a: IntArray, b: IntArray) -> IntArr
 
 
 def _first(cells: IntArray, which: IntArray) -> IntArray:
-    """The tetrahedra with the given corner first."""
+    """Return the tetrahedra with the given corner first."""
     orders = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 0, 1, 3], [3, 0, 2, 1]])
     return np.take_along_axis(cells, orders[which], axis=1)
 
 
 def _prisms(corners: IntArray, key: IntArray) -> IntArray:
-    """Three tetrahedra of each prism (n, 6), of which some vanish where corners are the same.
+    """Return three tetrahedra of each prism (n, 6), some of them empty where corners coincide.
 
-    Each quadrilateral is divided from its corner of the lowest key [Dompierre et al., Proc. 8th Int. Meshing Roundtable
+    Each quadrilateral is split from its corner of the lowest key [Dompierre et al., Proc. 8th Int. Meshing Roundtable
     (1999) 195–204].
     """
     turned = np.take_along_axis(corners, TURNED[key[corners].argmin(axis=1)], axis=1)

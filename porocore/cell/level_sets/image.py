@@ -1,4 +1,4 @@
-"""Segmented images: reading them, and a smooth function whose zero is the boundary between their two phases."""
+"""Segmented images: their files, and a smooth level set of the boundary between their two phases."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
 Mask = npt.NDArray[np.bool_]
-#: Voxels along an edge of the image.
+#: Limits on the voxels along an edge of the image.
 SMALLEST, LARGEST = 4, 400
-#: From here on the share below a level is measured at one point of each voxel instead of eight.
+#: Voxels along an edge above which the share below a level is computed from one point a voxel instead of eight.
 MANY = 96
 TIFF = (".tif", ".tiff")
 
 
 def read_image(path: Path) -> npt.NDArray[np.integer[Any]]:
-    """Values of the voxels, the indices along x, y and z.
+    """Return the values of the voxels, with indices along x, y and z.
 
-    A .npy file holds the array so; of a TIFF stack the pages lie along z, the rows along y and the columns along x.
+    A .npy file holds this array; the pages of a TIFF stack lie along z, its rows along y and its columns along x.
 
     Raises
     ------
     ConfigurationError
-        It is no image of three equal lengths with whole numbers, or tifffile is missing.
+        The file is no image of three equal lengths with whole numbers, or tifffile is missing.
     """
     suffix = path.suffix.lower()
     if suffix not in (".npy", *TIFF):
@@ -44,14 +44,14 @@ def read_image(path: Path) -> npt.NDArray[np.integer[Any]]:
         found = _read_npy(path) if suffix == ".npy" else _read_tiff(path)
     except ConfigurationError:
         raise
-    except Exception as error:  # readers raise whatever a file makes them stumble over
+    except Exception as error:  # readers raise any kind of error on a damaged file
         reason = " ".join(f"{error}".split())[:200] or type(error).__name__
         raise ConfigurationError(f"{path}: not an image that can be read: {reason}") from error
     return found.astype(np.int64) if found.dtype == bool else found
 
 
 def _read_npy(path: Path) -> npt.NDArray[Any]:
-    """Read an array after a look at what its header declares."""
+    """Read an array after a check of its header."""
     npy: Any = np.lib.format
     with path.open("rb") as file:
         version = npy.read_magic(file)
@@ -65,10 +65,10 @@ def _read_npy(path: Path) -> npt.NDArray[Any]:
 
 
 def _read_tiff(path: Path) -> npt.NDArray[Any]:
-    """Read the first series of pages, z leading, after a look at what it declares."""
+    """Read the first series of pages, z leading, after a check of its header."""
     import tifffile
 
-    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # it is raised as well
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # its messages are also raised
     with tifffile.TiffFile(path) as file:
         series = file.series[0]
         _check(path, series.shape, series.dtype)
@@ -76,7 +76,7 @@ def _read_tiff(path: Path) -> npt.NDArray[Any]:
 
 
 def _check(path: Path, shape: tuple[int, ...], dtype: Any) -> None:
-    """Refuse what is no segmented cube, before it is read."""
+    """Refuse an image that is no segmented cube, before it is read."""
     if dtype is None or not (np.issubdtype(dtype, np.bool_) or np.issubdtype(dtype, np.integer)):
         raise ConfigurationError(
             f"{path}: expected a segmented image, of whole numbers or of true and false, got values of the type "
@@ -90,20 +90,20 @@ def _check(path: Path, shape: tuple[int, ...], dtype: Any) -> None:
 
 
 class SmoothImage:
-    """A cubic B-spline whose coefficients are the smoothed solid voxels, less a level that keeps their share.
+    """Cubic B-spline with the smoothed solid voxels as coefficients, less a level that preserves their share.
 
     Positive in the solid. The splines themselves smooth with a standard deviation of 0.58 voxels.
 
     Parameters
     ----------
     solid : (n, n, n)
-        Which voxels are solid.
+        True for solid voxels.
     smoothing
-        Standard deviation in voxels of a Gaussian that is applied before.
+        Standard deviation in voxels of a Gaussian filter that is applied first.
     low, high
-        What the image fills, along each axis.
+        Extent of the image along each axis.
     mirror
-        Whether the image goes on mirrored at its sides; else periodically.
+        True to continue the image by mirrors at its sides, else periodically.
     """
 
     def __init__(self, solid: Mask, smoothing: float, low: float, high: float, *, mirror: bool) -> None:
@@ -120,15 +120,15 @@ class SmoothImage:
         self._level = self._level_for(1 - float(solid.mean()))
 
     def value(self, points: Array) -> Array:
-        """(n,) at points (n, 3)."""
+        """Return the values (n,) at points (n, 3)."""
         return self._sums(points, ())[0]
 
     def gradient(self, points: Array) -> Array:
-        """(n, 3) at points (n, 3)."""
+        """Return the gradients (n, 3) at points (n, 3)."""
         return np.stack(self._sums(points, (0, 1, 2))[1:], axis=1)
 
     def _sums(self, points: Array, slopes: tuple[int, ...]) -> list[Array]:
-        """The spline, and its derivatives by some of the coordinates."""
+        """Return the spline, and its derivatives by some of the coordinates."""
         place = (points - self.low) / self.voxel - 0.5
         first = np.floor(place).astype(np.int64)
         weights, rates = _spline(place - first)
@@ -144,17 +144,17 @@ class SmoothImage:
         return found
 
     def _folded(self, index: IntArray) -> IntArray:
-        """Indices of voxels beyond the image, as those of the voxels that they repeat."""
+        """Return the indices of the voxels of the image that voxels beyond it repeat."""
         if not self.mirror:
             return index % self.n
         within = index % (2 * self.n)
         return np.where(within < self.n, within, 2 * self.n - 1 - within)
 
     def _level_for(self, share: float) -> float:
-        """The level below which lies the given share of the image.
+        """Return the level with the given share of the image below it.
 
-        A small cube that the level cuts is divided as a plane through it would divide it that is square to the
-        gradient; what that leaves out cancels to second order.
+        The share of a small cube that the level cuts is that of a plane normal to the gradient; the error cancels to
+        second order.
         """
         from scipy.optimize import brentq  # slow to import
 
@@ -164,10 +164,10 @@ class SmoothImage:
         for offset in product(offsets, repeat=3):
             sums = [self._everywhere(offset, slope) for slope in (None, 0, 1, 2)]
             values.append(sums[0].ravel())
-            # The coordinates count voxels here.
+            # These derivatives are by coordinates in voxels.
             widths.append(np.sqrt(sums[1] ** 2 + sums[2] ** 2 + sums[3] ** 2).ravel() / parts)
         value, width = np.concatenate(values), np.maximum(np.concatenate(widths), 1e-12)
-        # Far from a wall the value is that of a pure phase, and no level comes near it.
+        # Far from the wall the value is that of a pure phase, which no level is close to.
         pure = width < 1e-9
         low, count = float((value[pure] < 0.5).sum()), len(value)
         value, width = value[~pure], width[~pure]
@@ -178,7 +178,7 @@ class SmoothImage:
         return float(brentq(excess, 0.0, 1.0, xtol=1e-12))
 
     def _everywhere(self, offset: tuple[float, ...], slope: int | None) -> Array:
-        """The spline, or its derivative by one coordinate in voxels, beside the middle of each voxel."""
+        """Return the spline, or its derivative by one coordinate in voxels, at an offset from the voxels' centres."""
         found = self._coefficients
         for axis in range(3):
             first = int(np.floor(offset[axis]))
@@ -191,7 +191,7 @@ class SmoothImage:
 
 
 def _spline(t: Array) -> tuple[Array, Array]:
-    """Weights (..., 4) of the coefficients around a point 0 ≤ t < 1 behind the second of them, and their slopes."""
+    """Return the weights (..., 4) of the coefficients around 0 ≤ t < 1 after the second one, and their derivatives."""
     s = 1 - t
     weights = np.stack([s**3, 4 - 6 * t**2 + 3 * t**3, 4 - 6 * s**2 + 3 * s**3, t**3], axis=-1) / 6
     rates = np.stack([-(s**2), 3 * t**2 - 4 * t, 4 * s - 3 * s**2, t**2], axis=-1) / 2

@@ -1,8 +1,8 @@
-"""A body-centred cubic lattice of tetrahedra in a box: between mirror planes, or periodic.
+"""Body-centred cubic lattice of tetrahedra in a box, between mirror planes or periodic.
 
 Its nodes are corners and centres of n × n × n equal cubes; each tetrahedron has one edge between the centres of two
-neighbouring cubes and one in their common face. Those across the sides of the box are halved, so that the box is filled
-and its sides are flat. All tetrahedra are of one shape, but for the halves, with dihedral angles of 60° and 90°.
+neighbouring cubes and one in their common face. Tetrahedra across the sides of the box are halved. All others have one
+shape, with dihedral angles of 60° and 90°.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class Lattice:
     low, high
         Ends of the box along each axis.
     periodic
-        Whether opposite sides are one.
+        True where opposite sides are identified.
     index : (N, 3)
-        Place of each node in halves of a cube's edge, from 0 to 2n.
+        Place of each node in half edges of a cube, from 0 to 2n.
     cells : (M, 4)
-        Positively oriented.
+        Tetrahedra, positively oriented.
     """
 
     n: int
@@ -44,28 +44,28 @@ class Lattice:
 
     @property
     def spacing(self) -> float:
-        """Edge of the cubes."""
+        """Edge length of the cubes."""
         return (self.high - self.low) / self.n
 
     @cached_property
     def points(self) -> Array:
-        """(N, 3); on the sides exactly."""
+        """Positions (N, 3) of the nodes, exactly on the sides."""
         return self.placed(self.low + self.index * (self.spacing / 2))
 
     def placed(self, points: Array) -> Array:
-        """Points (N, 3), one for each node, put exactly onto the sides on which their nodes lie."""
+        """Return points (N, 3), one for each node, set exactly onto the sides of their nodes."""
         on_low = np.where(self.index == 0, self.low, points)
         return np.where(self.index == 2 * self.n, self.high, on_low)
 
     @cached_property
     def on_side(self) -> npt.NDArray[np.bool_]:
-        """(N, 3) whether a node lies on a side across each axis."""
+        """True (N, 3) for a node on a side across each axis."""
         on_side: npt.NDArray[np.bool_] = (self.index == 0) | (self.index == 2 * self.n)
         return on_side
 
     @cached_property
     def first(self) -> IntArray:
-        """(N,) of the periodic images of a node the one with the lowest places; the node itself between mirrors."""
+        """First periodic image (N,) of each node, with the lowest places; the node itself between mirrors."""
         wrapped = np.where((self.index == 2 * self.n) & self.periodic, 0, self.index)
         first: IntArray = self._numbers[tuple(wrapped.T)]
         return first
@@ -79,9 +79,9 @@ class Lattice:
         ends : (E, 2)
             The lower node first.
         image : (E, 2)
-            The same ends for an edge that has no image with lower places, else those of that image, in the same order.
+            Ends of its first periodic image, with the lowest places, in the same order.
         moved : (E, 3)
-            Along which axes the edge lies one period beyond its image.
+            True along the axes where the edge lies one period beyond its image.
         """
         ends = np.unique(np.sort(self.cells[:, EDGES].reshape(-1, 2), axis=1), axis=0)
         moved = (self.index[ends] == 2 * self.n).all(axis=1)
@@ -99,7 +99,7 @@ class Lattice:
 
 
 def body_centred(n: int, low: float, high: float, *, periodic: bool) -> Lattice:
-    """n × n × n cubes that fill [low, high]³, 12 n³ tetrahedra and those halved at the sides."""
+    """Return the lattice of n × n × n cubes in [low, high]³: 12 n³ tetrahedra and the halves at the sides."""
     even, odd = np.arange(0, 2 * n + 1, 2), np.arange(1, 2 * n, 2)
     index = [_grid(even, even, even), _grid(odd, odd, odd)]
     cells = []

@@ -1,4 +1,4 @@
-"""Geometries whose wall is where a smooth function vanishes, and how they are meshed."""
+"""Geometries with the zero of a level set as their wall, and their meshes."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from porocore.cell.level_sets.lattice import body_centred
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.errors import PorocoreError
 
-#: Cubes of the lattice along the part that is meshed; fewer do not keep a periodic node from its own image.
+#: Smallest number of cubes along the meshed part; with fewer, a periodic node may meet its own image.
 FEWEST = 3
 
 
 class LevelSetGeometry(PoreGeometry):
-    """A geometry that gives a level set, on the eighth between its mirror planes or on the whole periodic cell."""
+    """Geometry of a level set, on the eighth between its mirror planes or on the whole periodic cell."""
 
     @abstractmethod
     def level_set(self) -> LevelSet:
-        """Positive in the solid, negative in the pores, with the mirrors or the period of the cell."""
+        """Return the level set, positive in the solid, with the mirrors or the period of the cell."""
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
-        """By cutting a lattice; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
+        """Return the mesh cut from a lattice; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
 
         Raises
         ------
@@ -37,7 +37,7 @@ class LevelSetGeometry(PoreGeometry):
 def mesh_level_set(
     geometry: PoreGeometry, level_set: LevelSet, size: float, element: Element
 ) -> dict[Phase, Tetrahedra]:
-    """Both phases of the eighth of a geometry with mirrors, or of its whole cell.
+    """Return both phases of the eighth of a geometry with mirrors, or of its whole cell.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Triply periodic minimal surfaces, and the surfaces of the same families beside them."""
+"""Triply periodic minimal surfaces, and other level sets of their functions."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.states import Array
 
 Surface = Literal["gyroid", "schwarz-p", "diamond"]
-#: Largest value of |f|: beyond there is no surface.
+#: Largest value of |f|.
 LARGEST = {"gyroid": 1.5, "schwarz-p": 3.0, "diamond": 2**0.5}
-#: Lines along each of two axes on which a void fraction is measured; it is exact along each line.
+#: Lines along each of two axes on which a void fraction is integrated, exactly along each line.
 LINES = 800
 
 
@@ -62,7 +62,7 @@ class TriplyPeriodic(LevelSetGeometry):
 
     @cached_property
     def wall_level(self) -> float:
-        """The level, given or solved for."""
+        """Level of the wall, given or solved for."""
         if self.level is not None:
             return self.level
         wanted = self.void_fraction
@@ -83,12 +83,12 @@ class TriplyPeriodic(LevelSetGeometry):
 
     @property
     def unfolding(self) -> Unfolding:
-        """Of the three Schwarz P alone has mirrors across the axes."""
+        """The eighth for Schwarz P, which alone has mirrors across the axes, else the whole cell."""
         return "eighth" if self.surface == "schwarz-p" else "whole"
 
     @property
     def point_group(self) -> PointGroup:
-        """The cube's: I4₁32 of the gyroid, Pm-3m of Schwarz P and Fd-3m of the diamond; of the sheets no less."""
+        """Point group of the cube; the space groups are I4₁32 (gyroid), Pm-3m (Schwarz P), Fd-3m (diamond) or more."""
         return CUBIC
 
     @property
@@ -103,7 +103,7 @@ class TriplyPeriodic(LevelSetGeometry):
 
 
 class Nodal:
-    """f − level, the nodal approximation of a minimal surface."""
+    """Level set f − level, the nodal approximation of a minimal surface."""
 
     def __init__(self, surface: Surface, level: float) -> None:
         self.surface, self.level = surface, level
@@ -124,21 +124,21 @@ class Nodal:
         """See :class:`~porocore.cell.level_sets.cutting.LevelSet`."""
         (sx, sy, sz), (cx, cy, cz) = np.sin(2 * np.pi * points.T), np.cos(2 * np.pi * points.T)
         if self.surface == "gyroid":
-            slopes = [cx * cy - sz * sx, cy * cz - sx * sy, cz * cx - sy * sz]
+            components = [cx * cy - sz * sx, cy * cz - sx * sy, cz * cx - sy * sz]
         elif self.surface == "schwarz-p":
-            slopes = [sx, sy, sz]
+            components = [sx, sy, sz]
         else:
-            slopes = [
+            components = [
                 cx * sy * sz + cx * cy * cz - sx * sy * cz - sx * cy * sz,
                 sx * cy * sz - sx * sy * cz + cx * cy * cz - cx * sy * sz,
                 sx * sy * cz - sx * cy * sz - cx * sy * sz + cx * cy * cz,
             ]
-        slope: Array = 2 * np.pi * np.stack(slopes, axis=1)
-        return slope
+        gradient: Array = 2 * np.pi * np.stack(components, axis=1)
+        return gradient
 
 
 class Sheet:
-    """level² − f², positive within the sheet."""
+    """Level set level² − f², positive within the sheet."""
 
     def __init__(self, surface: Surface, level: float) -> None:
         self._f, self.level = Nodal(surface, 0.0), level
@@ -150,13 +150,13 @@ class Sheet:
 
     def gradient(self, points: Array) -> Array:
         """See :class:`~porocore.cell.level_sets.cutting.LevelSet`."""
-        slope: Array = -2 * self._f.value(points)[:, None] * self._f.gradient(points)
-        return slope
+        gradient: Array = -2 * self._f.value(points)[:, None] * self._f.gradient(points)
+        return gradient
 
 
 @lru_cache(maxsize=256)
 def below(surface: Surface, level: float) -> float:
-    """Share of the cell where f < level.
+    """Return the share of the cell where f < level.
 
     Along a line in the direction of x every f is R cos(X − δ) + C, below the level on a share
     1 − arccos((level − C)/R)/π of its period.

@@ -1,4 +1,4 @@
-"""A segmented image as a cell."""
+"""Geometry from a segmented image."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ class Voxels(FromFile, LevelSetGeometry):
     """The pores of a segmented image of equal voxels.
 
     With ``repeat: mirror`` the image is the eighth [0, ½]³, and its mirror images make the cell periodic; with
-    ``repeat: periodic`` it is the whole cell, and continues on the opposite side as it is. The steps of the voxels are
-    smoothed away, and the share of the pores is kept.
+    ``repeat: periodic`` it is the whole cell. The steps of the voxels are smoothed, with the same share of pores.
     """
 
     kind: Literal["voxels"]
@@ -38,18 +37,18 @@ class Voxels(FromFile, LevelSetGeometry):
 
     @property
     def solid(self) -> Mask:
-        """(n, n, n) which voxels are solid.
+        """True for solid voxels, (n, n, n).
 
         Raises
         ------
         ConfigurationError
-            The file is no such image, has changed, or shows one phase only.
+            The file is no segmented image, has changed, or has one phase only.
         """
         return _solid(self)
 
     @property
     def porosity(self) -> float:
-        """Share of the image's voxels."""
+        """Share of pore voxels in the image."""
         return 1 - float(self.solid.mean())
 
     @property
@@ -59,7 +58,7 @@ class Voxels(FromFile, LevelSetGeometry):
 
     @property
     def point_group(self) -> PointGroup:
-        """That of the voxels, exactly."""
+        """Point group of the voxels, exactly."""
         return _point_group(self)
 
     @property
