@@ -10,7 +10,7 @@ from porocore.cell.materials.choice import AnyMaterial
 from porocore.cell.materials.kinematics import Kinematics
 from porocore.cell.materials.moduli import voigt_moduli
 from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.cell.materials.ramp import ramp, ramp_bend, ramp_slope
+from porocore.cell.materials.ramp import ramp, ramp_curvature, ramp_derivative
 from porocore.cell.materials.stretch_powers import power_difference
 
 make = TypeAdapter(AnyMaterial).validate_python
@@ -226,7 +226,7 @@ def test_nearly_equal_stretches_lose_no_digits(gap):
     R, Q = (Rotation.from_rotvec(v).as_matrix() for v in ([0.3, -0.8, 0.4], [1.0, 0.2, -0.5]))
     F = R @ np.diag([1.2, 1.2 * (1 + gap), 0.9]) @ Q
     found = np.zeros((3, 3, 3, 3, 1))
-    PowerSum(4.0).add_curvature(found, np.ones(1), Kinematics(F[:, :, None]))
+    PowerSum(4.0).add_hessian(found, np.ones(1), Kinematics(F[:, :, None]))
     C, B, one = F.T @ F, F @ F.T, np.eye(3)
     exact = 4 * (
         np.einsum("ik,jl->ijkl", one, C) + np.einsum("il,kj->ijkl", F, F) + np.einsum("ik,jl->ijkl", B, one)
@@ -250,11 +250,11 @@ def test_the_ramp_has_two_continuous_derivatives():
     x = np.array([0.0, 1.0])
     for side in (-1e-9, 1e-9):
         np.testing.assert_allclose(ramp(x + side), [0, 0.5], atol=2e-9)
-        np.testing.assert_allclose(ramp_slope(x + side), [0, 1], atol=2e-9)
-        np.testing.assert_allclose(ramp_bend(x + side), [0, 0], atol=1e-8)
+        np.testing.assert_allclose(ramp_derivative(x + side), [0, 1], atol=2e-9)
+        np.testing.assert_allclose(ramp_curvature(x + side), [0, 0], atol=1e-8)
     x = np.linspace(-0.5, 1.5, 41)
-    np.testing.assert_allclose(ramp_slope(x), ramp(x + 1e-30j).imag / 1e-30, atol=1e-14)
-    np.testing.assert_allclose(ramp_bend(x), ramp_slope(x + 1e-30j).imag / 1e-30, atol=1e-14)
+    np.testing.assert_allclose(ramp_derivative(x), ramp(x + 1e-30j).imag / 1e-30, atol=1e-14)
+    np.testing.assert_allclose(ramp_curvature(x), ramp_derivative(x + 1e-30j).imag / 1e-30, atol=1e-14)
 
 
 def test_a_material_survives_being_written_and_sent(material):

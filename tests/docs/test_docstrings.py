@@ -24,6 +24,7 @@ ROOMS = (
     "porocore/core",
     "porocore/interfaces",
     "porocore/plugins",
+    "porocore/cell",
     "porocore/study",
     "porocore/surrogates",
     "porocore/cli",

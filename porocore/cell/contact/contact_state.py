@@ -25,7 +25,7 @@ class ContactState(Protocol):
 
     @property
     def depth(self) -> float:
-        """Largest penetration."""
+        """Largest penetration of the wall."""
 
     @property
     def forces(self) -> Forces:

@@ -92,7 +92,7 @@ class WallState:
 
     @property
     def depth(self) -> float:
-        """Largest penetration."""
+        """Largest penetration of the wall."""
         return max((float(-part.distance[0].min(initial=0.0)) for part in self._penetrating), default=0.0)
 
     @cached_property

@@ -112,7 +112,7 @@ class OrthogonalChannels(DrawnGeometry):
 
     @property
     def description(self) -> str:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        """Short description of the geometry."""
         radii = self._by_axis
         sizes = ", ".join(f"{radius:g}" for radius in dict.fromkeys(radii.values()))
         return f"orthogonal channels of radius {sizes} along {', '.join(radii)}"
@@ -129,7 +129,7 @@ class OrthogonalChannels(DrawnGeometry):
 
     @property
     def finest_fillet(self) -> float:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        """Radius of the fillets, 0 for sharp ridges."""
         return self.fillet
 
     @property

@@ -56,7 +56,7 @@ class SphereArray(DrawnGeometry):
 
     @property
     def description(self) -> str:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        """Short description of the geometry."""
         necks = f" with necks of radius {self.neck:g}" if self.neck else ""
         return f"spheres of radius {self.radius:g} on a cubic lattice{necks}"
 
@@ -117,7 +117,7 @@ class CylinderArray(DrawnGeometry):
 
     @property
     def description(self) -> str:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        """Short description of the geometry."""
         return f"cylinders of radius {self.radius:g} along z on a square lattice"
 
     @property
@@ -178,7 +178,7 @@ class NoPores(DrawnGeometry):
 
     @property
     def description(self) -> str:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        """Short description of the geometry."""
         return "no pores"
 
     def draw(self, gmsh: Any) -> DrawnPart:

@@ -1,4 +1,4 @@
-"""Materials whose energy is a formula of invariants: stress and tangent of all of them, in one place."""
+"""Stress and tangent of all materials whose energy is a formula of invariants."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from porocore.cell.materials.kinematics import Kinematics
 from porocore.cell.materials.material import Material
 from porocore.states import Array
 
-#: Points that are worked on together, so that their tangents stay in the processor's cache.
+#: Points in one batch, so that their tangents fit into the cache of the processor.
 TOGETHER = 1024
-#: By the names that a formula uses.
+#: Invariants by their names in a formula.
 BASIC: dict[str, Invariant] = {"I1": Trace(), "I2": Second(), "J": Volume()}
 #: Volumetric energy of the presets: convex in J, with a barrier at J = 0 and the bulk modulus K (Simo & Taylor 1991,
 #: Comput. Methods Appl. Mech. Eng. 85, eq. 3.1).
@@ -33,25 +33,25 @@ class InvariantMaterial(Material):
     @property
     @abstractmethod
     def invariants(self) -> dict[str, Invariant]:
-        """Those that the formula may name."""
+        """Invariants that the formula may use, by name."""
 
     @property
     @abstractmethod
     def formula(self) -> str:
-        """W as text."""
+        """Formula of W as text."""
 
     @property
     @abstractmethod
     def constants(self) -> dict[str, float]:
-        """Values of the parameters of the formula."""
+        """Parameters of the formula, by name."""
 
     @property
     def isotropic(self) -> bool:
-        """No fibres, unless a kind has them."""
+        """True, unless a kind has fibres."""
         return True
 
     def energy_density(self, F: Array) -> Array:
-        """See :class:`~porocore.cell.materials.material.StrainEnergy`."""
+        """Return Ψ at F; see :class:`~porocore.cell.materials.material.StrainEnergy`."""
 
         def compute(at: Kinematics, d: Derivatives, used: list[Invariant], out: Array) -> None:
             (rest,) = d.value(*(float(i.rest) for i in used), *self.constants.values())
@@ -61,16 +61,16 @@ class InvariantMaterial(Material):
         return self._computed(F, (), compute)
 
     def stress(self, F: Array) -> Array:
-        """See :class:`~porocore.cell.materials.material.StrainEnergy`."""
+        """Return P at F; see :class:`~porocore.cell.materials.material.StrainEnergy`."""
 
         def compute(at: Kinematics, d: Derivatives, used: list[Invariant], out: Array) -> None:
-            slopes = d.first(*(i.value(at) for i in used), *self.constants.values())
-            out[:] = sum(slope * i.gradient(at) for slope, i in zip(slopes, used, strict=True))
+            first = d.first(*(i.value(at) for i in used), *self.constants.values())
+            out[:] = sum(W_a * i.gradient(at) for W_a, i in zip(first, used, strict=True))
 
         return self._computed(F, (3, 3), compute)
 
     def tangent(self, F: Array) -> Array:
-        """See :class:`~porocore.cell.materials.material.StrainEnergy`."""
+        """Return ∂P/∂F at F; see :class:`~porocore.cell.materials.material.StrainEnergy`."""
 
         def compute(at: Kinematics, d: Derivatives, used: list[Invariant], out: Array) -> None:
             m = len(used)
@@ -83,14 +83,14 @@ class InvariantMaterial(Material):
                 mixed = sum(second[a, b] * gradients[b] for b in range(m) if not _vanishes(second[a, b]))
                 if not isinstance(mixed, int):
                     add_outer(out, gradients[a], mixed)
-            for slope, invariant in zip(found[:m], used, strict=True):
-                if not _vanishes(slope):
-                    invariant.add_curvature(out, np.asarray(slope), at)
+            for W_a, invariant in zip(found[:m], used, strict=True):
+                if not _vanishes(W_a):
+                    invariant.add_hessian(out, np.asarray(W_a), at)
 
         return self._computed(F, (3, 3, 3, 3), compute)
 
     def _computed(self, F: Array, shape: tuple[int, ...], compute: Callable[..., None]) -> Array:
-        """By batches of points; the result has the components first in memory and last in its shape."""
+        """Return a quantity computed in batches of points, with components first in memory and last in its shape."""
         own = self.invariants
         formula = Formula(
             self.formula, tuple((name, i.rest) for name, i in own.items()), tuple(self.constants)
@@ -101,7 +101,7 @@ class InvariantMaterial(Material):
         flat = np.moveaxis(F.reshape(-1, 3, 3), 0, -1)
         n = flat.shape[-1]
         out = np.zeros((*shape, n), dtype=F.dtype)
-        # Far beyond what a solid bears an energy may overflow; the solver then shortens its step.
+        # At unphysical strains an energy may overflow; the solver then shortens its step.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             for start in range(0, n, TOGETHER):
                 part = slice(start, start + TOGETHER)
@@ -114,5 +114,5 @@ class InvariantMaterial(Material):
 
 
 def _vanishes(value: Any) -> bool:
-    """Whether the generated code gives the number 0 and no array."""
+    """Return whether the generated code returned the number 0 instead of an array."""
     return np.ndim(value) == 0 and value == 0

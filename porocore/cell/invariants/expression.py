@@ -1,4 +1,4 @@
-"""A strain energy that the user writes as a formula."""
+"""Strain energy written as a formula in the configuration."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 class ExpressionMaterial(InvariantMaterial):
     """Ψ as a formula of I1, I2, J (and I3 = J²), of the fibre invariants I4, I5, … and of named parameters.
 
-    First and second derivatives are generated from it, so any smooth formula with a stress-free and stiff reference
-    is a material. A constant makes no difference: Ψ = 0 at F = I. The k-th direction a has the invariants a·Ca and
+    Its first and second derivatives are generated, so any smooth formula with a stress-free and stiff reference is a
+    material. A constant in it has no effect: Ψ = 0 at F = I. The k-th direction a has the invariants a·Ca and
     a·C²a, named I4 and I5 for the first one, I6 and I7 for the second.
     """
 
@@ -56,7 +56,7 @@ class ExpressionMaterial(InvariantMaterial):
     @classmethod
     def _is_an_energy(cls, energy: str, info: ValidationInfo) -> str:
         if "parameters" not in info.data or "directions" not in info.data:
-            return energy  # what is wrong with these is said already
+            return energy  # their own errors are reported
         formula = _formula(energy, info.data["directions"], tuple(info.data["parameters"]))
         try:
             used = Expression.parse(
@@ -87,7 +87,7 @@ class ExpressionMaterial(InvariantMaterial):
 
     @property
     def isotropic(self) -> bool:
-        """Without fibres."""
+        """True without fibres."""
         return not self.directions
 
     def turned(self, Q: IntArray) -> ExpressionMaterial:
@@ -95,7 +95,7 @@ class ExpressionMaterial(InvariantMaterial):
         return self.model_copy(update={"directions": turned(self.directions, Q)})
 
     def equals(self, other: Material) -> bool:
-        """Return whether all but the signs of the directions is the same; a formula may tell one from another."""
+        """Return whether both have the same formula, parameters and directions up to sign, in the same order."""
         if not isinstance(other, ExpressionMaterial):
             return False
         return self == other.model_copy(update={"directions": self.directions}) and same_in_order(
@@ -109,19 +109,19 @@ class ExpressionMaterial(InvariantMaterial):
 
     @property
     def formula(self) -> str:
-        """The energy."""
+        """Formula of the energy."""
         return self.energy
 
     @property
     def constants(self) -> dict[str, float]:
-        """The parameters."""
+        """Parameters of the energy."""
         return self.parameters
 
     def stress_hint(self) -> str:
-        """The term that is lacking, in the user's own names."""
+        """Return the missing term, in the names of the configuration."""
         of_volume, of_fibres = stress_at_rest(
             _formula(self.energy, self.directions, tuple(self.parameters)),
-            {name: i.slope_at_rest for name, i in self.invariants.items()},
+            {name: i.gradient_at_rest for name, i in self.invariants.items()},
             {name for name in self.invariants if name not in ("I1", "I2", "I3", "J")},
             self.parameters,
         )

@@ -1,7 +1,7 @@
-"""The text of a strain energy as a tree of sympy's, bounded so that its derivatives take no long time.
+"""Strain energies from text to sympy, with bounds on the cost of their derivatives.
 
-:mod:`porocore.core.formulas.expressions` reads the text; it knows numbers, names and arithmetic and executes nothing.
-Names of the user do not enter the tree.
+:mod:`porocore.core.formulas.expressions` reads the text: numbers, names and arithmetic; it executes nothing. The names
+of the configuration do not enter the sympy expression.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from porocore.cell.materials.ramp import ramp, symbolic_ramp
 from porocore.core.echo import echo
 from porocore.core.formulas.expressions import Expression
 
-#: What may be called in the text of an energy, each of one argument.
+#: Functions of one argument that an energy may use.
 FUNCTIONS = ("exp", "log", "sqrt", "sinh", "cosh", "tanh", "sin", "cos", "ramp")
-#: Numbers, names and operations of one energy, and how deeply functions, powers and quotients are nested.
+#: Limits on the numbers, names and operations of one energy, and on nested functions, powers and quotients.
 MOST_PARTS, DEEPEST = 400, 12
-#: Product of the constant exponents on the way to any part: (x**a)**b counts as a·b.
+#: Limit on the product of nested constant exponents: (x**a)**b counts as a·b.
 LARGEST_POWER = 64.0
 
 
 @dataclass(frozen=True)
 class Formula:
-    """An energy as text: names of the invariants with their values at F = I, and names of the parameters."""
+    """Text of an energy, names of its invariants with their values at F = I, and names of its parameters."""
 
     text: str
     invariants: tuple[tuple[str, int], ...]
@@ -36,12 +36,12 @@ class Formula:
 
 
 def tree(formula: Formula) -> tuple[Any, list[Any], list[Any]]:
-    """The energy as sympy's tree, and the symbols of invariants and parameters.
+    """Return the energy as a sympy expression, and the symbols of invariants and parameters.
 
     Raises
     ------
     ValueError
-        The text is no energy; the message says what and where.
+        The text is no energy; the message names the place.
     """
     import sympy  # a third of a second, and few need it
 
@@ -53,7 +53,7 @@ def tree(formula: Formula) -> tuple[Any, list[Any], list[Any]]:
     known = dict(zip((*names, *formula.parameters), (*symbols, *constants), strict=True)) | {"pi": np.pi}
 
     def either(name: str) -> Callable[[Any], Any]:
-        """Numbers are worked out in floating point at once: for exp(exp(exp(9))) exact ones would take for ever."""
+        """Return a function that evaluates numbers in floating point; exact ones of exp(exp(exp(9))) never end."""
         symbolic = symbolic_ramp() if name == "ramp" else getattr(sympy, name)
         numerical: Callable[[Any], Any] = ramp if name == "ramp" else getattr(np, name)
         return lambda x: float(numerical(x)) if isinstance(x, int | float) else symbolic(x)
@@ -73,12 +73,12 @@ def tree(formula: Formula) -> tuple[Any, list[Any], list[Any]]:
 
 
 def _bound(parsed: Expression) -> None:
-    """Refuse what would take long to differentiate.
+    """Refuse a formula that would take long to differentiate.
 
     Raises
     ------
     ValueError
-        The formula has too many parts, is nested too deeply, or piles powers on powers.
+        The formula has too many parts, is nested too deeply, or has too large nested powers.
     """
     count = sum(isinstance(node, ast.expr) for node in ast.walk(parsed.tree))
     if count > MOST_PARTS:
@@ -112,7 +112,7 @@ def _bound(parsed: Expression) -> None:
 
 
 def _exponent(node: ast.expr) -> float:
-    """Its value if it is made of numbers only, else 1: powers of symbols stay as they are written."""
+    """Return the value of an exponent of numbers only, else 1, since powers of symbols are not expanded."""
     if any(isinstance(part, ast.Name | ast.Call) for part in ast.walk(node)):
         return 1.0
     exponent = float(Expression(ast.unparse(node), node)())
@@ -124,16 +124,16 @@ def _exponent(node: ast.expr) -> float:
 def stress_at_rest(
     formula: Formula, slopes: dict[str, int], of_fibres: set[str], values: dict[str, float]
 ) -> tuple[str, bool]:
-    """The term in log(J) that takes the residual stress away, as text, and whether fibres have a share in that stress.
+    """Return the term in log(J), as text, that cancels the residual stress, and whether fibres contribute to it.
 
     Parameters
     ----------
     slopes
         ∂I/∂F of each invariant at F = I, in units of the unit tensor or of a ⊗ a.
     of_fibres
-        Invariants of the latter kind.
+        Invariants in units of a ⊗ a.
     values
-        Of the parameters.
+        Values of the parameters.
     """
     import sympy
 

@@ -1,4 +1,4 @@
-"""From the formula of a strain energy to numpy functions of its invariants: value, first and second derivatives."""
+"""Generated numpy functions of the value and the derivatives of a formula by its invariants."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from functools import lru_cache
 from typing import Any
 
 from porocore.cell.invariants.formula import Formula, tree
-from porocore.cell.materials.ramp import ramp, ramp_bend, ramp_slope
+from porocore.cell.materials.ramp import ramp, ramp_curvature, ramp_derivative
 
-#: Of the first derivatives; the second ones have up to some thirty times as many.
+#: Limit on the operations of the first derivatives; the second ones have up to about thirty times as many.
 MOST_OPERATIONS = 2000
 
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
-    """Of W(I, parameters); each function takes the used invariants and all parameters and returns a list.
+    """Derivatives of W(I, parameters); each function takes the used invariants and all parameters and returns a list.
 
     Attributes
     ----------
     used
-        Indices of the invariants that occur, m of them.
+        Indices of the m invariants in the formula.
     value
-        W alone, (n,).
+        Values of W, (n,).
     first
-        The m first derivatives, (n,) or numbers where they are constant.
+        First derivatives, m of (n,) or numbers where constant.
     second
-        The m first derivatives, then the second ones row by row of the upper triangle.
+        First derivatives, then the second ones, row by row of the upper triangle.
     """
 
     used: tuple[int, ...]
@@ -38,7 +38,7 @@ class Derivatives:
 
 @lru_cache(maxsize=64)
 def derivatives(formula: Formula) -> Derivatives:
-    """Differentiate and generate the code, once for each text.
+    """Return the derivatives of a formula; each formula is differentiated once.
 
     Raises
     ------
@@ -62,7 +62,8 @@ def derivatives(formula: Formula) -> Derivatives:
     second = [sympy.diff(first[i], own[j]) for i in range(len(own)) for j in range(i, len(own))]
 
     def generate(parts: Sequence[Any]) -> Callable[..., list[Any]]:
-        modules: list[Any] = [{"ramp": ramp, "ramp_slope": ramp_slope, "ramp_bend": ramp_bend}, "numpy"]
+        functions = {"ramp": ramp, "ramp_derivative": ramp_derivative, "ramp_curvature": ramp_curvature}
+        modules: list[Any] = [functions, "numpy"]
         return sympy.lambdify([*own, *constants], list(parts), modules=modules, cse=True)  # type: ignore[no-any-return]
 
     return Derivatives(used, generate([energy]), generate(first), generate([*first, *second]))

@@ -1,4 +1,4 @@
-"""Scalars of C = FᵀF, and J, of which a strain energy is a function, with their derivatives by F.
+"""Invariants of C = FᵀF, and J, with their derivatives by F.
 
 I₁ = tr C, I₂ = (I₁² − tr C²)/2, J = det F; of a fibre along the unit vector a, I₄ = a·Ca and I₅ = a·C²a (Spencer 1984,
 Constitutive theory for strongly anisotropic solids); of the principal stretches, T_α = λ₁^α + λ₂^α + λ₃^α.
@@ -19,30 +19,30 @@ from porocore.states import Array
 
 
 class Invariant(ABC):
-    """One scalar I(F); points are the last axis of every array."""
+    """Scalar invariant I(F); points are the last axis of every array."""
 
     #: Value at F = I, and the factor of its slope there: of the unit tensor, or of a ⊗ a for a fibre.
     rest: ClassVar[int]
-    slope_at_rest: ClassVar[int]
+    gradient_at_rest: ClassVar[int]
 
     @abstractmethod
     def value(self, at: Kinematics) -> Array:
-        """I, (n,)."""
+        """Return I, (n,)."""
 
     @abstractmethod
     def gradient(self, at: Kinematics) -> Array:
-        """∂I/∂F_ij, (3, 3, n)."""
+        """Return ∂I/∂F_ij, (3, 3, n)."""
 
     @abstractmethod
-    def add_curvature(self, A: Array, weight: Array, at: Kinematics) -> None:
+    def add_hessian(self, A: Array, weight: Array, at: Kinematics) -> None:
         """Add weight (n,) times ∂²I/∂F_ij∂F_kl to A (3, 3, 3, 3, n)."""
 
 
 @dataclass(frozen=True)
 class Trace(Invariant):
-    """I₁."""
+    """First invariant I₁."""
 
-    rest, slope_at_rest = 3, 2
+    rest, gradient_at_rest = 3, 2
 
     def value(self, at: Kinematics) -> Array:
         return np.asarray((at.F * at.F).sum(axis=(0, 1)))
@@ -50,7 +50,7 @@ class Trace(Invariant):
     def gradient(self, at: Kinematics) -> Array:
         return 2 * at.F
 
-    def add_curvature(self, A: Array, weight: Array, at: Kinematics) -> None:
+    def add_hessian(self, A: Array, weight: Array, at: Kinematics) -> None:
         for i in range(3):
             for j in range(3):
                 A[i, j, i, j] += 2 * weight
@@ -58,9 +58,9 @@ class Trace(Invariant):
 
 @dataclass(frozen=True)
 class Second(Invariant):
-    """I₂."""
+    """Second invariant I₂."""
 
-    rest, slope_at_rest = 3, 4
+    rest, gradient_at_rest = 3, 4
 
     def value(self, at: Kinematics) -> Array:
         C = at.C
@@ -70,11 +70,11 @@ class Second(Invariant):
         )  # fmt: skip
 
     def gradient(self, at: Kinematics) -> Array:
-        """2 (I₁ F − F C)."""
+        """Return 2 (I₁ F − F C)."""
         return np.asarray(2 * (np.trace(at.C) * at.F - product(at.F, at.C)))
 
-    def add_curvature(self, A: Array, weight: Array, at: Kinematics) -> None:
-        """2 (2 F_ij F_kl − F_il F_kj + I₁ δ_ik δ_jl − δ_ik C_jl − B_ik δ_jl)."""
+    def add_hessian(self, A: Array, weight: Array, at: Kinematics) -> None:
+        """Add 2 (2 F_ij F_kl − F_il F_kj + I₁ δ_ik δ_jl − δ_ik C_jl − B_ik δ_jl)."""
         F, twice = at.F, 2 * weight
         for i in range(3):
             for j in range(3):
@@ -91,9 +91,9 @@ class Second(Invariant):
 
 @dataclass(frozen=True)
 class Volume(Invariant):
-    """J."""
+    """Volume ratio J."""
 
-    rest, slope_at_rest = 1, 1
+    rest, gradient_at_rest = 1, 1
 
     def value(self, at: Kinematics) -> Array:
         return at.J
@@ -101,39 +101,39 @@ class Volume(Invariant):
     def gradient(self, at: Kinematics) -> Array:
         return at.cofactor
 
-    def add_curvature(self, A: Array, weight: Array, at: Kinematics) -> None:
-        """ε_ikm ε_jln F_mn."""
+    def add_hessian(self, A: Array, weight: Array, at: Kinematics) -> None:
+        """Add ε_ikm ε_jln F_mn."""
         add_cofactor_tangent(A, weight * at.F)
 
 
 @dataclass(frozen=True)
 class Third(Volume):
-    """I₃ = det C = J²."""
+    """Third invariant I₃ = det C = J²."""
 
-    rest, slope_at_rest = 1, 2
+    rest, gradient_at_rest = 1, 2
 
     def value(self, at: Kinematics) -> Array:
         return np.asarray(at.J * at.J)
 
     def gradient(self, at: Kinematics) -> Array:
-        """2 J cof F."""
+        """Return 2 J cof F."""
         return 2 * at.J * at.cofactor
 
-    def add_curvature(self, A: Array, weight: Array, at: Kinematics) -> None:
-        """2 cof F ⊗ cof F + 2 J ∂cof F/∂F."""
+    def add_hessian(self, A: Array, weight: Array, at: Kinematics) -> None:
+        """Add 2 cof F ⊗ cof F + 2 J ∂cof F/∂F."""
         add_outer(A, 2 * weight * at.cofactor, at.cofactor)
-        super().add_curvature(A, 2 * at.J * weight, at)
+        super().add_hessian(A, 2 * at.J * weight, at)
 
 
 @dataclass(frozen=True)
 class Fibre(Invariant):
-    """I₄, the squared stretch along a unit vector of the reference configuration."""
+    """Invariant I₄, the squared stretch along a unit vector of the reference configuration."""
 
     direction: tuple[float, float, float]
-    rest, slope_at_rest = 1, 2
+    rest, gradient_at_rest = 1, 2
 
     def _pushed(self, at: Kinematics) -> Array:
-        """F a, (3, n)."""
+        """Return F a, (3, n)."""
         return np.asarray(np.tensordot(at.F, np.array(self.direction), axes=(1, 0)))
 
     def value(self, at: Kinematics) -> Array:
@@ -141,11 +141,11 @@ class Fibre(Invariant):
         return np.asarray((f * f).sum(axis=0))
 
     def gradient(self, at: Kinematics) -> Array:
-        """2 (F a) ⊗ a."""
+        """Return 2 (F a) ⊗ a."""
         return np.asarray(2 * self._pushed(at)[:, None] * np.array(self.direction)[None, :, None])
 
-    def add_curvature(self, A: Array, weight: Array, at: Kinematics) -> None:
-        """2 δ_ik a_j a_l."""
+    def add_hessian(self, A: Array, weight: Array, at: Kinematics) -> None:
+        """Add 2 δ_ik a_j a_l."""
         a = np.array(self.direction)
         added = 2 * np.outer(a, a)[:, :, None] * weight
         for i in range(3):
@@ -154,27 +154,27 @@ class Fibre(Invariant):
 
 @dataclass(frozen=True)
 class SecondFibre(Fibre):
-    """I₅."""
+    """Invariant I₅ of a unit vector of the reference configuration."""
 
-    rest, slope_at_rest = 1, 4
+    rest, gradient_at_rest = 1, 4
 
     def value(self, at: Kinematics) -> Array:
         c = np.tensordot(at.C, np.array(self.direction), axes=(1, 0))
         return np.asarray((c * c).sum(axis=0))
 
     def _vectors(self, at: Kinematics) -> tuple[Array, Array, Array]:
-        """F a, C a and F C a, (3, n)."""
+        """Return F a, C a and F C a, (3, n)."""
         c = np.tensordot(at.C, np.array(self.direction), axes=(1, 0))
         return self._pushed(at), c, np.asarray((at.F * c).sum(axis=1))
 
     def gradient(self, at: Kinematics) -> Array:
-        """2 (F a ⊗ C a + F C a ⊗ a)."""
+        """Return 2 (F a ⊗ C a + F C a ⊗ a)."""
         f, c, g = self._vectors(at)
         a = np.array(self.direction)
         return np.asarray(2 * (f[:, None] * c + g[:, None] * a[:, None]))
 
-    def add_curvature(self, A: Array, weight: Array, at: Kinematics) -> None:
-        """2 [δ_ik (c_j a_l + a_j c_l) + f_i f_k δ_jl + f_i a_l F_kj + a_j f_k F_il + B_ik a_j a_l]."""
+    def add_hessian(self, A: Array, weight: Array, at: Kinematics) -> None:
+        """Add 2 [δ_ik (c_j a_l + a_j c_l) + f_i f_k δ_jl + f_i a_l F_kj + a_j f_k F_il + B_ik a_j a_l]."""
         f, c, _ = self._vectors(at)
         a, twice = np.array(self.direction), 2 * weight
         mixed = twice * (c[:, None] * a[:, None] + a[:, None, None] * c)
@@ -189,7 +189,7 @@ class SecondFibre(Fibre):
 
 @dataclass(frozen=True)
 class PowerSum(Invariant):
-    """T_α = tr C^(α/2) with any real α, safe where stretches are equal: it needs no derivative of an eigenvector."""
+    """Power sum T_α = tr C^(α/2) of real α; equal stretches are regular, since no eigenvector is differentiated."""
 
     exponent: float
     rest = 3
@@ -199,14 +199,14 @@ class PowerSum(Invariant):
         return np.asarray(np.exp(self.exponent / 2 * log).sum(axis=0))
 
     def gradient(self, at: Kinematics) -> Array:
-        """2 F h(C) with h(c) = α/2 c^(α/2 − 1), Σ_a 2 h(c_a) M_aa."""
+        """Return 2 F h(C) = Σ_a 2 h(c_a) M_aa with h(c) = α/2 c^(α/2 − 1)."""
         h = self._slope(at)
         return np.asarray(2 * sum(h[a] * at.dyads[a, a] for a in range(3)))
 
-    def add_curvature(self, A: Array, weight: Array, at: Kinematics) -> None:
-        """2 δ_ik h(C)_jl + 4 Σ_a h[a,a] M_aa⊗M_aa + 2 Σ_a<b h[a,b] (M_ab + M_ba)⊗(M_ab + M_ba).
+    def add_hessian(self, A: Array, weight: Array, at: Kinematics) -> None:
+        """Add 2 δ_ik h(C)_jl + 4 Σ_a h[a,a] M_aa⊗M_aa + 2 Σ_a<b h[a,b] (M_ab + M_ba)⊗(M_ab + M_ba).
 
-        h[a,b] are the divided differences of h, of the derivative of h(C) (Daleckii & Krein 1965).
+        h[a,b] are the divided differences of h in the derivative of h(C) (Daleckii & Krein 1965).
         """
         _, N, log = at.principal
         k = self.exponent / 2 - 1

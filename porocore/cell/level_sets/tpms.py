@@ -93,12 +93,12 @@ class TriplyPeriodic(LevelSetGeometry):
 
     @property
     def description(self) -> str:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        """Short description of the geometry."""
         name = {"gyroid": "gyroid", "schwarz-p": "Schwarz P", "diamond": "diamond"}[self.surface]
         return f"{name} {self.solid} of porosity {self.porosity:.4g}, level {self.wall_level:.4g}"
 
     def level_set(self) -> Nodal | Sheet:
-        """See :class:`~porocore.cell.level_sets.level_set.LevelSetGeometry`."""
+        """Return the level set of the wall."""
         return (Sheet if self.solid == "sheet" else Nodal)(self.surface, self.wall_level)
 
 
@@ -109,7 +109,7 @@ class Nodal:
         self.surface, self.level = surface, level
 
     def value(self, points: Array) -> Array:
-        """See :class:`~porocore.cell.level_sets.cutting.LevelSet`."""
+        """Return the values (n,) at points (n, 3)."""
         (sx, sy, sz), (cx, cy, cz) = np.sin(2 * np.pi * points.T), np.cos(2 * np.pi * points.T)
         f: Array
         if self.surface == "gyroid":
@@ -121,7 +121,7 @@ class Nodal:
         return f - self.level
 
     def gradient(self, points: Array) -> Array:
-        """See :class:`~porocore.cell.level_sets.cutting.LevelSet`."""
+        """Return the gradients (n, 3) at points (n, 3)."""
         (sx, sy, sz), (cx, cy, cz) = np.sin(2 * np.pi * points.T), np.cos(2 * np.pi * points.T)
         if self.surface == "gyroid":
             components = [cx * cy - sz * sx, cy * cz - sx * sy, cz * cx - sy * sz]
@@ -144,12 +144,12 @@ class Sheet:
         self._f, self.level = Nodal(surface, 0.0), level
 
     def value(self, points: Array) -> Array:
-        """See :class:`~porocore.cell.level_sets.cutting.LevelSet`."""
+        """Return the values (n,) at points (n, 3)."""
         value: Array = self.level**2 - self._f.value(points) ** 2
         return value
 
     def gradient(self, points: Array) -> Array:
-        """See :class:`~porocore.cell.level_sets.cutting.LevelSet`."""
+        """Return the gradients (n, 3) at points (n, 3)."""
         gradient: Array = -2 * self._f.value(points)[:, None] * self._f.gradient(points)
         return gradient
 

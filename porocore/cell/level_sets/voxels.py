@@ -53,7 +53,7 @@ class Voxels(FromFile, LevelSetGeometry):
 
     @property
     def unfolding(self) -> Unfolding:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        """The eighth with mirrors, else the whole cell."""
         return "eighth" if self.repeat == "mirror" else "whole"
 
     @property
@@ -63,11 +63,11 @@ class Voxels(FromFile, LevelSetGeometry):
 
     @property
     def description(self) -> str:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`."""
+        """Short description of the geometry."""
         return f"image {Path(self.path).name} of {len(self.solid)}³ voxels, {self.repeat}"
 
     def level_set(self) -> SmoothImage:
-        """See :class:`~porocore.cell.level_sets.level_set.LevelSetGeometry`."""
+        """Return the level set of the wall."""
         return _smooth(self)
 
 

@@ -1,4 +1,4 @@
-"""The materials that a configuration may name by their ``kind``."""
+"""Choice of a material by the ``kind`` in the configuration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A solid of several materials, one for each region of its mesh."""
+"""Solid of several materials, one for each region of its mesh."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Composite:
-    """What ``cell.materials`` holds.
+    """Materials of ``cell.materials``, one for each region.
 
     Attributes
     ----------
     materials
-        By the name of the region.
+        Material by the name of its region.
     """
 
     materials: Mapping[str, Material]
 
     @property
     def isotropic(self) -> bool:
-        """Whether each of them is."""
+        """True where every material is isotropic."""
         return all(material.isotropic for material in self.materials.values())
 
     @property
     def mirrored(self) -> bool:
-        """Whether the mirrors of the three axes leave each of them alone."""
+        """True where every material is invariant under the mirrors of the three axes."""
         return all(material.mirrored for material in self.materials.values())
 
     def allows(self, Q: IntArray, regions: Mapping[str, str] | None) -> bool:
-        """Return whether Q leaves the response of the whole alone.
+        """Return whether Q leaves the response of the solid unchanged.
 
         Parameters
         ----------
         Q : (3, 3)
             Signed permutation of the axes.
         regions
-            The region to which Q takes each; one that is not named stays where it is. None: regions are not taken to
+            Image of each region under Q; one that is not named stays in place. None: regions are not mapped onto
             regions.
         """
         if regions is None:
@@ -61,16 +61,16 @@ class Composite:
 
     @property
     def description(self) -> str:
-        """A few words for a reader."""
+        """Short description of the materials by region."""
         return "; ".join(f"{region}: {material.description}" for region, material in self.materials.items())
 
     @property
     def identity(self) -> str:
-        """All that it is, as text."""
+        """Materials by region, as text."""
         return json.dumps({region: m.identity for region, m in self.materials.items()}, sort_keys=True)
 
     def on(self, mesh: CellMesh) -> StrainEnergy:
-        """Of every element of a mesh of the solid.
+        """Return the strain energy of every element of a mesh of the solid.
 
         Raises
         ------
@@ -102,26 +102,26 @@ class PlacedMaterials(StrainEnergy):
     Attributes
     ----------
     parts
-        Each material and the numbers of its elements; every element belongs to one of them.
+        Each material with the numbers of its elements; every element has one material.
     """
 
     parts: tuple[tuple[Material, IntArray], ...]
 
     @property
     def isotropic(self) -> bool:
-        """Whether each of them is."""
+        """True where every material is isotropic."""
         return all(material.isotropic for material, _ in self.parts)
 
     def energy_density(self, F: Array) -> Array:
-        """See :class:`StrainEnergy`; F and the result are led by the elements."""
+        """See :class:`StrainEnergy`; the elements lead F and the result."""
         return self._gathered(F, (), lambda material: material.energy_density)
 
     def stress(self, F: Array) -> Array:
-        """See :class:`StrainEnergy`; F and the result are led by the elements."""
+        """See :class:`StrainEnergy`; the elements lead F and the result."""
         return self._gathered(F, (3, 3), lambda material: material.stress)
 
     def tangent(self, F: Array) -> Array:
-        """See :class:`StrainEnergy`; F and the result are led by the elements."""
+        """See :class:`StrainEnergy`; the elements lead F and the result."""
         return self._gathered(F, (3, 3, 3, 3), lambda material: material.tangent)
 
     def _gathered(
@@ -133,7 +133,7 @@ class PlacedMaterials(StrainEnergy):
         return out
 
     def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
-        """See :class:`StrainEnergy`; each element counts alike."""
+        """See :class:`StrainEnergy`; all elements have the same weight."""
         young = shear = count = 0.0
         for material, own in self.parts:
             n = len(own) if elements is None else int(np.isin(own, elements).sum())
@@ -142,5 +142,5 @@ class PlacedMaterials(StrainEnergy):
         return young / count, shear / count
 
 
-#: What a cell's solid is made of.
+#: Solid of a cell: one material, or one for each region.
 Solid = Material | Composite

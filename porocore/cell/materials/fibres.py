@@ -11,7 +11,7 @@ from porocore.cell.invariants.invariants import Fibre, Invariant, SecondFibre
 from porocore.states import IntArray
 
 Vector = tuple[float, float, float]
-#: Unit vectors are the same, or opposite, if their product differs from ±1 by less.
+#: Tolerance of the product of parallel unit vectors.
 SAME = 1e-12
 
 
@@ -19,18 +19,18 @@ def _unit(direction: Vector) -> Vector:
     length = float(np.linalg.norm(direction))
     if not 1e-6 < length < 1e6:
         raise ValueError(f"expected a direction [a1, a2, a3] other than 0, got {list(direction)}")
-    if abs(length - 1) <= 4e-16:  # as written, so that what was normalised stays as it is
+    if abs(length - 1) <= 4e-16:  # so that a normalised vector stays the same
         return direction
     a1, a2, a3 = (float(a) / length for a in direction)
     return a1, a2, a3
 
 
-#: Any length but 0; what is kept is the unit vector.
+#: Vector of any length but 0, normalised.
 Direction = Annotated[Vector, AfterValidator(_unit)]
 
 
 def fibre_invariants(directions: tuple[Vector, ...]) -> dict[str, Invariant]:
-    """I4 and I5 of the first direction, I6 and I7 of the second, and so on."""
+    """Return I4 and I5 of the first direction, I6 and I7 of the second, and so on."""
     found: dict[str, Invariant] = {}
     for k, direction in enumerate(directions):
         found |= {f"I{4 + 2 * k}": Fibre(direction), f"I{5 + 2 * k}": SecondFibre(direction)}
@@ -47,14 +47,14 @@ def turned(directions: tuple[Vector, ...], Q: IntArray) -> tuple[Vector, ...]:
 
 
 def same_in_order(directions: tuple[Vector, ...], others: tuple[Vector, ...]) -> bool:
-    """Return whether the k-th of each are the same or opposite, for all k."""
+    """Return whether the k-th directions of both are parallel, for all k."""
     return len(directions) == len(others) and all(
         _parallel(a, b) for a, b in zip(directions, others, strict=True)
     )
 
 
 def same_families(directions: tuple[Vector, ...], others: tuple[Vector, ...]) -> bool:
-    """Return whether both hold the same directions or their opposites, each as often, in whatever order."""
+    """Return whether both have the same directions up to sign and order, with the same multiplicities."""
 
     def counts(among: tuple[Vector, ...]) -> list[int]:
         return [sum(_parallel(direction, other) for other in among) for direction in directions]

@@ -60,7 +60,7 @@ class HolzapfelGasserOgden(InvariantMaterial):
 
     @property
     def isotropic(self) -> bool:
-        """Only where the fibres have no preferred direction."""
+        """True where the fibres have no preferred direction."""
         return self.dispersion == 1 / 3
 
     def turned(self, Q: IntArray) -> HolzapfelGasserOgden:
@@ -68,7 +68,7 @@ class HolzapfelGasserOgden(InvariantMaterial):
         return self.model_copy(update={"directions": turned(self.directions, Q)})
 
     def equals(self, other: Material) -> bool:
-        """Return whether all but the order and the signs of the directions is the same."""
+        """Return whether both are the same up to the order and the signs of the directions."""
         if not isinstance(other, HolzapfelGasserOgden):
             return False
         return self == other.model_copy(update={"directions": self.directions}) and (
@@ -91,7 +91,7 @@ class HolzapfelGasserOgden(InvariantMaterial):
 
     @property
     def constants(self) -> dict[str, float]:
-        """By the names of the formula."""
+        """Parameters by their names in the formula."""
         return {
             "mu": self.shear_modulus,
             "K": self.bulk_modulus,

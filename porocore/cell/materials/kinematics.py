@@ -1,4 +1,4 @@
-"""What the invariants of many deformation gradients share."""
+"""Kinematic quantities of many deformation gradients, shared by their invariants."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from porocore.states import Array
 
 
 class Kinematics:
-    """Of F (3, 3, n), points last; each quantity is computed when it is first asked for."""
+    """Kinematic quantities of F (3, 3, n), points last; each is computed when it is first used."""
 
     def __init__(self, F: Array) -> None:
         self.F = F
 
     @cached_property
     def C(self) -> Array:
-        """FᵀF, (3, 3, n)."""
+        """Right Cauchy–Green tensor FᵀF, (3, 3, n)."""
         return _symmetric_product(self.F.swapaxes(0, 1))
 
     @cached_property
     def B(self) -> Array:
-        """FFᵀ, (3, 3, n)."""
+        """Left Cauchy–Green tensor FFᵀ, (3, 3, n)."""
         return _symmetric_product(self.F)
 
     @cached_property
     def J(self) -> Array:
-        """det F, (n,)."""
+        """Volume ratio det F, (n,)."""
         return determinant(np.moveaxis(self.F, -1, 0))
 
     @cached_property
     def cofactor(self) -> Array:
-        """cof F, (3, 3, n)."""
+        """Cofactor of F, (3, 3, n)."""
         return np.moveaxis(cofactor(np.moveaxis(self.F, -1, 0)), 0, -1)
 
     @cached_property
@@ -45,20 +45,20 @@ class Kinematics:
 
     @cached_property
     def dyads(self) -> Array:
-        """M_ab = (F N_a) ⊗ N_b, (3, 3, 3, 3, n), indices a, b, i, j."""
+        """Dyads M_ab = (F N_a) ⊗ N_b, (3, 3, 3, 3, n), indices a, b, i, j."""
         _, N, _ = self.principal
         f = product(self.F, N)  # columns
         return np.asarray(np.einsum("ian,jbn->abijn", f, N))
 
 
 def product(A: Array, B: Array) -> Array:
-    """A_ik B_kj of (3, 3, n), by contiguous slices, which is faster than n small products."""
+    """Return A_ik B_kj of (3, 3, n), by contiguous slices, which is faster than n small products."""
     rows = [[A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j] for j in range(3)] for i in range(3)]
     return np.array(rows)
 
 
 def _symmetric_product(A: Array) -> Array:
-    """A_ik A_jk."""
+    """Return A_ik A_jk of (3, 3, n)."""
     out = np.empty_like(A)
     for i in range(3):
         for j in range(i, 3):

@@ -1,4 +1,4 @@
-"""What every strain energy of the solid offers, and what a configured one must obey."""
+"""Interfaces of a strain energy and of a configured material."""
 
 from __future__ import annotations
 
@@ -19,37 +19,36 @@ if TYPE_CHECKING:
 
 
 class StrainEnergy(ABC):
-    """A hyperelastic solid, Ψ(F) at many points.
+    """Strain energy Ψ(F) of a hyperelastic solid at many points.
 
-    F_ij = ∂x_i/∂X_j has the shape (..., 3, 3); where materials differ from element to element it is led by the
-    elements of the mesh, (elements, points, 3, 3). All stresses and moduli are in units of E, the reference modulus of
-    the study.
+    F_ij = ∂x_i/∂X_j has the shape (..., 3, 3), and (elements, points, 3, 3) where materials differ between elements.
+    All stresses and moduli are in units of E, the reference modulus of the study.
     """
 
     @property
     @abstractmethod
     def isotropic(self) -> bool:
-        """Whether the response is the same along all directions of the reference configuration, everywhere."""
+        """True where the response is the same in all directions of the reference configuration."""
 
     @abstractmethod
     def energy_density(self, F: Array) -> Array:
-        """Ψ (...) per undeformed volume [E]; 0 at F = I."""
+        """Return Ψ (...) per undeformed volume [E]; 0 at F = I."""
 
     @abstractmethod
     def stress(self, F: Array) -> Array:
-        """P = ∂Ψ/∂F (..., 3, 3), first Piola–Kirchhoff, tension positive [E]."""
+        """Return P = ∂Ψ/∂F (..., 3, 3), first Piola–Kirchhoff, tension positive [E]."""
 
     @abstractmethod
     def tangent(self, F: Array) -> Array:
-        """A_ijkl = ∂P_ij/∂F_kl (..., 3, 3, 3, 3) [E]."""
+        """Return A_ijkl = ∂P_ij/∂F_kl (..., 3, 3, 3, 3) [E]."""
 
     @abstractmethod
     def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
-        """Young's modulus and shear modulus of small strains [E], averaged over directions and over elements (all)."""
+        """Return Young's and shear modulus of small strains [E], averaged over directions and elements (all)."""
 
 
 class Material(StrictModel, StrainEnergy):
-    """A homogeneous solid as it stands in the configuration.
+    """Configuration of a homogeneous solid.
 
     A new kind derives this class, has a field ``kind`` with one allowed text, and stands in
     :data:`porocore.cell.materials.choice.AnyMaterial`.
@@ -58,46 +57,46 @@ class Material(StrictModel, StrainEnergy):
     @property
     @abstractmethod
     def description(self) -> str:
-        """A few words for a reader, such as ``neo-hookean solid with Poisson's ratio 0.35``."""
+        """Short description, such as ``neo-hookean solid with Poisson's ratio 0.35``."""
 
     def turned(self, Q: IntArray) -> Material | None:
         """Return the solid after a signed permutation Q (3, 3) of the axes, Ψ'(F) = Ψ(QᵀFQ); None if unknown.
 
-        A kind that is not isotropic, and whose symmetry shall be made use of, turns its directions here.
+        An anisotropic kind turns its directions, so that its symmetry is used.
         """
         return self if self.isotropic else None
 
     def equals(self, other: Material) -> bool:
-        """Return whether another solid has the same Ψ, as far as the parameters of both tell."""
+        """Return whether another solid has the same Ψ by its parameters."""
         return self == other
 
     def allows(self, Q: IntArray, regions: Mapping[str, str] | None) -> bool:
-        """Return whether Q leaves the response alone; which ``regions`` of the cell change places does not matter."""
+        """Return whether Q leaves the response unchanged; the images of the ``regions`` do not matter."""
         turned = self.turned(Q)
         return turned is not None and turned.equals(self)
 
     @property
     def point_group(self) -> PointGroup:
-        """The operations of the cube that leave the response alone."""
+        """Point group of the response."""
         return CUBIC.kept(lambda Q: self.allows(Q, None))
 
     @property
     def mirrored(self) -> bool:
-        """Whether the mirrors of the three axes leave the response alone, as the eighth of a cell asks for."""
+        """True where the response is invariant under the mirrors of the three axes, as on the eighth of a cell."""
         return all(self.allows(Q, None) for Q in MIRRORS.matrices)
 
     @property
     def identity(self) -> str:
-        """All that it is, as text."""
+        """Kind and parameters as text."""
         return self.model_dump_json()
 
     def on(self, mesh: CellMesh) -> StrainEnergy:
-        """Of every element of a mesh of the solid: itself."""
+        """Return the strain energy of every element of a mesh of the solid, itself."""
         return self
 
     @property
     def elasticity(self) -> Array:
-        """C (3, 3, 3, 3) of small strains, A at F = I [E]."""
+        """Elasticity C (3, 3, 3, 3) of small strains, A at F = I [E]."""
         return self.tangent(np.eye(3))
 
     def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
@@ -105,7 +104,7 @@ class Material(StrictModel, StrainEnergy):
         return voigt_moduli(self.elasticity)
 
     def stress_hint(self) -> str:
-        """What a user may change where the undeformed solid is not free of stress."""
+        """Return advice for an undeformed solid with a residual stress."""
         return ""
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Elasticity of small strains: its averages, and what it must be for a solid to be one."""
+"""Elasticity of small strains: averaged moduli, and checks of the undeformed solid."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from porocore.states import Array
 
-#: Of the largest modulus: a residual stress, and the smallest eigenvalue of the elasticity.
+#: Tolerances of a residual stress and of the smallest eigenvalue of the elasticity, over the largest modulus.
 STRESS_FREE, POSITIVE = 1e-10, 1e-8
 #: Kelvin's notation: pairs of indices, and the factors that make the basis orthonormal.
 _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
@@ -16,27 +16,27 @@ _FACTORS = np.array([1.0, 1.0, 1.0, np.sqrt(2), np.sqrt(2), np.sqrt(2)])
 
 
 def voigt_moduli(C: Array) -> tuple[float, float]:
-    """Young's modulus and shear modulus [E] of C (3, 3, 3, 3) averaged over all directions (Voigt 1889)."""
+    """Return Young's modulus and shear modulus [E] of C (3, 3, 3, 3) averaged over all directions (Voigt 1889)."""
     bulk = float(np.einsum("iijj->", C)) / 9
     shear = (3 * float(np.einsum("ijij->", C)) - 9 * bulk) / 30
     return 9 * bulk * shear / (3 * bulk + shear), shear
 
 
 def kelvin(C: Array) -> Array:
-    """(6, 6) with the eigenvalues of C (3, 3, 3, 3) as a map of symmetric strains (Kelvin 1856)."""
+    """Return the Kelvin matrix (6, 6) of C (3, 3, 3, 3), with the eigenvalues of C on symmetric strains (1856)."""
     rows = np.array([[C[i, j, k, l] for k, l in _PAIRS] for i, j in _PAIRS])
     return np.asarray(_FACTORS[:, None] * rows * _FACTORS)
 
 
 def check_reference(energy: Array, P: Array, C: Array, hint: Callable[[], str]) -> None:
-    """Refuse a solid that is under stress or not stiff when it is undeformed.
+    """Refuse a solid with a residual stress or without stiffness in the undeformed state.
 
     Parameters
     ----------
     energy, P, C
         Ψ, stress (3, 3) and its derivative (3, 3, 3, 3) at F = I.
     hint
-        What to do about a residual stress.
+        Advice against a residual stress.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The compressible neo-Hookean solid, in closed form."""
+"""Compressible neo-Hookean solid in closed form."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class NeoHookean(Material):
 
     @property
     def isotropic(self) -> bool:
-        """It is."""
+        """True: no direction is preferred."""
         return True
 
     @property
@@ -52,11 +52,11 @@ class NeoHookean(Material):
         return f"{self.kind} solid with Poisson's ratio {self.poisson_ratio:g}"
 
     def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
-        """E = 1 and μ, the same everywhere."""
+        """Return E = 1 and μ, the same everywhere."""
         return 1.0, self.mu
 
     def volumetric(self, log_J: Array) -> tuple[Array, Array, Array]:
-        """U = −μ ln J + λ/2 (ln J)² and its first and second derivative with respect to ln J."""
+        """Return U = −μ ln J + λ/2 (ln J)² and its first and second derivative by ln J."""
         return (
             (self.lam / 2 * log_J - self.mu) * log_J,
             self.lam * log_J - self.mu,
@@ -64,19 +64,19 @@ class NeoHookean(Material):
         )
 
     def energy_density(self, F: Array) -> Array:
-        """Ψ (...) [E]."""
+        """Return Ψ (...) [E]."""
         energy: Array = (
             self.mu / 2 * ((F * F).sum(axis=(-2, -1)) - 3) + self.volumetric(np.log(determinant(F)))[0]
         )
         return energy
 
     def stress(self, F: Array) -> Array:
-        """P = ∂Ψ/∂F (..., 3, 3), first Piola–Kirchhoff, tension positive [E]."""
+        """Return P = ∂Ψ/∂F (..., 3, 3), first Piola–Kirchhoff, tension positive [E]."""
         J = determinant(F)
         return self.mu * F + (self.volumetric(np.log(J))[1] / J)[..., None, None] * cofactor(F)
 
     def tangent(self, F: Array) -> Array:
-        """A_ijkl = ∂P_ij/∂F_kl (..., 3, 3, 3, 3) [E]."""
+        """Return A_ijkl = ∂P_ij/∂F_kl (..., 3, 3, 3, 3) [E]."""
         J = determinant(F)
         G = cofactor(F) / J[..., None, None]  # F⁻ᵀ
         _, first, second = self.volumetric(np.log(J))

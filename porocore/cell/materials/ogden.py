@@ -15,7 +15,7 @@ MOST_TERMS = 8
 
 
 class OgdenTerm(StrictModel):
-    """μ_p and α_p of one term; μ_p α_p is twice its share of the initial shear modulus."""
+    """Parameters μ_p and α_p of one term; μ_p α_p is twice its share of the initial shear modulus."""
 
     mu: Annotated[float, Dimension("stress")]
     """μ_p; ½ Σ μ_p α_p is the shear modulus of small strains."""
@@ -35,8 +35,8 @@ class Ogden(InvariantMaterial):
 
     Ψ = Σ_p μ_p/α_p (J^(−α_p/3) (λ₁^α_p + λ₂^α_p + λ₃^α_p) − 3) + K/4 (J² − 1 − 2 ln J); initial shear modulus
     ½ Σ_p μ_p α_p, bulk modulus K (Ogden 1972, Proc. R. Soc. A 326 and 328). The power sums of the stretches are
-    traces of powers of C, whose derivatives need divided differences of first order only, so that equal stretches are
-    no special case.
+    traces of powers of C, whose derivatives need divided differences of first order only, so equal stretches are no
+    special case.
     """
 
     kind: Literal["ogden"]

@@ -1,4 +1,4 @@
-"""Divided differences of powers of the squared stretches, exact where two of them are equal or nearly so."""
+"""Divided differences of powers of the squared stretches, exact for equal and nearly equal ones."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ SMALL = 1e-5
 
 
 def power_difference(log_x: Array, log_y: Array, k: float) -> Array:
-    """(x^k − y^k)/(x − y), and k x^(k−1) where x = y, of positive numbers by their logarithms.
+    """Return (x^k − y^k)/(x − y), and k x^(k−1) where x = y, of positive numbers given by their logarithms.
 
-    With t = (ln x − ln y)/2 it is (xy)^((k−1)/2) sinh(kt)/sinh(t): no difference of near-equal powers is taken, and the
-    quotient is an even, smooth function of t, so that an error of round-off in t does no harm. Below |t| = 1e-5 its
+    With t = (ln x − ln y)/2 it is (xy)^((k−1)/2) sinh(kt)/sinh(t), without a difference of nearly equal powers. The
+    quotient is an even, smooth function of t, so round-off in t has no effect. Below |t| = 1e-5 its
     series k (1 + (k² − 1) t²/6) is summed instead.
     """
     t = (log_x - log_y) / 2

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
+from porocore.cell.equilibrium.discrete import FactorError
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver, PreparedCell
 from porocore.cell.stability.acoustic import acoustic_minimum
 from porocore.cell.stability.inertia import WAVES, negative_pivots
@@ -242,8 +242,7 @@ class _LineSolver:
         while high.share - low.share > self.resolution * (1 + 1e-9):
             share = (low.share + high.share) / 2
             middle = self._between.get(share)
-            known = middle is not None and (event not in WAVES or event in middle.pivots)
-            if middle is None or not known:
+            if middle is None or (event in WAVES and event not in middle.pivots):
                 waves = (event,) if event in WAVES else ()
                 middle = self.solve(share, low.field, waves)
                 self._between[share] = middle
@@ -264,17 +263,14 @@ class _LineSolver:
         pivots: dict[str, int] = {}
         values: dict[str, float] = {}
         if reached is not None:
-            solid, iterate = self._iterate(reached)
+            solid = self.prepared.eighth
+            iterate = solid.iterate_at(reached.grad_u, reached.p, reached.u)
             try:
                 pivots = negative_pivots(solid, iterate, waves)
                 values = lowest_eigenvalues(solid, iterate, waves) if eigenvalues else {}
             except FactorError:
                 pivots = {}
         return _state(share, response, reached, pivots, values)
-
-    def _iterate(self, field: CellField) -> tuple[DiscreteSolid, Iterate]:
-        solid = self.prepared.eighth
-        return solid, solid.iterate_at(field.grad_u, field.p, field.u)
 
 
 def _state(
