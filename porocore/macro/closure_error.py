@@ -1,4 +1,4 @@
-"""How far a closure itself is from the exact averages of the cell, whatever the surrogate does."""
+"""Error of a closure against the exact averages of the cell, without any surrogate."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class ClosureError:
     fluid_largest: float
 
     def for_json(self) -> dict[str, float]:
-        """With names that say what the numbers are."""
+        """Return the errors by names that include their unit."""
         return {f"{name}_percent_of_range": value for name, value in vars(self).items()}
 
 
 def closure_error(closure: Closure, states: MacroState, exact: CellResponse) -> ClosureError:
-    """The closure, given the cell's own responses, against the cell's own stress and fluid volume.
+    """Compare the closure, given the cell's own responses, with the cell's own stress and fluid volume.
 
     The closure gives a storage *rate*; it is integrated in one step from the undeformed state by the trapezoidal
     rule, so that the error of backward Euler is left out. The mean-gradient closure is quadratic there, and the

@@ -1,4 +1,4 @@
-"""Whether the fluid of a macroscale problem can leave at all."""
+"""Check that the fluid of a macroscale problem can drain."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CLOSED = 1e-6
 
 
 def undrained(macro: MacroSetup, conductivity: Array) -> list[str]:
-    """Why the body cannot drain, or a face that ought to drain does not; nothing where all do.
+    """Return why the body, or a surface with a prescribed pressure, cannot drain; empty where all can.
 
     Parameters
     ----------

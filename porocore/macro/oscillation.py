@@ -1,4 +1,4 @@
-"""Pressures of the first moments after loading, which a mesh does not resolve at the drained surfaces.
+"""Early pressures after loading, which a mesh does not resolve at the drained surfaces.
 
 In a time t the fluid of a layer of about √(c_v t) leaves. As long as that is thinner than an element, the linear
 pressure overshoots beside it: for a sudden load and one step of backward Euler where Δt < h²/(6 c_v) [Vermeer and
@@ -73,11 +73,11 @@ def unresolved(problem: MacroProblem, limit: float, solution: MacroSolution) -> 
 
 
 def _begin(problem: MacroProblem, time: float) -> float:
-    """When what is being done at ``time`` began: the last bend before it ahead of which all loads stood still."""
-    courses = [course for boundary in problem.boundary.values() for course in boundary.courses]
+    """Return when the loading at ``time`` began: the last kink before it ahead of which all loads were constant."""
+    functions = [function for boundary in problem.boundary.values() for function in boundary.time_functions]
 
     def loads(t: float) -> list[float]:
-        return [problem.ramp(t), *(course.at(t) for course in courses)]
+        return [problem.ramp(t), *(function.at(t) for function in functions)]
 
     plan = problem.time
     ramp = () if plan.load_curve else (plan.ramp_increments * plan.ramp_step,)
@@ -89,7 +89,7 @@ def _begin(problem: MacroProblem, time: float) -> float:
 
 
 def _prescribed(problem: MacroProblem, time: float) -> float:
-    """The largest pressure that is prescribed anywhere."""
+    """Return the largest pressure that is prescribed anywhere."""
     values = [b.pressure for b in problem.boundary.values() if b.pressure is not None]
     factors = [
         value.at(time) if isinstance(value, TimeFunction) else value * problem.ramp(time) for value in values

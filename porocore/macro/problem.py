@@ -1,4 +1,4 @@
-"""The macroscale problem: a body of poroelastic material, what is done to its surface, and when."""
+"""Macroscale problem: a body of poroelastic material, its boundary conditions and its time plan."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NO_GRADIENT: tuple[Row, Row, Row] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0
 
 
 class Boundary(StrictModel):
-    """What is prescribed on one surface; what is left out is free of traction and impermeable.
+    """Boundary conditions of one surface; without any it is free of traction and impermeable.
 
     A number is multiplied by the load and by the ramp of the time plan, a function of time
     (:class:`~porocore.core.formulas.time_function.TimeFunction`) by the load alone.
@@ -66,12 +66,12 @@ class Boundary(StrictModel):
 
     @property
     def is_moved(self) -> bool:
-        """Whether it is given a displacement, rather than held."""
+        """True if a displacement other than zero is prescribed."""
         return any(u is not None and u != 0 for u in (*self.displacement, self.normal))
 
     @property
-    def courses(self) -> Iterator[TimeFunction]:
-        """Those of its values that have one."""
+    def time_functions(self) -> Iterator[TimeFunction]:
+        """Time functions among its values."""
         values = (
             *self.displacement,
             self.normal,
@@ -132,7 +132,7 @@ class TimePlan(StrictModel):
         return self
 
     def share(self, time: float) -> float:
-        """Of the load, that acts at ``time``."""
+        """Return the share of the load that acts at ``time``."""
         ramp_end = self.ramp_increments * self.ramp_step
         if not self.load_curve:
             return min(1.0, time / ramp_end)
@@ -141,7 +141,7 @@ class TimePlan(StrictModel):
 
 
 class NewtonSettings(StrictModel):
-    """Stops when the residual has fallen to ``tolerance`` times the force and volume scale of the step."""
+    """Newton's iteration, which ends at ``tolerance`` times the force and volume scale of the step."""
 
     tolerance: Positive = 1e-9
     """Residual, relative to the forces and volumes of the step, that ends the iteration."""
@@ -150,7 +150,7 @@ class NewtonSettings(StrictModel):
 
 
 class InitialState(StrictModel):
-    """What the body begins with, from which storage and time are counted; it need not be in equilibrium."""
+    """Initial state of the body, from which storage and time are counted; it need not be in equilibrium."""
 
     pressure: Annotated[float, Dimension("pressure")] = 0.0
     """Pore pressure with which the body begins, everywhere."""
@@ -208,7 +208,7 @@ class MacroSetup(StrictModel):
 
     @property
     def is_column(self) -> bool:
-        """Whether it is a box whose four sides move along y alone, loaded along y: a problem of one dimension."""
+        """True for a box whose four sides move along y alone, loaded along y: a problem of one dimension."""
         if self.body.kind != "box" or self.surfaces or self.body_force[0] != 0 or self.body_force[2] != 0:
             return False
         gradient = [row[:i] + row[i + 1 :] for i, row in enumerate(self.initial.gradient)]
@@ -228,22 +228,22 @@ class MacroSetup(StrictModel):
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Times at which a prescribed value bends."""
-        courses = [course for boundary in self.boundary.values() for course in boundary.courses]
-        courses += [value for value in self.body_force if isinstance(value, TimeFunction)]
-        times = {t for course in courses for t in course.corners} | {t for t, _ in self.time.load_curve}
+        """Times at which a prescribed value has a kink."""
+        functions = [function for boundary in self.boundary.values() for function in boundary.time_functions]
+        functions += [value for value in self.body_force if isinstance(value, TimeFunction)]
+        times = {t for function in functions for t in function.corners} | {t for t, _ in self.time.load_curve}
         return tuple(sorted(t for t in times if 0 < t <= self.time.end))
 
     def specification(self) -> dict[str, Any]:
-        """What determines the solution; of a body from a file its content, and not where it lies."""
+        """Return the settings that determine the solution; a file counts by its content, not by its path."""
         return self.model_dump(exclude={"options": True, "body": {"path"}})
 
     def ramp(self, time: float) -> float:
-        """Share of the load that acts at ``time``."""
+        """Return the share of the load that acts at ``time``."""
         return self.time.share(time)
 
     def factor(self, value: Value, time: float) -> float:
-        """Of a prescribed value at ``time``, without the load: a number's is the ramp, a course's its own value."""
+        """Return the factor of a prescribed value at ``time``, without the load: the ramp, or the time function."""
         return value.at(time) if isinstance(value, TimeFunction) else self.ramp(time)
 
 

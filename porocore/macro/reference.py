@@ -1,4 +1,4 @@
-"""The undeformed cell: what every later stage needs of it besides the samples."""
+"""Undeformed cell: response, conductivity and phase fractions for the later stages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everything that a macro solution says against time, column by column, with names and quantities."""
+"""Histories of a macro solution, column by column, with names and quantities."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PROBE = (("u_1", "displacement"), ("u_2", "displacement"), ("u_3", "displacement
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """One column.
+    """Column of a table against time.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Series:
 
 
 def all_series(solution: MacroSolution) -> Iterator[Series]:
-    """The history, then probes, reactions and inflows; time comes first."""
+    """Yield the history, then probes, reactions and inflows; time comes first."""
     for field in fields(History):
         quantity, words = HISTORY[field.name]
         yield Series(file_name(field.name), quantity, words, getattr(solution.history, field.name))

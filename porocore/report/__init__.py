@@ -1,1 +1,1 @@
-"""What a run leaves for people to read: figures of merit, figures, and one self-contained HTML page."""
+"""Report of a run: figures of merit, figures, and one self-contained HTML page."""

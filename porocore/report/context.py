@@ -1,4 +1,4 @@
-"""Everything that the report page shows, gathered in typed records by the pipeline."""
+"""Content of the report page, in typed records."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from porocore.states import Array, IntArray
 
 @dataclass(frozen=True)
 class Published:
-    """Numbers and words of a publication that the page sets beside its own.
+    """Results of a publication, shown beside those of the run.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ class OutputCheck:
 
     @property
     def all_outside(self) -> bool:
-        """Whether there are held-out states, and every one lies beyond the sampled range."""
+        """True if there are held-out states and all lie beyond the sampled range."""
         return len(self.outside_training_range) > 0 and bool(self.outside_training_range.all())
 
     @property
@@ -177,7 +177,7 @@ class TrainingCurve:
 
 @dataclass(frozen=True, eq=False)
 class SurrogateSummary:
-    """The surrogate: what it is, how well it does on held-out states, and how it was trained."""
+    """Surrogate, its errors on held-out states, and its training."""
 
     backend: str
     description: str
@@ -220,7 +220,7 @@ class LoadCase:
 
 @dataclass(frozen=True)
 class DirectCost:
-    """What a solution by direct FE² has cost.
+    """Cost of a solution by direct FE².
 
     Attributes
     ----------
@@ -249,13 +249,13 @@ class DirectCost:
 
     @property
     def speed_up(self) -> float | None:
-        """How many times faster the surrogate is."""
+        """Wall time of direct FE² over that of the surrogate; None: not known."""
         return self.seconds / self.surrogate_seconds if self.surrogate_seconds else None
 
 
 @dataclass(frozen=True)
 class AdaptiveSurrogateCost:
-    """What a solution with a fallback needed beyond the sampled states.
+    """Cost of a solution with an adaptive surrogate beyond the sampled states.
 
     Attributes
     ----------
@@ -290,7 +290,7 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class ReportContext:
-    """All that :func:`porocore.report.html.write_report` needs.
+    """Input of :func:`porocore.report.html.write_report`.
 
     Attributes
     ----------
@@ -341,7 +341,7 @@ class ReportContext:
 
     @property
     def result_units(self) -> dict[str, ResultUnits]:
-        """By the heading of their column: of the study's own scales, if there are any, and of the scenarios."""
+        """Units by the heading of their column: the study's own, if there are any, and those of the scenarios."""
         own = {"this study": self.units} if self.units.given else {}
         return own | {name: ResultUnits(scales) for name, scales in self.scenarios.items()}
 

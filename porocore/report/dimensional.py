@@ -18,7 +18,7 @@ from porocore.states import Array
 
 @dataclass(frozen=True)
 class DimensionalRow:
-    """A result, dimensionless and in each scenario."""
+    """Result, dimensionless and in each scenario."""
 
     name: str
     dimensionless: str
@@ -43,7 +43,7 @@ def dimensional_rows(
     units: Mapping[str, ResultUnits],
     loading_mode: LoadingMode,
 ) -> list[DimensionalRow]:
-    """Of one case, as :func:`porocore.report.metrics.case_metrics` describes it.
+    """Return the main results of one load case, given its :func:`porocore.report.metrics.case_metrics`.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def _in_units(value: float | None, quantity: str, units: ResultUnits) -> str:
 
 
 def dimensional_metrics(solutions: Iterable[MacroSolution], units: ResultUnits) -> list[dict[str, Any]]:
-    """For JSON: of every solution the last and the largest value of what has a unit, and when that is."""
+    """Return the last and the largest value of every quantity with a unit, and its time, ready for JSON."""
     found = []
     for solution in solutions:
         time = solution.history.time * units.factor("time")

@@ -22,19 +22,19 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def plain(value: float) -> str:
-    """A number that somebody chose, as they would write it."""
+    """Return a chosen number in its shortest form."""
     return f"{value:g}".replace("-", "−")
 
 
 def percent(share: float | None, decimals: int = 1) -> str:
-    """A share as per cent."""
+    """Return a share in per cent."""
     if share is None or not math.isfinite(share):
         return NONE
     return f"{100 * share:.{decimals}f} %".replace("-", "−")
 
 
 def difference(ratio: float | None, less: str = "smaller", more: str = "larger") -> str:
-    """A ratio in words, such as ``19.8 % smaller``."""
+    """Return a ratio in words, such as ``19.8 % smaller``."""
     if ratio is None or not math.isfinite(ratio):
         return NONE
     if abs(ratio - 1) < 5e-4:
@@ -43,7 +43,7 @@ def difference(ratio: float | None, less: str = "smaller", more: str = "larger")
 
 
 def duration(seconds: float) -> str:
-    """Seconds as a reader would say them."""
+    """Return a duration in a readable unit."""
     if seconds < 0.0995:
         return f"{1000 * seconds:.3g} ms"
     if seconds < 99.5:

@@ -1,4 +1,4 @@
-"""The report: one HTML file that holds everything and asks for nothing else."""
+"""Report page: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def write_report(path: Path, context: ReportContext) -> None:
 
 
 def render(context: ReportContext) -> str:
-    """The page as text."""
+    """Return the page as text."""
     template = environment().get_template("template.html.j2")
     metrics = [case_metrics(case) for case in context.cases]
     published, conductivity = context.published, context.cell.linear.conductivity
@@ -95,7 +95,7 @@ def render(context: ReportContext) -> str:
 
 
 def _forces(case: LoadCase, moved: Sequence[str]) -> list[tuple[str, str, dict[str, Any]]]:
-    """Law, surface and what :func:`reactions` says of it, surface by surface, those that are moved first."""
+    """Return law, surface and its :func:`reactions`, surface by surface, those that are moved first."""
     solutions = (case.nonlinear, *case.others, case.linear)
     names = [each.law for each in solutions] if case.others else ["nonlinear", "linear"]
     by_law = {law: reactions(each) for law, each in zip(names, solutions, strict=True)}
@@ -104,14 +104,14 @@ def _forces(case: LoadCase, moved: Sequence[str]) -> list[tuple[str, str, dict[s
 
 
 def _cell_picture(context: ReportContext) -> Picture | None:
-    """The many triangles of a surface are smaller as a PNG image than as SVG."""
+    """Return the picture of the cell, as a PNG image, which is smaller than SVG with so many triangles."""
     if context.cell.surface is None:
         return None
     return png_picture(figures.cell_picture(*context.cell.surface), "The solid of the cell")
 
 
 def _surrogate_parts(surrogate: SurrogateSummary) -> dict[str, Any]:
-    """A surrogate's accuracy and its pictures."""
+    """Return a surrogate's accuracy and its pictures."""
     return {
         "summary": surrogate,
         "outputs": [
@@ -131,7 +131,7 @@ def _surrogate_parts(surrogate: SurrogateSummary) -> dict[str, Any]:
 
 
 def _statuses(sampling: SamplingSummary) -> list[tuple[str, int, str]]:
-    """Name, count and meaning of each status that occurred, converged always."""
+    """Return name, count and meaning of each status that occurred, converged always."""
     counts = {status: int((sampling.status == status).sum()) for status in Status}
     return [
         (status.name.replace("_", " "), count, MEANINGS[status])
@@ -153,7 +153,7 @@ def _samples_figure(context: ReportContext) -> Figure:
 
 
 def _visited(case: LoadCase, sampling: SamplingSummary) -> list[Array]:
-    """The inputs at the elements of each kept profile, upwards."""
+    """Return the inputs at the elements of each kept profile, upwards."""
     inputs = sampling.inputs
     height = case.nonlinear.points[case.nonlinear.cells, 1].mean(axis=1)
     order = np.argsort(height, kind="stable")
@@ -164,7 +164,7 @@ def _visited(case: LoadCase, sampling: SamplingSummary) -> list[Array]:
 
 
 def _case_pictures(case: LoadCase, units: ResultUnits) -> dict[str, list[Picture]]:
-    """Profiles along its axis of a column, pictures of any other body."""
+    """Return profiles along the axis of a column, pictures of any other body."""
     load = plain(case.load)
     histories = [
         svg_picture(

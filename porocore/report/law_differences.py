@@ -1,4 +1,4 @@
-"""How far two laws are apart on one problem: closures from each other, and surrogates from direct FE²."""
+"""Differences of laws on one problem: between closures, and of surrogates from direct FE²."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class HistoryDifference:
 
 
 def history_difference(reference: History, other: History, quantity: str) -> HistoryDifference | None:
-    """Of ``quantity``, a field of :class:`History`; None where the reference does not move or no time is common."""
+    """Return the difference of one field of :class:`History`; None where the reference is zero or no time is common."""
     rows, columns = _common(reference.time, other.time)
     one, two = getattr(reference, quantity)[rows], getattr(other, quantity)[columns]
     scale = float(np.abs(one).max(initial=0.0))
@@ -53,7 +53,7 @@ def history_difference(reference: History, other: History, quantity: str) -> His
 
 
 def law_differences(case: LoadCase) -> list[dict[str, Any]]:
-    """Every pair of nonlinear laws of one load, ready for JSON; the more exact one of two is the reference."""
+    """Return the differences of all pairs of nonlinear laws of a load for JSON; the more exact one is the reference."""
     found = []
     for pair in combinations((case.nonlinear, *case.others), 2):
         reference, other = sorted(pair, key=_exactness)
@@ -78,12 +78,12 @@ def law_differences(case: LoadCase) -> list[dict[str, Any]]:
 
 
 def _exactness(solution: MacroSolution) -> tuple[bool, bool]:
-    """Cells before surrogates, the exact closure before the other."""
+    """Return the sorting key: cells before surrogates, the exact closure before the other."""
     return not solution.law.startswith("direct-"), solution.law.endswith("mean-gradient")
 
 
 def _common(one: Array, other: Array) -> tuple[Any, Any]:
-    """Rows of equal times: where one of the solutions had to halve its steps, it has more."""
+    """Return rows of equal times; a solution that had to halve its steps has more."""
     near = np.searchsorted(other, one)
     near = np.clip(near, 1, len(other) - 1)
     near -= np.abs(other[near - 1] - one) < np.abs(other[near] - one)

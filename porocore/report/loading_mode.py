@@ -1,4 +1,4 @@
-"""What drives a body, which decides what of its results is of interest."""
+"""Loading mode of a body, which decides which results are of interest."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SAME = 1e-3
 
 @dataclass(frozen=True)
 class LoadingMode:
-    """What is prescribed on the surfaces of a body.
+    """Loading by prescribed displacements or by stresses.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class LoadingMode:
 
     @classmethod
     def from_setup(cls, macro: MacroSetup) -> LoadingMode:
-        """By the boundary conditions that are not zero."""
+        """Return the mode of the boundary conditions that are not zero."""
         faces = macro.boundary.items()
         return cls(
             tuple(name for name, b in faces if _any((*b.displacement, b.normal))),
@@ -52,7 +52,7 @@ def _any(values: Iterable[Value | None]) -> bool:
 
 
 def reactions(solution: MacroSolution) -> dict[str, dict[str, Any]]:
-    """The force on each surface that is held or moved, ready for JSON.
+    """Return the force on each surface that is held or moved, ready for JSON.
 
     Of its three components the one that becomes largest, from outside on the body: ``component`` (1 to 3), ``peak``
     with its sign, ``time_of_peak`` and ``final``, dimensionless. Surfaces on which no force acts are left out.

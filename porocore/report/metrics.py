@@ -16,7 +16,7 @@ STEADY_TOLERANCE = 1e-3
 
 
 def time_to_fraction(time: Array, value: Array, fraction: float) -> float | None:
-    """First time at which ``value`` reaches ``fraction`` of its last entry, linear between the steps.
+    """Return the first time at which ``value`` reaches ``fraction`` of its last entry, linear between the steps.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ def time_to_fraction(time: Array, value: Array, fraction: float) -> float | None
 
 
 def time_mean(time: Array, value: Array) -> float:
-    """Mean over time of what backward Euler found at the end of each step (steps,)."""
+    """Return the mean over time of values (steps,) at the ends of backward Euler steps."""
     return float(np.sum(value[1:] * np.diff(time)) / (time[-1] - time[0]))
 
 
 def steady_drift(history: History) -> float | None:
-    """Change of the settlement over the last tenth of the time, as a share of its final value."""
+    """Return the change of the settlement over the last tenth of the time, as a share of its final value."""
     final = float(history.settlement[-1])
     if final == 0:
         return None
@@ -57,7 +57,7 @@ def steady_drift(history: History) -> float | None:
 
 
 def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
-    """Figures of merit of one solution, ready for JSON; a figure that is not defined is None.
+    """Return figures of merit of one solution, ready for JSON; a figure that is not defined is None.
 
     Lengths, volumes, times and pressures are dimensionless as in the solution. ``stress_spread`` is the
     largest deviation of P_E,22 from its mean over the body, over all times, as a share of the load: zero in
@@ -89,13 +89,13 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
 
 
 def _first_time(history: History, share: float) -> float | None:
-    """First time at which more than ``share`` of the body is flagged; None: never."""
+    """Return the first time at which more than ``share`` of the body is flagged; None: never."""
     beyond = np.flatnonzero(history.outside_training_range > share)
     return float(history.time[beyond[0]]) if len(beyond) else None
 
 
 def case_metrics(case: LoadCase) -> dict[str, Any]:
-    """The solutions of one load and the ratios of the first two (nonlinear / linear), ready for JSON."""
+    """Return the figures of one load and the ratios nonlinear over linear, ready for JSON."""
     nonlinear, linear = solution_metrics(case.nonlinear), solution_metrics(case.linear)
 
     def ratio(key: str) -> float | None:
@@ -120,7 +120,7 @@ def report_metrics(cases: tuple[LoadCase, ...]) -> dict[str, Any]:
 
 
 def leaving(metrics: dict[str, Any]) -> str:
-    """When parts of the body are flagged, in words; of a solution in which some are."""
+    """Return in words when parts of the body are first flagged."""
     words = f"the first points from t = {metrics['flagged_first_time']:.3g}"
     if metrics["flagged_all_time"] is not None:
         words += f", all of it from t = {metrics['flagged_all_time']:.3g}"
@@ -152,12 +152,12 @@ def case_warnings(metrics: dict[str, Any], where: str = "") -> list[str]:
 
 
 def rms_percent(check: OutputCheck) -> float | None:
-    """RMS error on the held-out states that count, in per cent of the output's span; None without."""
+    """Return the RMS error on the counted held-out states, in per cent of the output's span; None without."""
     error = (check.predicted - check.solved)[check.counted]
     return 100 * float(np.sqrt(np.mean(error**2))) / check.span if len(error) else None
 
 
 def worst_percent(check: OutputCheck) -> float | None:
-    """Largest error on the held-out states that count, in per cent of the span; None without."""
+    """Return the largest error on the counted held-out states, in per cent of the span; None without."""
     error = (check.predicted - check.solved)[check.counted]
     return 100 * float(np.abs(error).max()) / check.span if len(error) else None

@@ -1,4 +1,4 @@
-"""What every HTML page of porocore is made with: its templates, its style, and figures that are part of it."""
+"""Parts of every HTML page: templates, filters and embedded figures."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from porocore.report.format import difference, duration, number, percent, plain
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as a data address, with a text for those who cannot see it."""
+    """Figure as a data address, with an alternative text."""
 
     source: str
     text: str
 
 
 def environment(*packages: str) -> jinja2.Environment:
-    """Templates of this package, and of others before it; numbers are written by the filters of ``format``.
+    """Return the templates of this package and of others before it, with the filters of ``format``.
 
     Parameters
     ----------
@@ -47,10 +47,10 @@ def environment(*packages: str) -> jinja2.Environment:
 
 
 def svg_picture(figure: Figure, text: str) -> Picture:
-    """A figure of lines and markers."""
+    """Return a figure of lines and markers as SVG."""
     return Picture(f"data:image/svg+xml;base64,{base64.b64encode(svg_bytes(figure)).decode('ascii')}", text)
 
 
 def png_picture(figure: Figure, text: str) -> Picture:
-    """A figure of so many parts that it is smaller as an image."""
+    """Return a figure as an image, which is smaller where it has very many parts."""
     return Picture(f"data:image/png;base64,{base64.b64encode(png_bytes(figure)).decode('ascii')}", text)

@@ -1,4 +1,4 @@
-"""How the states of a run ended: the solved ones, and by their nearest neighbours those that the body went through."""
+"""Statuses of the solved states, and by nearest neighbours of the states in the body."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ SHARES: dict[str, tuple[Status, ...]] = {
 
 
 def solved_shares(sampling: SamplingSummary) -> dict[str, float]:
-    """Of the solved states, those in contact, unstable, and without values; ready for JSON."""
+    """Return the shares of the solved states in contact, unstable, and without values, ready for JSON."""
     count = max(len(sampling.status), 1)
     return {name: int(np.isin(sampling.status, kinds).sum()) / count for name, kinds in SHARES.items()}
 
 
 def visited_shares(solution: MacroSolution, sampling: SamplingSummary) -> list[dict[str, float]]:
-    """The same of the body at each time of which a profile was kept, by volume; ready for JSON.
+    """Return the same shares of the body's volume at each kept time, ready for JSON.
 
     A macroscopic law does not know how a cell would end. Each element counts as the solved state that lies nearest to
     its own, in inputs divided by their ranges. What lies beyond the sampled range is flagged elsewhere, and counts here
@@ -55,7 +55,7 @@ def _at(
 
 
 def solved_sentence(shares: dict[str, float]) -> str:
-    """:func:`solved_shares` in words."""
+    """Return :func:`solved_shares` in words."""
     return (
         f"Of the solved states {percent(shares['contact'], 0)} are in contact, the pore wall pressed against itself, "
         f"{percent(shares['unstable'], 0)} are unstable and {percent(shares['without_values'], 0)} have no valid data."
@@ -63,7 +63,7 @@ def solved_sentence(shares: dict[str, float]) -> str:
 
 
 def visited_sentence(visited: list[dict[str, float]]) -> str:
-    """:func:`visited_shares` in words; empty where no profile was kept."""
+    """Return :func:`visited_shares` in words; empty where no profile was kept."""
     if not visited:
         return ""
     end = visited[-1]

@@ -1,4 +1,4 @@
-"""The result in sentences, and the rows that set it beside what was published."""
+"""Results in sentences, and in tables beside a publication."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MEANINGS: dict[Status, str] = {
 
 @dataclass(frozen=True)
 class ComparisonRow:
-    """A quantity, what was published, and what this run found."""
+    """Quantity with its published value and that of this run."""
 
     name: str
     published: str
@@ -37,7 +37,7 @@ class ComparisonRow:
 
 
 def case_sentences(metrics: dict[str, Any]) -> list[str]:
-    """One case, as :func:`porocore.report.metrics.case_metrics` describes it, in a few sentences."""
+    """Return a load case, given its :func:`porocore.report.metrics.case_metrics`, in a few sentences."""
     nonlinear, linear = metrics["nonlinear"], metrics["linear"]
     settled, expected = nonlinear["final_settlement"], linear["final_settlement"]
     sentences = [
@@ -64,7 +64,7 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
 
 
 def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[ComparisonRow]:
-    """The statements of the publication on one load beside the figures of that load."""
+    """Return the statements of the publication on one load beside the figures of that load."""
     nonlinear, linear = metrics["nonlinear"], metrics["linear"]
     return [
         ComparisonRow(
@@ -90,7 +90,7 @@ def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[Compar
 
 
 def cell_rows(cell: CellSummary, published: Published | None) -> list[ComparisonRow]:
-    """Porosity, conductivity and micro–macro tangents of the undeformed cell."""
+    """Return porosity, conductivity and micro–macro tangents of the undeformed cell."""
     linear = cell.linear
     M, Q = linear.mean_grad_grad_u, linear.mean_grad_p
     said = [NONE] * 5
@@ -111,7 +111,7 @@ def cell_rows(cell: CellSummary, published: Published | None) -> list[Comparison
 
 
 def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
-    """The coefficients of linear poroelasticity."""
+    """Return the coefficients of linear poroelasticity."""
     linear = cell.linear
     return [
         ("drained stiffness C_eff,2222 / E", number(float(linear.stiffness[1, 1, 1, 1]))),
@@ -129,7 +129,7 @@ _CARRIED = {
 
 
 def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
-    """Where the flux has its conductivity from, and how far its component 22 has come at the last profile."""
+    """Return which conductivity the flux goes by, and its component 22 at the last profile."""
     if cell.law == "deformed":
         found = (
             "K_ref, between ∇p and the flux through reference area, is that of the deformed pore, learned from the "
@@ -153,7 +153,7 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
 
 
 def _unjudged(surrogate: SurrogateSummary) -> list[str]:
-    """A warning where no held-out state lies within the sampled range."""
+    """Return a warning where no held-out state lies within the sampled range."""
     outputs = surrogate.outputs
     if not outputs or not all(check.all_outside for check in outputs):
         return []
@@ -165,7 +165,7 @@ def _unjudged(surrogate: SurrogateSummary) -> list[str]:
 
 
 def all_warnings(context: ReportContext) -> list[str]:
-    """Those handed in, then those that the results give rise to."""
+    """Return the given warnings, then those of the results."""
     found = [*context.warnings, *_unjudged(context.surrogate)]
     for case in context.cases:
         found += case_warnings(case_metrics(case), case.flagged)

@@ -128,7 +128,7 @@ def test_prescribed_values_and_loads_of_the_faces():
     problem = confined_column(ELEMENTS, size=SIZE, boundary=boundary)
     mesh = body_mesh(problem)
     data = boundary_data(mesh, problem)
-    assert data.courses == (1.0,)
+    assert data.time_functions == (1.0,)
     values = np.full(mesh.size, np.nan)
     values[data.prescribed] = data.values[:, 0]
     u, p = values[: mesh.n_u].reshape(-1, 3), values[mesh.n_u :]

@@ -46,7 +46,7 @@ class UnconfinedCompression:
 
     @property
     def poisson_ratio(self) -> float:
-        """ν, drained."""
+        """Drained Poisson's ratio ν."""
         return self.lame / (2 * (self.lame + self.shear))
 
     @property
@@ -56,7 +56,7 @@ class UnconfinedCompression:
 
     @cached_property
     def _roots(self) -> Array:
-        """One between any two neighbouring roots of J₁, by bisection."""
+        """Roots, one between any two neighbouring roots of J₁, by bisection."""
         ratio = self.aggregate_modulus / (2 * self.shear)
         high = jn_zeros(1, TERMS)
         low = np.concatenate([[1e-9], high[:-1]])
@@ -69,13 +69,13 @@ class UnconfinedCompression:
 
     @cached_property
     def _weights(self) -> Array:
-        """Of J₁(s r/a) in what is left of u at t = 0+, (ν − ½) ε r."""
+        """Coefficients of J₁(s r/a) in the decaying part of u at t = 0+, (ν − ½) ε r."""
         s = self._roots
         slope = jv(0, s) - jv(1, s) / s
         norm = (slope**2 + (1 - 1 / s**2) * jv(1, s) ** 2) / 2
         return np.asarray((self.poisson_ratio - 0.5) * self.strain * self.radius * jv(2, s) / s / norm)
 
-    def _course(self, t: float) -> tuple[float, Array]:
+    def _decay(self, t: float) -> tuple[float, Array]:
         """Share of the strain at ``t``, and what is left of each term."""
         rate = self._roots**2 * self.aggregate_modulus * self.conductivity / self.radius**2
         if self.ramp == 0:
@@ -85,21 +85,21 @@ class UnconfinedCompression:
 
     def lateral(self, r: npt.ArrayLike, t: float) -> Array:
         """u_r at distances ``r`` from the axis at one time t > 0; the shape of ``r`` [L]."""
-        share, left = self._course(t)
+        share, left = self._decay(t)
         r = np.asarray(r, dtype=float)
         terms = jv(1, np.multiply.outer(r / self.radius, self._roots))
         return np.asarray(-self.poisson_ratio * share * self.strain * r + terms @ (self._weights * left))
 
     def pressure(self, r: npt.ArrayLike, t: float) -> Array:
         """p at distances ``r`` from the axis at one time t > 0 [E]."""
-        _, left = self._course(t)
+        _, left = self._decay(t)
         s = self._roots
         spread = jv(0, np.multiply.outer(np.asarray(r, dtype=float) / self.radius, s)) - jv(0, s)
         return np.asarray(self.aggregate_modulus / self.radius * (spread @ (s * self._weights * left)))
 
     def stress(self, t: float) -> float:
         """Mean axial stress on the plates at one time t > 0, negative in compression [E]."""
-        share, left = self._course(t)
+        share, left = self._decay(t)
         s, aggregate = self._roots, self.aggregate_modulus
         edge = float(self.lateral(self.radius, t)) / self.radius
         swelling = -2 * self.poisson_ratio * share * self.strain + float(

@@ -47,7 +47,7 @@ class Mandel:
 
     @property
     def poisson_ratio(self) -> float:
-        """ν, drained."""
+        """Drained Poisson's ratio ν."""
         return self.lame / (2 * (self.lame + self.shear))
 
     @property

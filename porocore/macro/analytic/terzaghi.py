@@ -65,17 +65,17 @@ class Terzaghi:
 
     @property
     def initial_pressure(self) -> float:
-        """p₀, of the undrained layer."""
+        """Pressure p₀ of the undrained layer [E]."""
         return self.biot * self.load / self.stiffness / (self.storage + self.biot**2 / self.stiffness)
 
     @property
     def immediate_settlement(self) -> float:
-        """At t = 0⁺."""
+        """Settlement at t = 0⁺ [L]."""
         return self.height * (self.load - self.biot * self.initial_pressure) / self.stiffness
 
     @property
     def final_settlement(self) -> float:
-        """P h/C."""
+        """Settlement in the steady state, P h/C [L]."""
         return self.height * self.load / self.stiffness
 
     def dimensionless_time(self, t: npt.ArrayLike) -> Array:
@@ -102,7 +102,7 @@ class Terzaghi:
         return pressure
 
     def settlement(self, t: npt.ArrayLike) -> Array:
-        """Of the top, positive downwards [L]; the shape of ``t``."""
+        """Settlement of the top, positive downwards [L]; the shape of ``t``."""
         first, last = self.immediate_settlement, self.final_settlement
         return first + (last - first) * self.degree(t)
 

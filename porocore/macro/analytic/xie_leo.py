@@ -62,12 +62,12 @@ class XieLeo:
 
     @property
     def final_stretch(self) -> float:
-        """J at last, exp(−m q)."""
+        """Final J, exp(−m q)."""
         return float(np.exp(-self.compressibility * self.load))
 
     @property
     def final_settlement(self) -> float:
-        """Of the surface [m]."""
+        """Final settlement of the surface [m]."""
         return self.height * (1 - self.final_stretch)
 
     @property
@@ -93,7 +93,7 @@ class XieLeo:
         return pressure
 
     def settlement(self, t: npt.ArrayLike) -> Array:
-        """Of the surface, positive downwards; the shape of ``t`` [m]."""
+        """Settlement of the surface, positive downwards; the shape of ``t`` [m]."""
         settlement: Array = self.final_settlement * self._diffusion.degree(t)
         return settlement
 

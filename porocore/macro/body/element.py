@@ -103,7 +103,7 @@ class ReferenceElement:
 
     @cached_property
     def facet(self) -> ReferenceFacet:
-        """Of all its facets."""
+        """Reference facet, the same for all facets."""
         if self.shape == "hexahedron":
             x, w = _gauss(2)
             N, dN = _quadratic_product(x, QUADRILATERAL_NODES)

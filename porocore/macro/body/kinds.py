@@ -1,4 +1,4 @@
-"""What bodies there are, by the ``kind`` that the user writes; y is the axis of cylinders."""
+"""Kinds of bodies by the ``kind`` in the configuration; y is the axis of cylinders."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class Body(StrictModel, ABC):
 
     @abstractmethod
     def make(self) -> BodyMesh:
-        """Its mesh, the same on every machine."""
+        """Return its mesh, the same on every machine."""
 
     @abstractmethod
     def coarsened(self, elements: int) -> Body:
-        """The same body with at most about ``elements`` along each axis, where the kind can be coarsened."""
+        """Return the same body with at most about ``elements`` along each axis, where the kind can be coarsened."""
 
 
 class Box(Body):
@@ -69,12 +69,12 @@ class Box(Body):
     """Length of the last element along each axis over that of the first."""
 
     def make(self) -> BodyMesh:
-        """Triquadratic hexahedra."""
+        """Return a mesh of triquadratic hexahedra."""
         x, y, z = (graded(*each) for each in zip(self.size, self.elements, self.grading, strict=True))
         return box((x, y, z))
 
     def coarsened(self, elements: int) -> Box:
-        """See :class:`Body`."""
+        """Return a copy with at most so many elements along each axis."""
         return self.model_copy(update={"elements": tuple(min(n, elements) for n in self.elements)})
 
 
@@ -94,11 +94,11 @@ class _Round(Body):
         return 2 * np.pi
 
     def make(self) -> BodyMesh:
-        """Triquadratic hexahedra with curved mantle."""
+        """Return a mesh of triquadratic hexahedra with a curved mantle."""
         return sector(self.radius, self.height, self.sweep, self.elements, self.grading)
 
     def coarsened(self, elements: int) -> Body:
-        """See :class:`Body`."""
+        """Return a copy with at most so many elements along each axis."""
         return self.model_copy(update={"elements": tuple(min(n, elements) for n in self.elements)})
 
 
@@ -119,7 +119,7 @@ class QuarterCylinder(_Round):
 
     @property
     def sweep(self) -> float:
-        """A right angle."""
+        """Angle of a quarter, in radians."""
         return np.pi / 2
 
 
@@ -136,7 +136,7 @@ class Wedge(_Round):
 
     @property
     def sweep(self) -> float:
-        """The angle."""
+        """Angle of the sector, in radians."""
         return float(np.deg2rad(self.angle))
 
 
@@ -160,7 +160,7 @@ class MeshedBody(FromFile, Body):
         return read_body(self.checked("macro.body"), self.size, self.scale)
 
     def coarsened(self, elements: int) -> MeshedBody:
-        """Itself."""
+        """Return this body, which cannot be coarsened."""
         return self
 
 
@@ -176,5 +176,5 @@ AnyBody = Annotated[
 
 @lru_cache(maxsize=4)
 def make_body(body: Body) -> BodyMesh:
-    """The mesh of ``body``, kept for the next load."""
+    """Return the mesh of ``body``, cached for the next load."""
     return body.make().check("macro.body")

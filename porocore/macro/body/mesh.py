@@ -37,7 +37,7 @@ class BodyMesh:
 
     @property
     def element(self) -> ReferenceElement:
-        """Of what kind all elements are."""
+        """Reference element of the mesh."""
         return ELEMENTS[self.cells.shape[1]]
 
     @cached_property
@@ -62,7 +62,7 @@ class BodyMesh:
 
     @cached_property
     def straight(self) -> bool:
-        """Whether all nodes lie where the corners of their elements put them."""
+        """True if the elements are the images of their corners, without curved edges."""
         corners = self.points[self.cells[:, : self.element.corners]]
         placed = np.einsum(
             "na,eai->eni", self.element.corner_values(self.element.nodes), corners, optimize=True
@@ -116,7 +116,7 @@ class BodyMesh:
         return self.surfaces[name]
 
     def check(self, what: str) -> BodyMesh:
-        """Itself.
+        """Return this mesh.
 
         Raises
         ------

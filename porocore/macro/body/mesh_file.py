@@ -201,7 +201,7 @@ def _upright(points: Array, cells: IntArray) -> IntArray:
 
 
 def _quadratic(points: Array, kind: str, cells: IntArray) -> BodyMesh:
-    """With the nodes that second order needs, where the file has corners only."""
+    """Add the nodes of second order, where the file has corners only."""
     if kind == "tetra10" or kind == "hexahedron27":
         return BodyMesh(points, cells)
     element = TETRAHEDRON if kind == "tetra" else HEXAHEDRON

@@ -1,4 +1,4 @@
-"""A pressure on the deformed surface: its forces on the nodes, and how they change with the displacement."""
+"""Pressure on the deformed surface: nodal forces and their tangent."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from porocore.states import Array
 
 
 def forces(facets: Facets, u: Array, pressure: float) -> Array:
-    """(nodes, 3) ∫ p n N da, with the current outward normal n and area a.
+    """Return the nodal forces (nodes, 3) ∫ p n N da, with the current outward normal n and area a.
 
     n da = (∂x/∂ξ × ∂x/∂η) dξ dη, so that no deformation gradient is needed. Positive pressure pushes inward; in the
     residual ∫ P:∇N − ∫ t·N it stands with this sign.
@@ -36,7 +36,7 @@ def forces(facets: Facets, u: Array, pressure: float) -> Array:
 
 
 def tangent(facets: Facets, u: Array, pressure: float) -> Any:
-    """Derivative of :func:`forces` by u, sparse (3 nodes, 3 nodes); symmetric but for the edge of the surface."""
+    """Return the derivative of :func:`forces` by u, sparse (3 nodes, 3 nodes); symmetric but for the edge."""
     reference = facets.mesh.element.facet
     t = facets.tangents_of(facets.mesh.points + u)
     # δ(t1 × t2)_i = ε_ijk (t2_k δt1_j − t1_k δt2_j)

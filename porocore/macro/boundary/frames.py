@@ -1,4 +1,4 @@
-"""Nodes of oblique surfaces: their displacement in a frame of which some axes are what is prescribed there."""
+"""Local frames of nodes on oblique surfaces, whose axes include the prescribed directions."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ SAME = 1e-6
 
 
 class Constraint(NamedTuple):
-    """A displacement that is prescribed along one direction."""
+    """Displacement that is prescribed along one direction."""
 
     direction: Array  #: (3,) a unit vector
-    course: int  #: number of its course
+    function: int  #: number of its time function
     factor: float  #: on that
     source: str  #: what prescribes it, for messages
 
@@ -29,10 +29,10 @@ def in_frames(
     mesh: BodyMesh,
     oblique: Mapping[int, list[Constraint]],
     others: Callable[[int], list[Constraint]],
-    courses: int,
+    functions: int,
     kept: Mapping[int, Sequence[int]] | None = None,
 ) -> tuple[Any, tuple[IntArray, Array]]:
-    """Rotation into the frames, and what is prescribed there.
+    """Return the rotation into the frames, and the prescribed values there.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def in_frames(
         Constraints of each node on an oblique surface.
     others
         The constraints on Cartesian components of a node.
-    courses
+    functions
         How many there are.
     kept
         Axes of nodes that stay an unknown of their own, those along which plates move; at right angles to what is
@@ -50,7 +50,7 @@ def in_frames(
     -------
     rotation, (unknowns, values)
         Orthogonal matrix (unknowns, unknowns), None without oblique surfaces; prescribed unknowns (k,) of these nodes
-        and their values (k, courses) for a unit of each course.
+        and their values (k, functions) for a unit of each time function.
 
     Raises
     ------
@@ -58,11 +58,11 @@ def in_frames(
         Constraints of a node depend on each other, and contradict.
     """
     if not oblique:
-        return None, (np.empty(0, dtype=np.int64), np.empty((0, courses)))
+        return None, (np.empty(0, dtype=np.int64), np.empty((0, functions)))
     rotation = sparse.identity(mesh.size, format="lil")
     unknowns, values = [], []
     for node, constraints in oblique.items():
-        frame, rows, prescribed = _frame([*constraints, *others(node)], courses, (kept or {}).get(node, ()))
+        frame, rows, prescribed = _frame([*constraints, *others(node)], functions, (kept or {}).get(node, ()))
         for row in range(3):
             for column in range(3):
                 rotation[3 * node + row, 3 * node + column] = frame[row, column]
@@ -73,16 +73,16 @@ def in_frames(
 
 
 def _frame(
-    constraints: list[Constraint], courses: int, kept: Sequence[int]
+    constraints: list[Constraint], functions: int, kept: Sequence[int]
 ) -> tuple[Array, list[int], list[Array]]:
-    """Orthonormal frame (3, 3), its prescribed rows and the values (courses,) of these.
+    """Return an orthonormal frame (3, 3), its prescribed rows and their values (functions,).
 
     The kept axes keep their places; the directions that are prescribed take the first of the others.
     """
-    basis = [(np.eye(3)[axis], np.zeros(courses)) for axis in kept]
-    for direction, course, factor, source in constraints:
+    basis = [(np.eye(3)[axis], np.zeros(functions)) for axis in kept]
+    for direction, function, factor, source in constraints:
         # What the rows so far leave of it (Gram–Schmidt).
-        rest, value = direction.copy(), factor * np.eye(courses)[course]
+        rest, value = direction.copy(), factor * np.eye(functions)[function]
         for row, known in basis:
             share = row @ direction
             rest, value = rest - share * row, value - share * known
@@ -101,7 +101,7 @@ def _frame(
         rest = axis - sum((row @ axis) * row for row, _ in basis)
         length = np.linalg.norm(rest)
         if len(basis) < 3 and length > 0.5:
-            basis.append((rest / length, np.zeros(courses)))
+            basis.append((rest / length, np.zeros(functions)))
     places = [*kept, *(i for i in range(3) if i not in kept)]
     frame = np.empty((3, 3))
     frame[places] = [row for row, _ in basis]

@@ -17,7 +17,7 @@ LEEWAY = 1e-6
 
 
 def interpolation(mesh: BodyMesh, probes: Mapping[str, tuple[float, float, float]]) -> Any:
-    """Sparse (4 probes, unknowns): u_1, u_2, u_3 and p of each probe from all unknowns.
+    """Return the sparse matrix (4 probes, unknowns) from all unknowns to u_1, u_2, u_3 and p of each probe.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def interpolation(mesh: BodyMesh, probes: Mapping[str, tuple[float, float, float
 
 
 def _find(mesh: BodyMesh, place: Array, key: str) -> tuple[int, Array]:
-    """The element that holds a point, and its reference coordinates there."""
+    """Return the element that holds a point, and its reference coordinates there."""
     nodes = mesh.points[mesh.cells]
     first, last = nodes.min(axis=1), nodes.max(axis=1)
     # A curved element may reach a little beyond the box of its nodes.
@@ -58,7 +58,7 @@ def _find(mesh: BodyMesh, place: Array, key: str) -> tuple[int, Array]:
 
 
 def _invert(mesh: BodyMesh, nodes: Array, place: Array) -> Array | None:
-    """Reference coordinates of a place by Newton's method; None if it does not converge."""
+    """Return the reference coordinates of a place by Newton's method; None if it does not converge."""
     element = mesh.element
     xi, size = element.nodes[: element.corners].mean(axis=0), float(np.ptp(nodes, axis=0).max())
     for _ in range(30):

@@ -1,4 +1,4 @@
-"""Forces on surfaces from the reactions at nodes, also where surfaces share these; and inflows in the same way.
+"""Forces on surfaces, and inflows, from nodal reactions, also where surfaces share nodes.
 
 A surface bears forces in the directions in which it holds the body: a smooth plane along its normal alone. Where those
 of the surfaces of a node are independent, the reaction R there has one decomposition into such forces. Else the part of
@@ -29,7 +29,7 @@ ROUND_OFF = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """A surface, and in which orthonormal directions (k, 3) it holds the body; (1, 1) for the fluid."""
+    """Surface and the orthonormal directions (k, 3) in which it holds the body; (1, 1) for the fluid."""
 
     facets: Facets
     directions: Array
@@ -37,7 +37,7 @@ class Support:
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """How the total of one surface follows from the reactions at all unknowns and from the field in all elements.
+    """Linear map from the nodal reactions and the field in all elements to the total of one surface.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Share:
     by_field: Any
 
     def total(self, reactions: Array, field: Array | None) -> Array:
-        """(c,) from the reactions (unknowns,) and P_E (elements, 3, 3), or −q (elements, 3) of the fluid.
+        """Return the total (c,) from the reactions (unknowns,) and P_E (elements, 3, 3), or −q (elements, 3).
 
         ``field`` may be None where :attr:`needs_field` is false.
         """
@@ -65,7 +65,7 @@ class Share:
 
     @property
     def needs_field(self) -> bool:
-        """Whether a node is shared, so that the stress or the flux beside it counts."""
+        """True if surfaces share a node, so that the stress or the flux beside it is needed."""
         return bool(self.by_field.nnz)
 
 
@@ -88,7 +88,7 @@ def shares(mesh: BodyMesh, supports: Mapping[str, Support], *, fluid: bool = Fal
 
 
 class _Part:
-    """One surface: nodes (f, m) of its facets, vector areas (f, m, 3) ∫ φ N dS, areas at nodes (nodes,)."""
+    """Surface with nodes (f, m) of its facets, vector areas (f, m, 3) ∫ φ N dS, areas at nodes (nodes,)."""
 
     def __init__(self, mesh: BodyMesh, support: Support, fluid: bool) -> None:
         self.mesh, facets, reference = mesh, support.facets, mesh.element.facet
@@ -102,13 +102,13 @@ class _Part:
         self.projection = support.directions.T @ support.directions
 
     def unknowns(self, nodes: IntArray) -> IntArray:
-        """(n, c) at the nodes."""
+        """Return the unknowns (n, c) at the nodes."""
         if self.fluid:
             return np.asarray(self.mesh.n_u + np.searchsorted(self.mesh.p_nodes, nodes)[:, None])
         return np.asarray(3 * nodes[:, None] + np.arange(3))
 
     def by_field(self, shared: npt.NDArray[np.bool_]) -> Any:
-        """Force of the field beside each shared node, sparse (c · nodes, elements · c · 3)."""
+        """Return the force of the field beside each shared node, sparse (c · nodes, elements · c · 3)."""
         facet, local = np.nonzero(shared[self.nodes])
         vectors, nodes = self.vectors[facet, local], self.nodes[facet, local]
         wanted, which = np.unique(facet, return_inverse=True)
@@ -127,7 +127,7 @@ class _Part:
         )
 
     def share(self, inverse: Array, own: Any, together: Any) -> Share:
-        """Own forces of the field, and the own part of what the reactions are beyond those of all surfaces.
+        """Return the surface's share: its own force of the field, and its part of the remaining reactions.
 
         ``inverse`` (nodes, c, c) is that of the sum of areas times projections.
         """

@@ -1,4 +1,4 @@
-"""The error of a backward Euler step, from how the rate of change has changed, or from two steps of half the length."""
+"""Error of a backward Euler step, from the change of the rate or from two steps of half the length."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SAMPLES = 100
 
 @dataclass
 class ErrorControl:
-    """Remembers the rate of the last accepted step, and the largest displacement and pressure so far.
+    """Error estimate from the rate of the last accepted step and the largest displacement and pressure so far.
 
     Attributes
     ----------
@@ -74,17 +74,17 @@ class ErrorControl:
         return max(errors)
 
     def accept(self, old: Array, new: Array, dt: float) -> None:
-        """The step is taken, with the values that :meth:`error` has seen last."""
+        """Take the step whose error was estimated last."""
         self.scales = (max(self.scales[0], self._found[0]), max(self.scales[1], self._found[1]))
         self.rate, self.length = (new - old) / dt, dt
 
     def forget(self) -> None:
-        """The load bends, and the rate does not go on."""
+        """Drop the rate, which is not continuous where a load has a kink."""
         self.rate = None
 
 
 class Reached:
-    """Which share any load has reached of the largest value that it has up to the first bend of the loads."""
+    """Largest share that any load has reached of its maximum before the first kink of the loads."""
 
     def __init__(self, boundary: BoundaryData, problem: MacroProblem) -> None:
         self._boundary, self._problem = boundary, problem
@@ -97,7 +97,7 @@ class Reached:
         self._acts = boundary.acting & (self._peaks > 0) & (not begins)
 
     def __call__(self, time: float) -> float:
-        """Return the share, at most 1; 1 from the bend on, where no load acts, or the body does not begin at rest."""
+        """Return the share, at most 1; 1 from the kink on, where no load acts, or the body does not begin at rest."""
         if time >= self._end or not self._acts.any():
             return 1.0
         now = np.abs(self._boundary.amplitudes(self._problem, time))

@@ -1,4 +1,4 @@
-"""The state of a running macro solve in one HDF5 file, so that it can be continued to the same solution.
+"""Checkpoint of a macro solve in one HDF5 file, from which it continues to the same solution.
 
 Unknowns and quadrature points are in the mesh's order, so any backend, on any number of processes, can continue
 what another one began: the equations are the same, and so is the solution up to the solver's tolerance.
@@ -36,7 +36,7 @@ SAME_LAW = 1e-8
 
 
 def identity(problem: MacroProblem, law: MacroLaw) -> str:
-    """Hash of everything that determines the solution."""
+    """Return a hash of everything that determines the solution."""
     text = f"{json.dumps(problem.specification())}|{law.name}|{law.identity}"
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -145,7 +145,7 @@ def _read_stepping(file: Contents, last: float) -> dict[str, Any]:
 
 
 def _arrays(batch: Any, prefix: str) -> list[tuple[str, Any]]:
-    """Names and arrays of a dataclass of arrays, nested ones included; fields that are None are left out."""
+    """Return names and arrays of a nested dataclass of arrays; fields that are None are left out."""
     found: list[tuple[str, Any]] = []
     for f in fields(batch):
         value, name = getattr(batch, f.name), f"{prefix}/{f.name}"
@@ -157,7 +157,7 @@ def _arrays(batch: Any, prefix: str) -> list[tuple[str, Any]]:
 
 
 def _filled(template: Any, arrays: dict[str, Any], prefix: str) -> Any:
-    """A dataclass like ``template`` with other arrays."""
+    """Return a dataclass like ``template`` with other arrays."""
     values: dict[str, Any] = {}
     for f in fields(template):
         value, name = getattr(template, f.name), f"{prefix}/{f.name}"

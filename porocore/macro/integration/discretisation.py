@@ -1,4 +1,4 @@
-"""What the time loop needs of a backend: states at quadrature points, residuals, and linear solves.
+"""Interface of a backend to the time loop: states at quadrature points, residuals, and linear solves.
 
 A process holds *local* unknowns: first those that it owns, then copies of others that its elements touch. A
 backend that does not distribute owns all. Vectors here are numpy arrays over the local unknowns; at nodes of oblique
@@ -25,12 +25,12 @@ from porocore.states import Array, IntArray, MacroState
 
 
 class StepFailed(Exception):
-    """Newton's iteration did not arrive; the time stepping shortens the step."""
+    """Failure of Newton's iteration; the time stepping shortens the step."""
 
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """Out of balance forces and volumes, and what they are to be compared with.
+    """Out-of-balance forces and volumes, and their scales.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Residual:
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """What is prescribed at one time.
+    """Prescribed values and loads at one time.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ System = TypeVar("System", default=Any)
 
 
 class Discretisation(ABC, Generic[System]):
-    """The u–p problem on a mesh, as far as it does not change from one iteration to the next.
+    """Discrete u–p problem on a mesh, the parts that do not change between iterations.
 
     Parameters
     ----------
@@ -152,45 +152,45 @@ class Discretisation(ABC, Generic[System]):
         return 3 * self.mesh.cells.shape[1]
 
     def loads(self, acting: Array | float) -> Loads:
-        """From what acts of each course, (courses,); a single number is that of the common ramp."""
+        """Return the loads from the values of the time functions (functions,); one number is that of the ramp."""
         amplitudes: Array = np.atleast_1d(np.asarray(acting, dtype=float))
-        pressures = (float(factor * amplitudes[course]) for course, factor, _ in self.boundary.followers)
+        pressures = (float(factor * amplitudes[function]) for function, factor, _ in self.boundary.followers)
         return Loads(self._values @ amplitudes, amplitudes @ self._external, tuple(pressures))
 
     def outflow(self, amplitudes: Array) -> float:
-        """Rate of all prescribed fluxes out of the body, ∫ q̄ dS."""
+        """Return the rate of all prescribed fluxes out of the body, ∫ q̄ dS."""
         return float(amplitudes @ self.boundary.external[:, self.mesh.n_u :].sum(axis=1))
 
     def cartesian(self, x: Array) -> Array:
-        """Local unknowns in Cartesian components."""
+        """Return local unknowns in Cartesian components."""
         return x if self.rotation is None else np.asarray(self.rotation.T @ x)
 
     def states(self, x: Array) -> tuple[MacroState, Array]:
-        """H, p and ∇p (points, 3) at the quadrature points, by element and then in the mesh's order."""
+        """Return H, p and ∇p (points, 3) at the quadrature points, by element and then in the mesh's order."""
         return self.states_of(self.cartesian(x))
 
     @abstractmethod
     def states_of(self, x: Array) -> tuple[MacroState, Array]:
-        """The same from Cartesian unknowns."""
+        """Return the same from Cartesian unknowns."""
 
     @abstractmethod
     def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
-        """∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4), not yet summed over elements."""
+        """Return ∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4) of each element."""
 
     @abstractmethod
     def system(self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None) -> System:
-        """The derivative of the residual by all unknowns, as the other methods want it.
+        """Return the derivative of the residual by all unknowns, in the form that the other methods take.
 
         ``follower`` is to be added, from :meth:`follower_tangent`. With a :attr:`rotation` Q it is Q A Qᵀ.
         """
 
     @abstractmethod
     def magnitudes(self, system: System, x: Array) -> Array:
-        """|A| |x| in the rows of the free unknowns; those of a plate may stand in the first of its rows."""
+        """Return |A| |x| in the rows of the free unknowns; those of a plate may stand in the first of its rows."""
 
     @abstractmethod
     def solve(self, system: System, right: Array, jump: Array, *, again: bool = False) -> Array:
-        """The d with A d = ``right`` in the equations and d = ``jump`` in the prescribed unknowns.
+        """Solve A d = ``right`` in the equations with d = ``jump`` in the prescribed unknowns.
 
         The unknowns of a plate change alike. ``again`` says that the system is close to the one before, so that the
         factor of that one may serve as a preconditioner.
@@ -206,7 +206,7 @@ class Discretisation(ABC, Generic[System]):
         return values
 
     def residual(self, response: MacroResponse, dt: float, loads: Loads, x: Array | None = None) -> Residual:
-        """Under ``loads``; where a pressure follows the surface, at the unknowns ``x``."""
+        """Return the residual under ``loads``; pressures on the deformed surface act at the unknowns ``x``."""
         forces, stored, moved = self.contributions(response)
         moved = -dt * moved
         external = np.where(self.is_force, 1.0, dt) * loads.external
@@ -223,7 +223,7 @@ class Discretisation(ABC, Generic[System]):
         return Residual(values, force_scale, volume_scale)
 
     def follower_tangent(self, x: Array, loads: Loads) -> sparse.csr_matrix | None:
-        """Derivative of the forces of pressures that follow the surface, sparse in the mesh's numbers, Cartesian.
+        """Return the derivative of the forces of follower pressures, sparse in the mesh's numbers, Cartesian.
 
         None where there are none.
         """
@@ -245,7 +245,7 @@ class Discretisation(ABC, Generic[System]):
         return values if self.rotation is None else np.asarray(self.rotation @ values)
 
     def equations(self, values: Array) -> Array:
-        """From values in the rows of all local unknowns those of the equations of this process, (leading,).
+        """Return the values (leading,) of this process's equations from those in the rows of all local unknowns.
 
         The equation of a plate is the sum over its unknowns, wherever they are.
         """
@@ -263,38 +263,38 @@ class Discretisation(ABC, Generic[System]):
         )
 
     def to_mesh(self, x: Array) -> Array:
-        """(mesh.size,) all unknowns in the mesh's order, Cartesian, on every process."""
+        """Return all unknowns (mesh.size,) in the mesh's order, Cartesian, on every process."""
         return self.gathered(self.cartesian(x))
 
     def from_mesh(self, whole: Array) -> Array:
-        """The local unknowns from all."""
+        """Return the local unknowns from all."""
         return self._rotated(whole[self.unknowns])
 
     def gathered(self, values: Array) -> Array:
-        """(mesh.size,) values of all local unknowns in the mesh's order, as they are, on every process."""
+        """Return the values (mesh.size,) of all local unknowns in the mesh's order, not rotated, on every process."""
         whole = np.zeros(self.mesh.size)
         whole[self.unknowns[: self.owned]] = values[: self.owned]
         return np.asarray(self.communicator.sum(whole))
 
     def points_to_mesh(self, values: Array) -> Array:
-        """Values at all quadrature points (all points, ...), from those of this process (points, ...)."""
+        """Return values at all quadrature points (all points, ...), from those of this process (points, ...)."""
         whole = np.zeros((*self.mesh.weights.shape, *values.shape[1:]))
         whole[self.elements] = self._by_element(values)
         return np.asarray(self.communicator.sum(whole)).reshape(-1, *values.shape[1:])
 
     def points_from_mesh(self, whole: Array) -> Array:
-        """Those of this process from values at all quadrature points."""
+        """Return the values of this process from those at all quadrature points."""
         by_element = whole.reshape(*self.mesh.weights.shape, *whole.shape[1:])
         return by_element[self.elements].reshape(-1, *whole.shape[1:])
 
     def means(self, values: Array) -> Array:
-        """Means over the elements of this process (elements, ...) of values at its points (points, ...)."""
+        """Return means over this process's elements (elements, ...) of values at its points (points, ...)."""
         weights = self.mesh.weights[self.elements]
         shares = weights / weights.sum(axis=1, keepdims=True)
         return np.asarray(np.einsum("eq,eq...->e...", shares, self._by_element(values)))
 
     def all_means(self, values: Array) -> Array:
-        """The same over all elements, in the mesh's order and on every process."""
+        """Return the means over all elements, in the mesh's order and on every process."""
         means = self.means(values)
         whole = np.zeros((len(self.mesh.cells), *means.shape[1:]))
         whole[self.elements] = means

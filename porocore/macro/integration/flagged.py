@@ -1,4 +1,4 @@
-"""What is said of flagged points where a macro run comes to no solution."""
+"""Message on flagged points where a macro run finds no solution."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ ROUND_OFF = 20 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A solved step.
+    """Solved time step.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def _refuse_missing_values(d: Discretisation, response: MacroResponse) -> None:
 
 
 def _misfit(d: Discretisation, residual: Residual, round_off: tuple[float, float] = (0.0, 0.0)) -> float:
-    """Largest free residual over its scale, of forces and volumes; zero where only round-off is left."""
+    """Return the largest free residual over its scale, of forces and volumes; zero where only round-off is left."""
     scales = (residual.force_scale, residual.volume_scale)
     return max(
         r / s if r > floor else 0.0
@@ -109,7 +109,7 @@ def _misfit(d: Discretisation, residual: Residual, round_off: tuple[float, float
 
 
 def _largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
-    """Of the forces and of the volumes, over all processes."""
+    """Return the largest free force and the largest free volume over all processes."""
     magnitude, is_force = np.abs(d.equations(values)), d.is_force[d.free[d.leading]]
     blocks = (magnitude[is_force], magnitude[~is_force])
     force, volume = (d.communicator.max(float(block.max(initial=0.0))) for block in blocks)
@@ -119,7 +119,7 @@ def _largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
 def _round_off(
     d: Discretisation, system: Any, x: Array, response: MacroResponse, share: float
 ) -> tuple[float, float]:
-    """Forces and volumes that are round-off of the terms which cancel in them, a ``share`` of these.
+    """Return the forces and volumes that are round-off, a ``share`` of the terms that cancel in them.
 
     These are |A| |x|, and for forces also the stress of the 1 in I + H, which hides loads below some 1e-12.
     """

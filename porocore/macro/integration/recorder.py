@@ -1,4 +1,4 @@
-"""What is kept of a solve: one row of the history a step, and profiles at the chosen times."""
+"""Recorder of a solve: one row of the history a step, and profiles at the chosen times."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PROFILE = tuple(f.name for f in fields(Profile))
 
 
 class HistoryRecorder:
-    """History and profiles so far, the same on every process.
+    """Recorder of history and profiles, the same on every process.
 
     Parameters
     ----------
@@ -48,11 +48,11 @@ class HistoryRecorder:
         self.columns = (*HISTORY, *(f"{name}/{i}" for name, width in self._groups for i in range(width)))
 
     def column(self, name: str) -> Array:
-        """One quantity against time, (steps,)."""
+        """Return one quantity against time, (steps,)."""
         return np.array([row[self.columns.index(name)] for row in self.rows])
 
     def add_start(self, x: Array, response: MacroResponse) -> None:
-        """The initial state, t = 0."""
+        """Add the initial state, t = 0."""
         d, whole = self.d, self.d.to_mesh(x)
         start = dict.fromkeys(HISTORY, 0.0)
         start |= {"outside_training_range": _outside(d, response), "stress_spread": _spread(d, response)}
@@ -61,7 +61,7 @@ class HistoryRecorder:
         self.rows.append((*(start[name] for name in HISTORY), *(self._probe @ whole), *sums))
 
     def add_step(self, step: Step, time: float, dt: float, amplitudes: Array) -> None:
-        """An accepted step that ended at ``time``."""
+        """Add an accepted step that ended at ``time``."""
         d, response = self.d, step.response
         last = dict(zip(HISTORY, self.rows[-1], strict=False))
         # In the rows of prescribed pressure the residual is what has flowed in through the boundary.
@@ -85,7 +85,7 @@ class HistoryRecorder:
         self.rows.append((*(row[name] for name in HISTORY), *map(float, extra)))
 
     def _sums(self, step: Step, dt: float) -> list[Array]:
-        """Forces (3,) on the surfaces that are held, then inflows (1,) through those with a pressure."""
+        """Return the forces (3,) on the surfaces that are held, then inflows (1,) through those with a pressure."""
         d, response = self.d, step.response
         residual = d.to_mesh(step.residual.values)
         supports, drains = d.boundary.supports.values(), d.boundary.drains.values()
@@ -99,7 +99,7 @@ class HistoryRecorder:
         return {"settlement": float((-x[1:n_u:3]).max()), "pressure_max": float(x[n_u:].max())}
 
     def add_profile(self, step: Step, time: float) -> None:
-        """Fields at ``time``: nodal, and means over the elements."""
+        """Add the fields at ``time``: nodal values, and means over the elements."""
         d, response = self.d, step.response
         x = d.to_mesh(step.x)
         states = response.memory.states
@@ -120,7 +120,7 @@ class HistoryRecorder:
         )
 
     def solution(self, law: str) -> MacroSolution:
-        """All of it, with the mesh."""
+        """Return history and profiles with the mesh."""
         mesh = self.d.mesh
         history = History(**{name: self.column(name) for name in HISTORY})
         series: dict[str, dict[str, Array]] = {"probes": {}, "reactions": {}, "inflow": {}}
@@ -148,7 +148,7 @@ def _outside(d: Discretisation, response: MacroResponse) -> float:
 
 
 def _spread(d: Discretisation, response: MacroResponse) -> float:
-    """Largest deviation of the element means of P_E,22 from the body's mean."""
+    """Return the largest deviation of the element means of P_E,22 from the body's mean."""
     means, volumes = d.means(response.stress[:, 1, 1]), d.mesh.weights[d.elements].sum(axis=1)
     weighted, volume = d.communicator.sum(np.array([volumes @ means, volumes.sum()]))
     mean = weighted / volume

@@ -1,4 +1,4 @@
-"""A macro solver around the core's time loop: a backend adds how it discretises."""
+"""Macro solver around the core's time loop, to which a backend adds its discretisation."""
 
 from __future__ import annotations
 

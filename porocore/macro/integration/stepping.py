@@ -1,4 +1,4 @@
-"""Which time comes next: the time plan of a problem, halving after a failed step and growing back.
+"""Choice of time steps: the time plan of a problem, halving after a failed step and growing back.
 
 Independent of the macro backend, and deterministic: the same successes and failures give the same times.
 """
@@ -25,7 +25,7 @@ SAME = 1e-9
 
 @dataclass
 class Stepper:
-    """Proposes steps and learns whether they succeeded.
+    """Step control that proposes steps and is told of their success.
 
     Every ramp increment, profile time, corner of the load curve and the end are hit exactly; between two such stops the
     steps are equal and at most ``plan.step`` (``plan.ramp_step`` on the ramp), divided by 2^``halvings``. With
@@ -74,11 +74,11 @@ class Stepper:
 
     @property
     def done(self) -> bool:
-        """Whether the end is reached."""
+        """True at the end of the plan."""
         return self.time >= self._stops[-1]
 
     def next(self) -> float:
-        """The time to solve for; the same until :meth:`accept` or :meth:`reject` is called."""
+        """Return the time to solve for; the same until :meth:`accept` or :meth:`reject` is called."""
         stop = self._stops[bisect_right(self._stops, self.time)]
         planned = self.plan.ramp_step if stop <= self._ramp_end * (1 + SAME) else self.plan.step
         planned = min(planned, self.proposed)
@@ -88,17 +88,17 @@ class Stepper:
 
     @property
     def at_corner(self) -> bool:
-        """Whether the load bends at the present time, so that no rate goes on."""
+        """True if a load has a kink at the present time, so that rates are not continuous."""
         bends = (0.0, self._ramp_end, *(time for time, _ in self.plan.load_curve), *self.corners)
         return any(abs(self.time - t) <= SAME * self.plan.ramp_step for t in bends)
 
     def is_profile(self, time: float) -> bool:
-        """Whether ``time``, from :meth:`next`, is a profile time or the end, where fields are kept."""
+        """Tell whether ``time``, from :meth:`next`, is a profile time or the end, where fields are kept."""
         wanted = (*self.plan.profiles, self.plan.end)
         return any(abs(time - t) <= SAME * self.plan.ramp_step for t in wanted)
 
     def tolerates(self, error: float | None) -> bool:
-        """Whether a step to :meth:`next` with this error can be accepted; else the next one is shorter."""
+        """Tell whether a step to :meth:`next` with this error can be accepted; else the next one is shorter."""
         tolerance, length = self.plan.tolerance, self.next() - self.time
         if (
             tolerance is None
@@ -111,13 +111,13 @@ class Stepper:
         return False
 
     def _wanted(self, length: float, error: float) -> float:
-        """Step whose error, which goes with its square, is the tolerance."""
+        """Return the step whose error, which goes with its square, is the tolerance."""
         assert self.plan.tolerance is not None
         factor = SAFETY * math.sqrt(self.plan.tolerance / error) if error > 0 else GROW
         return length * min(max(factor, SHRINK), GROW)
 
     def accept(self, error: float | None = None) -> None:
-        """The step to :meth:`next` succeeded, with this error if it is known."""
+        """Accept the step to :meth:`next`, with this error if it is known."""
         length, self.time = self.next() - self.time, self.next()
         if self.plan.tolerance is not None:
             if self.at_corner:
@@ -129,7 +129,7 @@ class Stepper:
             self.halvings, self.streak = self.halvings - 1, 0
 
     def reject(self, reason: str, more: Callable[[], str] = str) -> None:
-        """The step to :meth:`next` failed, for ``reason``; the next one is at most half as long.
+        """Reject the step to :meth:`next` for ``reason``; the next one is at most half as long.
 
         ``more`` is asked what else to say where there is no next one.
 

@@ -89,7 +89,7 @@ def integrate_in_time(
 
 
 def _halved(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array, begin: float, end: float) -> Array:
-    """Unknowns at ``end`` after two steps of half the length from ``x`` at ``begin``.
+    """Return the unknowns at ``end`` after two steps of half the length from ``x`` at ``begin``.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def _halved(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array, begin
 
 
 def _at_rest(d: Discretisation, law: MacroLaw) -> tuple[Array, LawMemory, HistoryRecorder]:
-    """Unknowns of the initial state, the law's memory of it, and a record that begins with it."""
+    """Return the unknowns of the initial state, the law's memory of it, and a recorder that begins with it."""
     start, mesh, record = d.problem.initial, d.mesh, HistoryRecorder(d)
     whole = np.concatenate(
         [(mesh.points @ np.array(start.gradient).T).ravel(), np.full(len(mesh.p_nodes), start.pressure)]

@@ -1,4 +1,4 @@
-"""A closed surrogate that learns on the way, where a step leaves the range that it was trained on."""
+"""Closed surrogate that is refined during a macro run where a step leaves its training range."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from porocore.states import MacroState
 
 
 class SurrogateRefinement(Protocol):
-    """Whatever can make a cell law that knows more."""
+    """Refinement of a cell law by further states."""
 
     def __call__(self, states: MacroState) -> CellLaw | None:
-        """A cell law that has learned from cells at or near n states outside; None where nothing could be learned."""
+        """Return a cell law that is trained on cells at or near n states too; None where none has a solution."""
 
 
 class AdaptiveLaw(ClosedLaw):
@@ -52,7 +52,7 @@ class AdaptiveLaw(ClosedLaw):
         self.extend, self._rounds, self._round = extend, rounds, 0
 
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
-        """See :class:`~porocore.interfaces.law.MacroLaw`."""
+        """Refine the surrogate where the step left its range; see :class:`~porocore.interfaces.law.MacroLaw`."""
         outside = np.flatnonzero(response.outside_training_range)
         if not len(outside) or self._round >= self._rounds:
             self._round = 0

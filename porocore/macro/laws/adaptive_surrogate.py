@@ -1,4 +1,4 @@
-"""Cells that a macro run needs outside the sampled range: solved for real, kept, and learned from."""
+"""Surrogate that is refitted to cells solved where a macro run leaves the sampled range."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HOPELESS = 0.15
 
 @dataclass
 class AdaptiveSurrogateWork:
-    """What a fallback has done.
+    """Work of an adaptive surrogate.
 
     Attributes
     ----------
@@ -52,11 +52,11 @@ class AdaptiveSurrogateWork:
 
     @property
     def solved(self) -> int:
-        """Cells that were solved."""
+        """Number of cells that were solved."""
         return self.counts.total()
 
     def in_words(self) -> str:
-        """For a reader."""
+        """Return the work in a sentence."""
         numbers = self.numbers()
         return (
             f"{self.solved} cells outside the sampled range solved ({numbers['failed']:.0f} without solution, "
@@ -64,7 +64,7 @@ class AdaptiveSurrogateWork:
         )
 
     def numbers(self) -> dict[str, float]:
-        """To be kept beside the solution."""
+        """Return the counts and seconds by name, for the record of a solution."""
         failed = sum(n for status, n in self.counts.items() if not status.has_values)
         learned = sum(n for status, n in self.counts.items() if status.stable)
         return {
@@ -116,7 +116,7 @@ class AdaptiveSurrogate:
         self._asked: dict[str, tuple[float, ...]] = {}
 
     def known(self, surrogate: Surrogate) -> Surrogate:
-        """The surrogate with what the dataset holds already."""
+        """Return the surrogate, fitted again if the dataset holds states already."""
         return self.fitted() if len(self.dataset) else surrogate
 
     def __call__(self, states: MacroState) -> Surrogate | None:
@@ -139,7 +139,7 @@ class AdaptiveSurrogate:
         return self.fitted() if self._learned() > before else None
 
     def fitted(self) -> Surrogate:
-        """A surrogate of all that is known."""
+        """Return a surrogate fitted to all known states."""
         began = time.perf_counter()
         data = self._training_set()
         surrogate = self.make().fit(data, seed=self.seed)
@@ -149,7 +149,7 @@ class AdaptiveSurrogate:
         return surrogate
 
     def _chosen(self, x: Array) -> list[Array]:
-        """Inputs (d,) of the cells to solve: :data:`BATCH` of ``x`` (n, d), and as many beyond them.
+        """Return inputs (d,) of the cells to solve: :data:`BATCH` of ``x`` (n, d), and as many beyond them.
 
         None close to one that was not stable, nor within the ranges close to one that is known: the next step would ask
         for it again, and so on.

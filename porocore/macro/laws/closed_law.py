@@ -1,4 +1,4 @@
-"""A cell law with a closure: what the macro solver asks."""
+"""Macroscopic law of a cell law and a closure."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from porocore.states import Array, CellResponse, MacroState
 
 @runtime_checkable
 class PathCellLaw(CellLaw, Protocol):
-    """A cell law that works better when it knows where each point comes from, such as one that solves cells."""
+    """Cell law that uses the last accepted state of each point, such as one that solves cells."""
 
     def predict_from(self, before: MacroState, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """As ``predict``, of points whose last accepted states were ``before``, (n,) both."""
+        """Predict like ``predict``, for points whose last accepted states were ``before``, (n,) both."""
 
 
 class ClosedLaw(MacroLaw):
-    """A cell law with a closure.
+    """Macroscopic law of a cell law and a closure.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class ClosedLaw(MacroLaw):
         closure.check(self._rest, type(cell_law).__name__)
 
     def initial(self, n: int) -> LawMemory:
-        """At rest, with what the cell law itself says there: its error there stores no fluid."""
+        """Return the memory at rest with the cell law's own response there, so that its error stores no fluid."""
         rest = replace(self._rest, tangent=None, extrema=None)[np.zeros(n, dtype=np.int64)]
         return self.closure.memory(MacroState.zeros(n), rest)
 

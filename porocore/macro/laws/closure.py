@@ -1,4 +1,4 @@
-"""What every closure is: stress, fluid storage and flux as functions of the responses of the cell."""
+"""Closures: stress, fluid storage and flux as functions of the responses of the cell."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class CellLaw(Protocol):
 
 
 class Closure(ABC):
-    """How stress, storage and flux follow from the responses of the cell.
+    """Closure, which gives stress, storage and flux from the responses of the cell.
 
     Parameters
     ----------
@@ -62,13 +62,13 @@ class Closure(ABC):
 
     @property
     def identity(self) -> str:
-        """Hash of the closure and its constants."""
+        """Hash of the closure and of its constants."""
         return fingerprint(
             self.name, self.solid_fraction, self.material.identity, self.conductivity, self.law
         )
 
     def pull_back(self, states: MacroState, cell: CellResponse, grad_p: Array) -> PulledBack:
-        """Kinematics and flux at n points."""
+        """Return kinematics and flux at n points."""
         return PulledBack.from_states(
             states,
             cell.mean_grad,
@@ -83,10 +83,10 @@ class Closure(ABC):
     def respond(
         self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, *, tangent: bool
     ) -> MacroResponse:
-        """Response at n points, given the cell's responses there; see :class:`MacroLaw`."""
+        """Return the response at n points, given the cell's responses there; see :class:`MacroLaw`."""
 
     def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
-        """What the next step must know of this one."""
+        """Return the memory that the next step begins from."""
         return LawMemory(states, cell.mean_grad)
 
     def check(self, cell: CellResponse, law: str) -> None:

@@ -23,7 +23,7 @@ FARTHEST = 1e3
 
 @dataclass
 class DirectWork:
-    """What a direct law has done so far.
+    """Work of a direct law so far.
 
     Attributes
     ----------
@@ -41,30 +41,30 @@ class DirectWork:
 
     @property
     def solves(self) -> int:
-        """Cells solved."""
+        """Number of cells solved."""
         return self.counts.total()
 
     @property
     def failed(self) -> int:
-        """Of these, without values."""
+        """Number of solved cells without values."""
         return sum(n for status, n in self.counts.items() if not status.has_values)
 
     def in_words(self) -> str:
-        """For a reader."""
+        """Return the work in a sentence."""
         return (
             f"{self.solves} cells solved in this session ({self.failed} without solution), {self.seconds:.1f} s in all "
             f"processes together, for {self.points} responses"
         )
 
     def numbers(self) -> dict[str, float]:
-        """To be kept beside the solution."""
+        """Return the counts and seconds by name, for the record of a solution."""
         statuses = {status.name: self.counts[status] for status in Status if self.counts[status]}
         return {"points": self.points, "solves": self.solves, "seconds": self.seconds, **statuses}
 
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """One row, and its field unless it failed."""
+    """Response of one state, and its field unless the solve failed."""
 
     response: CellResponse
     field: CellField | None
@@ -109,11 +109,11 @@ class DirectCellLaw:
         self._known: dict[bytes, _Solved] = {}
 
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """Responses of n states, reached from the undeformed cell."""
+        """Return the responses of n states, reached from the undeformed cell."""
         return self.predict_from(MacroState.zeros(len(states)), states, tangent=tangent)
 
     def predict_from(self, before: MacroState, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """Responses of n points whose last accepted states were ``before``.
+        """Return the responses of n points whose last accepted states were ``before``.
 
         Raises
         ------
@@ -140,7 +140,7 @@ class DirectCellLaw:
         )
 
     def _answers(self, wanted: dict[bytes, tuple[IntArray, bytes]]) -> dict[bytes, _Solved]:
-        """In the order of ``wanted``; what is known already is not solved again."""
+        """Return the responses in the order of ``wanted``; known ones are not solved again."""
         found: dict[bytes, _Solved] = {}
         ahead: list[tuple[bytes, IntArray, bytes]] = []
         for key, (place, start) in wanted.items():
@@ -170,7 +170,7 @@ class DirectCellLaw:
 
 
 def _place(states: MacroState) -> IntArray:
-    """The states as multiples of the grid (n, 10); what is not finite, or too far away, is a place beyond."""
+    """Return the states as multiples of the grid (n, 10), clipped to a place beyond :data:`FARTHEST`."""
     values = np.concatenate([states.grad_u.reshape(-1, 9), states.p[:, None]], axis=1)
     beyond = 2 * FARTHEST
     inside = np.clip(np.nan_to_num(values, nan=beyond, posinf=beyond, neginf=-beyond), -beyond, beyond)
@@ -184,7 +184,7 @@ def _state(place: IntArray) -> MacroState:
 
 
 def _moved(response: CellResponse, states: MacroState, solved: Array) -> CellResponse:
-    """To ``states`` from the states that were ``solved`` (n, 10), to first order."""
+    """Return the response moved from the ``solved`` states (n, 10) to ``states``, to first order."""
     tangent = response.tangent
     assert tangent is not None
     H = states.grad_u - solved[:, :9].reshape(-1, 3, 3)
@@ -213,7 +213,7 @@ def _lean(response: CellResponse) -> CellResponse:
 
 
 def _missing(like: CellResponse) -> CellResponse:
-    """A row without values."""
+    """Return a row without values."""
     assert like.tangent is not None
     empty = {
         name: None if value is None else np.full_like(value, np.nan)

@@ -1,4 +1,4 @@
-"""What cells solved on the way have cost, added up over all the processes that worked on a macro solution."""
+"""Cost of cells solved during a macro run, added up over all sessions that worked on a solution."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ DirectRecords = dict[str, dict[str, float]]
 
 
 class Work(Protocol):
-    """What has been done so far."""
+    """Work done so far."""
 
     def numbers(self) -> dict[str, float]:
-        """By name; each only grows."""
+        """Return counts and seconds by name; none ever falls."""
 
     def in_words(self) -> str:
-        """For a reader."""
+        """Return the work in a sentence."""
 
 
 class SolvesCells(Protocol):
-    """What solves cells while a macro run goes on.
+    """Solver of cells during a macro run.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class SolvesCells(Protocol):
 
     @property
     def work(self) -> Work:
-        """Since this process began."""
+        """Work since this process began."""
 
 
 @contextmanager

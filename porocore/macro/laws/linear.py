@@ -94,7 +94,7 @@ class LinearCoefficients:
 
     @property
     def biot_modulus(self) -> float:
-        """M_B [E]."""
+        """Biot's modulus M_B [E]."""
         return 1 / self.storage
 
     def consolidation_coefficient(self, axis: int = 1) -> float:
@@ -105,7 +105,7 @@ class LinearCoefficients:
 
 
 def _of_stress(reference: CellResponse, solid_fraction: float, material: Solid) -> tuple[Array, Array]:
-    """C_eff and the Biot tensor of the stress; of a solid of several materials by the cell's own tangent at rest.
+    """Return C_eff and the Biot tensor of the stress; with several materials from the cell's own tangent at rest.
 
     Raises
     ------
@@ -144,7 +144,7 @@ class LinearPoroelasticity(MacroLaw):
         )
 
     def initial(self, n: int) -> LawMemory:
-        """At rest."""
+        """Return the memory at rest."""
         return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)))
 
     def respond(

@@ -1,4 +1,4 @@
-"""The cell in the limit of small loads."""
+"""Cell law in the limit of small loads."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LinearCellLaw:
         self.identity = fingerprint("linear", self.M, self.Q)
 
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """``mean_grad`` and its derivatives; no other response."""
+        """Return ``mean_grad`` and its derivatives; no other response."""
         n = len(states)
         mean_grad = states.grad_u.reshape(n, 9) @ self.M.reshape(9, 9).T
         return CellResponse(
@@ -39,7 +39,7 @@ class LinearCellLaw:
 
 
 def reference_tangents(reference: CellResponse) -> tuple[Array, Array]:
-    """M (3, 3, 3, 3) and Q (3, 3) of the undeformed cell.
+    """Return M (3, 3, 3, 3) and Q (3, 3) of the undeformed cell.
 
     Raises
     ------

@@ -47,7 +47,7 @@ class MeanGradientClosure(Closure):
     def respond(
         self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, *, tangent: bool
     ) -> MacroResponse:
-        """Response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0, which is no state of the solid or body."""
+        """Return the response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0."""
         phi_s = self.solid_fraction
         phi_f, p = 1 - phi_s, states.p[:, None, None]
         pore = self.pull_back(states, cell, grad_p)

@@ -41,7 +41,7 @@ class PotentialClosure(Closure):
     def respond(
         self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, *, tangent: bool
     ) -> MacroResponse:
-        """Response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0, which is no state of the solid or body.
+        """Return the response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0.
 
         Raises
         ------
@@ -69,7 +69,7 @@ class PotentialClosure(Closure):
         )
 
     def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
-        """With the fluid volume, from which the next storage is counted."""
+        """Return the memory with the fluid volume, from which the next storage is counted."""
         return LawMemory(states, cell.mean_grad, cell.fluid_volume)
 
     def _tangent(self, pore: PulledBack, grad_p: Array, cell: CellTangent | None) -> MacroTangent:

@@ -67,7 +67,7 @@ class PulledBack:
         law: ConductivityLaw = "piola",
         deformed: Array | None = None,
     ) -> PulledBack:
-        """Return what H, <∇u¹>_s, ∇_X p, φ_s and K of the undeformed cell give.
+        """Return the kinematics of H, <∇u¹>_s, ∇_X p, φ_s and K of the undeformed cell.
 
         With the law ``deformed`` K_ref (n, 3, 3) of the ``deformed`` pores is in the place of K.
 
@@ -97,13 +97,13 @@ class PulledBack:
 
     @property
     def missing(self) -> Array:
-        """Where there is no response, (n, 1, 1) bool."""
+        """Points without a response, (n, 1, 1) bool."""
         return np.isnan(self.J)[:, None, None]
 
     def flux_tangent(
         self, grad_p: Array, cell: CellTangent, solid_fraction: float, cof_F: Array | None = None
     ) -> tuple[Array, Array]:
-        """∂q/∂H (n, 3, 9) and ∂q/∂p (n, 3).
+        """Return ∂q/∂H (n, 3, 9) and ∂q/∂p (n, 3).
 
         A cell that does not tell how its own conductivity changes is taken as if it did not: a Newton iteration with
         that tangent converges to the same solution, linearly.
@@ -124,7 +124,7 @@ class PulledBack:
         return -by_H, -(cell.conductivity_p @ grad_p[:, :, None])[..., 0]
 
     def _flux_by_deformation(self, grad_p: Array, K: Array, cof_F: Array | None) -> Array:
-        """∂q/∂F̄ (n, 3, 9)."""
+        """Return ∂q/∂F̄ (n, 3, 9)."""
         n = len(self.J)
         if cof_F is None:
             cof_F = cofactor_tangent(self.F).reshape(n, 9, 9)
@@ -145,7 +145,7 @@ class PulledBack:
         return flux_F
 
     def _states_of(self, R: Array) -> Array:
-        """F̄ (n, 3, 3), and R where there is none."""
+        """Return F̄ (n, 3, 3), and R where there is none."""
         return np.where(self.missing, R, self.F)
 
 
@@ -156,7 +156,7 @@ def is_isotropic(K: Array) -> bool:
 
 
 def deformation_tangent(tangent: CellTangent, solid_fraction: float) -> tuple[Array, Array]:
-    """∂F̄/∂H (n, 9, 9) and ∂F̄/∂p (n, 9, 1)."""
+    """Return ∂F̄/∂H (n, 9, 9) and ∂F̄/∂p (n, 9, 1)."""
     assert tangent.mean_grad_grad_u is not None
     assert tangent.mean_grad_p is not None
     n = len(tangent.mean_grad_p)

@@ -21,7 +21,7 @@ VIEW = (22, -145)
 
 @styled
 def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | None = None) -> Figure:
-    """Surface of the body at one time, deformed as it is and coloured by p; edges of elements where they are few.
+    """Draw the deformed surface of the body at one time, coloured by p; edges of elements where they are few.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
 
 
 def _fine(facets: IntArray, places: Array, pressure: Array) -> tuple[Array, Array]:
-    """Each facet cut at the middles of its edges, so that the colours have its resolution."""
+    """Return each facet cut at the middles of its edges, so that the colours have its resolution."""
     if facets.shape[1] == 9:
         parts = np.array([[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]])
     else:

@@ -26,7 +26,7 @@ LIGHT = np.array([0.25, -0.75, 0.9])
 
 @styled
 def cell_picture(points: Array, cells: IntArray) -> Figure:
-    """The surface of a tetrahedral mesh, shaded: outer faces of its box in one colour, pore wall in another.
+    """Draw the surface of a tetrahedral mesh, shaded: faces of its box in one colour, pore surface in another.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def cell_picture(points: Array, cells: IntArray) -> Figure:
 
 
 def surface_triangles(points: Array, cells: IntArray) -> Array:
-    """Triangles (k, 3, 3) of the facets of one tetrahedron only, outward; curved ones in pieces."""
+    """Return triangles (k, 3, 3) of the surface, outward; curved ones in pieces."""
     quadratic = cells.shape[1] == 10
     local = np.concatenate([CORNERS, MIDDLES], axis=1) if quadratic else CORNERS
     facets = cells[:, local].reshape(-1, local.shape[1])
@@ -73,7 +73,7 @@ def surface_triangles(points: Array, cells: IntArray) -> Array:
 
 
 def _pieces(facets: Array) -> Array:
-    """Flat triangles (k · PIECES², 3, 3) of quadratic ones (k, 6, 3), so that curved walls look curved."""
+    """Return flat triangles (k · PIECES², 3, 3) of quadratic ones (k, 6, 3), so that curved walls look curved."""
     n = PIECES
     up = [((i, j), (i + 1, j), (i, j + 1)) for i in range(n) for j in range(n - i)]
     down = [((i + 1, j), (i + 1, j + 1), (i, j + 1)) for i in range(n - 1) for j in range(n - 1 - i)]
@@ -92,7 +92,7 @@ def _towards_viewer() -> Array:
 
 
 def _on_box(triangles: Array, points: Array) -> npt.NDArray[np.bool_]:
-    """Triangles (k,) bool that lie in a face of the bounding box."""
+    """Return the triangles (k,) bool that lie in a face of the bounding box."""
     low, high = points.min(axis=0), points.max(axis=0)
     slack = 1e-6 * float((high - low).max())
     flat = (np.abs(triangles - low) < slack).all(axis=1) | (np.abs(triangles - high) < slack).all(axis=1)

@@ -39,7 +39,7 @@ def history_figure(
     log_time: bool = False,
     units: ResultUnits | None = None,
 ) -> Figure:
-    """Histories of one load, the cell's law against linear poroelasticity.
+    """Draw histories of one load, the cell's law against linear poroelasticity.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ from porocore.states import Array
 
 @dataclass(frozen=True)
 class ProfileField:
-    """A field of a :class:`~porocore.interfaces.solution.Profile`: its label, where it lives and how to take it."""
+    """Field of a :class:`~porocore.interfaces.solution.Profile`: label, nodal or by element, and its values."""
 
     label: str
     plain: str
@@ -102,7 +102,7 @@ class ColumnAxis:
 
     @classmethod
     def from_solution(cls, solution: MacroSolution) -> ColumnAxis:
-        """The line of a box mesh."""
+        """Return the axis of a box mesh."""
         points, cells = solution.points, solution.cells
         slack = 1e-9 * float(np.ptp(points, axis=0).max())
         corner = points.min(axis=0)
@@ -117,7 +117,7 @@ class ColumnAxis:
         return cls(nodes, points[nodes, 1], elements[order], ends[order].mean(axis=1), ends[order])
 
     def series(self, profile: Profile, quantity: ProfileField) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-        """Position, value and whether the law was asked beyond its range there, each (k,) or (e,)."""
+        """Return positions, values and flags (outside the training range), each (k,) or (e,)."""
         flagged = profile.outside_training_range[self.elements] > 0
         if not quantity.nodal:
             return self.element_y, quantity.take(profile)[self.elements], flagged
@@ -137,7 +137,7 @@ def profile_figure(
     times: Sequence[float] | None = None,
     rest: float | None = None,
 ) -> Figure:
-    """One field along the column, solid for the cell's law and dashed for linear poroelasticity.
+    """Draw one field along the column, solid for the cell's law and dashed for linear poroelasticity.
 
     Parts in which the cell law was flagged are pale with hollow markers.
 
@@ -199,20 +199,20 @@ def profile_figure(
 
 
 def is_column(solution: MacroSolution) -> bool:
-    """Whether the body is a column of single elements along y, so that profiles along its axis say all of it."""
+    """Tell whether the body is a column of single elements along y, which profiles along its axis describe fully."""
     return solution.cells.shape[1] == 27 and len(ColumnAxis.from_solution(solution).elements) == len(
         solution.cells
     )
 
 
 def chosen_times(solution: MacroSolution) -> tuple[float, ...]:
-    """Times of the profiles, without the closing one if there are others; six at most."""
+    """Return the times of the profiles, without the last one if there are others; six at most."""
     times = tuple(profile.time for profile in solution.profiles)
     return times[: max(1, len(times) - 1)][: len(TIME_COLOURS)]
 
 
 def profile_at(solution: MacroSolution, time: float) -> Profile:
-    """The profile at ``time``; ValueError if none was kept."""
+    """Return the profile at ``time``; ValueError if none was kept."""
     for profile in solution.profiles:
         if abs(profile.time - time) <= 1e-9 * max(1.0, abs(time)):
             return profile

@@ -1,4 +1,4 @@
-"""Where the cell was solved, and how that ended."""
+"""Figure of the solved states by their status."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def samples_figure(
     visited: Sequence[Array] = (),
     crease: tuple[float, float] | None = None,
 ) -> Figure:
-    """The sampled states in the plane of two inputs, by status.
+    """Draw the sampled states in the plane of two inputs, by status.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def samples_figure(
 
 
 def axis_label(name: str) -> str:
-    """Label of an input with its unit."""
+    """Return the label of an input with its unit."""
     if name == "p":
         return r"pore pressure $p\,/E$ [–]"
     return rf"$\partial u_{name[1]} / \partial X_{name[2]}$ [–]"

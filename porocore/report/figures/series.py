@@ -1,4 +1,4 @@
-"""What probes, held surfaces and drains say against time."""
+"""Figures of probes, reactions and inflows against time."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Panel:
 
 
 def panels(solution: MacroSolution) -> Iterator[Panel]:
-    """Pressures and displacements of probes, reactions and inflows, as far as there are any."""
+    """Yield panels of pressures and displacements of probes, reactions and inflows, as far as there are any."""
     probes, reactions = solution.probes, solution.reactions
     displacements = {f"{name} $u_{i + 1}$": v[:, i] for name, v in probes.items() for i in range(3)}
     forces = {f"{name} $R_{i + 1}$": v[:, i] for name, v in reactions.items() for i in range(3)}
@@ -68,7 +68,7 @@ def panels(solution: MacroSolution) -> Iterator[Panel]:
 def series_figure(
     nonlinear: MacroSolution, linear: MacroSolution, plain: str, units: ResultUnits | None = None
 ) -> Figure:
-    """The panel called ``plain`` against time, the cell's law solid and linear poroelasticity dashed."""
+    """Draw the panel called ``plain`` against time, the cell's law solid and linear poroelasticity dashed."""
     units = units or ResultUnits()
     panel = next(p for p in panels(nonlinear) if p.plain == plain)
     others = {p.plain: p.curves for p in panels(linear)}.get(plain, {})

@@ -1,4 +1,4 @@
-"""A stability map as a picture: onsets over the two inputs, or what happens along one line."""
+"""Figure of a stability map: onsets over two inputs, or the indicators along one line."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _ONSETS: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
 
 @styled
 def stability_figure(plan: MapPlan, lines: Sequence[StabilityLine]) -> Figure:
-    """Of a finished map: over both inputs where there are several lines, else along the only one."""
+    """Draw a finished map: over both inputs where there are several lines, else along the only one."""
     return _over_both(plan, lines) if len(lines) > 1 else _along(plan, lines[0])
 
 
@@ -92,7 +92,7 @@ def _over_both(plan: MapPlan, lines: Sequence[StabilityLine]) -> Figure:
 
 
 def _contact(figure: Figure, axes: Axes, lines: Sequence[StabilityLine], leading: int, across: int) -> None:
-    """Share of the wall in contact as shades; nothing where there is none."""
+    """Shade the share of the wall in contact; nothing where there is none."""
     largest = max((float(np.nanmax(line.contact_share, initial=0.0)) for line in lines), default=0.0)
     if largest <= 0:
         return
@@ -115,7 +115,7 @@ def _contact(figure: Figure, axes: Axes, lines: Sequence[StabilityLine], leading
 
 
 def _contact_along(line: StabilityLine) -> tuple[Array, Array]:
-    """Places along a line, as many before its crease as behind it, and the share of the wall in contact there.
+    """Return places along a line before and behind its crease, and the share of the wall in contact there.
 
     Between the states, from nothing at the crease on; NaN behind the line's end.
     """
@@ -167,6 +167,6 @@ def _along(plan: MapPlan, line: StabilityLine) -> Figure:
 
 
 def _least(values: Array) -> Array:
-    """Row by row; NaN where nothing is known."""
+    """Return the least value of each row; NaN where nothing is known."""
     known = np.where(np.isfinite(values), values, np.inf).min(axis=1)
     return np.where(np.isfinite(known), known, np.nan)

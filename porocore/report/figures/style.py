@@ -69,14 +69,14 @@ def styled(make: Callable[P, T]) -> Callable[P, T]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of so many inches with its own Agg canvas."""
+    """Return an empty figure of so many inches with its own Agg canvas."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
-    """The legend of ``axes`` above the panel, outside the data."""
+    """Put the legend of ``axes`` above the panel, outside the data."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="outside upper left", ncols=columns, handlelength=2.2, columnspacing=1.3
@@ -88,20 +88,20 @@ _DIVIDED_BY = {"pressure": r"$\,/E$", "stress": r"$\,/E$", "force": r"$\,/(E L^2
 
 
 def axis_label(words: str, quantity: str, units: ResultUnits) -> str:
-    """Of an axis, with the unit in brackets."""
+    """Return the label of an axis, with the unit in brackets."""
     by = "" if units.given else _DIVIDED_BY.get(quantity, "")
     return f"{words}{by} [{units.name(quantity)}]"
 
 
 def lighter(colour: str, share: float = 0.62) -> tuple[float, float, float]:
-    """``colour`` mixed with white."""
+    """Return ``colour`` mixed with white."""
     red, green, blue = (1 - (1 - share) * (1 - c) for c in to_rgb(colour))
     return red, green, blue
 
 
 @styled
 def svg_bytes(figure: Figure) -> bytes:
-    """The figure as an SVG document; text is drawn as paths, so that it looks the same everywhere."""
+    """Return the figure as an SVG document; text is drawn as paths, so that it looks the same everywhere."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return buffer.getvalue()
@@ -109,7 +109,7 @@ def svg_bytes(figure: Figure) -> bytes:
 
 @styled
 def png_bytes(figure: Figure, dpi: int = 160) -> bytes:
-    """The figure as a PNG image."""
+    """Return the figure as a PNG image."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
     return buffer.getvalue()

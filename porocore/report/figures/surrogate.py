@@ -1,4 +1,4 @@
-"""How well the surrogate predicts states that it has not seen, and how its training went."""
+"""Figures of a surrogate: errors on held-out states, and losses during training."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from porocore.report.metrics import rms_percent, worst_percent
 
 @styled
 def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
-    """Predicted against solved held-out states, one column of panels for each output, errors beneath.
+    """Draw predicted against solved held-out states, one column of panels for each output, errors beneath.
 
     Held-out states beyond the sampled range are grey and hollow and do not count in the error in the panel, unless
     there are no others.
@@ -44,7 +44,7 @@ def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
 
 @styled
 def training_figure(curve: TrainingCurve) -> Figure:
-    """Loss and validation loss against epochs, logarithmic; the best validation loss is marked."""
+    """Draw loss and validation loss against epochs, logarithmic; the best validation loss is marked."""
     figure = new_figure(5.4, 3.6)
     axes = figure.add_subplot()
     axes.semilogy(curve.epoch, curve.loss, color=BLUE, lw=1.3, label="training")

@@ -272,7 +272,7 @@ def _late(config: RunConfig) -> Iterator[str]:
     unit = f" {units.name('time')}" if units.given else ""
     shown, factor = f"{end * units.factor('time'):.4g}{unit}", units.factor("time")
     for name, boundary in config.macro.boundary.items():
-        last = max((max(course.corners, default=0.0) for course in boundary.courses), default=0.0)
+        last = max((max(course.corners, default=0.0) for course in boundary.time_functions), default=0.0)
         if last > end:
             yield (
                 f"the function of time on the surface {name} goes on until t = {last * factor:.4g}{unit}, beyond the "
