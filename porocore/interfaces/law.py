@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from porocore.states import Array, MacroState, _Batch
+from porocore.states import Array, CellResponse, MacroState, _Batch
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +111,27 @@ class MacroLaw(ABC):
         accepted time by its present answers. ``memory`` is the one that the step began from.
         """
         return None
+
+    def reasons(self, states: MacroState) -> list[str]:
+        """Return for each of n flagged states which component drives it out, in words; empty where it is not known."""
+        return [""] * len(states)
+
+
+class CellLaw(ABC):
+    """Responses of the cell as functions of (H, p): a surrogate, the solved cell, or its linear limit."""
+
+    #: Hash of the cell, and of whatever else determines the responses.
+    identity: str
+    #: Share of a response below which its digits mean nothing, beyond round-off.
+    noise: float = 0.0
+
+    @abstractmethod
+    def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
+        """Return the responses of n states, with their exact derivatives if ``tangent``."""
+
+    def predict_from(self, before: MacroState, states: MacroState, *, tangent: bool = True) -> CellResponse:
+        """Return the responses of n points whose last accepted states were ``before``, which few laws use."""
+        return self.predict(states, tangent=tangent)
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return for each of n flagged states which component drives it out, in words; empty where it is not known."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.tensors.point_group import TRIVIAL, PointGroup
+from porocore.interfaces.law import CellLaw
 from porocore.states import CellResponse, MacroState
 
 #: What to do about too few states to train on, whatever the sampler.
@@ -80,7 +81,7 @@ class TrainingProgress:
     validation_loss: float
 
 
-class Surrogate(ABC):
+class Surrogate(CellLaw):
     """A surrogate of one model family; ``options`` are its settings from the configuration.
 
     An instance is created with its options, :meth:`fit` makes it usable, :meth:`save` and :meth:`load`
@@ -143,10 +144,6 @@ class Surrogate(ABC):
         These are states whose error is estimated to exceed the tolerance of the training set, and those far from all
         that was sampled.
         """
-
-    def reasons(self, states: MacroState) -> list[str]:
-        """Return for each of n flagged states which component drives it out, in words; empty where it is not known."""
-        return [""] * len(states)
 
     @abstractmethod
     def save(self, path: Path) -> None:

@@ -16,7 +16,7 @@ from porocore.core.files.atomic import atomic_path
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError, PorocoreError
 from porocore.interfaces.cell import CellSolver
-from porocore.macro.laws import CLOSURES, Closure
+from porocore.macro.laws import Closure, make_closure
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
@@ -64,7 +64,7 @@ class CellReference:
 
     def closure(self, name: str, material: Solid, law: ConductivityLaw) -> Closure:
         """Return the closure of that name with the constants of this cell."""
-        return CLOSURES[name](self.solid_fraction, material, self.conductivity, law=law)
+        return make_closure(name, self.solid_fraction, material, self.conductivity, law=law)
 
     @classmethod
     def compute(cls, solver: CellSolver, prepared: Any, cell: Cell, identity: str) -> CellReference:

@@ -17,8 +17,9 @@ from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
+from porocore.interfaces.law import CellLaw
 from porocore.macro.integration.newton import newton_step
-from porocore.macro.laws import CLOSURES, ClosedLaw
+from porocore.macro.laws import CLOSURES, ClosedLaw, make_closure
 from porocore.macro.problem import NewtonSettings
 from porocore.states import MacroState, Status
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
@@ -191,7 +192,7 @@ def test_what_it_cannot_be_computed_for_is_refused(load):
         solver.prepare(several, deformed=True)
 
 
-class Dropped:
+class Dropped(CellLaw):
     """A cell law that does not tell how its conductivity changes."""
 
     def __init__(self, law):
@@ -219,7 +220,7 @@ def learned():
 @pytest.mark.parametrize("closure", CLOSURES)
 def test_newtons_iteration_converges_quadratically(macro_solver, load, learned, closure):
     """And linearly to the same, where the slopes of the conductivity are not known."""
-    closed = CLOSURES[closure](SOLID_FRACTION, NeoHookean(), np.diag([1.0, 0.8, 1.0]), law="deformed")
+    closed = make_closure(closure, SOLID_FRACTION, NeoHookean(), np.diag([1.0, 0.8, 1.0]), law="deformed")
     solver = load("macro solver", macro_solver)
     d = solver.prepare(confined_column(6, load=-0.05))
     settings = NewtonSettings(tolerance=1e-13, iterations=40)

@@ -11,7 +11,7 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import NAMES, InputSpace
 from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.macro.laws import CLOSURES, ClosedLaw
+from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
 from porocore.surrogates.mean_gradient.model import AnchoredModel
@@ -196,7 +196,7 @@ def test_a_body_under_a_centred_load_does_not_drift_sideways(library, load, name
         surrogate = library(name)(model="potential", iterations=10, anchor="none", symmetry=symmetry).fit(
             data, seed=3
         )
-        law = ClosedLaw(surrogate, CLOSURES["potential"](0.6, NeoHookean(), np.eye(3)))
+        law = ClosedLaw(surrogate, make_closure("potential", 0.6, NeoHookean(), np.eye(3)))
         u = macro.solve(prepared, law).profiles[-1].u
         drift[symmetry] = abs(u[:, 2].sum()) / np.abs(u[:, 1]).sum()
     assert drift["auto"] < 1e-9 < 1e-4 < drift["none"]

@@ -23,13 +23,15 @@ ROOMS = (
     "porocore/states.py",
     "porocore/core",
     "porocore/interfaces",
+    "porocore/macro",
     "porocore/plugins",
-    "porocore/cell",
-    "porocore/study",
-    "porocore/surrogates",
-    "porocore/cli",
     "plugins/surrogate_jax/porocore_surrogate_jax",
     "plugins/surrogate_torch/porocore_surrogate_torch",
+    "porocore/cell",
+    "porocore/cli",
+    "porocore/report",
+    "porocore/study",
+    "porocore/surrogates",
 )
 FILES = sorted(
     path

@@ -10,6 +10,7 @@ import pytest
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import InputSpace
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
+from porocore.interfaces.law import CellLaw
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw, MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
@@ -30,7 +31,7 @@ PROBLEM = confined_column(
 )
 
 
-class Cell:
+class Cell(CellLaw):
     """The cell's own law, without range."""
 
     identity = IDENTITY
@@ -113,14 +114,14 @@ def test_cells_are_solved_until_the_estimated_errors_are_within_the_tolerance(da
     """With few cells, and none beside one that is known."""
     data = replace(base(), tolerance=0.01)
     with CellPool(make) as pool:
-        extend = AdaptiveSurrogate(pool, dataset, data, fresh, 0)
-        law = AdaptiveLaw(fresh().fit(data, seed=0), CLOSURE, extend, name="learning")
+        refine = AdaptiveSurrogate(pool, dataset, data, fresh, 0)
+        law = AdaptiveLaw(fresh().fit(data, seed=0), CLOSURE, refine, name="learning")
         learned = solve(law)
-        assert law.extend(data.states[:3]) is None
+        assert law.refine(data.states[:3]) is None
     exact = solve(ClosedLaw(Cell(), CLOSURE))
     assert learned.outside_training_range.max() == 0
     assert np.abs(learned.settlement[1:] / exact.settlement[1:] - 1).max() < 5e-3
-    assert 0 < extend.work.solved < 40
+    assert 0 < refine.work.solved < 40
 
 
 @pytest.mark.slow

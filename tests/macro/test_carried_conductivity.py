@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.tensors.polar import polar_rotation, spin
-from porocore.macro.laws import CLOSURES
+from porocore.macro.laws import CLOSURES, make_closure
 from porocore.macro.laws.pull_back import PulledBack, is_isotropic
 from porocore.states import CellResponse, CellTangent, MacroState
 
@@ -88,7 +88,7 @@ def test_slopes_of_the_flux(closure, law):
     m[:2] = 0
     M, dH = 0.1 * random.standard_normal((n, 3, 3, 3, 3)), random.standard_normal((n, 3, 3))
     dm = np.einsum("nijkl,nkl->nij", M, dH)
-    closed = CLOSURES[closure](0.6, NeoHookean(), THREE, law=law)
+    closed = make_closure(closure, 0.6, NeoHookean(), THREE, law=law)
 
     def at(h):
         cell = CellResponse(m + h * dm, np.zeros(n, dtype=np.int64))
@@ -136,4 +136,4 @@ def test_a_state_without_values_spoils_no_other():
 
 def test_an_unknown_law_is_refused():
     with pytest.raises(ValueError, match=r"law of piola, piola-unrotated, deformed, got 'paper'"):
-        CLOSURES["potential"](0.6, NeoHookean(), THREE, law="paper")
+        make_closure("potential", 0.6, NeoHookean(), THREE, law="paper")

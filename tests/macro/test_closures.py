@@ -7,7 +7,7 @@ import pytest
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import LawMemory
+from porocore.interfaces.law import CellLaw, LawMemory
 from porocore.macro.laws import CLOSURES, ClosedLaw, LinearCellLaw, MeanGradientClosure
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import CellResponse, CellTangent, MacroState
@@ -19,7 +19,7 @@ K = np.array([[1.9, 0.2, -0.1], [0.3, 1.5, 0.05], [-0.2, 0.1, 2.2]])
 INPUTS = [("H", k) for k in range(9)] + [("p", 0)] + [("g", k) for k in range(3)]
 
 
-class QuadraticCellLaw:
+class QuadraticCellLaw(CellLaw):
     """<∇u¹>_s = M:H + Q p + (a:H + b p) (H + p c): curved in every input, with its exact derivatives."""
 
     identity = "quadratic"
@@ -216,7 +216,7 @@ def test_impossible_constants_are_refused():
 def test_an_inverted_body_has_no_response_even_where_the_cell_law_extrapolates_to_one():
     """A surrogate far outside its range may give det F̄ > 0 at det(I + H) < 0."""
 
-    class Extrapolating:
+    class Extrapolating(CellLaw):
         identity = "extrapolating"
 
         def predict(self, states, *, tangent=True):

@@ -9,7 +9,7 @@ import pytest
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import LawMemory
+from porocore.interfaces.law import CellLaw, LawMemory
 from porocore.macro.closure_error import closure_error
 from porocore.macro.laws import CLOSURES, ClosedLaw, MeanGradientClosure, PotentialClosure
 from porocore.states import MacroState
@@ -25,7 +25,7 @@ MEAN_GRADIENT = MeanGradientClosure(SOLID_FRACTION, MATERIAL, K)
 INPUTS = [("H", k) for k in range(9)] + [("p", 0)] + [("g", k) for k in range(3)]
 
 
-class SyntheticCell:
+class SyntheticCell(CellLaw):
     """The made-up cell, whose stress and fluid volume derive from a W in closed form."""
 
     identity = "synthetic"
@@ -35,7 +35,7 @@ class SyntheticCell:
         return response if tangent else replace(response, tangent=None)
 
 
-class Model:
+class Model(CellLaw):
     """A fitted potential."""
 
     identity = "model"

@@ -11,7 +11,7 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.tensors.point_group import TRIVIAL
 from porocore.core.tensors.symmetric_functions import exponential, logarithm, symmetric_exponential
 from porocore.errors import ConfigurationError, DataError
-from porocore.macro.laws import CLOSURES, ClosedLaw
+from porocore.macro.laws import CLOSURES, ClosedLaw, make_closure
 from porocore.states import MacroState
 from porocore.surrogates.conductivity.fit import fit_conductivity
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
@@ -166,7 +166,7 @@ def test_the_file_carries_it(surrogate, tmp_path):
 
 @pytest.mark.parametrize("name", CLOSURES)
 def test_closures_take_the_flux_from_it(surrogate, name):
-    closure = CLOSURES[name](SOLID_FRACTION, NeoHookean(), K0 * EYE, law="deformed")
+    closure = make_closure(name, SOLID_FRACTION, NeoHookean(), K0 * EYE, law="deformed")
     law, there, h = ClosedLaw(surrogate, closure), states(5, 0.05), 1e-6
     memory = law.initial(5)
     g = np.random.default_rng(3).normal(size=(5, 3))
@@ -189,7 +189,7 @@ def test_closures_take_the_flux_from_it(surrogate, name):
     np.testing.assert_allclose(
         (ends[0].flux - ends[1].flux) / (2 * h), slope, atol=1e-6 * np.abs(slope).max()
     )
-    carried = CLOSURES[name](SOLID_FRACTION, NeoHookean(), K0 * EYE)
+    carried = make_closure(name, SOLID_FRACTION, NeoHookean(), K0 * EYE)
     assert carried.identity != closure.identity
     other = ClosedLaw(surrogate, carried).respond(there, g, memory)
     assert (other.stress == response.stress).all()
@@ -199,7 +199,7 @@ def test_closures_take_the_flux_from_it(surrogate, name):
 
 def test_a_cell_law_that_knows_none_is_refused():
     without = PolynomialSurrogate(degree=3).fit(potential_training_set(30, seed=1), seed=0)
-    closure = CLOSURES["potential"](SOLID_FRACTION, NeoHookean(), K0 * EYE, law="deformed")
+    closure = make_closure("potential", SOLID_FRACTION, NeoHookean(), K0 * EYE, law="deformed")
     with pytest.raises(ConfigurationError, match="conductivity: 'deformed' needs"):
         ClosedLaw(without, closure)
 

@@ -5,17 +5,29 @@ cell solver itself, the linear limit: whatever predicts the responses of a batch
 :class:`~porocore.interfaces.law.MacroLaw`.
 """
 
+from porocore.cell.materials.composite import Solid
+from porocore.interfaces.law import CellLaw
 from porocore.macro.laws.adaptive_law import AdaptiveLaw
-from porocore.macro.laws.closed_law import ClosedLaw, PathCellLaw
-from porocore.macro.laws.closure import CellLaw, Closure
+from porocore.macro.laws.closed_law import ClosedLaw
+from porocore.macro.laws.closure import Closure
 from porocore.macro.laws.linear_cell import LinearCellLaw, reference_tangents
 from porocore.macro.laws.mean_gradient import MeanGradientClosure
 from porocore.macro.laws.potential import PotentialClosure
+from porocore.macro.laws.pull_back import ConductivityLaw
+from porocore.states import Array
 
 #: The closures by the name that the user writes.
 CLOSURES: dict[str, type[Closure]] = {
     closure.name: closure for closure in (MeanGradientClosure, PotentialClosure)
 }
+
+
+def make_closure(
+    name: str, solid_fraction: float, material: Solid, conductivity: Array, *, law: ConductivityLaw = "piola"
+) -> Closure:
+    """Return the closure of that name; see :class:`Closure` for its constants."""
+    return CLOSURES[name](solid_fraction, material, conductivity, law=law)
+
 
 __all__ = [
     "CLOSURES",
@@ -25,7 +37,7 @@ __all__ = [
     "Closure",
     "LinearCellLaw",
     "MeanGradientClosure",
-    "PathCellLaw",
     "PotentialClosure",
+    "make_closure",
     "reference_tangents",
 ]

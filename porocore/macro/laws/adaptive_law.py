@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from porocore.interfaces.law import LawMemory, MacroResponse
+from porocore.interfaces.law import CellLaw, LawMemory, MacroResponse
 from porocore.macro.laws.closed_law import ClosedLaw
-from porocore.macro.laws.closure import CellLaw, Closure
+from porocore.macro.laws.closure import Closure
 from porocore.plugins.border import prediction_of
 from porocore.states import MacroState
 
@@ -32,7 +32,7 @@ class AdaptiveLaw(ClosedLaw):
     ----------
     cell_law, closure, identity, name
         See :class:`ClosedLaw`. The identity does not change with what is learned.
-    extend
+    refine
         Asked with the states of the points outside.
     rounds
         Most exchanges in one step.
@@ -42,14 +42,14 @@ class AdaptiveLaw(ClosedLaw):
         self,
         cell_law: CellLaw,
         closure: Closure,
-        extend: SurrogateRefinement,
+        refine: SurrogateRefinement,
         *,
         identity: str | None = None,
         name: str | None = None,
         rounds: int = 8,
     ) -> None:
         super().__init__(cell_law, closure, identity=identity, name=name)
-        self.extend, self._rounds, self._round = extend, rounds, 0
+        self.refine, self._rounds, self._round = refine, rounds, 0
 
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """Refine the surrogate where the step left its range; see :class:`~porocore.interfaces.law.MacroLaw`."""
@@ -57,12 +57,12 @@ class AdaptiveLaw(ClosedLaw):
         if not len(outside) or self._round >= self._rounds:
             self._round = 0
             return None
-        wiser = self.extend(response.memory.states[outside])
-        if wiser is None:
+        refined = self.refine(response.memory.states[outside])
+        if refined is None:
             self._round = 0
             return None
         self._round += 1
-        self.cell_law = wiser
-        self._rest = prediction_of(wiser, MacroState.zeros(1))
-        known = replace(prediction_of(wiser, memory.states, tangent=False), outside_training_range=None)
+        self.cell_law = refined
+        self._rest = prediction_of(refined, MacroState.zeros(1))
+        known = replace(prediction_of(refined, memory.states, tangent=False), outside_training_range=None)
         return self.closure.memory(memory.states, known)

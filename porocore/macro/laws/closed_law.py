@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, fingerprint
-from porocore.macro.laws.closure import CellLaw, Closure
+from porocore.interfaces.law import CellLaw, LawMemory, MacroLaw, MacroResponse, fingerprint
+from porocore.macro.laws.closure import Closure
 from porocore.plugins.border import check_prediction, prediction_of
-from porocore.states import Array, CellResponse, MacroState
-
-
-@runtime_checkable
-class PathCellLaw(CellLaw, Protocol):
-    """Cell law that uses the last accepted state of each point, such as one that solves cells."""
-
-    def predict_from(self, before: MacroState, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """Predict like ``predict``, for points whose last accepted states were ``before``, (n,) both."""
+from porocore.states import Array, MacroState
 
 
 class ClosedLaw(MacroLaw):
@@ -27,7 +18,7 @@ class ClosedLaw(MacroLaw):
     Parameters
     ----------
     cell_law
-        Predicts the responses of the cell; a :class:`PathCellLaw` is told the last accepted states too.
+        Predicts the responses of the cell; it is told the last accepted states too.
     closure
         Makes stress, storage and flux of them.
     identity
@@ -47,7 +38,7 @@ class ClosedLaw(MacroLaw):
     ) -> None:
         self.cell_law, self.closure = cell_law, closure
         self.name = closure.name if name is None else name
-        self.noise = float(getattr(cell_law, "noise", 0.0))
+        self.noise = cell_law.noise
         self.identity = fingerprint(closure.identity, cell_law.identity if identity is None else identity)
         self._rest = prediction_of(cell_law, MacroState.zeros(1))
         closure.check(self._rest, type(cell_law).__name__)
@@ -63,14 +54,10 @@ class ClosedLaw(MacroLaw):
         """See :class:`MacroLaw`; NaN where the cell law has no values."""
         # Newton's iteration may ask for anything; what is not finite is for the macro solver to refuse.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            if isinstance(self.cell_law, PathCellLaw):
-                found = self.cell_law.predict_from(memory.states, states, tangent=tangent)
-                cell = check_prediction(self.cell_law, found, states)
-            else:
-                cell = prediction_of(self.cell_law, states, tangent=tangent)
+            found = self.cell_law.predict_from(memory.states, states, tangent=tangent)
+            cell = check_prediction(self.cell_law, found, states)
             return self.closure.respond(states, cell, grad_p, memory, tangent=tangent)
 
     def reasons(self, states: MacroState) -> list[str]:
-        """See :class:`MacroLaw`; known where the cell law is a surrogate that knows."""
-        known = getattr(self.cell_law, "reasons", super().reasons)
-        return list(known(states))
+        """Return the reasons that the cell law knows; see :class:`MacroLaw`."""
+        return self.cell_law.reasons(states)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,16 +12,6 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroResponse, fingerprint
 from porocore.macro.laws.pull_back import CONDUCTIVITY_LAWS, ConductivityLaw, PulledBack
 from porocore.states import Array, CellResponse, MacroState
-
-
-class CellLaw(Protocol):
-    """Whatever predicts the responses of the cell; a fitted surrogate is one."""
-
-    #: Hash of what it stands for.
-    identity: str
-
-    def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """Responses of n states, with their exact derivatives if ``tangent``."""
 
 
 class Closure(ABC):

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from porocore.interfaces.cell import CellField
+from porocore.interfaces.law import CellLaw
 from porocore.sampling.execution import CellPool
 from porocore.states import Array, CellResponse, IntArray, MacroState, Status
 
@@ -70,8 +71,8 @@ class _Solved:
     field: CellField | None
 
 
-class DirectCellLaw:
-    """A cell law that solves the cell, in the processes of a pool; a :class:`~porocore.macro.laws.PathCellLaw`.
+class DirectCellLaw(CellLaw):
+    """A cell law that solves the cell, in the processes of a pool.
 
     Points whose states agree to :data:`GRID` share one solve, which also has exact zeros where round-off has none, so
     that an eighth of the cell will do. Each solve starts from the micro field of the

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.interfaces.law import fingerprint
+from porocore.interfaces.law import CellLaw, fingerprint
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 
 
-class LinearCellLaw:
+class LinearCellLaw(CellLaw):
     """<∇u¹>_s = M:H + Q p with the tangents of the undeformed cell; a cell law for small deformations.
 
     Parameters

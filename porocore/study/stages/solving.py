@@ -150,7 +150,7 @@ def _learning(
         provenance=versions(),
     )
     stack.enter_context(dataset.writing())
-    extend = AdaptiveSurrogate(
+    adaptive = AdaptiveSurrogate(
         stack.enter_context(_pool(config)),
         dataset,
         training_set(folder, config),
@@ -159,13 +159,13 @@ def _learning(
         objective=config.surrogate_model == "potential",
     )
     law = AdaptiveLaw(
-        extend.known(surrogate),
+        adaptive.known(surrogate),
         reference.closure(config.closure, config.cell.solid, config.conductivity),
-        extend,
+        adaptive,
         identity=f"{config.stages.training} with fallback",
         name=name,
     )
-    return RunLaw(law, extend, folder.fallback_work)
+    return RunLaw(law, adaptive, folder.fallback_work)
 
 
 def _solve_load(

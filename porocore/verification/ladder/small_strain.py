@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.interfaces.law import MacroLaw, fingerprint
+from porocore.interfaces.law import CellLaw, MacroLaw, fingerprint
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import History
 from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure, PotentialClosure
@@ -35,7 +35,7 @@ QUANTITIES = {
 ALLOWED, ALLOWED_ORDER = 0.03, 0.1
 
 
-class _PotentialCell:
+class _PotentialCell(CellLaw):
     """The made-up cell with a potential, in closed form."""
 
     identity = fingerprint(potential_cell.IDENTITY)
