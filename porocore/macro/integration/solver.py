@@ -16,7 +16,7 @@ from porocore.macro.integration.time_integration import integrate_in_time
 
 
 class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
-    """The part of a macro solver that no discretisation changes; a subclass prepares one.
+    """Macro solver that integrates in time; a subclass prepares its discretisation.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
     Raises
     ------
     ConfigurationError
-        That is no time.
+        It is no time.
     """
 
     def __init__(self, *, checkpoint_seconds: float = 5.0) -> None:
@@ -48,7 +48,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         checkpoint: Path | None = None,
         on_step: Callable[[StepReport], None] | None = None,
     ) -> MacroSolution:
-        """See :class:`porocore.MacroSolver`."""
+        """Solve the problem; see :class:`porocore.MacroSolver`."""
         return integrate_in_time(
             prepared,
             law,
