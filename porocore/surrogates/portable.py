@@ -183,12 +183,6 @@ class NumpySurrogate(ModelSurrogate):
         raise ConfigurationError("choose a surrogate that can be trained, such as polynomial")
 
 
-def share_of_range(error: Array, truth: Array) -> float:
-    """Return the root mean square of errors (n, ...) over the largest range of a component of ``truth``."""
-    spread = np.ptp(truth.reshape(len(truth), -1), axis=0).max() if len(truth) else 0.0
-    return float(np.sqrt((error**2).mean()) / spread) if spread > 0 else 0.0
-
-
 def keep_freed_memory() -> None:
     """Make glibc keep the memory that predictions free, instead of returning it to the system.
 

@@ -79,10 +79,7 @@ class Losses:
         self.doubtful = []
         return [
             FinishedSolve(
-                task.key,
-                failed_response(Status.lost, names=names),
-                None,
-                time.perf_counter() - task.began,
+                task.key, failed_response(Status.lost, names=names), None, time.perf_counter() - task.began
             )
             for task in lost
         ]
