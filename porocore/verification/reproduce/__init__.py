@@ -12,6 +12,7 @@ from porocore.core.files.atomic import new_folder
 from porocore.errors import ConfigurationError
 from porocore.plugins.kinds import KINDS
 from porocore.study.benchmark import as_stated_path, benchmark_path
+from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import load_config
 from porocore.study.preflight.checks import find_backends
 from porocore.verification.reproduce.catalogue import select_figures
@@ -32,20 +33,18 @@ def reproduce(
     resume: bool = False,
     console: Console | None = None,
 ) -> list[Path]:
-    """Recompute the figures, numbers and statements of a publication, and compare them.
+    """Recompute the figures and statements of a publication, and compare them.
 
     Parameters
     ----------
     paper
-        Name of the publication, one of :data:`PAPERS`.
+        One of :data:`PAPERS`.
     folder
         Place of everything; by default ``runs/reproduce-PAPER``.
     figures
         Figures such as ``"13"`` or ``"13a"``; only what they need is computed. By default all.
-    fem, surrogate
-        Backends instead of the configured ones.
-    workers
-        Processes; by default one for each core.
+    fem, surrogate, workers
+        Backends and processes instead of the configured ones.
     pictures
         Draw local fields, which needs pyvista.
     resume
@@ -62,8 +61,6 @@ def reproduce(
     ------
     ConfigurationError
         The publication or a figure is unknown.
-    PluginError
-        A backend or pyvista is missing.
     RunFolderError
         The folder cannot be written, or holds something else.
     """
@@ -76,22 +73,24 @@ def reproduce(
     wanted = select_figures(figures)
     if pictures and any(figure.stage == "fields" for figure in wanted):
         require_pyvista()
+    config, stated = _configurations(fem, surrogate, workers)
+    find_backends(config, KINDS if any(f.stage == "column" for f in wanted) else ["cell solver"])
+    place = new_folder(Path(folder or f"runs/reproduce-{paper}"))
+    console, processes = console or Console(io.StringIO()), config.sampling.worker_count()
+    results = Results(place, config, stated, processes, console, pictures)
+    claim_folder(results, resume=resume)
+    paths = draw(results, wanted)
+    return paths if figures else [write_pages(results, wanted, f"porocore reproduce {paper}")]
+
+
+def _configurations(
+    fem: str | None, surrogate: str | None, workers: int | None
+) -> tuple[RunConfig, RunConfig]:
+    """Return the benchmark, and the one with the channel radius of the paper's text."""
     config, stated = (
         load_config(path).with_backends(fem, surrogate) for path in (benchmark_path(), as_stated_path())
     )
     if workers is not None:
         sampling = config.sampling.model_copy(update={"workers": workers})
         config = config.model_copy(update={"sampling": sampling})
-    column = any(figure.stage == "column" for figure in wanted)
-    find_backends(config, KINDS if column else ["cell solver"])
-    results = Results(
-        new_folder(Path(folder or Path("runs") / f"reproduce-{paper}")),
-        config,
-        stated,
-        config.sampling.worker_count(),
-        console or Console(io.StringIO()),
-        pictures,
-    )
-    claim_folder(results, resume=resume)
-    paths = draw(results, wanted)
-    return paths if figures else [write_pages(results, wanted, f"porocore reproduce {paper}")]
+    return config, stated
