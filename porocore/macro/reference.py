@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.cell.materials.composite import Solid
 from porocore.cell.meshing.mesh import Domain
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError, PorocoreError
 from porocore.interfaces.cell import CellSolver
@@ -115,8 +114,7 @@ class CellReference:
                 name: value.tolist() for name, value in vars(response.tangent).items() if value is not None
             },
         }
-        with atomic_path(path) as part:
-            part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        write_json(path, document, indent=1)
 
     @classmethod
     def load(cls, path: Path, identity: str) -> CellReference:

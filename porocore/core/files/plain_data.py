@@ -1,10 +1,14 @@
-"""Results as plain data, for JSON."""
+"""Results as plain data, and JSON files of them."""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
+
+from porocore.core.files.atomic import atomic_path
 
 
 def json_ready(value: Any) -> Any:
@@ -18,6 +22,18 @@ def json_ready(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def write_json(path: Path, document: Any, **how: Any) -> None:
+    """Write a JSON file atomically; ``how`` goes to :func:`json.dumps`.
+
+    Raises
+    ------
+    RunFolderError
+        The disk is full or read-only.
+    """
+    with atomic_path(path) as part:
+        part.write_text(json.dumps(document, **how) + "\n", encoding="utf-8")
 
 
 def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
-from porocore.core.files.atomic import atomic_path, noted_afterwards
+from porocore.core.files.atomic import noted_afterwards
+from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError
 
@@ -61,8 +61,7 @@ def cost_recorded(path: Path, solution: str, work: Work) -> Iterator[None]:
         now = work.numbers()
         gained = {name: value - before.get(name, 0) for name, value in now.items()}
         records[solution] = {name: known.get(name, 0) + gained.get(name, 0) for name in {**known, **gained}}
-        with atomic_path(path) as part:
-            part.write_text(json.dumps(records, indent=2) + "\n", encoding="utf-8")
+        write_json(path, records, indent=2)
 
     with noted_afterwards(record):
         yield

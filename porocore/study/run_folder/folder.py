@@ -6,7 +6,6 @@ and two processes cannot write it at the same time.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from contextlib import suppress
@@ -17,6 +16,7 @@ from typing import Self
 
 from porocore.core.files.atomic import RUN_RECORD, atomic_path, require_outside_a_run
 from porocore.core.files.lock import Locked, take_lock
+from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.core.unexpected import note_folder
 from porocore.errors import RunFolderError
@@ -190,8 +190,7 @@ class RunFolder(RunFiles):
             "stages": asdict(self.config.stages),
             "versions": versions(),
         }
-        with atomic_path(self.path / RECORD) as part:
-            part.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+        write_json(self.path / RECORD, record, indent=2)
 
 
 def _some(names: list[str]) -> str:

@@ -5,11 +5,10 @@ Nothing is resumed; every report writes all of them.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from porocore.core.console import Console
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import write_json
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
@@ -48,6 +47,5 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
         console.warn(warning)
     metrics["stages"] = stage_times(folder.timings)
     metrics["stage_runs"] = stage_runs(folder.timings)
-    with atomic_path(folder.metrics) as part:
-        part.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    write_json(folder.metrics, metrics, indent=2, allow_nan=False)
     return folder.report

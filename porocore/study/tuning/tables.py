@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import write_json
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.tuning.training import Result
@@ -32,8 +32,7 @@ def write_tables(
         "chosen": asdict(chosen),
         "candidates": [asdict(result) for result in results],
     }
-    with atomic_path(paths[0]) as part:
-        part.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    write_json(paths[0], document, indent=2, allow_nan=False)
     names = sorted({name for result in results for name in result.errors})
     with atomic_path(paths[1]) as part, open(part, "w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)

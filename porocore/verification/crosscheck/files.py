@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import write_json
 from porocore.verification.crosscheck.check import CrossCheck
 from porocore.verification.crosscheck.document import document
 from porocore.verification.crosscheck.html import render
@@ -20,8 +20,7 @@ def write(folder: Path, result: CrossCheck) -> tuple[Path, Path]:
         The folder cannot be written.
     """
     data, page = folder / "crosscheck.json", folder / "crosscheck.html"
-    with atomic_path(data) as part:
-        part.write_text(json.dumps(document(result), allow_nan=False) + "\n", encoding="utf-8")
+    write_json(data, document(result), allow_nan=False)
     with atomic_path(page) as part:
         part.write_text(render(result), encoding="utf-8")
     return data, page

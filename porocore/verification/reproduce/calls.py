@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import Surrogate
@@ -53,6 +52,5 @@ def call_times(path: Path, surrogate: Surrogate, states: MacroState) -> CallTime
         surrogate.predict(asked)
         best = min(best, time.perf_counter() - began)
     found = CallTimes(POINTS, best)
-    with atomic_path(path) as part:
-        part.write_text(json.dumps(asdict(found), indent=1) + "\n", encoding="utf-8")
+    write_json(path, asdict(found), indent=1)
     return found

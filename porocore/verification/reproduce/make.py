@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError, RunFolderError
 from porocore.report.figures.style import png_bytes
@@ -64,8 +65,7 @@ def claim_folder(results: Results, *, resume: bool) -> None:
         return
     if results.folder.exists() and any(results.folder.iterdir()):
         raise RunFolderError(f"{results.folder} is not empty; choose another --out")
-    with atomic_path(record) as part:
-        part.write_text(json.dumps({"identity": identity}, indent=1) + "\n", encoding="utf-8")
+    write_json(record, {"identity": identity}, indent=1)
 
 
 def draw(results: Results, figures: Sequence[PaperFigure]) -> list[Path]:
