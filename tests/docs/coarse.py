@@ -145,7 +145,7 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
     # What is on them is tested with the reports and the local fields, and takes most of the time of a small study.
     patch.setattr(matplotlib.figure.Figure, "draw", lambda figure, renderer: None)
     for module in (pictures, geometry):
-        patch.setattr(module, "draw", _blank)
+        patch.setattr(module, "draw_views", _blank)
 
 
 def _blank(vtu: Path, views: Sequence[pictures.View], scratch: Path) -> None:
