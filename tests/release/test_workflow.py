@@ -30,6 +30,7 @@ def test_it_keeps_what_the_makefile_writes():
     kept = [
         step["with"]["path"] for job in WORKFLOW["jobs"].values() for step in job["steps"] if "with" in step
     ]
-    assert kept == ["dist/", "build/docs/"]
+    assert kept == ["dist/", "build/docs/", "build/coverage/"]
     assert "--out dist\n" in makefile
     assert " build/docs\n" in makefile
+    assert "html:build/coverage\n" in makefile

@@ -131,7 +131,7 @@ def write_local_fields(
     Raises
     ------
     ConfigurationError, PorocoreError, RunFolderError
-        See :func:`solve_and_write`.
+        See ``solve_and_write``.
     PluginError
         The backend is missing.
     """
@@ -166,7 +166,7 @@ def state_row(cell: Cell, state: Mapping[str, float]) -> Array:
 def solve_fields(
     cell: Cell, fem: FemSettings, state: Mapping[str, float]
 ) -> tuple[CellResponse, PointFields]:
-    """Response and fields of one state; errors as of :func:`solve_and_write`."""
+    """Response and fields of one state; errors as of ``solve_and_write``."""
     row = state_row(cell, state)
     solver, prepared = prepare_cell(fem.backend, fem.options, cell)
     asked = MacroState.single(row[:9], row[9])
@@ -189,7 +189,7 @@ def write_paper_states(
 ) -> dict[str, LocalFields]:
     """Figures disp_pressure, energy_pressure, disp_uni, energy_uni, disp_shear and energy_shear of the paper.
 
-    By the names of :data:`PAPER_STATES`; errors as of :func:`solve_and_write`.
+    By the names of :data:`PAPER_STATES`; errors as of ``solve_and_write``.
     """
     return {
         name: solve_and_write(cell, fem, folder, state, name=name, pictures=pictures)

@@ -38,7 +38,7 @@ def reproduce(
     Parameters
     ----------
     paper
-        One of :data:`PAPERS`.
+        One of ``PAPERS``.
     folder
         Place of everything; by default ``runs/reproduce-PAPER``.
     figures

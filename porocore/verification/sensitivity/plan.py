@@ -70,7 +70,7 @@ class StudyPlan:
     Attributes
     ----------
     sweeps
-        By the names of :data:`LOADS`.
+        By the names of ``LOADS``.
     tolerance
         Width of the interval in which the end of what can be solved is found, in the unit of the load.
     """

@@ -105,7 +105,7 @@ def study_sensitivity(
     RunFolderError
         The folder cannot be written, or holds a study and ``resume`` is not given.
     DataError, PluginError, PorocoreError
-        See :func:`run_study`.
+        See ``run_study``.
     """
     from porocore.verification.sensitivity.figures import write_figures
 
