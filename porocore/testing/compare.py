@@ -53,6 +53,6 @@ def assert_identical(found: CellResponse, expected: CellResponse, state: str) ->
 
 
 def global_random_state() -> tuple[Any, ...]:
-    """Of Python's and of numpy's random number generator, to see whether something drew from them."""
+    """Return the states of Python's and numpy's global random number generators."""
     name, keys, *place = np.random.get_state()  # noqa: NPY002
     return random.getstate(), name, np.asarray(keys).tobytes(), place

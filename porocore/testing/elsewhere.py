@@ -65,7 +65,7 @@ def ask(suite: type[Suite], question: str, state: str, folder: Path, **facts: An
 
 
 def _origin(suite: type[Suite]) -> dict[str, Any]:
-    """How another process finds a suite."""
+    """Return how another process finds a suite."""
     file = getattr(sys.modules.get(suite.__module__), "__file__", None)
     return {
         "recipe": suite.recipe,
@@ -87,7 +87,7 @@ def _suite(origin: dict[str, Any]) -> type[Suite]:
 
 
 def _module(name: str, file: str | None) -> Any:
-    """By its name, or by its file where pytest gave it a name of its own."""
+    """Import a module by its name, or by its file where pytest renamed it."""
     try:
         module = importlib.import_module(name)
     except ImportError:
@@ -104,7 +104,7 @@ def _module(name: str, file: str | None) -> Any:
 
 
 def _function(text: str) -> Any:
-    """By ``module:function``."""
+    """Return the function named ``module:function``."""
     module, _, name = text.partition(":")
     return getattr(importlib.import_module(module), name)
 

@@ -1,4 +1,4 @@
-"""What a law expects; a violation reads: law, state: expected …; got …."""
+"""Expectations of a law; a violation reads: law, state: expected …; got …."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all suites of the kit share: the version that a plugin pins, and the laws that it breaks knowingly."""
+"""Shared part of all suites of the kit: the version that a plugin pins, and the laws that it breaks knowingly."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Suite:
 
     @classmethod
     def undefined(cls, arguments: str, example: str, what: str) -> Undefined:
-        """What to raise where a subclass does not define a function that it must define.
+        """Return the error for a subclass without a function that it must define.
 
         Parameters
         ----------

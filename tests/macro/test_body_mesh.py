@@ -18,7 +18,7 @@ from porocore.macro.boundary.followers import forces, tangent
 from porocore.macro.boundary.frames import Constraint, in_frames
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.problem import MacroProblem
-from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.macro_laws.meshes import write_tetrahedra
 from porocore.testing.synthetic.response import confined_column
 
 SIZE, ELEMENTS = (1.0, 2.0, 1.5), (2, 3, 4)

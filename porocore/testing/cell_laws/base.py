@@ -73,7 +73,7 @@ class CellSolverSuite(ExactCells, Calls):
 
     @staticmethod
     def differences(solver: CellSolver, prepared: Any, H: Any, p: float, dH: Any, dp: float) -> Any:
-        """Slopes of the responses in a direction."""
+        """Difference quotients of the responses in a direction."""
         states = identities.stencil_states(H, p, dH, dp, STEP)
         return identities.difference_quotients(
             [solver.solve(prepared, state).response for state in states], STEP

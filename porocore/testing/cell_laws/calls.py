@@ -32,7 +32,7 @@ class Calls(CellSuite):
     def test_two_calls_give_the_same_to_the_last_bit(
         self, solver: CellSolver, prepared: Any, responses: dict[str, Any]
     ) -> None:
-        """Of the same solver and cell; so that a study that is run again repeats."""
+        """The same solver and cell repeat their result; so a repeated study is the same."""
         for name in ("compressed", "sheared"):
             again: Any = solver.solve_one(prepared, *STATES[name])
             state = f"{state_label(name)}, solved twice"

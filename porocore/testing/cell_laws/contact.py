@@ -1,4 +1,4 @@
-"""What every cell solver obeys where the pore wall touches itself, as tests that a plugin author subclasses.
+"""Laws of cell solvers in contact of the pore surface with itself, as tests that a plugin author subclasses.
 
 .. code-block:: python
 

@@ -91,7 +91,7 @@ class ExactCells(CellSuite):
         near("potential", found.potential[0], energy - p * fluid * stretch**3, state, within=within)
 
     def test_averages_belong_together(self, solver: CellSolver, prepared: Any) -> None:
-        """At rest ∂φ/∂H = φ_f I − I:M and ∂φ/∂p = −tr Q: what the solid gives way is room for the fluid.
+        """Averages at rest obey ∂φ/∂H = φ_f I − I:M and ∂φ/∂p = −tr Q: what the solid gives way is room for the fluid.
 
         And ∂P_E/∂H = φ_s C + C:M where the solid is one material. So <∇u¹> is per volume of the cell, not of the solid.
         """
@@ -127,7 +127,7 @@ class ExactCells(CellSuite):
         near("K", half, K / 2, "with twice the viscosity", rel=1e-9, within=1e-9 * size)
 
     def test_conductivity_has_the_known_value(self, solver: CellSolver, prepared: Any) -> None:
-        """Of a straight channel, of a plane layer, or of three channels as published; within the declared accuracy."""
+        """K of a straight channel, a plane layer or three channels is the published one within the declared accuracy."""
         self.needs_conductivity(solver, "piola")
         accuracy, cell = self.exact(solver), self.make_cell()
         known = known_conductivity(cell)
@@ -138,7 +138,7 @@ class ExactCells(CellSuite):
         near("K", found, K, cell.geometry.description, within=(accuracy + trust) * np.abs(K).max())
 
     def test_conductivity_of_the_deformed_pore(self, solver: CellSolver) -> None:
-        """At rest that of the undeformed cell; λ³ times that where solid and pore grow by λ, under a pressure alike."""
+        """K_ref at rest is K of the undeformed cell; λ³ times that where solid and pore grow by λ."""
         self.needs_conductivity(solver, "deformed")
         cell, grown = self.make_cell(), 1.05
         if not isinstance(cell.solid, NeoHookean):

@@ -43,7 +43,7 @@ def biot_modulus(linear: LinearCoefficients, porosity: float, poisson_ratio: flo
 
 
 def cubic_symmetry(M: Array) -> float:
-    """Of a tensor (3, 3, 3, 3) of a cubic cell: its worst change under the mirrors and permutations of the axes."""
+    """Return the worst change of M (3, 3, 3, 3) of a cubic cell under mirrors and permutations of the axes."""
     worst = 0.0
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
@@ -95,12 +95,12 @@ def linear_changes(at: CellResponse, dH: Array, dp: float) -> dict[str, Array]:
 
 
 def stencil_states(H: Array, p: float, dH: Array, dp: float, h: float) -> list[MacroState]:
-    """States whose responses :func:`slopes` differences."""
+    """Return the states of the stencil of :func:`difference_quotients`."""
     return [MacroState.single(H + k * h * dH, p + k * h * dp) for k in STEPS]
 
 
 def difference_quotients(steps: Sequence[CellResponse], h: float) -> dict[str, Array]:
-    """Change of each response in a direction, by differences of the responses at :func:`steps_around`."""
+    """Return the derivative of each response in a direction, by differences at :func:`stencil_states`."""
     found = {}
     for name in ("mean_grad", "stress", "fluid_volume", "potential"):
         values = [_require(getattr(step, name)) for step in steps]

@@ -1,4 +1,4 @@
-"""What a cell solver on the meshes of porocore obeys in addition: mirrors, statuses of the wall, a known channel.
+"""Additional laws of a cell solver on the meshes of porocore: mirrors, statuses of the wall, a known channel.
 
 .. code-block:: python
 

@@ -1,4 +1,4 @@
-"""What the conformance suites of cell solvers share: the solver under test, a cell that it has prepared, the states."""
+"""Shared part of the suites of cell solvers: the solver under test, a prepared cell and the states."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class CellSuite(Suite):
     @pytest.fixture(scope="class")
     @classmethod
     def responses(cls, solver: CellSolver, prepared: Any) -> dict[str, Any]:
-        """Of ``STATES``, one row each."""
+        """Responses at ``STATES``, one row each."""
         return {name: solver.solve_one(prepared, *state) for name, state in STATES.items()}
 
     @pytest.fixture(scope="class")

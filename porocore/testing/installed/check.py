@@ -87,7 +87,7 @@ class LawResult:
 
 
 def find_offers(name: str, kind: Kind | None = None) -> list[Offered]:
-    """What is offered under a name, of every kind or of one.
+    """Return the offers under a name, of every kind or of one.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def check_plugin(
     Parameters
     ----------
     offered
-        From :func:`offers_of`.
+        From :func:`find_offers`.
     on_law
         Called with each result and the number of all.
     only

@@ -10,66 +10,14 @@ import numpy as np
 import pytest
 
 from porocore.errors import ConfigurationError
-from porocore.macro.body.kinds import Box, make_body
 from porocore.macro.body.meshed import body_mesh
 from porocore.macro.body.surfaces import Facets
 from porocore.macro.problem import MacroProblem
 from porocore.testing.expect import holds, near, refused, same
+from porocore.testing.macro_laws.meshes import make
 from porocore.testing.macro_laws.solving import C22, HELD, LINEAR, NONLINEAR, SHORT, SIDES, Solving
 
-#: A cube's corners numbered as bits xyz, cut into six tetrahedra about its diagonal; neighbours match.
-KUHN = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7))
 ROLLERS: dict[str, Any] = {name: {"normal": 0} for name in ("x-", "y-", "z-")}
-
-
-def write_tetrahedra(path: Path, box: Box, bend: float = 0.0, turn: Any = None) -> None:
-    """Write a box of linear tetrahedra with its six faces by name, in gmsh's format.
-
-    Inner nodes are moved by ``bend``, and the whole is rotated by ``turn`` (3, 3).
-    """
-    import meshio
-
-    mesh = make_body(box)
-    points = mesh.points[mesh.p_nodes]
-    bits = mesh.p_cells[:, [0, 1, 3, 2, 4, 5, 7, 6]]
-    tetrahedra = np.concatenate([bits[:, list(kuhn)] for kuhn in KUHN])
-    tetrahedra = np.where(
-        (np.linalg.det(points[tetrahedra[:, 1:]] - points[tetrahedra[:, :1]]) < 0)[:, None],
-        tetrahedra[:, [0, 2, 1, 3]],
-        tetrahedra,
-    )
-    size = np.array(box.size)
-    inner = ((points > 1e-9) & (points < size - 1e-9)).all(axis=1)
-    triangles = tetrahedra[:, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]].reshape(-1, 3)
-    blocks, tags, names = [("tetra", tetrahedra)], [np.full(len(tetrahedra), 7)], {"body": [7, 3]}
-    for axis, letter in enumerate("xyz"):
-        for side, place in (("-", 0.0), ("+", size[axis])):
-            on = (np.abs(points[triangles][..., axis] - place) < 1e-9).all(axis=1)
-            tag = 10 + 2 * axis + (side == "+")
-            blocks.append(("triangle", triangles[on]))
-            tags.append(np.full(int(on.sum()), tag))
-            names[letter + side] = [tag, 2]
-    points = points + bend * inner[:, None] * np.sin(7 * points[:, [1, 2, 0]] + 1)
-    points = points if turn is None else points @ np.transpose(turn)
-    meshio.write(
-        path,
-        meshio.Mesh(
-            points,
-            blocks,
-            cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
-            field_data={name: np.array(value) for name, value in names.items()},
-        ),
-        file_format="gmsh22",
-    )
-
-
-def make(kind: str, folder: Path) -> dict[str, Any]:
-    """A small body."""
-    if kind == "tetrahedra":
-        write_tetrahedra(folder / "box.msh", Box(size=(1, 1.2, 0.8), elements=(2, 2, 2)), bend=0.05)
-        return {"kind": "file", "path": str(folder / "box.msh")}
-    angle = {"angle": 60} if kind == "wedge" else {}
-    return {"kind": kind, "radius": 1.0, "height": 0.7, "elements": (1, 2, 1), **angle}
 
 
 class Bodies(Solving):
@@ -173,7 +121,7 @@ class Bodies(Solving):
         holds(set(solution.inflow) == {"y+"}, state, "an inflow of y+ alone", sorted(solution.inflow))
 
     def test_probes_say_what_the_fields_say(self, either: Any) -> None:
-        """At a node, and between nodes a first-order field."""
+        """A probe is exact at a node, and between nodes for a linear field."""
         self.needs_core_mesh()
         mesh = body_mesh(self.problem(either))
         node = int(np.argmax(mesh.points @ np.array([0.3, 1.0, 0.2])))
@@ -254,7 +202,7 @@ class Bodies(Solving):
         holds(counts[0] < counts[1] < 200, state, "more steps for the second, below 200", counts)
 
     def test_a_killed_run_continues_to_the_identical_history_on_any_body(self, tmp_path: Path) -> None:
-        """With steps by error, a follower, a course, probes and reactions: to the last bit, killed after every step."""
+        """A run killed after every step continues to the last bit, with adaptive steps, a follower and probes."""
         problem = self.problem(
             make("wedge", tmp_path),
             boundary={"y+": {"follower": {"table": [[0, 0], [0.4, 0.03], [1, 0.01]]}}},

@@ -147,7 +147,7 @@ class Histories(Solving):
 
     @pytest.mark.parametrize("law", [LINEAR, NONLINEAR], ids=["linear", "nonlinear"])
     def test_fluid_is_conserved(self, law: Any) -> None:
-        """What leaves through the boundary is what the body no longer stores."""
+        """The outflow through the boundary is the loss of stored fluid."""
         undivided = AlteredLaw(law, lambda r, states, memory: replace(r, volume_ratio=np.ones(len(states))))
         boundary = {**SIDES, "y-": {**HELD, "flux": 0.05}, "y+": {"traction": (0, 1, 0), "pressure": 0}}
         problem = confined_column(8, load=-0.1, boundary=boundary, time=SHORT, newton={"tolerance": 1e-12})

@@ -154,7 +154,7 @@ class Runs(Solving):
                 same(field.name, mine, other, f"{state} and resumed, the profile at t = {profile.time:g}")
 
     def test_two_solves_give_the_same_to_the_last_bit(self, whole: Any) -> None:
-        """By two solvers."""
+        """Two new solvers agree."""
         again = self.solve(STORM, TIMID)
         for field in fields(History):
             mine, other = getattr(again.history, field.name), getattr(whole.history, field.name)

@@ -1,4 +1,4 @@
-"""What the conformance suite of macro solvers solves, and how."""
+"""Problems and helpers of the conformance suite of macro solvers."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ class Solving(Suite):
 
     @classmethod
     def prepare(cls, problem: MacroProblem) -> Any:
-        """By a new solver."""
+        """Prepare a problem with a new solver."""
         return cls.offered(problem).prepare(problem)
 
     @classmethod
     def solve(cls, problem: MacroProblem, law: Any, **how: Any) -> MacroSolution:
-        """By a new solver."""
+        """Solve a problem with a new solver."""
         solver = cls.offered(problem)
         return solver.solve(solver.prepare(problem), law, **how)
 
     @classmethod
     def discretise(cls, problem: MacroProblem) -> Any:
-        """What a new solver prepares, where that is a ``porocore.macro`` discretisation; else the law is skipped."""
+        """Return the ``porocore.macro`` discretisation of a new solver; skip the law where it has none."""
         cls.needs_core_mesh()
         return cls.prepare(problem)
 

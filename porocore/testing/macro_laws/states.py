@@ -81,7 +81,7 @@ class KnownStates(Solving):
 
     @staticmethod
     def _pressures(d: Any, p: Any) -> Any:
-        """At the quadrature points, of those at the nodes of the mesh."""
+        """Return the pressures at the quadrature points from those at the nodes."""
         return d.states(d.from_mesh(np.concatenate([np.zeros(d.mesh.n_u), p])))[0].p
 
     def test_cells_are_triquadratic_hexahedra_in_vtk_order(self) -> None:

@@ -108,14 +108,14 @@ class SamplerSuite(Suite):
         )
 
     def test_it_is_deterministic(self, whole: SamplingRecord) -> None:
-        """Without drawing from a global random number generator."""
+        """Two samplings agree, and no global random number generator is used."""
         before = global_random_state()
         _same_states(run(self.ready()).asked, whole.asked, "sampled twice")
         untouched = before == global_random_state()
         holds(untouched, "a whole sampling", "no draw from a global random number generator", "one")
 
     def test_another_process_asks_for_the_same_states(self, whole: SamplingRecord, tmp_path: Path) -> None:
-        """With another PYTHONHASHSEED, as a resumed run has it; else the states that were solved are solved again."""
+        """A process with another PYTHONHASHSEED, such as a resumed run, asks for the same states."""
         question = "porocore.testing.sampler_laws.sampling:asked"
         state = "in another process, with another PYTHONHASHSEED"
         rows = elsewhere.ask(type(self), question, state, tmp_path)
@@ -131,7 +131,7 @@ class SamplerSuite(Suite):
     def test_the_same_states_whatever_the_order_of_completion(
         self, whole: SamplingRecord, order: int
     ) -> None:
-        """Under the same keys, from the same starts; workers finish in any order."""
+        """Keys and starts do not depend on the order in which workers finish."""
         found = run(self.ready(), order=order).asked
         _same_states(found, whole.asked, f"told in another order ({order})", ordered=False)
 

@@ -29,7 +29,7 @@ Answer = Callable[[InputSpace, Request], CellResponse]
 
 
 def solve(inputs: InputSpace, request: Request) -> CellResponse:
-    """In closed form; without a solution where the pores are squeezed hard under little pressure."""
+    """Return the response in closed form; no solution under strong compression with little pressure."""
     states = inputs.scatter(np.array(request.x))
     if states.grad_u[0, 1, 1] < -0.15 and states.p[0] < 0.05:
         return FAILED
@@ -60,14 +60,14 @@ def inform(sampler: Sampler, responses: tuple[str, ...] = ("stress", "fluid_volu
 
 @dataclass
 class SamplingRecord:
-    """What a sampling did.
+    """Record of a sampling.
 
     Attributes
     ----------
-    asked, told
+    asked, observed
         Requests in the order of asking and of telling.
     ended
-        Whether it said that it is done when nothing was left to be solved.
+        The sampler was done when nothing was left to be solved.
     early
         How many states were being solved when it said so too early.
     expected

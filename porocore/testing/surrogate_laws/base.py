@@ -52,7 +52,7 @@ class SurrogateSuite(Files, Trainings):
         holds(none == 0, "an empty batch", "no rows", f"{none} rows")
 
     def test_learns_the_map(self, fitted: Surrogate, unseen: TrainingSet) -> None:
-        """Within the declared accuracy of a cell that is known in closed form, on states that it has not seen."""
+        """Unseen states of a cell in closed form are predicted within the declared accuracy."""
         predicted = fitted.predict(unseen.states, tangent=False)
         for name in RESPONSES:
             values, truth = getattr(predicted, name), getattr(unseen.responses, name)
@@ -62,7 +62,7 @@ class SurrogateSuite(Files, Trainings):
                 self._compare(name, values, truth, self.accuracy(fitted))
 
     def test_learns_the_derivatives(self, fitted: Surrogate, unseen: TrainingSet) -> None:
-        """Within ten times the declared accuracy, on states that it has not seen."""
+        """Derivatives at unseen states are predicted within ten times the declared accuracy."""
         predicted = fitted.predict(unseen.states)
         known = dict(with_derivatives(unseen.responses))
         for name, (by_H, by_p) in with_derivatives(predicted):
@@ -94,7 +94,7 @@ class SurrogateSuite(Files, Trainings):
         )
 
     def test_derivatives_match_differences(self, fitted: Surrogate, unseen: TrainingSet) -> None:
-        """In all ten directions, those that were not sampled included.
+        """Derivatives match differences in all ten directions, also those not sampled.
 
         At states that the differences do not carry across the end of the range, where a surrogate may change its
         ways as long as its derivatives go on.
@@ -180,7 +180,7 @@ class SurrogateSuite(Files, Trainings):
             holds(name in with_slopes or empty, state, f"derivatives of {name}", "None")
 
     def test_reference_state_is_exact(self, fitted: Surrogate, data: TrainingSet) -> None:
-        """With its derivatives; where ``exact_at_rest`` is False, within the declared accuracy and without them."""
+        """Responses and derivatives at rest are exact; without ``exact_at_rest`` the responses within the accuracy."""
         at_rest = fitted.predict(MacroState.zeros(1))
         known = dict(with_derivatives(data.reference))
         exact = type(fitted).exact_at_rest

@@ -40,19 +40,19 @@ class Files(Fitting):
     def test_a_file_that_was_moved_is_enough(
         self, fitted: Surrogate, unseen: TrainingSet, tmp_path: Path
     ) -> None:
-        """In another process and folder, without the original; to round-off, and nothing is unpickled."""
-        original, perturbed = tmp_path / "original", tmp_path / "elsewhere" / "moved.h5"
+        """Another process reads a moved file to round-off, and nothing is unpickled."""
+        original, moved = tmp_path / "original", tmp_path / "elsewhere" / "moved.h5"
         original.mkdir()
-        perturbed.parent.mkdir()
+        moved.parent.mkdir()
         fitted.save(original / "surrogate.h5")
-        (original / "surrogate.h5").rename(perturbed)
+        (original / "surrogate.h5").rename(moved)
         shutil.rmtree(original)
         states, answer = tmp_path / "states.npz", tmp_path / "answer.npz"
         np.savez(states, grad_u=unseen.states.grad_u, p=unseen.states.p)
         state = "its one file, moved to another folder, read by another process"
         question = "porocore.testing.surrogate_laws.elsewhere:predict"
-        facts = {"file": str(perturbed), "states": str(states), "answer": str(answer)}
-        calls = elsewhere.ask(type(self), question, state, perturbed.parent, **facts)
+        facts = {"file": str(moved), "states": str(states), "answer": str(answer)}
+        calls = elsewhere.ask(type(self), question, state, moved.parent, **facts)
         with np.load(answer) as found:
             for name, values in arrays(fitted.predict(unseen.states)).items():
                 # Another process may sum in another order.

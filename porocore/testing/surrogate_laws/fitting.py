@@ -1,4 +1,4 @@
-"""What the conformance suite of surrogates trains, and on what."""
+"""Training of the conformance suite of surrogates, and its data."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from porocore.testing.surrogate_laws.base import SurrogateSuite
 
 
 class PotentialSuite(SurrogateSuite):
-    """In addition, the laws of a surrogate whose stress and fluid volume derive from one potential.
+    """Additional laws of a surrogate whose stress and fluid volume derive from one potential.
 
     They hold for every state, whether or not the training came near it.
     """

@@ -91,13 +91,13 @@ class AlteredLaw(MacroLaw):
         self._law, self._alter = law, alter
 
     def initial(self, n: int) -> LawMemory:
-        """Of the law that is asked."""
+        """Return the memory of the given law."""
         return self._law.initial(n)
 
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
     ) -> MacroResponse:
-        """Altered."""
+        """Return the altered response."""
         response = self._law.respond(states, grad_p, memory, tangent=tangent)
         return self._alter(response, states, memory)
 

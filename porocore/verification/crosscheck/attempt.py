@@ -13,7 +13,7 @@ P = ParamSpec("P")
 
 @dataclass(frozen=True)
 class TimedOutcome(Generic[T]):
-    """What came of it: a value, or the reason why there is none; and the wall time [s]."""
+    """Value of a call, or the reason of its failure, and the wall time [s]."""
 
     value: T | None
     reason: str

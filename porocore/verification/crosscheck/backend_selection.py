@@ -1,4 +1,4 @@
-"""Who takes part in a crosscheck."""
+"""Backends that take part in a crosscheck."""
 
 from __future__ import annotations
 

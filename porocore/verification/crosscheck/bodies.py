@@ -39,7 +39,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class BodyRun:
-    """What one macro solver gave under one law; without a solution, why, or what it does not offer for this body."""
+    """Solution of one macro solver under one law, or the reason why there is none."""
 
     backend: str
     law: str

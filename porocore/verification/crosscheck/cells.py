@@ -45,7 +45,7 @@ STRAIN = 0.1
 
 @dataclass(frozen=True, eq=False)
 class CellRun:
-    """What one cell solver gave.
+    """Results of one cell solver.
 
     Attributes
     ----------
@@ -198,7 +198,7 @@ def compare_responses(
 
 
 def scales(response: CellResponse) -> dict[str, float]:
-    """What each average would be of an ordinary deformation: the scale where it vanishes, as it does at rest.
+    """Return the averages of an ordinary deformation: the scale where it vanishes, as it does at rest.
 
     The largest derivative with respect to H times :data:`STRAIN`; for the energy, stress times strain.
     """

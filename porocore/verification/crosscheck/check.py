@@ -31,7 +31,7 @@ class CrossCheck:
     config
         The case.
     contestants
-        Who took part.
+        Backends that took part.
     comparisons
         Line by line, failures first within each part.
     cells, samples, surrogates, bodies
@@ -53,7 +53,7 @@ class CrossCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether everything agrees."""
+        """True if all comparisons pass."""
         return not self.failed
 
     @property
@@ -100,7 +100,7 @@ def crosscheck(config: RunConfig, who: BackendSelection, *, console: Console) ->
 def _samples(
     config: RunConfig, cells: list[CellRun], console: Console
 ) -> tuple[SharedSamples | None, list[Comparison]]:
-    """From the configured backend if it takes part, else from the first that can."""
+    """Return samples of the configured backend if it takes part, else of the first that can."""
     names = sorted((run.backend for run in cells), key=lambda name: name != config.fem.backend)
     failures: list[Comparison] = []
     for name in names:

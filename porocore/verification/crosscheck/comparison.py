@@ -66,7 +66,7 @@ class Comparison:
 
     @property
     def passed(self) -> bool:
-        """Whether the difference is a number and within the tolerance, or nothing was to be compared."""
+        """True if the difference is within the tolerance, or nothing was to be compared."""
         return self.skipped or (not self.reason and self.difference <= self.tolerance)
 
     @property
@@ -82,11 +82,11 @@ class Comparison:
 
     @property
     def pair(self) -> str:
-        """Who is compared, in words."""
+        """Names of the compared backends."""
         return f"{self.one} – {self.other}" if self.other else self.one
 
     def describe(self) -> str:
-        """The whole line in words."""
+        """Return the comparison as text."""
         where = f"{self.quantity}, {self.case}" if self.case else self.quantity
         if self.reason:
             return f"{where}, {self.pair}: {self.reason}"

@@ -178,7 +178,7 @@ def train(config: RunConfig, name: str, samples: SharedSamples, console: Console
 
 
 def load_libraries(names: tuple[str, ...]) -> None:
-    """Before the first cell solve, as a run does it; who fails will fail again when it is trained."""
+    """Load the libraries before the first cell solve, as a run does; a failure shows again in training."""
     for name in names:
         attempt(_load_libraries, name)
 
@@ -267,6 +267,6 @@ def _inside(predicted: CellResponse) -> npt.NDArray[np.bool_]:
 
 
 def _largest(difference: Array, span: float) -> float:
-    """As a share of the span; infinite where a prediction is no number or there is none."""
+    """Return the largest difference as a share of the span; infinite without finite predictions."""
     largest = float(np.abs(difference).max(initial=0.0)) / span
     return largest if len(difference) and np.isfinite(largest) else float("inf")

@@ -1,1 +1,1 @@
-"""A ladder of cases whose answers are known from elsewhere, climbed by every installed finite-element backend."""
+"""Cases with known solutions, from simple to complex, solved by every installed finite-element backend."""

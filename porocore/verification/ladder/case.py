@@ -43,7 +43,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether the error is a number and small enough."""
+        """True if the error is finite and at most ``allowed``."""
         return math.isfinite(self.error) and self.error <= self.allowed
 
 

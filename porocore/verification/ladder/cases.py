@@ -1,4 +1,4 @@
-"""All cases in order, and climbing them with every backend."""
+"""All verification cases, and their solution by every backend."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ class CaseResult:
 
     @property
     def passed(self) -> bool:
-        """Whether there is a number, and within what is allowed."""
+        """True if the backend gave a result within the allowed error."""
         return self.check is not None and self.check.passed
 
     def describe(self) -> str:
-        """The line in words."""
+        """Return the line as text."""
         where = ", ".join(part for part in (self.case, self.item, self.backend) if part)
         if self.check is None:
             return f"{where}: {self.reason}"
@@ -79,12 +79,12 @@ class CaseResult:
 
 @dataclass(frozen=True)
 class SolverSelection:
-    """Who climbs.
+    """Backends that solve the cases.
 
     Attributes
     ----------
     names
-        Of the solvers of each kind.
+        Names of the solvers of each kind.
     broken
         One failure for each plugin that is installed and cannot be used.
     absent
@@ -97,7 +97,7 @@ class SolverSelection:
 
 
 def select_solvers(fem: Sequence[str] = ()) -> SolverSelection:
-    """The installed finite-element backends, or those that are named.
+    """Return the installed finite-element backends, or the named ones.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def select_solvers(fem: Sequence[str] = ()) -> SolverSelection:
 
 
 def select_cases(names: Sequence[str] = ()) -> list[VerificationCase]:
-    """Those that are named, all if none is, in the order of the ladder.
+    """Return the named cases, all by default, in the order of :data:`CASES`.
 
     Raises
     ------
@@ -153,9 +153,9 @@ def run_cases(
     long: bool = False,
     on_item: Callable[[str, int, int], None] | None = None,
 ) -> list[CaseResult]:
-    """Solve every item of every case with every backend; what raises is a failed row, and the others go on.
+    """Solve every item of every case with every backend; an exception becomes a failed row.
 
-    ``on_item`` is told what comes next, how many items are done and how many there are.
+    ``on_item`` receives the next item, the number of finished items and the number of all.
     """
     todo = [
         (case, item, backend)
@@ -174,7 +174,7 @@ def run_cases(
 
 
 def solve_item(case: VerificationCase, item: str, backend: str, *, long: bool = False) -> list[CaseResult]:
-    """The rows of one item with one backend."""
+    """Return the results of one item with one backend."""
     outcome = attempt(_solve, case.items[item], case.kind, backend, long)
     if outcome.value is None:
         return [CaseResult(case.name, item, backend, None, outcome.reason, outcome.seconds)]

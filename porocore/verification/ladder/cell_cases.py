@@ -88,12 +88,12 @@ def derivatives(state: tuple[Array, float], solver: CellSolver, prepared: Any) -
 
 
 def diagonal(solver: CellSolver, long: bool) -> Sequence[Check]:
-    """On the eighth; in the long form on the whole cell."""
+    """Check a diagonal state on the eighth, in the long form on the whole cell."""
     return derivatives(DIAGONAL, solver, solver.prepare(Cell(mesh=MESH, symmetry="none" if long else "auto")))
 
 
 def general(solver: CellSolver, long: bool) -> Sequence[Check]:
-    """On the whole cell, with a rotation."""
+    """Check a general state on the whole cell, with a rotation."""
     prepared = solver.prepare(Cell(mesh=MESH if long else LINEAR))
     H, p = GENERAL
     R = Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix()

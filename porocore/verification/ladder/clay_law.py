@@ -36,7 +36,7 @@ class ClayLaw(MacroLaw):
         self.identity = fingerprint(self.name, self.m, self.k, self.G)
 
     def initial(self, n: int) -> LawMemory:
-        """At rest; the fluid volume is counted as J."""
+        """Return the state at rest; the fluid volume is counted as J."""
         return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)), np.ones(n))
 
     def respond(

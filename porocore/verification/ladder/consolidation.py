@@ -84,7 +84,7 @@ def pushed_plates(solver: MacroSolver, long: bool) -> Sequence[Check]:
 
 
 def moved_plates(solver: MacroSolver, long: bool) -> Sequence[Check]:
-    """As PorePy solves it: the plates move as the closed form says."""
+    """Solve Mandel's problem as PorePy does: the closed form prescribes the motion of the plates."""
     block = _block()
     steps = (25.0, 12.5, 6.25) if long else (25.0,)
     errors = []
@@ -103,7 +103,7 @@ def _block() -> Mandel:
 
 
 def _force() -> float:
-    """On the plate of a slice of 2 m."""
+    """Return the force on the plate of a slice of 2 m."""
     return 2 * _block().force
 
 

@@ -1,4 +1,4 @@
-"""What ``porocore verify`` found, as a document for other programs."""
+"""Results of ``porocore verify`` as JSON."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FORMAT, VERSION = "porocore-verification", 1
 
 
 def document(rows: Sequence[ladder.CaseResult], *, long: bool) -> dict[str, Any]:
-    """Everything in the table; a number that is none is null."""
+    """Return all results; a number that is not finite is null."""
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -26,12 +26,12 @@ def document(rows: Sequence[ladder.CaseResult], *, long: bool) -> dict[str, Any]
 
 
 def text(rows: Sequence[ladder.CaseResult], *, long: bool) -> str:
-    """The document as JSON."""
+    """Return the document as JSON text."""
     return json.dumps(document(rows, long=long), indent=1, ensure_ascii=False) + "\n"
 
 
 def write(path: Path, rows: Sequence[ladder.CaseResult], *, long: bool) -> None:
-    """The document into a file, atomically."""
+    """Write the document atomically."""
     with atomic_path(path) as part:
         part.write_text(text(rows, long=long), encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""Under vanishing loads the nonlinear model is linear poroelasticity, and departs from it in proportion to the load."""
+"""Small-strain limit: the nonlinear model tends to linear poroelasticity in proportion to the load."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class _PotentialCell(CellLaw):
     identity = fingerprint(potential_cell.IDENTITY)
 
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """All responses."""
+        """Return all responses."""
         return potential_cell.respond(states)
 
 

@@ -91,7 +91,7 @@ def layer_of_clay(solver: MacroSolver, long: bool) -> Sequence[Check]:
 
 
 def _history_error(layer: XieLeo, solution: MacroSolution) -> float:
-    """At first the settlement is as the root of time, which no time steps resolve."""
+    """Return the error after a tenth of the time; no time step resolves the initial root of time."""
     history = solution.history
     later = history.time >= 0.1 * history.time[-1]
     exact = layer.settlement(history.time[later])

@@ -89,7 +89,7 @@ def _meshes(cell: Cell) -> list[CellMesh]:
 
 @styled
 def _beside(images: dict[str, Array], title: str) -> Figure:
-    """Without their common margin."""
+    """Join images side by side without their common margin."""
     ink = np.any([(image < 0.995).any(axis=2) for image in images.values()], axis=0)
     rows, columns = np.flatnonzero(ink.any(axis=1)), np.flatnonzero(ink.any(axis=0))
     kept = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)

@@ -21,7 +21,7 @@ MIDDLES = np.array(
 
 @dataclass(frozen=True, eq=False)
 class NodalFields:
-    """What is written and drawn, at the N nodes of the whole cell; each field by itself recovered by :func:`recovered`.
+    """Fields at the N nodes of the whole cell; each field recovered by :func:`recover_at_nodes`.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class NodalFields:
 
     @cached_property
     def von_mises(self) -> Array:
-        """Of σ, (N,) [E]."""
+        """Von Mises stress of σ, (N,) [E]."""
         trace = np.trace(self.points.cauchy, axis1=-2, axis2=-1)
         deviator = self.points.cauchy - trace[..., None, None] / 3 * np.eye(3)
         return recover_at_nodes(self.points, np.sqrt(1.5 * (deviator**2).sum(axis=(-2, -1))))

@@ -46,7 +46,7 @@ class PointFields:
 
     @classmethod
     def from_cell_field(cls, cell: Cell, field: CellField) -> PointFields:
-        """From what a cell solver returned; a field of the eighth is unfolded by its mirrors.
+        """Return the fields of a cell solution; a field of the eighth is unfolded by its mirrors.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What VTK draws, in a process of its own: ``python -m porocore.verification.local_fields.scene FIELDS.vtu JOBS.json``.
+"""Drawing by VTK in a process of its own: ``python -m porocore.verification.local_fields.scene FIELDS.vtu JOBS.json``.
 
 VTK ends the process where it finds no way to draw, so it must not be that of the user. JOBS.json is a list of views,
 see :class:`porocore.verification.local_fields.pictures.View`; each becomes a PNG image without any text.
@@ -33,7 +33,7 @@ def surface_of(grid: Any) -> Any:
 
 
 def draw(path: str, views: list[dict[str, Any]]) -> None:
-    """Every view of one file."""
+    """Draw every view of one file."""
     import numpy as np
     import pyvista
 

@@ -81,7 +81,7 @@ def solve_and_write(
     state
         Inputs H11 … H33 and p that are not zero.
     pictures
-        Whether they are drawn, which needs pyvista.
+        Draw the pictures, which needs pyvista.
 
     Raises
     ------

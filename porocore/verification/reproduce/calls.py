@@ -1,4 +1,4 @@
-"""What a call of the surrogate takes, measured once and kept."""
+"""Time of a call of the surrogate, measured once and kept."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class CallTimes:
 
 
 def call_times(path: Path, surrogate: Surrogate, states: MacroState) -> CallTimes:
-    """As ``path`` holds them, or measured and written there.
+    """Read the times from ``path``, or measure and write them.
 
     Parameters
     ----------

@@ -17,16 +17,16 @@ Verdict = Literal["yes", "partly", "no", "–"]
 
 @dataclass(frozen=True)
 class Finding:
-    """What was computed.
+    """Computed value or statement with its verdict.
 
     Attributes
     ----------
     text
         For a reader, numbers included.
     verdict
-        Whether the publication is right by it.
+        Agreement with the publication.
     why
-        Where it is not: the reason, or what is known of it.
+        Reason of a disagreement, or what is known of it.
     """
 
     text: str
@@ -36,7 +36,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Claim:
-    """What is published, and how to compute the same.
+    """Published number or statement with its check.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class CheckedClaim:
 
 
 def check_claims(claims: tuple[Claim, ...], results: Results) -> list[CheckedClaim]:
-    """All of them, in order."""
+    """Check all claims in order."""
     made = []
     for claim in claims:
         finding = claim.check(results)

@@ -76,7 +76,7 @@ def _mesh(results: Results) -> Finding:
 
 
 def _intersection(results: Results, name: str, values: Array) -> Finding:
-    """Where the largest of nodal values lies: within the box of half width r, all ridges lie on its faces or inside."""
+    """Return the place of the largest nodal value; all ridges lie on or inside the box of half width r."""
     radius = _radius(results)
     points = results.fields[name].nodal.points.mesh.points
     place = np.abs(points[int(np.argmax(values))])

@@ -106,7 +106,7 @@ def _pressure_sooner(results: Results) -> Finding:
 
 
 def _time_below(solution: MacroSolution, share: float) -> float:
-    """When the largest pressure has fallen to a share of its peak, linear between the steps."""
+    """Return the time when the largest pressure has fallen to a share of its peak, linear between the steps."""
     history = solution.history
     peak = int(np.argmax(history.pressure_max))
     falling = history.pressure_max[peak:] / history.pressure_max[peak]

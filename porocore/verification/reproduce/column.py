@@ -28,7 +28,7 @@ class Column:
     Attributes
     ----------
     config
-        Of the run, with the paper's closure.
+        Configuration of the run, with the paper's closure.
     context, metrics
         What its report shows.
     dataset, held_out
@@ -58,7 +58,7 @@ class Column:
 
     @cached_property
     def times(self) -> tuple[float, float, float]:
-        """Of an early, a middle and a late profile."""
+        """Times of an early, a middle and a late profile."""
         early, middle, late = sorted(self.config.macro.time.profiles)[:3]
         return early, middle, late
 

@@ -27,7 +27,7 @@ PARTS = (
 
 
 def verdicts(parts: Mapping[str, Sequence[CheckedClaim]]) -> str:
-    """How many rows agree, in a sentence."""
+    """Return a sentence that counts the verdicts."""
     counts = {"yes": 0, "partly": 0, "no": 0, "–": 0}
     for rows in parts.values():
         for row in rows:
@@ -46,7 +46,7 @@ def markdown(parts: Mapping[str, Sequence[CheckedClaim]], command: str, timings:
     parts
         Rows by the keys of :data:`PARTS`.
     command
-        That made them.
+        Command that made the tables.
     timings
         Seconds of each part of the computation.
     """

@@ -1,4 +1,4 @@
-"""What a reproduction computes, each part when it is first asked for, and where it keeps it."""
+"""Results of a reproduction, each computed at its first use and kept in the folder."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class Results:
 
     @cached_property
     def as_stated(self) -> CellReference:
-        """That of the paper's text."""
+        """Undeformed cell of the paper's text."""
         return self._cell(self.as_stated_config, "cell-as-stated.json")
 
     @property
@@ -144,12 +144,12 @@ class Results:
 
     @property
     def linear_as_stated(self) -> LinearCoefficients:
-        """That of the paper's text."""
+        """Linear poroelasticity of the cell of the paper's text."""
         return linear_coefficients(self.as_stated, self.as_stated_config)
 
     @cached_property
     def calls(self) -> CallTimes:
-        """What a call of the surrogate takes."""
+        """Time of a call of the surrogate."""
         column = self.column
         return call_times(self.folder / "calls.json", column.surrogate, column.held_out.states())
 

@@ -1,4 +1,4 @@
-"""One load with one sign, state after state, to its goal or to where the cell can be solved no further."""
+"""Half line: one load of one sign, solved to its goal or to the last state with a solution."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class HalfLine:
 
     @property
     def end(self) -> Status | None:
-        """Why the line ended before its goal; None where the goal was reached."""
+        """Status that ended the line before its goal; None if the goal was reached."""
         last = Status(int(self.response.status[-1]))
         return None if last.has_values else last
 
@@ -73,12 +73,12 @@ def targets(goal: float, step: float, tolerance: float) -> Generator[float, bool
 
 
 def step_count(goal: float, step: float) -> int:
-    """Of equal steps from zero to the goal."""
+    """Return the number of equal steps from zero to the goal."""
     return max(1, math.ceil(abs(goal / step) - 1e-9))
 
 
 class HalfLineSolve:
-    """A half line on its way: which state comes next, from which field, and what was found.
+    """Solution of a half line: the next state, its start field and the states solved so far.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class HalfLineSolve:
         return states_of(self.load, self.value)
 
     def record(self, outcome: FinishedSolve) -> None:
-        """What the solve of :attr:`state` gave."""
+        """Record the solution of :attr:`state`."""
         row = self.value, outcome.response, outcome.seconds
         solved = bool(outcome.response.valid[0])
         if solved:
@@ -118,7 +118,7 @@ class HalfLineSolve:
             self.done = True
 
     def line(self) -> HalfLine:
-        """What was found so far."""
+        """Return the states solved so far."""
         rows = self._rows + ([self._failed] if self._failed else [])
         values, responses, seconds = zip(*rows, strict=True)
         response = CellResponse.concatenate(list(responses))

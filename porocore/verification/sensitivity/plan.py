@@ -1,4 +1,4 @@
-"""What a sensitivity study asks for: loads, how far each goes, and in which steps."""
+"""Plan of a sensitivity study: loads, their goals and steps."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LOADS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Sweep:
-    """How far one load goes from zero to either side, and its largest step.
+    """Goals of one load on both sides of zero, and its largest step.
 
     Attributes
     ----------

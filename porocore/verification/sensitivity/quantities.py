@@ -30,7 +30,7 @@ def quantities(
 ) -> dict[str, Array]:
     r"""Name → (n,), NaN where a state has no values, or the cell solver does not provide them.
 
-    By the definitions of Dehghani & Zilian (eqs. intavg_cell and intavg_domain) the "integral average" <·>_s is per
+    Definitions of Dehghani & Zilian (eqs. intavg_cell and intavg_domain): the "integral average" <·>_s is per
     volume of the whole cell, and the "average", written with a bar, is that of the solid, <·>_s/φ_s. Their figures of
     averages show the latter; Ĵ, the "RVE volumetric strain", is taken of it as well, like F̄.
 
@@ -68,25 +68,14 @@ def quantities(
     assert response.tangent.mean_grad_p is not None
     solid = 1 - porosity
     average = response.mean_grad / solid
-    no_flow = np.zeros((len(states), 3))
-    pulled = PulledBack.from_states(
-        states, response.mean_grad, no_flow, solid, conductivity, law, response.conductivity
-    )
-    K_ii = np.diag(conductivity)
-    K_ii = np.where(K_ii > NO_FLOW * K_ii.max(), K_ii, np.nan)
-    normalised = np.diagonal(pulled.conductivity, axis1=1, axis2=2) / pulled.J[:, None] / K_ii
+    normalised, J_bar = _normalised_conductivity(states, response, solid, conductivity, law)
     J_hat = determinant(np.eye(3) + average)
     M, Q = response.tangent.mean_grad_grad_u, response.tangent.mean_grad_p
     biot = -1 / np.trace(Q, axis1=1, axis2=2)
     found = _by_component("mean_grad", response.mean_grad)
     found |= _by_component("avg_grad", average)
-    extrema, unknown = response.extrema, np.full(len(states), np.nan)
-    found |= _by_component("max_grad", np.full_like(average, np.nan) if extrema is None else extrema.grad)
-    found |= {
-        "avg_energy": unknown if extrema is None else extrema.energy_mean / solid,
-        "max_energy": unknown if extrema is None else extrema.energy,
-    }
-    found |= {"J_bar": pulled.J, "J_hat": J_hat}
+    found |= _extrema(response, solid)
+    found |= {"J_bar": J_bar, "J_hat": J_hat}
     found |= {f"Kt_{i + 1}{i + 1}": normalised[:, i] for i in range(3)}
     found |= _by_component("M", M)
     found |= _by_component("M_hat", J_hat[:, None, None, None, None] * M)
@@ -94,3 +83,26 @@ def quantities(
     found |= _by_component("Q_hat", J_hat[:, None, None] * Q)
     found |= {"biot": biot, "biot_hat": biot / J_hat}
     return found
+
+
+def _normalised_conductivity(
+    states: MacroState, response: CellResponse, solid: float, conductivity: Array, law: ConductivityLaw
+) -> tuple[Array, Array]:
+    """Return (K_t)_ii/K_ii (n, 3) and det F̄ (n,)."""
+    no_flow = np.zeros((len(states), 3))
+    pulled = PulledBack.from_states(
+        states, response.mean_grad, no_flow, solid, conductivity, law, response.conductivity
+    )
+    K_ii = np.diag(conductivity)
+    K_ii = np.where(K_ii > NO_FLOW * K_ii.max(), K_ii, np.nan)
+    return np.diagonal(pulled.conductivity, axis1=1, axis2=2) / pulled.J[:, None] / K_ii, pulled.J
+
+
+def _extrema(response: CellResponse, solid: float) -> dict[str, Array]:
+    """Return the largest values and the mean energy, NaN where the cell solver does not provide them."""
+    extrema, unknown = response.extrema, np.full(len(response), np.nan)
+    grad = np.full_like(response.mean_grad, np.nan) if extrema is None else extrema.grad
+    return _by_component("max_grad", grad) | {
+        "avg_energy": unknown if extrema is None else extrema.energy_mean / solid,
+        "max_energy": unknown if extrema is None else extrema.energy,
+    }

@@ -46,7 +46,7 @@ class LoadResponses:
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """What a study has found, all of it or the half lines that are finished.
+    """Results of a study, complete or with the finished half lines only.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Sensitivity:
     provenance
         Texts.
     law
-        Of which K_t is told.
+        Law of K_t.
     """
 
     plan: StudyPlan
@@ -82,7 +82,7 @@ class Sensitivity:
 
     @property
     def complete(self) -> bool:
-        """Whether every half line of the plan is there."""
+        """True if every half line of the plan is solved."""
         return all(line_name(name, sign) in self.lines for name, sign, _ in self.plan.half_lines())
 
     @cached_property
@@ -105,5 +105,5 @@ class Sensitivity:
         return LoadResponses(load, at[order], response.status, np.concatenate(seconds)[order], found)
 
     def end(self, load: str, sign: int) -> Status | None:
-        """Why a half line ended before its goal; None where it reached it."""
+        """Return the status that ended a half line before its goal; None if it reached it."""
         return self.lines[line_name(load, sign)].end

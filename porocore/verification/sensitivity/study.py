@@ -243,7 +243,7 @@ class _Campaign:
         self._ahead = {id(half_line): half_line.steps for half_line in half_lines}
 
     def lines(self) -> Iterator[HalfLine]:
-        """As they are finished."""
+        """Yield the half lines as they finish."""
         while self._idle or self._under_way:
             while self._idle and self.pool.has_room:
                 number, half_line = heapq.heappop(self._idle)
