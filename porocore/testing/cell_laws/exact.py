@@ -127,7 +127,7 @@ class ExactCells(CellSuite):
         near("K", half, K / 2, "with twice the viscosity", rel=1e-9, within=1e-9 * size)
 
     def test_conductivity_has_the_known_value(self, solver: CellSolver, prepared: Any) -> None:
-        """K of a straight channel, a plane layer or three channels is the published one within the declared accuracy."""
+        """K of a channel, a plane layer or three channels has the known value, within the declared accuracy."""
         self.needs_conductivity(solver, "piola")
         accuracy, cell = self.exact(solver), self.make_cell()
         known = known_conductivity(cell)
