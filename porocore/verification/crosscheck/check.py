@@ -30,7 +30,7 @@ class CrossCheck:
     ----------
     config
         The case.
-    contestants
+    selection
         Backends that took part.
     comparisons
         Line by line, failures first within each part.

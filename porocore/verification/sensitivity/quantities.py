@@ -72,15 +72,13 @@ def quantities(
     J_hat = determinant(np.eye(3) + average)
     M, Q = response.tangent.mean_grad_grad_u, response.tangent.mean_grad_p
     biot = -1 / np.trace(Q, axis1=1, axis2=2)
-    found = _by_component("mean_grad", response.mean_grad)
-    found |= _by_component("avg_grad", average)
+    found = _by_component("mean_grad", response.mean_grad) | _by_component("avg_grad", average)
     found |= _extrema(response, solid)
     found |= {"J_bar": J_bar, "J_hat": J_hat}
     found |= {f"Kt_{i + 1}{i + 1}": normalised[:, i] for i in range(3)}
     found |= _by_component("M", M)
     found |= _by_component("M_hat", J_hat[:, None, None, None, None] * M)
-    found |= _by_component("Q", Q)
-    found |= _by_component("Q_hat", J_hat[:, None, None] * Q)
+    found |= _by_component("Q", Q) | _by_component("Q_hat", J_hat[:, None, None] * Q)
     found |= {"biot": biot, "biot_hat": biot / J_hat}
     return found
 
