@@ -48,8 +48,8 @@ def test_a_command_in_a_sentence_is_one(text):
     assert shown <= known
 
 
-def test_the_readme_shows_every_command():
-    shown = {c.words[1] for c in COMMANDS if c.page == "README.md" and c.is_porocore}
+def test_the_tour_shows_every_command():
+    shown = {c.words[1] for c in COMMANDS if c.page == "docs/tour.md" and c.is_porocore}
     assert shown == set(typer.main.get_command(app).commands)
 
 

@@ -1,4 +1,4 @@
-"""The Python of the README and of its page runs, on a coarse study, and says what the command line says."""
+"""The Python of the tour and of its page runs, on a coarse study, and says what the command line says."""
 
 import json
 import re
@@ -35,10 +35,10 @@ def place(study, a_copy, tmp_path, monkeypatch):
 def test_the_python_of_the_documents_runs(place, finished, capsys):
     pytest.importorskip("xarray")
     pytest.importorskip("pyvista")
-    (script,) = blocks("README.md")
+    (script,) = blocks("docs/tour.md")
     assert len([line for line in script.splitlines() if line]) <= 10
     names = {}
-    exec(compile(script, "README.md", "exec"), names)
+    exec(compile(script, "docs/tour.md", "exec"), names)
     printed = [line.split() for line in capsys.readouterr().out.splitlines()]
     metrics = json.loads((finished / "metrics.json").read_text(encoding="utf-8"))["macro"]
     assert [float(load) for load, _ in printed] == list(LOADS)
