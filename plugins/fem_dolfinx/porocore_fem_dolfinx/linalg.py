@@ -97,7 +97,7 @@ class SymmetricSolver:
 
     @property
     def is_factor(self) -> bool:
-        """Whether one application solves the system, so that it may precondition that of another matrix."""
+        """True where one application solves the system, so that it may precondition that of another matrix."""
         return bool(self._ksp.getType() == "preonly")
 
     def use(self, matrix: PETSc.Mat, accuracy: float = 1e-12) -> None:

@@ -106,11 +106,11 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         return matrix
 
     def states_of(self, x: Array) -> tuple[MacroState, Array]:
-        """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
+        """Return the states and ∇p at all quadrature points."""
         return self._forms.states(x)
 
     def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
-        """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
+        """Return the states and ∇p at all quadrature points."""
         return self._forms.contributions(response)
 
     def add_copies(self, values: Array) -> Array:

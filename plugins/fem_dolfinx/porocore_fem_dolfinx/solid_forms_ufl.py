@@ -49,28 +49,28 @@ class UflForms(SolidForms):
         self._stress_change = domain.expression(ufl.as_vector(components(change)))
 
     def set_load(self, H: Array, p: float) -> None:
-        """See :class:`SolidForms`."""
+        """Set H and p of all forms."""
         self._H.value[...] = H
         self._p.value = p
 
     def values(self) -> Array:
-        """See :class:`SolidForms`."""
+        """Set H and p of all forms."""
         return self.domain.evaluate(self._state)
 
     def residual(self) -> Array:
-        """See :class:`SolidForms`."""
+        """Set H and p of all forms."""
         return compat.assemble_vector(self._residual)
 
     def tangent(self, matrix: PETSc.Mat | None) -> PETSc.Mat:
-        """See :class:`SolidForms`."""
+        """Set H and p of all forms."""
         return compat.assemble_matrix(self._tangent, matrix)
 
     def load_change(self, dH: Array, dp: float) -> Array:
-        """See :class:`SolidForms`."""
+        """Set H and p of all forms."""
         self.dH.value[...], self._dp.value = dH, dp
         return compat.assemble_vector(self._change)
 
     def stress_change(self, dH: Array, dp: float) -> Array:
-        """See :class:`SolidForms`."""
+        """Set H and p of all forms."""
         self.dH.value[...], self._dp.value = dH, dp
         return self.domain.evaluate(self._stress_change)

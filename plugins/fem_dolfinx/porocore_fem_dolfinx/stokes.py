@@ -56,7 +56,7 @@ class DolfinxStokes(DiscreteFluid):
             self._classes.append((members, free, Condensation(images, held)))
 
     def flow(self, points: Array | None = None) -> Array:
-        """See :class:`~porocore.cell.conductivity.fluid.DiscreteFluid`.
+        """Return the conductivity, as :class:`~porocore.cell.conductivity.fluid.DiscreteFluid` describes it.
 
         Raises
         ------

@@ -90,7 +90,7 @@ class SkfemDiscretisation(Discretisation[System]):
         self._coupling = _Pattern(equation[row], fixed[column], (n, len(self.prescribed)))
 
     def states_of(self, x: Array) -> tuple[MacroState, Array]:
-        """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
+        """Return the states and ∇p at all quadrature points."""
         s, local = self.shapes, x[self.dofs]
         e = len(local)
         u, p = local[:, : self.n_u].reshape(e, 1, 3, -1), local[:, self.n_u :]
@@ -99,7 +99,7 @@ class SkfemDiscretisation(Discretisation[System]):
         return MacroState(grad_u, (p @ s.p.T).ravel()), grad_p
 
     def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
-        """See :class:`~porocore.macro.integration.discretisation.Discretisation`."""
+        """Return the states and ∇p at all quadrature points."""
         w = self.shapes.weights
         e, q = w.shape
         stress = (

@@ -130,7 +130,7 @@ class SkfemStokes(DiscreteFluid):
         return apply
 
     def flow(self, points: Array | None = None) -> Array:
-        """See :class:`~porocore.cell.conductivity.fluid.DiscreteFluid`.
+        """Return the conductivity, as :class:`~porocore.cell.conductivity.fluid.DiscreteFluid` describes it.
 
         Raises
         ------

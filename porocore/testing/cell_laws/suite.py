@@ -60,7 +60,7 @@ class CellSuite(Suite):
     @pytest.fixture(scope="class")
     @classmethod
     def batch(cls) -> MacroState:
-        """``STATES`` together."""
+        """Return ``STATES`` as one batch."""
         return MacroState.concatenate([MacroState.single(*state) for state in STATES.values()])
 
 

@@ -24,7 +24,7 @@ SKETCHES = (1, 10, 12)
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """One panel.
+    """One panel of a figure.
 
     Attributes
     ----------
