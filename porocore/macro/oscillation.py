@@ -12,10 +12,9 @@ import numpy as np
 
 from porocore.core.formulas.time_function import TimeFunction
 from porocore.interfaces.solution import MacroSolution
-from porocore.macro.body.meshed import body_mesh
 from porocore.macro.body.surfaces import Facets
 from porocore.macro.laws.linear import LinearCoefficients
-from porocore.macro.problem import MacroProblem, MacroSetup
+from porocore.macro.problem import MacroProblem, MacroSetup, body_mesh
 from porocore.states import Array
 
 #: Two times or pressures that differ by less than this share are one.
@@ -81,10 +80,10 @@ def _begin(problem: MacroProblem, time: float) -> float:
 
     plan = problem.time
     ramp = () if plan.load_curve else (plan.ramp_increments * plan.ramp_step,)
-    bends: list[float] = [t for t in sorted({0.0, *ramp, *problem.corners}) if t < time * (1 - SAME)]
-    for before, bend in zip(reversed(bends[:-1]), reversed(bends[1:]), strict=True):
-        if loads(before) == loads(bend):
-            return bend
+    kinks: list[float] = [t for t in sorted({0.0, *ramp, *problem.corners}) if t < time * (1 - SAME)]
+    for before, kink in zip(reversed(kinks[:-1]), reversed(kinks[1:]), strict=True):
+        if loads(before) == loads(kink):
+            return kink
     return 0.0
 
 

@@ -13,8 +13,9 @@ from porocore.core.models.bounds import MOST_STEPS, MOST_TIMES
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension
 from porocore.interfaces.macro import Part
-from porocore.macro.body.kinds import AnyBody, Box
-from porocore.macro.body.surfaces import Patch
+from porocore.macro.body.kinds import AnyBody, Box, make_body
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.surfaces import Patch, with_patches
 
 Positive = Annotated[float, Field(gt=0)]
 Time = Annotated[Positive, Dimension("time")]
@@ -99,7 +100,7 @@ class TimePlan(StrictModel):
     """A step that fails is halved down to this."""
     tolerance: Positive | None = None
     """Error of one step, as a share of the largest displacement and of the largest pressure so far, by which steps are
-    chosen; ``step`` is then the largest; null: all are ``step`` long. Up to the first bend of the loads, the largest
+    chosen; ``step`` is then the largest; null: all are ``step`` long. Up to the first kink of the loads, the largest
     values are divided by the share that has acted of them."""
     profiles: Annotated[tuple[Time, ...], Field(max_length=MOST_TIMES)] = (1.0, 10.0, 40.0)
     """Times at which the fields are kept, beside the end; of the default those that lie before it."""
@@ -252,3 +253,14 @@ class MacroProblem(MacroSetup):
 
     load: float = 1.0
     """Factor of every prescribed value."""
+
+
+def body_mesh(problem: MacroSetup) -> BodyMesh:
+    """Return the mesh of the body of ``problem``, with the named parts of its surface.
+
+    Raises
+    ------
+    ConfigurationError
+        The body cannot be meshed, or a patch of its surface is of no surface.
+    """
+    return with_patches(make_body(problem.body), problem.surfaces)

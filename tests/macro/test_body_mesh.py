@@ -10,14 +10,13 @@ from porocore.macro.body.element import HEXAHEDRON, TETRAHEDRON
 from porocore.macro.body.kinds import Box, make_body
 from porocore.macro.body.mesh import BodyMesh, boundary_facets
 from porocore.macro.body.mesh_file import read_body
-from porocore.macro.body.meshed import body_mesh
 from porocore.macro.body.structured import sector
 from porocore.macro.body.surfaces import Facets
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.followers import forces, tangent
 from porocore.macro.boundary.frames import Constraint, in_frames
 from porocore.macro.boundary.probes import interpolation
-from porocore.macro.problem import MacroProblem
+from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.testing.macro_laws.meshes import write_tetrahedra
 from porocore.testing.synthetic.response import confined_column
 

@@ -10,10 +10,9 @@ from mpi4py import MPI
 from porocore.core.echo import echo
 from porocore.core.parallel import Communicator
 from porocore.errors import ConfigurationError
-from porocore.macro.body.meshed import body_mesh
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.solver import TimeSteppingMacroSolver
-from porocore.macro.problem import MacroProblem
+from porocore.macro.problem import MacroProblem, body_mesh
 from porocore_fem_dolfinx import compat  # noqa: F401 - h5py before everything that brings MPI and PETSc
 from porocore_fem_dolfinx.macro_assembly import DolfinxDiscretisation
 from porocore_fem_dolfinx.macro_communicator import MpiCommunicator

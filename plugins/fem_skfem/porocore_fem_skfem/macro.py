@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from porocore.macro.body.meshed import body_mesh
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.solver import TimeSteppingMacroSolver
-from porocore.macro.problem import MacroProblem
+from porocore.macro.problem import MacroProblem, body_mesh
 from porocore_fem_skfem.macro_assembly import SkfemDiscretisation
 
 

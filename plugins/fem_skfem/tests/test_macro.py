@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from skfem import ElementHex1, ElementHex2, FacetBasis, MeshHex
 
-from porocore.macro.body.meshed import body_mesh
 from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.problem import body_mesh
 from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem.conformance import TestSkfemMacroSolver
 from porocore_fem_skfem.macro import SkfemMacroSolver

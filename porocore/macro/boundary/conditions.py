@@ -70,6 +70,25 @@ class BoundaryData:
         return problem.load * np.array([problem.factor(function, time) for function in self.time_functions])
 
 
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """Prescribed values and loads at one time.
+
+    Attributes
+    ----------
+    values : (k,)
+        Of the prescribed unknowns.
+    external : (local unknowns,)
+        Dead loads and rates of prescribed fluxes, where owned.
+    pressures
+        Of each surface with a pressure that follows it.
+    """
+
+    values: Array
+    external: Array
+    pressures: tuple[float, ...] = ()
+
+
 def boundary_data(mesh: BodyMesh, problem: MacroProblem) -> BoundaryData:
     """Return the boundary data of a problem.
 

@@ -11,7 +11,7 @@ from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array
 
-#: Times up to the first bend at which the loads are looked at for their largest values.
+#: Times up to the first kink at which the loads are evaluated for their largest values.
 SAMPLES = 100
 
 
@@ -22,7 +22,7 @@ class ErrorControl:
     Attributes
     ----------
     rate : (local unknowns,)
-        (x − x_old) / Δt; None at the start and where the load bends.
+        (x − x_old) / Δt; None at the start and after a kink of the loads.
     length
         Δt of that step.
     scales
@@ -78,7 +78,7 @@ class ErrorControl:
         self.scales = (max(self.scales[0], self._found[0]), max(self.scales[1], self._found[1]))
         self.rate, self.length = (new - old) / dt, dt
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Drop the rate, which is not continuous where a load has a kink."""
         self.rate = None
 

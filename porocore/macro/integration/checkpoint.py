@@ -10,6 +10,7 @@ import hashlib
 import json
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,36 @@ STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "propo
 MOST_HALVINGS = 1000
 #: A law whose answers moved by more than this is another one; machines differ by round-off only.
 SAME_LAW = 1e-8
+
+
+class CheckpointFile:
+    """Checkpoint of one solve, written every ``seconds`` of wall time and at the end; without a path there is none."""
+
+    def __init__(self, path: Path | None, d: Discretisation, law: MacroLaw, seconds: float) -> None:
+        self._path, self._d, self._law, self._seconds = path, d, law, seconds
+        self._owner, self._written = identity(d.problem, law), monotonic()
+
+    def load(
+        self, stepper: Stepper, control: ErrorControl
+    ) -> tuple[Array, LawMemory, HistoryRecorder] | None:
+        """Read the file as :func:`load` does; None if there is none."""
+        if self._path is None or not self._d.communicator.on_root(self._path.exists):
+            return None
+        found = load(self._path, self._owner, stepper, control, self._d, self._law)
+        self._written = monotonic()
+        return found
+
+    def save_if_due(
+        self, stepper: Stepper, control: ErrorControl, x: Array, memory: LawMemory, record: HistoryRecorder
+    ) -> None:
+        """Write the state after an accepted step where it is due."""
+        # The clocks of two processes differ, so one of them decides.
+        if self._path is not None and (self._d.communicator.on_root(self._is_late) or stepper.done):
+            save(self._path, self._owner, stepper, control, self._d, x, memory, record)
+            self._written = monotonic()
+
+    def _is_late(self) -> bool:
+        return monotonic() >= self._written + self._seconds
 
 
 def identity(problem: MacroProblem, law: MacroLaw) -> str:

@@ -19,7 +19,7 @@ from porocore.core.parallel import Communicator
 from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary import followers
-from porocore.macro.boundary.conditions import BoundaryData
+from porocore.macro.boundary.conditions import BoundaryData, Loads
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array, IntArray, MacroState
 
@@ -44,25 +44,6 @@ class Residual:
     values: Array
     force_scale: float
     volume_scale: float
-
-
-@dataclass(frozen=True, eq=False)
-class Loads:
-    """Prescribed values and loads at one time.
-
-    Attributes
-    ----------
-    values : (k,)
-        Of the prescribed unknowns.
-    external : (local unknowns,)
-        Dead loads and rates of prescribed fluxes, where owned.
-    pressures
-        Of each surface with a pressure that follows it.
-    """
-
-    values: Array
-    external: Array
-    pressures: tuple[float, ...] = ()
 
 
 #: Type of the tangent of all unknowns, which only the backend looks into.

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
-from porocore.macro.integration.discretisation import Discretisation, Loads, Residual, StepFailed
+from porocore.macro.boundary.conditions import Loads
+from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
 from porocore.macro.problem import NewtonSettings
 from porocore.states import Array
 

@@ -29,7 +29,7 @@ class Stepper:
 
     Every ramp increment, profile time, corner of the load curve and the end are hit exactly; between two such stops the
     steps are equal and at most ``plan.step`` (``plan.ramp_step`` on the ramp), divided by 2^``halvings``. With
-    ``plan.tolerance`` they are also at most as long as the last error asks for; after every time at which a load bends
+    ``plan.tolerance`` they are also at most as long as the last error asks for; after every kink of a load
     ``plan.ramp_step`` is tried first.
 
     Attributes
@@ -37,7 +37,7 @@ class Stepper:
     plan
         What is to be stepped through.
     corners
-        Further times at which the load bends.
+        Further times at which a load has a kink.
     time
         The last accepted time.
     halvings
@@ -89,8 +89,8 @@ class Stepper:
     @property
     def at_corner(self) -> bool:
         """True if a load has a kink at the present time, so that rates are not continuous."""
-        bends = (0.0, self._ramp_end, *(time for time, _ in self.plan.load_curve), *self.corners)
-        return any(abs(self.time - t) <= SAME * self.plan.ramp_step for t in bends)
+        kinks = (0.0, self._ramp_end, *(time for time, _ in self.plan.load_curve), *self.corners)
+        return any(abs(self.time - t) <= SAME * self.plan.ramp_step for t in kinks)
 
     def is_profile(self, time: float) -> bool:
         """Tell whether ``time``, from :meth:`next`, is a profile time or the end, where fields are kept."""

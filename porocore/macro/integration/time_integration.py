@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from time import monotonic
 
 import numpy as np
 
 from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.solution import MacroSolution, StepReport
-from porocore.macro.integration import checkpoint as checkpoints
 from porocore.macro.integration.adaptive import ErrorControl, Reached
+from porocore.macro.integration.checkpoint import CheckpointFile
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
-from porocore.macro.integration.flagged import flagged
 from porocore.macro.integration.newton import newton_step
 from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
-from porocore.states import Array
+from porocore.states import Array, MacroState
 
 
 def integrate_in_time(
@@ -41,15 +39,10 @@ def integrate_in_time(
     DataError
         The checkpoint is damaged, or belongs to another problem or law.
     """
-    communicator, problem = d.communicator, d.problem
+    problem, saved = d.problem, CheckpointFile(checkpoint, d, law, checkpoint_seconds)
     stepper, control = Stepper(problem.time, problem.corners), ErrorControl()
     reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
-    owner = checkpoints.identity(problem, law)
-    if checkpoint is not None and communicator.on_root(checkpoint.exists):
-        x, memory, record = checkpoints.load(checkpoint, owner, stepper, control, d, law)
-    else:
-        x, memory, record = _at_rest(d, law)
-    written = monotonic()
+    x, memory, record = saved.load(stepper, control) or _at_rest(d, law)
     while not stepper.done:
         time = stepper.next()
         dt, amplitudes = time - stepper.time, d.boundary.amplitudes(problem, time)
@@ -60,7 +53,7 @@ def integrate_in_time(
             if changed is None and reached is not None and control.rate is None:
                 finer = _halved(d, law, memory, x, stepper.time, time)
         except StepFailed as failure:
-            stepper.reject(str(failure), partial(flagged, d, law, memory, x))
+            stepper.reject(str(failure), partial(_flagged_points, d, law, memory, x))
             continue
         if changed is not None:
             memory = changed
@@ -75,13 +68,8 @@ def integrate_in_time(
             record.add_profile(step, time)
         stepper.accept(error)
         if stepper.at_corner:
-            control.forget()
-        if checkpoint is not None:
-            # The clocks of two processes differ, so one of them decides.
-            late = communicator.on_root(partial(_is_late, written + checkpoint_seconds))
-            if stepper.done or late:
-                checkpoints.save(checkpoint, owner, stepper, control, d, x, memory, record)
-                written = monotonic()
+            control.reset()
+        saved.save_if_due(stepper, control, x, memory, record)
         if on_step is not None:
             settlement = float(record.column("settlement")[-1])
             on_step(StepReport(time, problem.time.end, step.iterations, settlement))
@@ -117,5 +105,25 @@ def _at_rest(d: Discretisation, law: MacroLaw) -> tuple[Array, LawMemory, Histor
     return x, response.memory, record
 
 
-def _is_late(due: float) -> bool:
-    return monotonic() >= due
+def _flagged_points(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array) -> str:
+    """Return how many points are flagged at the unknowns ``x``, and why one of them is; empty where none is.
+
+    It is the one with the largest displacement gradient, the same on all processes.
+    """
+    states, grad_p = d.states(x)
+    outside = law.respond(states, grad_p, memory, tangent=False).outside_training_range
+    count, points = (int(n) for n in d.communicator.sum(np.array([outside.sum(), len(outside)])))
+    if not count:
+        return ""
+    size = np.where(outside, np.abs(states.grad_u).max(axis=(1, 2)), -1.0)
+    largest = d.communicator.max(float(size.max(initial=-1.0)))
+    # Of processes that have one as large, the first.
+    own = float(size.max(initial=-1.0)) == largest
+    first = -d.communicator.max(-float(d.communicator.rank) if own else -np.inf)
+    row = np.zeros(10)
+    if first == d.communicator.rank:
+        worst = int(size.argmax())
+        row = np.append(states.grad_u[worst].ravel(), states.p[worst])
+    row = d.communicator.sum(row)
+    (why,) = law.reasons(MacroState.single(row[:9].reshape(3, 3), float(row[9])))
+    return f"; before it {count} of {points} points are flagged" + (why and f", one of them for {why}")

@@ -16,11 +16,10 @@ from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.surrogate import MORE_STATES, least_states
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.body.meshed import body_mesh
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.drainage import undrained
-from porocore.macro.problem import Boundary, MacroProblem
+from porocore.macro.problem import Boundary, MacroProblem, body_mesh
 from porocore.plugins import registry
 from porocore.plugins.kinds import KINDS, Kind
 from porocore.sampling.execution.address import check_reachable

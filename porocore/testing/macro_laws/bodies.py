@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from porocore.errors import ConfigurationError
-from porocore.macro.body.meshed import body_mesh
 from porocore.macro.body.surfaces import Facets
-from porocore.macro.problem import MacroProblem
+from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.testing.expect import holds, near, refused, same
 from porocore.testing.macro_laws.meshes import make
 from porocore.testing.macro_laws.solving import C22, HELD, LINEAR, NONLINEAR, SHORT, SIDES, Solving

@@ -9,10 +9,9 @@ import numpy as np
 
 from porocore.interfaces.macro import MacroSolver
 from porocore.macro.analytic.armstrong import UnconfinedCompression
-from porocore.macro.body.meshed import body_mesh
 from porocore.macro.body.surfaces import Facets
 from porocore.macro.laws.linear import LinearPoroelasticity
-from porocore.macro.problem import MacroProblem
+from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.verification.ladder.biot import isotropic_coefficients
 from porocore.verification.ladder.case import Check, VerificationCase, observed_order
 

@@ -10,9 +10,8 @@ import numpy as np
 from porocore.core.formulas.time_function import TimeFunction
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import History, MacroSolution, Profile, StepReport
-from porocore.macro.body.meshed import body_mesh
 from porocore.macro.integration.stepping import Stepper
-from porocore.macro.problem import Boundary
+from porocore.macro.problem import Boundary, body_mesh
 from porocore.states import MacroState
 from porocore.testing import MacroSolverSuite
 

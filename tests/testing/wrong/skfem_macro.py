@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import pytest
 
 from porocore.errors import ConfigurationError
-from porocore.macro.body.meshed import body_mesh
 from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.problem import body_mesh
 from porocore.testing import MacroSolverSuite
 
 Right: Any = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver
