@@ -65,14 +65,7 @@ def history_figure(
     figure = new_figure(5.4, 7.6)
     settlement, pressure, drained = figure.subplots(3, 1, sharex=True)
     first = 1 if log_time else 0
-    curves: list[tuple[MacroSolution, str, Any, str]] = [
-        (nonlinear, NONLINEAR, "-", nonlinear.law if others else "nonlinear"),
-        (linear, LINEAR, DASHED, "linear"),
-    ]
-    curves += [
-        (other, colour, style, other.law) for other, (colour, style) in zip(others, OTHERS, strict=False)
-    ]
-    for solution, colour, style, label in curves:
+    for solution, colour, style, label in _curves(nonlinear, linear, others):
         history = solution.history
         time = history.time[first:] * t
         settlement.plot(time, history.settlement[first:] * length, color=colour, ls=style, label=label)
@@ -102,6 +95,17 @@ def history_figure(
     figure.align_ylabels()
     legend_above(figure, settlement, columns=2)
     return figure
+
+
+def _curves(
+    nonlinear: MacroSolution, linear: MacroSolution, others: tuple[MacroSolution, ...]
+) -> list[tuple[MacroSolution, str, Any, str]]:
+    """Return each solution with its colour, line style and label."""
+    return [
+        (nonlinear, NONLINEAR, "-", nonlinear.law if others else "nonlinear"),
+        (linear, LINEAR, DASHED, "linear"),
+        *((other, colour, style, other.law) for other, (colour, style) in zip(others, OTHERS, strict=False)),
+    ]
 
 
 def _mark(axes: Axes, time: Array, value: Array, share: float, marker: str, colour: str) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from porocore.interfaces.solution import MacroSolution, Profile
@@ -176,12 +177,7 @@ def profile_figure(
         y, value, flagged = line.series(profile_at(nonlinear, time), what)
         if flagged.any():
             any_flagged = True
-            every = max(1, len(y) // 24)
-            axes.plot(y, value, color=lighter(colour), lw=1.7)
-            spots = np.flatnonzero(flagged)[::every]
-            axes.plot(
-                y[spots], value[spots], ls="", marker="o", ms=3.6, mfc="white", mec=lighter(colour, 0.4)
-            )
+            _flagged_parts(axes, y, value, flagged, colour)
         axes.plot(y, np.where(flagged, np.nan, value), color=colour, label=f"$t$ = {time:g}")
     if linear is not None:
         axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
@@ -196,6 +192,14 @@ def profile_figure(
         axes.plot([], [], color="0.65", marker="o", ms=3.6, mfc="white", mec="0.5", label="flagged")
     legend_above(figure, axes, columns=3)
     return figure
+
+
+def _flagged_parts(axes: Axes, y: Array, value: Array, flagged: npt.NDArray[np.bool_], colour: str) -> None:
+    """Draw the whole curve pale, with hollow markers where it is flagged."""
+    every = max(1, len(y) // 24)
+    axes.plot(y, value, color=lighter(colour), lw=1.7)
+    spots = np.flatnonzero(flagged)[::every]
+    axes.plot(y[spots], value[spots], ls="", marker="o", ms=3.6, mfc="white", mec=lighter(colour, 0.4))
 
 
 def is_column(solution: MacroSolution) -> bool:

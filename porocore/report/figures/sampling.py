@@ -76,19 +76,7 @@ def samples_figure(
     plane = _project(x, columns)
     if training is not None and training.any():
         _outline(axes, plane[training])
-    for which, (marker, colour, filled, size, label) in MARKERS.items():
-        rows = plane[status == which]
-        if len(rows):
-            axes.plot(
-                *rows.T,
-                ls="",
-                marker=marker,
-                ms=size,
-                mec=colour,
-                mfc=colour if filled else "none",
-                mew=1.0,
-                label=f"{label} ({len(rows)})",
-            )
+    _states(axes, plane, status)
     names = tuple(inputs.names[i] for i in columns)
     if crease is not None and names == ("H22", "p"):
         _crease(axes, crease, inputs)
@@ -124,6 +112,22 @@ def _columns(inputs: InputSpace, pair: tuple[str, str] | None) -> list[int]:
 
 def _project(x: Array, columns: list[int]) -> Array:
     return np.column_stack([x[:, columns[0]], x[:, columns[1]] if len(columns) == 2 else np.zeros(len(x))])
+
+
+def _states(axes: Axes, points: Array, status: IntArray) -> None:
+    for which, (marker, colour, filled, size, label) in MARKERS.items():
+        rows = points[status == which]
+        if len(rows):
+            axes.plot(
+                *rows.T,
+                ls="",
+                marker=marker,
+                ms=size,
+                mec=colour,
+                mfc=colour if filled else "none",
+                mew=1.0,
+                label=f"{label} ({len(rows)})",
+            )
 
 
 def _outline(axes: Axes, points: Array) -> None:
