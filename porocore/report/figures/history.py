@@ -74,12 +74,7 @@ def history_figure(
         drained.plot(time, history.drained_flux[first:] * volume, color=colour, ls=DOTTED, lw=2.4, alpha=0.75)
         for share, marker in MARKS:
             _mark(settlement, history.time * t, history.settlement * length, share, marker, colour)
-    # Proxies that explain in grey what both laws share.
-    settlement.plot([], [], color="0.35", ls=DOTTED, lw=2.4, label="drained, by boundary flux")
-    for share, marker in MARKS:
-        settlement.plot(
-            [], [], color="0.35", ls="", marker=marker, ms=5, label=f"{100 * share:.0f} % of final"
-        )
+    _shared_legend(settlement)
     settlement.set_ylabel(axis_label("settlement max$(-u_2)$", "displacement", units))
     pressure.set_ylabel(axis_label("largest pore pressure $p$", "pressure", units))
     drained.set_ylabel(axis_label("drained volume", "volume", units))
@@ -106,6 +101,13 @@ def _curves(
         (linear, LINEAR, DASHED, "linear"),
         *((other, colour, style, other.law) for other, (colour, style) in zip(others, OTHERS, strict=False)),
     ]
+
+
+def _shared_legend(axes: Axes) -> None:
+    """Add empty grey curves, whose legend explains the strokes and markers that all laws share."""
+    axes.plot([], [], color="0.35", ls=DOTTED, lw=2.4, label="drained, by boundary flux")
+    for share, marker in MARKS:
+        axes.plot([], [], color="0.35", ls="", marker=marker, ms=5, label=f"{100 * share:.0f} % of final")
 
 
 def _mark(axes: Axes, time: Array, value: Array, share: float, marker: str, colour: str) -> None:

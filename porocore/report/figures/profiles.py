@@ -160,29 +160,26 @@ def profile_figure(
     ValueError
         The quantity is unknown, or a solution has no profile at one of the times.
     """
-    if isinstance(quantity, str) and quantity not in PROFILE_FIELDS:
-        raise ValueError(f"unknown quantity '{quantity}'; choose from {', '.join(PROFILE_FIELDS)}")
-    what = PROFILE_FIELDS[quantity] if isinstance(quantity, str) else quantity
+    what = _field(quantity)
     if times is None:
         times = chosen_times(nonlinear)
     figure = new_figure(5.4, 4.0)
     axes = figure.add_subplot()
     line = ColumnAxis.from_solution(nonlinear)
+    compared = [] if linear is None else [(linear, DASHED, "linear")]
+    compared += [(other, DOTTED, f"closure {other.law}") for other in others]
     any_flagged = False
     for time, colour in zip(times, TIME_COLOURS, strict=False):
-        for solution, stroke in ((linear, DASHED), *((other, DOTTED) for other in others)):
-            if solution is not None:
-                y, value, _ = ColumnAxis.from_solution(solution).series(profile_at(solution, time), what)
-                axes.plot(y, value, color=colour, ls=stroke, lw=1.3)
+        for solution, stroke, _ in compared:
+            y, value, _ = ColumnAxis.from_solution(solution).series(profile_at(solution, time), what)
+            axes.plot(y, value, color=colour, ls=stroke, lw=1.3)
         y, value, flagged = line.series(profile_at(nonlinear, time), what)
         if flagged.any():
             any_flagged = True
             _flagged_parts(axes, y, value, flagged, colour)
         axes.plot(y, np.where(flagged, np.nan, value), color=colour, label=f"$t$ = {time:g}")
-    if linear is not None:
-        axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
-    for other in others:
-        axes.plot([], [], color="0.35", ls=DOTTED, lw=1.3, label=f"closure {other.law}")
+    for _, stroke, label in compared:
+        axes.plot([], [], color="0.35", ls=stroke, lw=1.3, label=label)
     if rest is not None:
         axes.axhline(rest, color=GREY, ls=DASHED, lw=1.0, label="undeformed cell")
     axes.set_xlabel("position along the column $X_2$ [–]")
@@ -192,6 +189,14 @@ def profile_figure(
         axes.plot([], [], color="0.65", marker="o", ms=3.6, mfc="white", mec="0.5", label="flagged")
     legend_above(figure, axes, columns=3)
     return figure
+
+
+def _field(quantity: str | ProfileField) -> ProfileField:
+    if not isinstance(quantity, str):
+        return quantity
+    if quantity not in PROFILE_FIELDS:
+        raise ValueError(f"unknown quantity '{quantity}'; choose from {', '.join(PROFILE_FIELDS)}")
+    return PROFILE_FIELDS[quantity]
 
 
 def _flagged_parts(axes: Axes, y: Array, value: Array, flagged: npt.NDArray[np.bool_], colour: str) -> None:
