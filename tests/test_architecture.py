@@ -58,6 +58,8 @@ ROOMS = {
 }
 #: A room holds at most so many files and sub-rooms.
 MOST_ENTRIES = 12
+#: Lines of a file, and of a function with its docstring, without its decorators.
+MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 300, 60
 #: Rooms of which a plugin may import what is public, beside ``porocore`` itself and the modules of the root.
 FOR_PLUGINS = ("core", "interfaces", "plugins", "cell", "surrogates", "macro", "testing")
 #: Third-party packages that belong to plugins.
@@ -70,6 +72,7 @@ def module_name(path, root):
 
 
 CORE_MODULES = {module_name(path, ROOT): path for path in sorted(CORE.rglob("*.py"))}
+SOURCES = [*CORE_MODULES.values(), *(path for plugin in PLUGINS for path in sorted(plugin.rglob("*.py")))]
 
 
 @cache
@@ -125,6 +128,16 @@ def test_a_room_is_no_store(folder):
     assert (folder / "__init__.py").is_file(), f"{where} has no __init__.py"
     assert len(entries(folder)) <= MOST_ENTRIES, f"{where} has {len(entries(folder))} entries"
     assert len(folder.relative_to(CORE).parts) <= 2, f"{where} is a room in a room in a room"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_and_functions_are_short(path):
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= MOST_LINES_OF_A_FILE, f"{path} is to be divided"
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            lines = node.end_lineno - node.lineno + 1
+            assert lines <= MOST_LINES_OF_A_FUNCTION, f"{path}:{node.lineno} {node.name} has {lines} lines"
 
 
 @pytest.mark.parametrize("module", CORE_MODULES)

@@ -11,11 +11,11 @@ import numpy.typing as npt
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.units.results import ResultUnits
 from porocore.core.units.scales import Scales
-from porocore.interfaces.solution import MacroSolution
 from porocore.macro.closure_error import ClosureError
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.report.loading_mode import LoadingMode
+from porocore.report.metrics import LoadCase, OutputCheck
 from porocore.states import Array, IntArray
 
 
@@ -119,54 +119,6 @@ class SamplingSummary:
 
 
 @dataclass(frozen=True, eq=False)
-class OutputCheck:
-    r"""One output of the surrogate on the held-out states.
-
-    Attributes
-    ----------
-    name
-        Label in matplotlib's mathematics, such as ``r"$\langle\nabla_Y u^1\rangle_{22}$"``.
-    plain
-        The same in plain text, such as ``"⟨∇u¹⟩₂₂"``.
-    solved, predicted : (m,)
-        Values of the cell solver and of the surrogate.
-    span
-        Range of the output over the training states, to which errors are referred.
-    outside_training_range : (m,) bool
-        Held-out states beyond the sampled range; shown, but not counted in the error unless all of them are.
-    """
-
-    name: str
-    plain: str
-    solved: Array
-    predicted: Array
-    span: float
-    outside_training_range: npt.NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        if (
-            not self.solved.shape == self.predicted.shape == self.outside_training_range.shape
-            or self.solved.ndim != 1
-        ):
-            raise ValueError(
-                f"expected solved, predicted and outside of one length, got "
-                f"{self.solved.shape}, {self.predicted.shape} and {self.outside_training_range.shape}"
-            )
-        if not self.span > 0:
-            raise ValueError(f"expected a positive span of '{self.plain}', got {self.span:g}")
-
-    @property
-    def all_outside(self) -> bool:
-        """True if there are held-out states and all lie beyond the sampled range."""
-        return len(self.outside_training_range) > 0 and bool(self.outside_training_range.all())
-
-    @property
-    def counted(self) -> npt.NDArray[np.bool_]:
-        """(m,) Held-out states that the error is over: those within the sampled range, or all where none is."""
-        return self.outside_training_range if self.all_outside else ~self.outside_training_range
-
-
-@dataclass(frozen=True, eq=False)
 class TrainingCurve:
     """Losses against epochs, all (k,)."""
 
@@ -190,32 +142,6 @@ class SurrogateSummary:
     closure: str = "mean-gradient"
     #: Whether the closure takes stress and fluid volume from the surrogate itself.
     exact_closure: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class LoadCase:
-    """One load, solved with the cell's law and with linear poroelasticity on the same mesh and time plan.
-
-    ``others`` are solutions with other closures, or with the cell itself (direct FE²). ``flagged`` says where and why
-    the surrogate is not to be trusted in the nonlinear solution; it is empty where it is, or where no profile tells.
-    """
-
-    nonlinear: MacroSolution
-    linear: MacroSolution
-    others: tuple[MacroSolution, ...] = ()
-    flagged: str = ""
-
-    def __post_init__(self) -> None:
-        for solution in (self.linear, *self.others):
-            if self.nonlinear.load != solution.load:
-                raise ValueError(
-                    f"expected two solutions of one load, got {self.nonlinear.load:g} and {solution.load:g}"
-                )
-
-    @property
-    def load(self) -> float:
-        """Factor of the prescribed values."""
-        return self.nonlinear.load
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 from porocore.core.files.atomic import atomic_path
 from porocore.core.units.results import ResultUnits
 from porocore.report import figures
-from porocore.report.context import LoadCase, ReportContext, SamplingSummary, SurrogateSummary
+from porocore.report.context import ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.dimensional import dimensional_rows
 from porocore.report.figures.profiles import chosen_times, is_column, profile_at
 from porocore.report.figures.series import panels
 from porocore.report.format import plain
 from porocore.report.law_differences import COMPARED, law_differences
 from porocore.report.loading_mode import reactions
-from porocore.report.metrics import case_metrics, rms_percent, worst_percent
+from porocore.report.metrics import LoadCase, case_metrics, rms_percent, worst_percent
 from porocore.report.page import Picture, environment, png_picture, svg_picture
 from porocore.report.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
 from porocore.report.text import (

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from porocore.interfaces.solution import History, MacroSolution
-from porocore.report.context import LoadCase
+from porocore.report.metrics import LoadCase
 from porocore.states import Array
 
 #: Histories that are compared, with their names for a reader.

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from porocore.macro.laws.pull_back import is_isotropic
-from porocore.report.context import CellSummary, LoadCase, Published, ReportContext, SurrogateSummary
+from porocore.report.context import CellSummary, Published, ReportContext, SurrogateSummary
 from porocore.report.format import NONE, difference, number, percent, plain
-from porocore.report.metrics import case_metrics, case_warnings, leaving
+from porocore.report.metrics import LoadCase, case_metrics, case_warnings, leaving
 from porocore.states import Status
 
 #: What each status means, in plain words.

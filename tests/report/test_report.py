@@ -23,8 +23,6 @@ from porocore.macro.laws.linear import LinearCoefficients
 from porocore.report.context import (
     CellSummary,
     DirectCost,
-    LoadCase,
-    OutputCheck,
     ReportContext,
     SamplingSummary,
     Stage,
@@ -33,6 +31,7 @@ from porocore.report.context import (
 )
 from porocore.report.html import render, write_report
 from porocore.report.loading_mode import LoadingMode
+from porocore.report.metrics import LoadCase, OutputCheck
 from porocore.report.text import all_warnings, conductivity_sentence
 from porocore.states import CellResponse, CellTangent, Status
 from porocore.study.publication import DEHGHANI_ZILIAN

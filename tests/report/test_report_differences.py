@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.report.context import DirectCost, LoadCase
+from porocore.report.context import DirectCost
 from porocore.report.figures import history_figure
 from porocore.report.law_differences import history_difference, law_differences
-from porocore.report.metrics import case_metrics
+from porocore.report.metrics import LoadCase, case_metrics
 
 
 @pytest.fixture(scope="module")

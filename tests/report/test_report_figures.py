@@ -10,7 +10,7 @@ import pytest
 from matplotlib.image import imread
 
 from porocore.core.inputs.input_space import InputSpace
-from porocore.report.context import OutputCheck, TrainingCurve
+from porocore.report.context import TrainingCurve
 from porocore.report.figures import (
     PROFILE_FIELDS,
     cell_picture,
@@ -24,6 +24,7 @@ from porocore.report.figures import (
 )
 from porocore.report.figures.cell import surface_triangles
 from porocore.report.figures.profiles import ColumnAxis
+from porocore.report.metrics import OutputCheck
 from porocore.states import Status
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])

@@ -12,10 +12,9 @@ from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
 from porocore.macro.problem import Boundary, MacroSetup
-from porocore.report.context import LoadCase
 from porocore.report.dimensional import dimensional_rows
 from porocore.report.loading_mode import LoadingMode, reactions
-from porocore.report.metrics import case_metrics
+from porocore.report.metrics import LoadCase, case_metrics
 
 UNITS = ResultUnits(
     Scales(modulus=2e3, length=0.01, pore=1e-6, viscosity=1e-3), OutputUnits(length="mm", force="mN")

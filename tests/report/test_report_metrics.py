@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.report.context import LoadCase, OutputCheck
 from porocore.report.format import difference, duration, number, percent, plain
 from porocore.report.metrics import (
+    LoadCase,
+    OutputCheck,
     case_metrics,
     case_warnings,
     leaving,

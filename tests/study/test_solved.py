@@ -135,7 +135,7 @@ def test_the_table_of_the_report_has_the_units_of_the_study(case):
 
 @pytest.fixture
 def case(column):
-    from porocore.report.context import LoadCase
+    from porocore.report.metrics import LoadCase
 
     return LoadCase(column(), column(law="linear", final=2.5))
 

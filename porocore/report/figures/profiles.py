@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -166,7 +167,7 @@ def profile_figure(
     figure = new_figure(5.4, 4.0)
     axes = figure.add_subplot()
     line = ColumnAxis.from_solution(nonlinear)
-    compared = [] if linear is None else [(linear, DASHED, "linear")]
+    compared: list[tuple[MacroSolution, Any, str]] = [] if linear is None else [(linear, DASHED, "linear")]
     compared += [(other, DOTTED, f"closure {other.law}") for other in others]
     any_flagged = False
     for time, colour in zip(times, TIME_COLOURS, strict=False):

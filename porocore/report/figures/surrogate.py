@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from porocore.report.context import OutputCheck, TrainingCurve
+from porocore.report.context import TrainingCurve
 from porocore.report.figures.style import BLUE, GREY, VERMILLION, legend_above, new_figure, styled
-from porocore.report.metrics import rms_percent, worst_percent
+from porocore.report.metrics import OutputCheck, rms_percent, worst_percent
 
 
 @styled

@@ -21,8 +21,6 @@ from porocore.report.context import (
     AdaptiveSurrogateCost,
     CellSummary,
     DirectCost,
-    LoadCase,
-    OutputCheck,
     ReportContext,
     SamplingSummary,
     Stage,
@@ -30,6 +28,7 @@ from porocore.report.context import (
     TrainingCurve,
 )
 from porocore.report.loading_mode import LoadingMode
+from porocore.report.metrics import LoadCase, OutputCheck
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import MacroState, Status
 from porocore.study.config.config import RunConfig

@@ -11,8 +11,9 @@ import numpy as np
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.interfaces.surrogate import Surrogate
 from porocore.plugins.border import prediction_of
-from porocore.report.context import LoadCase, ReportContext
+from porocore.report.context import ReportContext
 from porocore.report.figures.profiles import ColumnAxis, profile_at
+from porocore.report.metrics import LoadCase
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, CellTangent, MacroState
 from porocore.study.config.config import RunConfig
