@@ -152,7 +152,7 @@ class MacroSolution:
                     file[f"profiles/{i}/{file_name(f.name)}"] = getattr(profile, f.name)
 
     @classmethod
-    def load_file(cls, path: Path) -> MacroSolution:
+    def load_file(cls, path: str | Path) -> MacroSolution:
         """Read what :meth:`save` wrote.
 
         Raises

@@ -9,7 +9,8 @@ import pytest
 from porocore.core.files.plain_data import merged
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
-from porocore.errors import ConfigurationError, PluginError
+from porocore.errors import ConfigurationError, DataError, PluginError
+from porocore.interfaces.solution import MacroSolution
 from porocore.macro.series import all_series
 from porocore.report.dimensional import dimensional_metrics, dimensional_rows
 from porocore.report.figures import body_figure, history_figure, series_figure
@@ -17,6 +18,7 @@ from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import case_metrics
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
 from porocore.study.api.study import Study
+from porocore.study.stages.solving import require_laws
 
 UNITS = ResultUnits(
     Scales(modulus=2000, length=0.01, pore=5e-6), OutputUnits(length="mm", stress="kPa", time="h", force="mN")
@@ -162,3 +164,26 @@ def test_a_study_is_named_by_its_source_and_writes_nothing_yet(tmp_path, monkeyp
     with pytest.raises(ConfigurationError, match="no such file"):
         Study("absent.yaml")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_path_of_a_solution_may_be_a_text(solution, tmp_path):
+    path = tmp_path / "solution.h5"
+    solution.save(path)
+    assert MacroSolution.load_file(str(path)).law == solution.law
+    with pytest.raises(DataError, match=r"missing\.h5: no such file"):
+        MacroSolution.load_file(str(tmp_path / "missing.h5"))
+
+
+@pytest.mark.parametrize(
+    ("laws", "words"),
+    [
+        (("exact",), "no law is called 'exact'; the kinds of laws are surrogate, linear, direct, fallback"),
+        (("linaer",), "did you mean 'linear'?"),
+        ("linear", "expected a sequence, such as ('linear',), got the text 'linear'"),
+        ((None,), "no law is called"),
+    ],
+)
+def test_an_unknown_law_is_refused_before_anything_is_solved(laws, words):
+    with pytest.raises(ConfigurationError) as caught:
+        require_laws(laws)
+    assert words in str(caught.value)

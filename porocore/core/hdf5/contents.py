@@ -193,7 +193,7 @@ def _utf8(value: Any, where: str) -> str:
 
 
 @contextmanager
-def opened(path: Path, what: str, advice: str, missing: str | None = None) -> Iterator[Contents]:
+def opened(path: str | Path, what: str, advice: str, missing: str | None = None) -> Iterator[Contents]:
     """Open an HDF5 file to read it, after its structure was checked.
 
     Parameters
@@ -212,6 +212,7 @@ def opened(path: Path, what: str, advice: str, missing: str | None = None) -> It
     DataError
         The file is missing, truncated, damaged or foreign, or lacks what is asked for within the block.
     """
+    path = Path(path)
     try:
         require_ordinary(path)
         if not check_ends(path):

@@ -23,7 +23,7 @@ from porocore.study.examples import examples
 from porocore.study.preflight.checks import check_backends, outline
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
-from porocore.study.stages.solving import USUAL_LAWS, LawKind
+from porocore.study.stages.solving import USUAL_LAWS, LawKind, require_laws
 from porocore.study.stages.stage_files import load_solution, load_surrogate
 from porocore.study.tuning.candidates import DEPTHS, WIDTHS, candidates
 from porocore.study.tuning.tune import Tuning, tune
@@ -176,6 +176,7 @@ class Study:
         Solutions
             Solutions by load, then by law.
         """
+        require_laws(laws)
         if not self.folder.surrogate_of(self.config).exists():
             self.train()
         with self.folder as folder:

@@ -10,9 +10,11 @@ from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from porocore.core.console import Console
+from porocore.core.echo import echo, suggestion
+from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import StepReport
@@ -76,7 +78,13 @@ def solve(
     With ``solver``, named ``backend``, solutions of other backends are replaced; otherwise the configured one solves
     what is missing. All processes that share a solver call this. ``direct_closure`` closes the cells of direct FE²;
     by default the closure of ``config`` does.
+
+    Raises
+    ------
+    ConfigurationError
+        ``laws`` is no sequence of known kinds.
     """
+    require_laws(laws)
     with ExitStack() as stack:
         chosen = macro_laws(folder, config, stack, laws, direct_closure or config.closure)
         if solver is None:
@@ -84,6 +92,23 @@ def solve(
         for load in config.macro.loads:
             _solve_load(folder, config, load, chosen, solver, backend, console)
         return list(chosen)
+
+
+def require_laws(laws: Sequence[LawKind]) -> None:
+    """Refuse what is no sequence of kinds of laws.
+
+    Raises
+    ------
+    ConfigurationError
+        It is a text, or a kind is unknown.
+    """
+    kinds = get_args(LawKind)
+    if isinstance(laws, str):
+        raise ConfigurationError(f"laws: expected a sequence, such as ('linear',), got the text '{laws}'")
+    for kind in laws:
+        if kind not in kinds:
+            advice = suggestion(str(kind), kinds, "the kinds of laws are")
+            raise ConfigurationError(f"laws: no law is called {echo(kind)}; {advice}")
 
 
 def with_fallback(laws: Sequence[LawKind], fallback: str) -> tuple[LawKind, ...]:
