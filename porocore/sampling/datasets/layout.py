@@ -152,7 +152,9 @@ def read_block(path: Path, advice: str, *, sound: bool = True) -> tuple[Header, 
     """
     with _reading(path, advice) as file:
         if "format" not in file.attributes or file.attribute("format", str) != FORMAT:
-            raise DataError(f"{path}: is an HDF5 file, but no dataset of porocore; {advice}")
+            raise DataError(
+                f"{path}: is an HDF5 file, but no dataset of porocore; give the path of one, or choose another --out"
+            )
         if (version := file.attribute("version", int)) != VERSION:
             raise DataError(f"{path}: is a dataset of version {version}, expected {VERSION}; {advice}")
         names = tuple(file.texts("inputs/names", "d"))
