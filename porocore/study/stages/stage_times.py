@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from porocore.core.files.atomic import atomic_path, noted_afterwards
+from porocore.core.files.atomic import noted_afterwards
+from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError
 
@@ -30,9 +30,7 @@ def timed(path: Path, stage: str) -> Iterator[None]:
     def note() -> None:
         seconds, runs = record.get(stage, (0.0, 0))
         record[stage] = seconds + time.perf_counter() - began, runs + 1
-        text = json.dumps({name: {"seconds": s, "runs": n} for name, (s, n) in record.items()}, indent=2)
-        with atomic_path(path) as part:
-            part.write_text(text + "\n", encoding="utf-8")
+        write_json(path, {name: {"seconds": s, "runs": n} for name, (s, n) in record.items()}, indent=2)
 
     with noted_afterwards(note):
         yield
