@@ -1,4 +1,4 @@
-"""Two-scale finite-strain poroelasticity with learned cell problems and swappable backends.
+"""Two-scale finite-strain poroelasticity with surrogate models of the cell problem and exchangeable solvers.
 
 This is the public interface: ``Study`` and ``CellProblem`` for whoever computes, and what a plugin needs, besides
 ``porocore.testing``. Names are imported when they are first used, so that ``import porocore`` costs nothing.
