@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cube_symmetry import symmetry_error
 from scipy.stats import qmc
 
 from porocore.cell.cell import Cell
@@ -22,7 +23,6 @@ from porocore.states import MacroState
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.cell_laws.identities import cubic_symmetry
-from porocore.testing.symmetry import symmetry_error
 from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
 

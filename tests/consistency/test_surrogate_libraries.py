@@ -6,6 +6,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from cube_symmetry import symmetry_error
+from grouped_cell import GroupedCell
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import NAMES, InputSpace
@@ -18,9 +20,7 @@ from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import ACTIVATIONS, Network
 from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.compare import RESPONSES, with_derivatives
-from porocore.testing.symmetry import symmetry_error
 from porocore.testing.synthetic.cell import respond, synthetic_training_set
-from porocore.testing.synthetic.grouped_cell import GroupedCell
 
 LIBRARIES = ("torch", "jax")
 TOLERANCE = 1e-10

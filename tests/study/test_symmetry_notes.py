@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from grouped_cell import GroupedCell
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.tensors.point_group import CUBIC, MIRRORS, TRIVIAL, PointGroup
 from porocore.states import MacroState
 from porocore.study.preflight.symmetry_notes import broken_by_the_mesh, defect, uncovered, uncovered_shears
-from porocore.testing.synthetic.grouped_cell import GroupedCell
 
 OBLIQUE = PointGroup.generated([[[0, 1, 0], [1, 0, 0], [0, 0, 1]], np.diag([1, 1, -1])])
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cube_symmetry import cube_group
 
 from porocore.core.tensors.point_group import CUBIC, TRIVIAL
 from porocore.errors import DataError
@@ -15,7 +16,6 @@ from porocore.surrogates.potential.data import PotentialData, variables
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
 from porocore.surrogates.stretch.log_stretch import LogStretch
 from porocore.surrogates.training_box import TrainingBox
-from porocore.testing.symmetry import cube_group
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import (
     IDENTITY,

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cube_symmetry import symmetry_error
+from grouped_cell import GroupedCell
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.tensors.point_group import CUBIC, TRIVIAL, PointGroup
@@ -11,8 +13,6 @@ from porocore.states import MacroState
 from porocore.surrogates.polynomial.invariants import integrity_basis
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.polynomial.terms import invariant
-from porocore.testing.symmetry import symmetry_error
-from porocore.testing.synthetic.grouped_cell import GroupedCell
 
 CYCLE = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
 SWAP = [[0, 1, 0], [1, 0, 0], [0, 0, 1]]

@@ -4,13 +4,13 @@ from math import comb
 
 import numpy as np
 import pytest
+from cube_symmetry import cube_group
 
 from porocore.core.tensors.point_group import CUBIC
 from porocore.surrogates.polynomial.composition import TermDerivatives, TermSum, composed
 from porocore.surrogates.polynomial.least_squares import RegressionData, fit
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import invariant, plain
-from porocore.testing.symmetry import cube_group
 
 RANDOM = np.random.default_rng(0)
 
