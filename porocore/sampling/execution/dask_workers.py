@@ -10,8 +10,7 @@ import logging
 import os
 import signal
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import version
@@ -20,6 +19,7 @@ from urllib.parse import urlsplit
 
 from porocore.errors import PluginError, PorocoreError
 from porocore.sampling.execution.address import check_reachable
+from porocore.sampling.execution.futures import ExecutorWorker
 from porocore.sampling.execution.tasks import Ready
 from porocore.sampling.execution.threads import THREAD_VARIABLES, interrupts_blocked, one_thread
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
@@ -63,7 +63,8 @@ class DaskBackend(WorkerBackend):
         self._cluster: Any = None
         self._address = scheduler or ""
         self._count = count
-        self._known: dict[str, _DaskWorker] = {}
+        super().__init__()
+        self._known: dict[str, ExecutorWorker] = {}
         self._threads: dict[str, int] = {}
         self._looked = -LOOK_INTERVAL
         self._processes: dict[str, int] = {}
@@ -182,18 +183,8 @@ class DaskBackend(WorkerBackend):
         self._looked = time.monotonic()
         for name in self._threads:
             if name not in self._known:
-                self._known[name] = _DaskWorker(self._client, name)
+                executor = self._client.get_executor(
+                    workers=[name], allow_other_workers=False, pure=False, retries=0
+                )
+                self._known[name] = ExecutorWorker(executor, urlsplit(name).hostname or name)
         self._known = {name: worker for name, worker in self._known.items() if name in self._threads}
-
-
-class _DaskWorker(Worker):
-    """Worker at one address."""
-
-    def __init__(self, client: Any, name: str) -> None:
-        super().__init__()
-        self.host = urlsplit(name).hostname or name
-        self._executor = client.get_executor(workers=[name], allow_other_workers=False, pure=False, retries=0)
-
-    def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
-        future: Future[Any] = self._executor.submit(call, *args)
-        return future

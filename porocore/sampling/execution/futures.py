@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, Protocol
 
@@ -28,17 +28,8 @@ class FuturesBackend(WorkerBackend):
     separate = False
 
     def __init__(self, executor: SubmitsFutures, count: int, token: str) -> None:
-        self._workers = [_ExecutorWorker(executor) for _ in range(count)]
+        super().__init__([ExecutorWorker(executor) for _ in range(count)])
         self._token = token
-
-    def workers(self) -> Sequence[Worker]:
-        """Return one worker for each call at a time."""
-        return self._workers
-
-    @property
-    def slots(self) -> int:
-        """Number of calls at a time."""
-        return len(self._workers)
 
     def lost(self, worker: Worker) -> None:
         """Raise, since the executor of the caller cannot be replaced."""
@@ -54,10 +45,13 @@ class FuturesBackend(WorkerBackend):
     abort = close
 
 
-class _ExecutorWorker(Worker):
-    def __init__(self, executor: SubmitsFutures) -> None:
+class ExecutorWorker(Worker):
+    """One call at a time of an executor."""
+
+    def __init__(self, executor: SubmitsFutures, host: str = "") -> None:
         super().__init__()
-        self._executor = executor
+        self._executor, self.host = executor, host
 
     def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
+        """Start a call."""
         return self._executor.submit(call, *args)

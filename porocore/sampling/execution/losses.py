@@ -18,7 +18,7 @@ MOST_LOST = 3
 
 
 @dataclass(eq=False)
-class Task:
+class PendingState:
     """State on its way through the pool."""
 
     key: str
@@ -47,7 +47,7 @@ class Losses:
 
     def __init__(self, like: CellResponse | None, limit: float | None) -> None:
         self.like, self._limit = like, limit
-        self.doubtful: list[Task] = []
+        self.doubtful: list[PendingState] = []
         self.preparations = 0
 
     def preparation_died(self) -> list[PorocoreError]:
@@ -62,7 +62,7 @@ class Losses:
             )
         ]
 
-    def may_be_tried_again(self, task: Task, host: str) -> bool:
+    def may_be_tried_again(self, task: PendingState, host: str) -> bool:
         """Count a worker that died over a state; return False if the state is lost, which makes it doubtful."""
         task.tries += 1
         task.host = host

@@ -15,7 +15,7 @@ from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField
 from porocore.sampling.execution import tasks
 from porocore.sampling.execution.choice import ExecutorChoice, check_choice, make_worker_backend
-from porocore.sampling.execution.losses import Losses, Task
+from porocore.sampling.execution.losses import Losses, PendingState
 from porocore.sampling.execution.tasks import Factory, Failure, FinishedSolve, Ready, Recipe, Unprepared
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 from porocore.states import CellResponse, MacroState
@@ -76,8 +76,8 @@ class CellPool:
         self._recipe = Recipe(uuid4().hex, factory, args, tangent, fields)
         self._limit, self._losses = state_seconds, Losses(like, state_seconds)
         self._warn, self._warned = on_warning, set[str]()
-        self._waiting: deque[Task] = deque()
-        self._running: dict[Future[Any], tuple[Worker, Task | None]] = {}
+        self._waiting: deque[PendingState] = deque()
+        self._running: dict[Future[Any], tuple[Worker, PendingState | None]] = {}
         self._finished: deque[FinishedSolve] = deque()
         self._failures: deque[PorocoreError] = deque()
         self._finishing = False
@@ -124,7 +124,7 @@ class CellPool:
         PorocoreError
             The scheduler cannot be reached.
         """
-        self._waiting.append(Task(key, state, start))
+        self._waiting.append(PendingState(key, state, start))
         if self._backend.eager:
             self._dispatch()
 
@@ -216,7 +216,7 @@ class CellPool:
                 else:
                     self._begin(worker, task, tasks.prepare_and_solve, self._recipe, *what)
 
-    def _begin(self, worker: Worker, task: Task | None, call: Callable[..., Any], *args: Any) -> None:
+    def _begin(self, worker: Worker, task: PendingState | None, call: Callable[..., Any], *args: Any) -> None:
         try:
             self._running[worker.submit(call, *args)] = worker, task
         except BrokenExecutor:  # it died while it had nothing to do: no state is to blame
@@ -224,7 +224,7 @@ class CellPool:
             if task is not None:
                 self._waiting.appendleft(task)
 
-    def _next_for(self, worker: Worker) -> Task:
+    def _next_for(self, worker: Worker) -> PendingState:
         """Return the first of the queue; a second try goes to another machine if there is one."""
         hosts = {other.host for other in self._backend.workers()}
         for task in self._waiting:
@@ -248,7 +248,7 @@ class CellPool:
                 future.cancel()
                 self._died(worker, task)
 
-    def _take(self, future: Future[Any], worker: Worker, task: Task | None) -> None:
+    def _take(self, future: Future[Any], worker: Worker, task: PendingState | None) -> None:
         trouble = future.exception() if not future.cancelled() else None
         if future.cancelled() or isinstance(trouble, BrokenExecutor) or _means_death(trouble):
             self._died(worker, task)
@@ -272,7 +272,7 @@ class CellPool:
                 self._losses.like = result.response
             self._finished += self._losses.take_lost()
 
-    def _died(self, worker: Worker, task: Task | None) -> None:
+    def _died(self, worker: Worker, task: PendingState | None) -> None:
         self._backend.lost(worker)
         if self._finishing:
             return
@@ -295,5 +295,5 @@ def _means_death(trouble: BaseException | None) -> bool:
     return type(trouble).__name__ == "KilledWorker"
 
 
-def _place(task: Task | None) -> str:
+def _place(task: PendingState | None) -> str:
     return "while it prepared the cell" if task is None else f"at state '{task.key}'"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.process import BaseProcess
@@ -21,17 +21,10 @@ class ProcessBackend(WorkerBackend):
     They ignore Ctrl-C, which the parent handles, and end when the parent has gone, however it went.
     """
 
+    _workers: list[_Process]
+
     def __init__(self, count: int) -> None:
-        self._workers = [_Process() for _ in range(count)]
-
-    def workers(self) -> Sequence[Worker]:
-        """Return all processes."""
-        return self._workers
-
-    @property
-    def slots(self) -> int:
-        """One slot for each process."""
-        return len(self._workers)
+        super().__init__([_Process() for _ in range(count)])
 
     def lost(self, worker: Worker) -> None:
         """Replace the process by a new one."""

@@ -47,7 +47,9 @@ class WorkerBackend(ABC):
     eager = True
     separate = True
 
-    @abstractmethod
+    def __init__(self, workers: Sequence[Worker] = ()) -> None:
+        self._workers = workers
+
     def workers(self) -> Sequence[Worker]:
         """Return the present workers.
 
@@ -56,11 +58,12 @@ class WorkerBackend(ABC):
         PorocoreError
             The workers cannot be reached any more.
         """
+        return self._workers
 
     @property
-    @abstractmethod
     def slots(self) -> int:
         """Number of states that can be solved at once, at least 1."""
+        return max(1, len(self._workers))
 
     @abstractmethod
     def lost(self, worker: Worker) -> None:
@@ -103,17 +106,8 @@ class SerialBackend(WorkerBackend):
     eager = False
 
     def __init__(self, token: str) -> None:
-        self._worker = _ThisProcess()
+        super().__init__([_ThisProcess()])
         self._token = token
-
-    def workers(self) -> Sequence[Worker]:
-        """Return the only worker."""
-        return [self._worker]
-
-    @property
-    def slots(self) -> int:
-        """One slot only."""
-        return 1
 
     def lost(self, worker: Worker) -> None:
         """Raise, since this process cannot be lost."""

@@ -12,8 +12,7 @@ from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.sampling.samplers.line import LinePoint, LineSweep, grid_size
-from porocore.sampling.samplers.options import positive, refuse_unknown
-from porocore.sampling.waiting import check_waiting
+from porocore.sampling.samplers.options import check_waiting, positive, refuse_unknown
 from porocore.states import CellResponse, Status
 
 #: Values closer than this would share a key.
@@ -98,13 +97,7 @@ class DensitySweep(Sampler):
         return ready
 
     def tell(self, key: str, response: CellResponse) -> None:
-        """Record the response of one state, move its sweep on and start those that branch off.
-
-        Raises
-        ------
-        ValueError
-            The key was not asked for, or was told before.
-        """
+        """Record the response of one state, move its sweep on and start those that branch off."""
         check_waiting(key, self._waiting)
         x, line = self._waiting.pop(key)
         has_values = Status(int(response.status[0])).has_values

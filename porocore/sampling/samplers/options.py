@@ -1,9 +1,9 @@
-"""Options of samplers, checked once, with the key of the configuration in the message."""
+"""Checks of what samplers receive: their options, with the key of the configuration, and the keys of states."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import Any
 
 from porocore.core.echo import echo
@@ -54,3 +54,9 @@ def refuse_unknown(sampler: str, known: tuple[str, ...], unknown: Mapping[str, A
         f"sampling.options: unknown option {', '.join(map(echo, sorted(unknown)[:5]))} of {sampler}; "
         f"the options are {', '.join(known)}"
     )
+
+
+def check_waiting(key: str, waiting: Container[str]) -> None:
+    """Refuse with a ValueError a key whose response the sampler does not wait for."""
+    if key not in waiting:
+        raise ValueError(f"state '{key}' was not asked for or has been told before")

@@ -11,7 +11,7 @@ import numpy as np
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request, Sampler
-from porocore.sampling.waiting import check_waiting
+from porocore.sampling.samplers.options import check_waiting
 from porocore.states import CellResponse, Status
 
 
@@ -78,13 +78,7 @@ class RandomStates(Sampler):
         return requests
 
     def tell(self, key: str, response: CellResponse) -> None:
-        """Record the response of one state.
-
-        Raises
-        ------
-        ValueError
-            The key was not asked for, or was told before.
-        """
+        """Record the response of one state that was asked for."""
         check_waiting(key, self._waiting)
         self._waiting.remove(key)
         self._failed += not Status(int(response.status[0])).has_values
