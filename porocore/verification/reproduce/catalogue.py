@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 from porocore.core.echo import echo
@@ -36,10 +35,8 @@ class PaperFigure:
         In words.
     stage
         What must be computed for it.
-    source
-        Of ``fields`` and ``sensitivity``: name of the picture that the stage draws itself.
     draw
-        Of ``column``.
+        Of ``column``; the other stages draw their pictures themselves, named by the label.
     """
 
     number: int
@@ -47,7 +44,6 @@ class PaperFigure:
     label: str
     shows: str
     stage: Stage
-    source: str = ""
     draw: Callable[[Results], Figure] | None = None
 
     @property
@@ -64,13 +60,13 @@ class PaperFigure:
 def _fields(number: int, state: str, load: str) -> list[PaperFigure]:
     shows = (f"|u¹| on the deformed cell under {load}", f"Ψ on the undeformed cell under {load}")
     return [
-        PaperFigure(number, panel, f"{kind}_{state}", text, "fields", f"{kind}_{state}")
+        PaperFigure(number, panel, f"{kind}_{state}", text, "fields")
         for panel, kind, text in zip("ab", ("disp", "energy"), shows, strict=True)
     ]
 
 
-def _sensitivity(number: int, panel: str, label: str, shows: str, source: str = "") -> PaperFigure:
-    return PaperFigure(number, panel, label, shows, "sensitivity", source or label)
+def _sensitivity(number: int, panel: str, label: str, shows: str) -> PaperFigure:
+    return PaperFigure(number, panel, label, shows, "sensitivity")
 
 
 def _column(
@@ -79,13 +75,18 @@ def _column(
     def made(results: Results) -> Figure:
         from porocore.verification.reproduce import column_figures
 
-        figure: Figure = partial(getattr(column_figures, draw), results, *args, **how)()
+        figure: Figure = getattr(column_figures, draw)(results, *args, **how)
         return figure
 
-    return PaperFigure(number, panel, label, shows, "column", draw=made)
+    return PaperFigure(number, panel, label, shows, "column", made)
 
 
-_LOADS = (("a", -0.2, "02"), ("b", -0.01, "001"))
+def _both_loads(number: int, label: str, shows: str, draw: str, quantity: str) -> list[PaperFigure]:
+    return [
+        _column(number, panel, f"{label}{suffix}", f"{shows}, P = {load:g}", draw, quantity, load)
+        for panel, load, suffix in (("a", -0.2, "02"), ("b", -0.01, "001"))
+    ]
+
 
 FIGURES: tuple[PaperFigure, ...] = (
     *_fields(2, "pressure", "pore pressure"),
@@ -104,35 +105,13 @@ FIGURES: tuple[PaperFigure, ...] = (
     _sensitivity(9, "c", "Q_11", "Q, in the reference configuration and multiplied by Ĵ"),
     _sensitivity(9, "d", "Biot_Modulus", "Biot modulus, in both forms"),
     _column(11, "", "ANN_test", "network against the cell on states that it never saw", "network_test"),
-    *(
-        _column(
-            number, panel, f"{label}{suffix}", f"{shows} against time, P = {load:g}", "history", name, load
-        )
-        for number, label, name, shows in (
-            (13, "T_SettlementMax", "settlement", "largest settlement"),
-            (14, "T_PorepressureMax", "pressure_max", "largest pore pressure"),
-            (15, "T_DrainedFluid", "drained", "drained volume"),
-        )
-        for panel, load, suffix in _LOADS
-    ),
+    *_both_loads(13, "T_SettlementMax", "largest settlement against time", "history", "settlement"),
+    *_both_loads(14, "T_PorepressureMax", "largest pore pressure against time", "history", "pressure_max"),
+    *_both_loads(15, "T_DrainedFluid", "drained volume against time", "history", "drained"),
     _column(16, "a", "y_K22", "K_t,22 along the column", "conductivity", "22"),
     _column(16, "b", "y_K11", "K_t,11 along the column", "conductivity", "11"),
-    *(
-        _column(
-            number,
-            panel,
-            f"{label}{suffix}",
-            f"{shows} along the column, P = {load:g}",
-            "along_column",
-            name,
-            load,
-        )
-        for number, label, name, shows in (
-            (17, "y_Porepressure", "p", "pore pressure"),
-            (18, "y_Settlement", "settlement", "settlement"),
-        )
-        for panel, load, suffix in _LOADS
-    ),
+    *_both_loads(17, "y_Porepressure", "pore pressure along the column", "along_column", "p"),
+    *_both_loads(18, "y_Settlement", "settlement along the column", "along_column", "settlement"),
     _column(19, "", "y_dxu022", "∂u_2/∂X_2 along the column", "along_column", "H22"),
     _column(20, "a", "y_dyu122", "⟨∇u¹⟩_22 along the column", "along_column", "mean_grad_22"),
     _column(20, "b", "y_dyu111", "⟨∇u¹⟩_11 along the column", "along_column", "mean_grad_11"),

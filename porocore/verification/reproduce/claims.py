@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from porocore.report.format import number
 
@@ -13,44 +13,38 @@ if TYPE_CHECKING:
 
 #: ``–``: there is nothing to agree with, such as a time on another machine.
 Verdict = Literal["yes", "partly", "no", "–"]
+Check: TypeAlias = "Callable[[Results], Finding]"
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Computed value or statement with its verdict.
-
-    Attributes
-    ----------
-    text
-        For a reader, numbers included.
-    verdict
-        Agreement with the publication.
-    why
-        Reason of a disagreement, or what is known of it.
-    """
+    """Computed value or statement for a reader, its agreement with the publication, and the reason or a remark."""
 
     text: str
-    verdict: Verdict
+    verdict: Verdict = "–"
     why: str = ""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """Published number or statement with its check.
-
-    Attributes
-    ----------
-    where
-        Section or figure of the publication.
-    said
-        The number or the statement.
-    check
-        Computes it from the results.
-    """
+    """Published number or statement: its section or figure, its words, and its check against the results."""
 
     where: str
     said: str
-    check: Callable[[Results], Finding]
+    check: Check
+
+
+class Claims(list[Claim]):
+    """Claims of one part in order; a check is written below the claim that it judges."""
+
+    def claim(self, where: str, said: str) -> Callable[[Check], Check]:
+        """Return a decorator that appends a claim with the decorated check."""
+
+        def append(check: Check) -> Check:
+            self.append(Claim(where, said, check))
+            return check
+
+        return append
 
 
 @dataclass(frozen=True)
@@ -64,13 +58,9 @@ class CheckedClaim:
     why: str
 
 
-def check_claims(claims: tuple[Claim, ...], results: Results) -> list[CheckedClaim]:
+def check_claims(claims: Sequence[Claim], results: Results) -> list[CheckedClaim]:
     """Check all claims in order."""
-    made = []
-    for claim in claims:
-        finding = claim.check(results)
-        made.append(CheckedClaim(claim.where, claim.said, finding.text, finding.verdict, finding.why))
-    return made
+    return [CheckedClaim(c.where, c.said, *astuple(c.check(results))) for c in claims]
 
 
 def compare_number(
@@ -82,6 +72,7 @@ def compare_number(
     return Finding(text, "yes" if abs(off) <= tolerance else "no", why)
 
 
-def judge_statement(holds: bool, text: str, why: str = "") -> Finding:
-    """A statement that holds or does not."""
-    return Finding(text, "yes" if holds else "no", "" if holds else why)
+def judge_statement(agrees: bool | Verdict, text: str, why: str = "") -> Finding:
+    """A statement that holds or not, or in part; the reason counts where it does not hold."""
+    verdict: Verdict = agrees if isinstance(agrees, str) else "yes" if agrees else "no"
+    return Finding(text, verdict, "" if verdict == "yes" else why)

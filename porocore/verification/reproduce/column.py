@@ -6,20 +6,26 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from porocore.interfaces.solution import MacroSolution, Profile
+from porocore.interfaces.solution import Profile
 from porocore.interfaces.surrogate import Surrogate
 from porocore.plugins.border import prediction_of
 from porocore.report.context import ReportContext
-from porocore.report.figures.profiles import ColumnAxis, profile_at
 from porocore.report.metrics import LoadCase
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.states import Array, CellTangent, MacroState
+from porocore.states import Array, MacroState
 from porocore.study.config.config import RunConfig
 
 #: Loads of the published column.
 LARGE, SMALL = -0.2, -0.01
+#: M and Q of the paper's figures: field of the tangent, and component, 0-based. The paper's network knows only H_22 and
+#: p, so that its "M_2211" can only be the derivative of component 11 by H_22, M_1122; in the undeformed cubic cell both
+#: are the same.
+TANGENTS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "M_2222": ("mean_grad_grad_u", (1, 1, 1, 1)),
+    "M_2211": ("mean_grad_grad_u", (0, 0, 1, 1)),
+    "Q_22": ("mean_grad_p", (1, 1)),
+    "Q_11": ("mean_grad_p", (0, 0)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,19 +69,9 @@ class Column:
         early, middle, late = sorted(self.config.macro.time.profiles)[:3]
         return early, middle, late
 
-    def tangent(self, profile: Profile) -> CellTangent:
-        """M and Q of the surrogate at the states of a profile."""
-        states = MacroState(profile.grad_u, profile.element_p)
-        found = prediction_of(self.surrogate, states).tangent
-        assert found is not None
-        return found
-
-    def upwards(self, solution: MacroSolution, time: float) -> tuple[Profile, ColumnAxis]:
-        """A profile, and which of its nodes and elements follow each other from the bottom to the top."""
-        return profile_at(solution, time), ColumnAxis.from_solution(solution)
-
-
-def at(values: Array, of: Array, where: float) -> float:
-    """A quantity ``of`` a load, linear between its ``values``."""
-    good = np.isfinite(of)
-    return float(np.interp(where, values[good], of[good]))
+    def tangent(self, name: str, profile: Profile) -> Array:
+        """Return a component of :data:`TANGENTS` of the surrogate at the states of a profile, (elements,)."""
+        field, component = TANGENTS[name]
+        found = prediction_of(self.surrogate, MacroState(profile.grad_u, profile.element_p)).tangent
+        values: Array = getattr(found, field)[:, *component]
+        return values

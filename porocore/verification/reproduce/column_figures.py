@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,22 @@ from matplotlib.figure import Figure
 
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.report.figures.history import OTHERS
-from porocore.report.figures.profiles import PROFILE_FIELDS, ProfileField, profile_figure
-from porocore.report.figures.style import DASHED, LINEAR, NONLINEAR, legend_above, new_figure, styled
+from porocore.report.figures.profiles import (
+    PROFILE_FIELDS,
+    ColumnAxis,
+    ProfileField,
+    profile_at,
+    profile_figure,
+)
+from porocore.report.figures.style import (
+    DASHED,
+    LINEAR,
+    NONLINEAR,
+    TIME_COLOURS,
+    legend_above,
+    new_figure,
+    styled,
+)
 from porocore.report.figures.surrogate import parity_figure
 from porocore.states import Array
 from porocore.verification.reproduce.column import LARGE
@@ -33,49 +48,28 @@ def paper_velocity(profile: Profile) -> Array:
 VELOCITY = ProfileField(
     r"relative fluid velocity $w_2$ [–]", "relative fluid velocity", False, lambda f: paper_velocity(f)[:, 1]
 )
-#: Label, and field and component of the tangent, of M and Q in the paper's figures; its M_2211 is M_1122 of ours, see
-#: :mod:`porocore.verification.reproduce.claims_profiles`.
-TANGENTS: dict[str, tuple[str, str, tuple[int, ...]]] = {
-    "M_2222": (
-        r"$\partial\langle\nabla_Y u^1\rangle_{22}/\partial H_{22}$ [–]",
-        "mean_grad_grad_u",
-        (1, 1, 1, 1),
-    ),
-    "M_2211": (
-        r"$\partial\langle\nabla_Y u^1\rangle_{11}/\partial H_{22}$ [–]",
-        "mean_grad_grad_u",
-        (0, 0, 1, 1),
-    ),
-    "Q_22": ("$Q_{22}$ [$1/E$]", "mean_grad_p", (1, 1)),
-    "Q_11": ("$Q_{11}$ [$1/E$]", "mean_grad_p", (0, 0)),
+#: Labels of the components of the tangent.
+TANGENT_LABELS = {
+    "M_2222": r"$\partial\langle\nabla_Y u^1\rangle_{22}/\partial H_{22}$ [–]",
+    "M_2211": r"$\partial\langle\nabla_Y u^1\rangle_{11}/\partial H_{22}$ [–]",
+    "Q_22": "$Q_{22}$ [$1/E$]",
+    "Q_11": "$Q_{11}$ [$1/E$]",
 }
 
 
+@styled
 def history(results: Results, name: str, load: float) -> Figure:
     """A scalar against time: the nonlinear laws and the linear one."""
     case = results.column.case(load)
-    return _history(name, case.nonlinear, case.others, case.linear)
-
-
-@styled
-def _history(
-    name: str, nonlinear: MacroSolution, others: tuple[MacroSolution, ...], linear: MacroSolution
-) -> Figure:
     figure = new_figure(5.4, 3.9)
     axes = figure.add_subplot()
     curves: list[tuple[MacroSolution, str, Any, str]] = [
-        (nonlinear, NONLINEAR, "-", f"nonlinear, closure {nonlinear.law}")
+        (solution, *look, f"nonlinear, closure {solution.law}")
+        for solution, look in zip((case.nonlinear, *case.others), ((NONLINEAR, "-"), *OTHERS), strict=False)
     ]
-    curves += [(o, *look, f"nonlinear, closure {o.law}") for o, look in zip(others, OTHERS, strict=False)]
-    curves.append((linear, LINEAR, DASHED, "linear"))
-    for solution, colour, stroke, label in curves:
-        axes.plot(
-            solution.history.time,
-            getattr(solution.history, name),
-            color=colour,
-            ls=stroke,
-            label=label,
-        )
+    for solution, colour, stroke, label in (*curves, (case.linear, LINEAR, DASHED, "linear")):
+        values = getattr(solution.history, name)
+        axes.plot(solution.history.time, values, color=colour, ls=stroke, label=label)
     axes.set(xlabel="time $t$ [–]", ylabel=HISTORIES[name])
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
@@ -109,24 +103,17 @@ def conductivity(results: Results, component: str) -> Figure:
     )
 
 
+@styled
 def velocity(results: Results, *, transformed: bool) -> Figure:
     """w against the linear one, or w against the transformed Ḡw."""
-    case = results.column.case(LARGE)
+    case, times = results.column.case(LARGE), results.column.times
     if not transformed:
-        return profile_figure(case.nonlinear, case.linear, VELOCITY, times=results.column.times)
-    return _transformed(case.nonlinear, results.column.times)
-
-
-@styled
-def _transformed(solution: MacroSolution, times: tuple[float, ...]) -> Figure:
-    from porocore.report.figures.profiles import ColumnAxis, profile_at
-    from porocore.report.figures.style import TIME_COLOURS
-
+        return profile_figure(case.nonlinear, case.linear, VELOCITY, times=times)
     figure = new_figure(5.4, 4.0)
     axes = figure.add_subplot()
-    line = ColumnAxis.from_solution(solution)
+    line = ColumnAxis.from_solution(case.nonlinear)
     for time, colour in zip(times, TIME_COLOURS, strict=False):
-        here = profile_at(solution, time)
+        here = profile_at(case.nonlinear, time)
         for what, stroke in ((VELOCITY, "-"), (PROFILE_FIELDS["flux"], DASHED)):
             y, value, _ = line.series(here, what)
             axes.plot(y, value, color=colour, ls=stroke, label=f"$t$ = {time:g}" if stroke == "-" else None)
@@ -140,15 +127,9 @@ def _transformed(solution: MacroSolution, times: tuple[float, ...]) -> Figure:
 
 def tangent(results: Results, name: str) -> Figure:
     """M or Q of the surrogate at the states along the column."""
-    label, field, at = TANGENTS[name]
     column = results.column
-
-    def take(profile: Profile) -> Array:
-        values: Array = getattr(column.tangent(profile), field)[:, *at]
-        return values
-
-    rest = float(getattr(results.linear, field)[at])
-    quantity = ProfileField(label, name, False, take)
+    quantity = ProfileField(TANGENT_LABELS[name], name, False, partial(column.tangent, name))
+    rest = results.tangent_at_rest(name)
     return profile_figure(column.case(LARGE).nonlinear, None, quantity, times=column.times, rest=rest)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -16,7 +15,7 @@ from porocore.report.figures.style import png_bytes
 from porocore.study.stages.stage_times import stage_times, timed
 from porocore.verification.reproduce import claims_cell, claims_cost, claims_history, claims_profiles
 from porocore.verification.reproduce.catalogue import PaperFigure, Stage
-from porocore.verification.reproduce.claims import CheckedClaim, check_claims
+from porocore.verification.reproduce.claims import check_claims
 from porocore.verification.reproduce.page import html, markdown
 from porocore.verification.reproduce.study import Results
 from porocore.verification.sensitivity.figures import write_figures
@@ -85,9 +84,9 @@ def draw(results: Results, figures: Sequence[PaperFigure]) -> list[Path]:
 
 
 def _write(results: Results, figure: PaperFigure, path: Path) -> None:
-    source = results.folder / figure.stage / f"{figure.source}.png"
+    source = results.folder / figure.stage / f"{figure.label}.png"
     if figure.stage == "sensitivity":
-        write_figures(source.parent, results.sensitivity, [figure.source])
+        write_figures(source.parent, results.sensitivity, [figure.label])
     with atomic_path(path) as part:
         if figure.draw is None:
             shutil.copyfile(source, part)
@@ -101,16 +100,12 @@ def write_pages(results: Results, figures: Sequence[PaperFigure], command: str) 
         needed(results)
     _ = results.as_stated, results.calls
     with timed(results.timings, "claims"):
-        found: dict[str, list[CheckedClaim]] = {
-            key: check_claims(claims, results) for key, claims in CLAIMS.items()
-        }
+        found = {key: check_claims(claims, results) for key, claims in CLAIMS.items()}
     timings = stage_times(results.timings)
-    record = results.folder / RECORD
-    document = read_json(record)
-    document["claims"] = {key: [asdict(row) for row in part] for key, part in found.items()}
-    page = results.folder / "index.html"
+    record, page = results.folder / RECORD, results.folder / "index.html"
+    rows = {key: [asdict(row) for row in part] for key, part in found.items()}
+    write_json(record, read_json(record) | {"claims": rows}, indent=1, ensure_ascii=False)
     for path, text in (
-        (record, json.dumps(document, indent=1, ensure_ascii=False) + "\n"),
         (results.folder / "reproduction.md", markdown(found, command, timings)),
         (page, html(found, figures, timings)),
     ):

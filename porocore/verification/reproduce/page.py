@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from porocore.report.format import duration
@@ -28,10 +29,7 @@ PARTS = (
 
 def verdicts(parts: Mapping[str, Sequence[CheckedClaim]]) -> str:
     """Return a sentence that counts the verdicts."""
-    counts = {"yes": 0, "partly": 0, "no": 0, "–": 0}
-    for rows in parts.values():
-        for row in rows:
-            counts[row.verdict] += 1
+    counts = Counter(row.verdict for rows in parts.values() for row in rows)
     return (
         f"Of {sum(counts.values())} rows, {counts['yes']} agree, {counts['partly']} agree in part, "
         f"{counts['no']} do not, and {counts['–']} have nothing to agree with (settings, times on other machines)."

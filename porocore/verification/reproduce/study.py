@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from porocore.core.console import Console
 from porocore.macro.laws.linear import LinearCoefficients
@@ -22,13 +21,10 @@ from porocore.study.stages.stage_times import timed
 from porocore.study.stages.summary import report_context
 from porocore.verification.local_fields.solve import PAPER_STATES, LocalFields, solve_and_write
 from porocore.verification.reproduce.calls import CallTimes, call_times
-from porocore.verification.reproduce.column import Column
+from porocore.verification.reproduce.column import TANGENTS, Column
 from porocore.verification.sensitivity.results import Sensitivity
 from porocore.verification.sensitivity.study import SensitivityProgress, run_study
 from porocore.verification.sensitivity.tables import write_table
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 #: The paper's closure first; the report is about it.
 CLOSURES = ("mean-gradient", "potential")
@@ -147,6 +143,11 @@ class Results:
         """Linear poroelasticity of the cell of the paper's text."""
         return linear_coefficients(self.as_stated, self.as_stated_config)
 
+    def tangent_at_rest(self, name: str) -> float:
+        """Return a component of :data:`TANGENTS` of the benchmark's undeformed cell."""
+        field, component = TANGENTS[name]
+        return float(getattr(self.linear, field)[component])
+
     @cached_property
     def calls(self) -> CallTimes:
         """Time of a call of the surrogate."""
@@ -166,7 +167,5 @@ class Results:
                 CellReference.compute(solver, prepared, config.cell, config.stages.cell).save(path)
         return CellReference.load(path, config.stages.cell)
 
-    @contextmanager
-    def _stage(self, name: str) -> Iterator[None]:
-        with timed(self.timings, name):
-            yield
+    def _stage(self, name: str) -> AbstractContextManager[None]:
+        return timed(self.timings, name)
