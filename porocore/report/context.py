@@ -237,7 +237,7 @@ class ReportContext:
     other_surrogates
         Those of the other closures.
     direct
-        What direct FE² has cost.
+        Cost of direct FE².
     scenarios
         For which the main results are given in SI units.
     fallbacks

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.interfaces.solution import History, MacroSolution
+from porocore.report.format import percent
 from porocore.states import Array
 
 #: A run whose settlement still moves by more than this share of its final value in the last tenth of the time
@@ -194,34 +195,36 @@ def report_metrics(cases: tuple[LoadCase, ...]) -> dict[str, Any]:
     return {"cases": [case_metrics(case) for case in cases]}
 
 
-def leaving(metrics: dict[str, Any]) -> str:
-    """Return in words when parts of the body are first flagged."""
-    words = f"the first points from t = {metrics['flagged_first_time']:.3g}"
-    if metrics["flagged_all_time"] is not None:
-        words += f", all of it from t = {metrics['flagged_all_time']:.3g}"
-    return words
+def flagged_shares(metrics: dict[str, Any]) -> str:
+    """Return the flagged share of the body over time in words."""
+    largest, mean, end = (percent(metrics[f"flagged_{name}"]) for name in ("largest", "time_mean", "end"))
+    words = (
+        f"Over time the flagged share is at most {largest} of the body and on average {mean}; at the end of the run "
+        f"it is {end}. The first points are flagged at t = {metrics['flagged_first_time']:.3g}"
+    )
+    whole = metrics["flagged_all_time"]
+    return words + ("." if whole is None else f", and the whole body is flagged at t = {whole:.3g}.")
 
 
 def case_warnings(metrics: dict[str, Any], where: str = "") -> list[str]:
     """Return what a reader must know before trusting the case that :func:`case_metrics` describes.
 
-    ``where`` says where in the body states are flagged and which component is at fault, if that is known.
+    ``where`` names a flagged element of the body and the component that causes it, if that is known.
     """
     load, found = f"{metrics['load']:g}".replace("-", "−"), []
     flagged = metrics["nonlinear"]
     if flagged["flagged_largest"] > 0:
         found.append(
-            f"Load {load}: at the end {100 * flagged['flagged_end']:.0f} % of the body, at most "
-            f"{100 * flagged['flagged_largest']:.0f} % and {100 * flagged['flagged_time_mean']:.0f} % on "
-            f"average over time, is flagged ({leaving(flagged)}): there the error of the surrogate is estimated to "
-            f"exceed surrogate.tolerance, or no cell was solved near.{where and ' ' + where}"
+            f"Load {load}: parts of the body are flagged. There the estimated error of the surrogate exceeds "
+            f"surrogate.tolerance, or no cell was solved for a similar state. {flagged_shares(flagged)}"
+            f"{where and ' ' + where}"
         )
     for kind in ("nonlinear", "linear"):
         drift = metrics[kind]["steady_drift"]
         if drift is not None and drift > STEADY_TOLERANCE:
             found.append(
                 f"Load {load}: the {kind} settlement still changed by {100 * drift:.1f} % of its final value "
-                "in the last tenth of the time, so that value is not the steady state. Raise the end time."
+                "in the last tenth of the time, so the final value is not the steady state. Raise the end time."
             )
     return found
 

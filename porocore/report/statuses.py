@@ -56,9 +56,10 @@ def _at(
 
 def solved_sentence(shares: dict[str, float]) -> str:
     """Return :func:`solved_shares` in words."""
+    contact, unstable, without = (percent(shares[name], 0) for name in SHARES)
     return (
-        f"Of the solved states {percent(shares['contact'], 0)} are in contact, the pore wall pressed against itself, "
-        f"{percent(shares['unstable'], 0)} are unstable and {percent(shares['without_values'], 0)} have no valid data."
+        f"Of the solved states, {contact} are in contact: the pore wall is pressed against itself. {unstable} are "
+        f"unstable, and {without} have no valid data."
     )
 
 
@@ -69,11 +70,13 @@ def visited_sentence(visited: list[dict[str, float]]) -> str:
     end = visited[-1]
     largest = {name: max(at[name] for at in visited) for name in SHARES}
     if not any(largest.values()):
-        return "At all times of the kept profiles the nearest solved states of the cell are stable and free of contact."
+        return (
+            "The solved states of the cell nearest to the states of the body are stable and free of contact."
+        )
     return (
-        f"By the nearest solved state of the cell, {percent(end['contact'], 0)} of the body is at the end in contact "
-        f"of the pore wall with itself, {percent(end['unstable'], 0)} in unstable states and "
-        f"{percent(end['without_values'], 0)} in states without valid data; at any time of a kept profile at most "
-        f"{percent(largest['contact'], 0)}, {percent(largest['unstable'], 0)} and "
-        f"{percent(largest['without_values'], 0)}."
+        "Each element of the body has a nearest solved state of the cell. By the statuses of these states, "
+        f"{percent(end['contact'], 0)} of the body is in contact at the end (at most {percent(largest['contact'], 0)} "
+        f"at a time of a profile): the pore wall touches itself. {percent(end['unstable'], 0)} is unstable (at most "
+        f"{percent(largest['unstable'], 0)}), and {percent(end['without_values'], 0)} has no valid data (at most "
+        f"{percent(largest['without_values'], 0)})."
     )

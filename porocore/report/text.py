@@ -9,21 +9,23 @@ import numpy as np
 
 from porocore.macro.laws.pull_back import is_isotropic
 from porocore.report.context import CellSummary, Published, ReportContext, SurrogateSummary
-from porocore.report.format import NONE, difference, number, percent, plain
-from porocore.report.metrics import LoadCase, case_metrics, case_warnings, leaving
+from porocore.report.format import NONE, difference, number, plain
+from porocore.report.metrics import LoadCase, case_metrics, case_warnings, flagged_shares
 from porocore.states import Status
 
 #: What each status means, in plain words.
 MEANINGS: dict[Status, str] = {
-    Status.converged: "in equilibrium, and stable as far as the solved part of the cell can tell",
-    Status.contact: "in equilibrium and stable, with the pore wall pressed against itself or its mirror image",
-    Status.unstable: "in equilibrium, but the cell would leave it at the least disturbance (indefinite "
+    Status.converged: "in equilibrium; no instability was found",
+    Status.contact: "in equilibrium, with the pore wall pressed against itself or its mirror image; no instability "
+    "was found",
+    Status.unstable: "in equilibrium, but unstable: a small disturbance moves the cell to another state (indefinite "
     "tangent); the values are kept",
     Status.overlap: "the pore wall has passed through itself or its mirror image, or no fluid volume is "
-    "left, although every point still has J > 0; no valid data",
-    Status.inverted: "no load step, however small, keeps J > 0; no data",
+    "left; every point still has J > 0; no valid data",
+    Status.inverted: "even the smallest load step leads to J ≤ 0; no data",
     Status.not_converged: "the limit of iterations or steps was reached; no data",
-    Status.lost: "twice the worker died over it or its time was over, which may not be the cell's fault; no data",
+    Status.lost: "two workers died or exceeded the time limit while solving it, which the cell need not have caused; "
+    "no data",
 }
 
 
@@ -41,25 +43,23 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
     nonlinear, linear = metrics["nonlinear"], metrics["linear"]
     settled, expected = nonlinear["final_settlement"], linear["final_settlement"]
     sentences = [
-        f"Under the load {plain(metrics['load'])} the settlement ends at {number(settled)} with the "
-        f"cell's own law and at {number(expected)} with linear poroelasticity of the same cell: "
+        f"Under the load {plain(metrics['load'])} the final settlement is {number(settled)} with the nonlinear law of "
+        f"the cell and {number(expected)} with linear poroelasticity. The nonlinear settlement is "
         f"{difference(metrics['settlement_ratio'])}."
     ]
     if nonlinear["time_to_99_percent"] is not None and linear["time_to_99_percent"] is not None:
         sentences.append(
-            f"95 % of the final settlement is reached at t = {number(nonlinear['time_to_95_percent'], 3)} "
-            f"against {number(linear['time_to_95_percent'], 3)}, 99 % at "
-            f"t = {number(nonlinear['time_to_99_percent'], 3)} against "
-            f"{number(linear['time_to_99_percent'], 3)} "
-            f"({difference(metrics['time_to_99_percent_ratio'], 'sooner', 'later')})."
+            f"It reaches 95 % of its final value at t = {number(nonlinear['time_to_95_percent'], 3)} and 99 % at "
+            f"t = {number(nonlinear['time_to_99_percent'], 3)}. The linear settlement reaches them at "
+            f"t = {number(linear['time_to_95_percent'], 3)} and {number(linear['time_to_99_percent'], 3)}. "
+            f"The nonlinear time to 99 % is {difference(metrics['time_to_99_percent_ratio'], 'shorter', 'longer')}."
         )
     if nonlinear["flagged_largest"] > 0:
         sentences.append(
-            f"At the end {percent(nonlinear['flagged_end'], 0)} of the body lies beyond the states that the "
-            f"surrogate was trained on ({leaving(nonlinear)})."
+            f"Parts of the body are flagged: there the surrogate is not reliable. {flagged_shares(nonlinear)}"
         )
     else:
-        sentences.append("Every state of the body lies within the range that the surrogate was trained on.")
+        sentences.append("No part of the body is flagged as a state where the surrogate is not reliable.")
     return sentences
 
 
@@ -68,22 +68,22 @@ def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[Compar
     nonlinear, linear = metrics["nonlinear"], metrics["linear"]
     return [
         ComparisonRow(
-            "final settlement, nonlinear against linear",
+            "final settlement, nonlinear compared with linear",
             published.settlement,
             difference(metrics["settlement_ratio"]),
         ),
         ComparisonRow(
-            "steady state, nonlinear",
+            "time to the steady state, nonlinear",
             f"at t = {plain(published.steady_time)} (no criterion stated)",
             f"95 % at t = {number(nonlinear['time_to_95_percent'], 3)}, "
             f"99 % at t = {number(nonlinear['time_to_99_percent'], 3)}",
         ),
         ComparisonRow(
-            "steady state, nonlinear against linear",
+            "time to the steady state, nonlinear compared with linear",
             published.duration,
-            f"to 95 %: {difference(metrics['time_to_95_percent_ratio'], 'sooner', 'later')} (linear: t = "
+            f"to 95 %: {difference(metrics['time_to_95_percent_ratio'], 'shorter', 'longer')} (linear: t = "
             f"{number(linear['time_to_95_percent'], 3)}); to 99 %: "
-            f"{difference(metrics['time_to_99_percent_ratio'], 'sooner', 'later')} (linear: t = "
+            f"{difference(metrics['time_to_99_percent_ratio'], 'shorter', 'longer')} (linear: t = "
             f"{number(linear['time_to_99_percent'], 3)})",
         ),
     ]
@@ -121,26 +121,27 @@ def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
     ]
 
 
-#: How K is carried along, by whether it turns with the solid.
-_CARRIED = {
-    False: "carried along with F̄ as in the paper: the figures show K_t = F̄⁻¹ K F̄⁻ᵀ",
-    True: "turned with the solid and carried along with F̄ = R̄ Ū: the figures show K_t = Ū⁻¹ K Ū⁻¹",
+#: Transformation of K, by whether it rotates with the solid.
+_TRANSFORMED = {
+    False: "transformed by the mean deformation gradient F̄ of the solid as in the paper, to K_t = F̄⁻¹ K F̄⁻ᵀ",
+    True: "transformed by the mean deformation gradient F̄ = R̄ Ū of the solid and rotates with it, to K_t = Ū⁻¹ K Ū⁻¹",
 }
 
 
 def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
-    """Return which conductivity the flux goes by, and its component 22 at the last profile."""
+    """Return the conductivity of the flux in words, with its component 22 at the last profile."""
     if cell.law == "deformed":
         found = (
-            "K_ref, between ∇p and the flux through reference area, is that of the deformed pore, learned from the "
-            "flow through the deformed pore of every sampled state; the figures show K_t = K_ref/det F̄."
+            "The conductivity K_ref relates ∇p to the flux through reference area. It is that of the deformed pore: "
+            "the flow was solved in the deformed pore of every sampled state, and a surrogate was trained on the "
+            "results. The figures show K_t = K_ref/det F̄."
         )
     else:
         turned = cell.law == "piola" and not is_isotropic(cell.linear.conductivity)
         found = (
-            f"K of the undeformed pore is {_CARRIED[turned]}, and "
-            "the flux through reference area has K_ref = det F̄ K_t. Compression along an axis raises both along it, "
-            "although the pores close, and the times to 95 % and 99 % depend on it."
+            f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}; the figures show K_t. "
+            "The flux through reference area follows K_ref = det F̄ K_t. Compression along an axis raises both "
+            "along this axis, although the pores become narrower. The times to 95 % and 99 % depend on this."
         )
     if not case.nonlinear.profiles:
         return found
@@ -149,7 +150,10 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
         " to ".join(number(float(end(K[:, 1, 1])), 3) for end in (np.min, np.max))
         for K in (last.conductivity, last.reference_conductivity)
     )
-    return f"{found} At t = {number(last.time, 3)} K_ref,22 is {K_ref} and K_t,22 {K_t}; both are {rest} at rest."
+    return (
+        f"{found} At t = {number(last.time, 3)} the values in the body are {K_ref} for K_ref,22 and {K_t} for K_t,22; "
+        f"in the undeformed cell both are {rest}."
+    )
 
 
 def _unjudged(surrogate: SurrogateSummary) -> list[str]:
@@ -159,8 +163,8 @@ def _unjudged(surrogate: SurrogateSummary) -> list[str]:
         return []
     return [
         f"None of the {len(outputs[0].solved)} held-out states lies within the range that the surrogate was trained "
-        "on, so its errors are those beyond that range and say nothing of those within. Sample more states, so that "
-        "they fill the ranges, or hold out more (sampling.test.count)."
+        "on. Its errors are measured outside this range only; the errors inside are unknown. Sample more states, so "
+        "that they fill the ranges, or hold out more (sampling.test.count)."
     ]
 
 

@@ -296,7 +296,7 @@ def test_a_state_without_solution_reads_as_its_status_and_no_dashes(porocore_com
     pipeline.solve_cell = lambda config, grad_u, p: solved("inverted")
     status, out, err = porocore_command("cell")
     assert (status, err) == (0, "")
-    assert "status: inverted – no load step, however small, keeps J > 0; no data\n" in out
+    assert "status: inverted – even the smallest load step leads to J ≤ 0; no data\n" in out
     assert [line.split(":")[0] for line in out.splitlines() if not line.startswith(" ")] == [
         "porosity",
         "conductivity",

@@ -163,12 +163,12 @@ def other_interface(reader):
 
 
 def outside(reader):
-    nonlinear = {"flagged_largest": 0.2, "flagged_end": 0.1, "flagged_time_mean": 0.1, "steady_drift": 0.02}
-    with mock.patch("porocore.report.metrics.leaving", return_value="the first points from t = 0.2"):
-        found = case_warnings(
-            {"load": -0.2, "nonlinear": nonlinear, "linear": {"steady_drift": None}},
-            "So it is around (0, 0, 0).",
-        )
+    shares = {"flagged_largest": 0.2, "flagged_end": 0.1, "flagged_time_mean": 0.1}
+    nonlinear = {**shares, "flagged_first_time": 0.2, "flagged_all_time": None, "steady_drift": 0.02}
+    found = case_warnings(
+        {"load": -0.2, "nonlinear": nonlinear, "linear": {"steady_drift": None}},
+        "An example is the element at (0, 0, 0) at t = 1.",
+    )
     return [f"warning: {text}" for text in found]
 
 

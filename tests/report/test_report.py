@@ -178,7 +178,7 @@ def test_text_of_the_user_is_shown_and_not_interpreted(page):
 
 def test_says_the_result_in_numbers_beside_the_publication(page):
     # 2 (1 − e^{−10}) and 2.6 (1 − e^{−8}): 23.1 % smaller
-    for text in ("ends at 2.000", "at 2.599", "23.1 % smaller", "around 20 % smaller", "at t = 38"):
+    for text in ("settlement is 2.000", "and 2.599", "23.1 % smaller", "around 20 % smaller", "at t = 38"):
         assert text in page.words
     assert "considerably shorter time" in page.words
     for published, found in (("1.943", "1.940"), ("−0.23", "−0.2297"), ("−0.113", "−0.1135")):
@@ -190,7 +190,7 @@ def test_says_the_result_in_numbers_beside_the_publication(page):
 def test_warnings_come_before_the_summary(context, page):
     handed_in, flagged = (
         page.words.index("Handed in <first>"),
-        page.words.index("surrogate.tolerance, or no cell was solved near."),
+        page.words.index("surrogate.tolerance, or no cell was solved for a similar state."),
     )
     assert handed_in < flagged < page.words.index("Under the load −0.2")
     calm = replace(
@@ -207,7 +207,8 @@ def replace_outside(context, share):
 
 def test_says_how_far_the_conductivity_rises(context, page):
     found = re.search(
-        r"as in the paper.*At t = (\S+) K_ref,22 is (\S+) to (\S+) and K_t,22 (\S+) to (\S+); both are 1\.94 at rest",
+        r"as in the paper.*At t = (\S+) the values in the body are (\S+) to (\S+) for K_ref,22 and "
+        r"(\S+) to (\S+) for K_t,22; in the undeformed cell both are 1\.94",
         page.words,
     )
     assert found
@@ -223,8 +224,8 @@ def test_says_how_far_the_conductivity_rises(context, page):
 def test_says_that_the_conductivity_is_that_of_the_deformed_pore(context):
     cell = replace(context.cell, law="deformed")
     words = conductivity_sentence(context.cases[0], cell)
-    assert "K_ref, between ∇p and the flux through reference area, is that of the deformed pore" in words
-    assert "both are 1.94 at rest" in words
+    assert "K_ref relates ∇p to the flux through reference area. It is that of the deformed pore" in words
+    assert "in the undeformed cell both are 1.94" in words
     assert "as in the paper" not in words
 
 
@@ -247,7 +248,7 @@ def test_says_where_no_held_out_state_lies_in_the_sampled_range(context, unpictu
     assert not [text for text in all_warnings(context) if "held-out" in text]
     text = Page(render(other)).text
     assert "40, all beyond" in text
-    assert "say nothing of those within" in text
+    assert "not for the states inside" in text
     assert "all beyond" not in Page(render(context)).text
 
 
@@ -365,14 +366,14 @@ def test_closures_stand_side_by_side_and_direct_solves_say_what_they_cost(contex
         direct=(DirectCost("direct-potential", -0.2, 1234, 567, 8, 90.0, 120.0, 0.5),),
     )
     page = Page(render(both))
-    assert "The laws beside one another" in page.words
+    assert "Comparison of the laws" in page.words
     assert "−0.50 %" in page.text  # 2 against 2.01
     cells = [text.strip() for text in re.findall(r"<td[^>]*>([^<]*)", render(both))]
     where = cells.index("1234")
     assert cells[where : where + 3] == ["1234", "567", "8"]
     assert "240" in cells[where:]  # 120 s against 0.5 s
-    assert "it adds no error of its own" in page.words
+    assert "It adds no error to them" in page.words
     assert "for the other closure" in page.words
     alone = Page(render(context))
-    assert "The laws beside one another" not in alone.words
-    assert "What direct FE² has cost" not in alone.words
+    assert "Comparison of the laws" not in alone.words
+    assert "Cost of direct FE²" not in alone.words

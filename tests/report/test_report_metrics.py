@@ -15,7 +15,7 @@ from porocore.report.metrics import (
     OutputCheck,
     case_metrics,
     case_warnings,
-    leaving,
+    flagged_shares,
     report_metrics,
     rms_percent,
     solution_metrics,
@@ -95,7 +95,8 @@ def test_warns_of_flagged_states_only(column):
     calm, linear = column(beyond=None), column(law="linear", beyond=None)
     assert case_warnings(case_metrics(LoadCase(calm, linear))) == []
     (warning,) = case_warnings(case_metrics(LoadCase(column(beyond=-0.2), linear)))
-    assert "Load −0.2: at the end 100 % of the body" in warning
+    assert "Load −0.2: parts of the body are flagged." in warning
+    assert "at the end of the run it is 100.0 %" in warning
 
 
 def test_two_solutions_of_different_loads_are_no_case(column):
@@ -157,6 +158,9 @@ def test_says_when_the_body_leaves_the_sampled_range(column):
     assert metrics["flagged_first_time"] == time[time > 50][0]
     assert metrics["flagged_all_time"] == time[time > 75][0]
     first, all_of_it = (f"{time[time > t][0]:.3g}" for t in (50, 75))
-    assert leaving(metrics) == f"the first points from t = {first}, all of it from t = {all_of_it}"
+    assert flagged_shares(metrics) == (
+        "Over time the flagged share is at most 100.0 % of the body and on average 40.0 %; at the end of the run it is "
+        f"100.0 %. The first points are flagged at t = {first}, and the whole body is flagged at t = {all_of_it}."
+    )
     within = replace(solution, history=replace(solution.history, outside_training_range=np.zeros_like(time)))
     assert solution_metrics(within)["flagged_first_time"] is None

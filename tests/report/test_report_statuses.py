@@ -32,8 +32,8 @@ def test_of_the_solved_states():
     found = solved_shares(sampling(*ends, *5 * [Status.converged]))
     assert found == {"contact": 0.2, "unstable": 0.1, "without_values": 0.2}
     assert solved_sentence(found) == (
-        "Of the solved states 20 % are in contact, the pore wall pressed against itself, 10 % are unstable and 20 % "
-        "have no valid data."
+        "Of the solved states, 20 % are in contact: the pore wall is pressed against itself. 10 % are unstable, and "
+        "20 % have no valid data."
     )
 
 

@@ -155,7 +155,7 @@ def test_it_says_where_in_the_body():
     early, late = Profile(1.0, [0.0, 0.5], [0, -0.16]), Profile(2.0, [0.0, 1.0], [0, -0.2])
     said = flagged_place(Solution(early, late, Profile(3.0, [0.25, 0.0], [0, 0])), surrogate)
     assert said.startswith(
-        "So it is around (1, 3, 0) at t = 2: H22 = −0.2, beyond [−0.15, 0.1], where the est"
+        "An example is the element at (1, 3, 0) at t = 2: H22 = −0.2, beyond [−0.15, 0.1], where the est"
     )
     assert flagged_place(Solution(Profile(1.0, [0.0, 0.0], [0, 0])), surrogate) == ""
     assert flagged_place(Solution(), surrogate) == ""

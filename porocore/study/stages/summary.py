@@ -97,7 +97,7 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
     table = read_training_curve(results.folder.training_curve_of(config))
     return SurrogateSummary(
         backend=config.surrogate.backend,
-        description=f"{f'model {model}, ' if model else ''}{closure} closure; trained on stable states only",
+        description=f"{f'model {model}, ' if model else ''}{closure} closure",
         training_states=int(results.dataset.responses().stable.sum()),
         outputs=output_checks(results.dataset, results.held_out, surrogate),
         curve=None if table is None else TrainingCurve(table[:, 0], table[:, 1], table[:, 2]),
@@ -230,4 +230,4 @@ def flagged_place(solution: MacroSolution, surrogate: Surrogate) -> str:
     place = ", ".join(f"{x:.3g}" for x in solution.points[solution.cells[element]].mean(axis=0))
     state = MacroState(profile.grad_u[[element]], profile.element_p[[element]])
     (why,) = surrogate.reasons(state)
-    return f"So it is around ({place}) at t = {profile.time:.3g}{why and ': ' + why}."
+    return f"An example is the element at ({place}) at t = {profile.time:.3g}{why and ': ' + why}."
