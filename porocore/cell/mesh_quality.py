@@ -128,8 +128,7 @@ def dihedral_angles(points: Array, cells: IntArray) -> Array:
     normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     cosines = -np.einsum("mei,mei->me", normals[:, EDGES[:, 0]], normals[:, EDGES[:, 1]])
-    angles: Array = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
-    return angles
+    return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))))
 
 
 def unmatched(mesh: CellMesh) -> int:

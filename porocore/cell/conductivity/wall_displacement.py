@@ -100,8 +100,7 @@ def _wall_elements(solid: CellMesh) -> IntArray:
     inverse = inverse.reshape(-1)
     owner = np.zeros(int(inverse.max(initial=-1)) + 1, dtype=np.int64)
     owner[inverse[: len(facets)]] = np.arange(len(facets)) // 4
-    found: IntArray = owner[inverse[len(facets) :]]
-    return found
+    return np.asarray(owner[inverse[len(facets) :]])
 
 
 def _inverted(corners: Array, places: Array) -> tuple[Array, Array]:

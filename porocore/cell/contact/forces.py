@@ -84,8 +84,7 @@ class Forces:
     @property
     def by_load(self) -> Array:
         """∂E/∂H (3, 3) at fixed u, Σ f_i X̃_j."""
-        by_load: Array = np.einsum("mki,mkj->ij", self.gradient, self.places)
-        return by_load
+        return np.asarray(np.einsum("mki,mkj->ij", self.gradient, self.places))
 
 
 def joined(parts: list[Blocks]) -> Blocks:

@@ -71,8 +71,7 @@ def height(points: Array, triangles: Array) -> Array:
     """Return a multiple (m,) of the height over the triangle's plane, of the sign of the distance."""
     first = triangles[:, 0]
     m = np.cross(triangles[:, 1] - first, triangles[:, 2] - first)
-    above: Array = ((points - first) * m).sum(axis=1)
-    return above
+    return np.asarray(((points - first) * m).sum(axis=1))
 
 
 def _from_plane(points: Array, triangles: Array) -> tuple[Array, Array, Array]:

@@ -70,8 +70,7 @@ def onto_fillet(points: Array, radius: float, fillet: float, axes: str) -> Array
     nearest = np.linalg.norm(points - all_centres, axis=2).argmin(axis=0)
     centre = all_centres[nearest, np.arange(len(points))]
     away = points - centre
-    on_fillet: Array = centre + fillet * away / np.linalg.norm(away, axis=1, keepdims=True)
-    return on_fillet
+    return np.asarray(centre + fillet * away / np.linalg.norm(away, axis=1, keepdims=True))
 
 
 def _nearest(a: Array, b: Array, R: float, end: float) -> Array:

@@ -147,20 +147,17 @@ def _on_fillet(R: float, fillet: float) -> Array:
     centre = R * np.stack([sine, cosine, cosine], axis=1)
     contact = np.stack([sine, cosine, 0 * t], axis=1)
     away = centre - middle_of_fillet(R, fillet, t)
-    on_fillet: Array = centre - fillet * _unit(contact + share[:, None] * (away / fillet - contact))
-    return on_fillet
+    return np.asarray(centre - fillet * _unit(contact + share[:, None] * (away / fillet - contact)))
 
 
 def _on_corner(corner: Array, fillet: float) -> Array:
     contact_tip_middle = _unit(np.array([[1.0, 1, 0], [1, 1, 1], [2, 1, 1]]))
     weights = np.array([[1.0, 1, 1], [2, 1, 1], [1, 2, 1], [1, 1, 2]])
-    on_corner: Array = corner - fillet * _unit(weights @ contact_tip_middle)
-    return on_corner
+    return corner - fillet * _unit(weights @ contact_tip_middle)
 
 
 def _unit(vectors: Array) -> Array:
-    unit: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return unit
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def middle_of_fillet(R: float, fillet: float, t: Array) -> Array:
@@ -168,5 +165,4 @@ def middle_of_fillet(R: float, fillet: float, t: Array) -> Array:
     sine, cosine = np.sin(t), np.cos(t)
     centre = R * np.stack([sine, cosine, cosine], axis=-1)
     bisector = np.stack([2 * sine, cosine, cosine], axis=-1)  # sum of the two directions of contact
-    middle: Array = centre - fillet * _unit(bisector)
-    return middle
+    return np.asarray(centre - fillet * _unit(bisector))

@@ -93,5 +93,4 @@ def _wall_edges(mesh: TwoPhases, edges: IntArray) -> IntArray:
     wall = unique[(of_solid > 0) & (of_fluid > 0)]
     ends = np.unique(wall[:, [[0, 1], [1, 2], [0, 2]]].reshape(-1, 2), axis=0)
     n = int(mesh.cells.max()) + 1
-    found: IntArray = np.flatnonzero(np.isin(edges[:, 0] * n + edges[:, 1], ends[:, 0] * n + ends[:, 1]))
-    return found
+    return np.flatnonzero(np.isin(edges[:, 0] * n + edges[:, 1], ends[:, 0] * n + ends[:, 1]))

@@ -163,8 +163,7 @@ class _Cuts:
         if not len(a):
             return np.zeros(0, dtype=np.int64)
         codes = self.ends[:, 0] * n + self.ends[:, 1]  # ascending, as the ends are
-        found: IntArray = n + np.searchsorted(codes, np.minimum(a, b) * n + np.maximum(a, b))
-        return found
+        return np.asarray(n + np.searchsorted(codes, np.minimum(a, b) * n + np.maximum(a, b)))
 
 
 def onto(level_set: LevelSet, points: Array, held: npt.NDArray[np.bool_], steps: int = 20) -> Array:
@@ -267,5 +266,4 @@ def _prisms(corners: IntArray, key: IntArray) -> IntArray:
     rising = np.minimum(keys[:, 1], keys[:, 5]) < np.minimum(keys[:, 2], keys[:, 4])
     one = turned[:, [[0, 1, 2, 5], [0, 1, 5, 4], [0, 4, 5, 3]]]
     other = turned[:, [[0, 1, 2, 4], [0, 4, 2, 5], [0, 4, 5, 3]]]
-    found: IntArray = np.where(rising[:, None, None], one, other).reshape(-1, 4)
-    return found
+    return np.where(rising[:, None, None], one, other).reshape(-1, 4)

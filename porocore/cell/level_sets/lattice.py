@@ -60,15 +60,13 @@ class Lattice:
     @cached_property
     def on_side(self) -> npt.NDArray[np.bool_]:
         """True (N, 3) for a node on a side across each axis."""
-        on_side: npt.NDArray[np.bool_] = (self.index == 0) | (self.index == 2 * self.n)
-        return on_side
+        return np.asarray((self.index == 0) | (self.index == 2 * self.n))
 
     @cached_property
     def first(self) -> IntArray:
         """First periodic image (N,) of each node, with the lowest places; the node itself between mirrors."""
         wrapped = np.where((self.index == 2 * self.n) & self.periodic, 0, self.index)
-        first: IntArray = self._numbers[tuple(wrapped.T)]
-        return first
+        return np.asarray(self._numbers[tuple(wrapped.T)])
 
     @cached_property
     def edges(self) -> tuple[IntArray, IntArray, npt.NDArray[np.bool_]]:
@@ -128,5 +126,4 @@ def body_centred(n: int, low: float, high: float, *, periodic: bool) -> Lattice:
 
 
 def _grid(*places: IntArray) -> IntArray:
-    grid: IntArray = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, 3)
-    return grid
+    return np.asarray(np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, 3))

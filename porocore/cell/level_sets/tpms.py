@@ -133,8 +133,7 @@ class Nodal:
                 sx * cy * sz - sx * sy * cz + cx * cy * cz - cx * sy * sz,
                 sx * sy * cz - sx * cy * sz - cx * sy * sz + cx * cy * cz,
             ]
-        gradient: Array = 2 * np.pi * np.stack(components, axis=1)
-        return gradient
+        return np.asarray(2 * np.pi * np.stack(components, axis=1))
 
 
 class Sheet:
@@ -145,13 +144,11 @@ class Sheet:
 
     def value(self, points: Array) -> Array:
         """Return the values (n,) at points (n, 3)."""
-        value: Array = self.level**2 - self._f.value(points) ** 2
-        return value
+        return self.level**2 - self._f.value(points) ** 2
 
     def gradient(self, points: Array) -> Array:
         """Return the gradients (n, 3) at points (n, 3)."""
-        gradient: Array = -2 * self._f.value(points)[:, None] * self._f.gradient(points)
-        return gradient
+        return -2 * self._f.value(points)[:, None] * self._f.gradient(points)
 
 
 @lru_cache(maxsize=256)

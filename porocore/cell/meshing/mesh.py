@@ -108,8 +108,7 @@ class CellMesh:
         _, first, count = np.unique(
             np.sort(facets[:, :3], axis=1), axis=0, return_index=True, return_counts=True
         )
-        boundary: npt.NDArray[np.int64] = facets[first[count == 1]]
-        return boundary
+        return np.asarray(facets[first[count == 1]])
 
     @cached_property
     def wall(self) -> npt.NDArray[np.int64]:
@@ -125,8 +124,7 @@ class CellMesh:
                 on_plane |= (corners == plane).all(axis=1).any(axis=1)
             return self.boundary[~on_plane]
         number = facet_classes(self.points, self.boundary, self._last)
-        wall: npt.NDArray[np.int64] = self.boundary[np.bincount(number)[number] == 1]
-        return wall
+        return np.asarray(self.boundary[np.bincount(number)[number] == 1])
 
     @property
     def _last(self) -> Array:
@@ -139,8 +137,7 @@ class CellMesh:
         if self.domain == "eighth":
             return np.arange(len(self.points))
         wrapped = np.where(self.points == self._last, -0.5, self.points)
-        inverse: npt.NDArray[np.int64] = np.unique(wrapped, axis=0, return_inverse=True)[1].reshape(-1)
-        return inverse
+        return np.asarray(np.unique(wrapped, axis=0, return_inverse=True)[1].reshape(-1))
 
     @cached_property
     def hash(self) -> str:

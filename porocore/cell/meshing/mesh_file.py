@@ -201,8 +201,7 @@ def _unit_cell(path: Path, points: Array, cells: IntArray) -> Array:
             f"{path}: expected a cube, got a box of {extent[0]:g} x {extent[1]:g} x {extent[2]:g}; a cell has the same "
             "period along each axis: mesh such a cell, or repeat it until its periods are equal"
         )
-    unit: Array = (points - low) / extent.max() - 0.5
-    return unit
+    return np.asarray((points - low) / extent.max() - 0.5)
 
 
 def _positive(points: Array, cells: IntArray, path: Path) -> IntArray:

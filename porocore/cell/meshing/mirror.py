@@ -87,5 +87,4 @@ def unfold_displacement(points: Array, u: Array, whole: Array) -> Array:
     image = node[inverse[len(known) :]]
     if (image < 0).any():
         raise ValueError("the nodes of the whole cell are no mirror images of those of the eighth")
-    unfolded: Array = np.sign(whole) * u[image]
-    return unfolded
+    return np.asarray(np.sign(whole) * u[image])

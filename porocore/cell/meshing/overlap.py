@@ -109,8 +109,7 @@ def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int6
     apart = ~same.any(axis=1)
     point, tetrahedron = point[apart], tetrahedron[apart]
     inside = _depth(corners[tetrahedron], points[point]) > DEPTH
-    nodes_of: npt.NDArray[np.int64] = np.unique(origin[point[inside]])
-    return nodes_of
+    return np.asarray(np.unique(origin[point[inside]]))
 
 
 def _depth(corners: Array, points: Array) -> npt.NDArray[np.float64]:

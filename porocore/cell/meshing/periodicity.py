@@ -69,8 +69,7 @@ def facet_classes(points: Array, facets: IntArray, last: Array) -> IntArray:
         images = below[corners]
         there = (images >= 0).all(axis=1)
         corners[there] = np.sort(images[there], axis=1)
-    number: IntArray = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
-    return number
+    return np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _check_facets(points: Array, cells: IntArray, what: str) -> None:

@@ -49,8 +49,7 @@ def tetrahedron_rule(degree: int) -> tuple[Array, Array]:
 
 def _corners(a: float) -> Array:
     """Return the four points with barycentric coordinates (a, a, a, 1 − 3a)."""
-    points: Array = a + np.vstack([np.zeros(3), np.eye(3) * (1 - 4 * a)])
-    return points
+    return a + np.vstack([np.zeros(3), np.eye(3) * (1 - 4 * a)])
 
 
 def _conical(n: int) -> tuple[Array, Array]:

@@ -76,8 +76,7 @@ def oriented(points: Array, cells: IntArray) -> IntArray:
 def volumes(points: Array, cells: IntArray) -> Array:
     """Return the signed volume of each tetrahedron with straight edges, (M,)."""
     corners = points[cells[:, :4]]
-    found: Array = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
-    return found
+    return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6)
 
 
 def volume(points: Array, cells: IntArray) -> float:
@@ -89,8 +88,7 @@ def volume(points: Array, cells: IntArray) -> float:
 def determinants(points: Array, cells: IntArray, at: Array) -> Array:
     """Return det ∂X/∂ξ of each tetrahedron at points (q, 3) of the unit one, (M, q)."""
     _, dN = shape_functions(at, cells.shape[1])
-    found: Array = np.linalg.det(np.einsum("eai,qaj->eqij", points[cells], dN, optimize=True))
-    return found
+    return np.asarray(np.linalg.det(np.einsum("eai,qaj->eqij", points[cells], dN, optimize=True)))
 
 
 def least_stretch(points: Array, cells: IntArray) -> Array:
@@ -101,5 +99,4 @@ def least_stretch(points: Array, cells: IntArray) -> Array:
     """
     corners = np.vstack([np.zeros(3), np.eye(3)])
     at = np.concatenate([corners, corners[EDGES].mean(axis=1), tetrahedron_rule(DEGREE)[0]])
-    found: Array = determinants(points, cells, at).min(axis=1) / (6 * volumes(points, cells))
-    return found
+    return np.asarray(determinants(points, cells, at).min(axis=1) / (6 * volumes(points, cells)))

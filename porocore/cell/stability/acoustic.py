@@ -41,8 +41,7 @@ class AcousticMinimum:
 def acoustic_tensor(A: Array, n: Array) -> Array:
     """Return Q (..., 3, 3), symmetrised, for directions (..., 3)."""
     Q = np.einsum("ijkl,...j,...l->...ik", A, n, n, optimize=True)
-    symmetric: Array = (Q + np.swapaxes(Q, -1, -2)) / 2
-    return symmetric
+    return np.asarray((Q + np.swapaxes(Q, -1, -2)) / 2)
 
 
 def acoustic_minimum(A: Array) -> AcousticMinimum:
@@ -98,5 +97,4 @@ def half_sphere(count: int) -> Array:
 
 def _upward(n: Array) -> Array:
     """Return n or −n, whichever has a positive largest component."""
-    upward: Array = n * np.sign(n[np.abs(n).argmax()])
-    return upward
+    return np.asarray(n * np.sign(n[np.abs(n).argmax()]))

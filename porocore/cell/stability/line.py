@@ -95,16 +95,14 @@ class StabilityLine:
 
     def states(self) -> Array:
         """Return the states (n, 10), H row by row, then p."""
-        states: Array = self.start + self.share[:, None] * (self.goal - self.start)
-        return states
+        return self.start + self.share[:, None] * (self.goal - self.start)
 
     def onset(self, *events: str) -> Array:
         """Return the state (10,) in the middle of the first onset interval of some events; NaN if none begins."""
         middles = [self.onsets[EVENTS.index(event)].mean() for event in events]
         if np.isnan(middles).all():
             return np.full(10, np.nan)
-        onset: Array = self.start + np.nanmin(middles) * (self.goal - self.start)
-        return onset
+        return np.asarray(self.start + np.nanmin(middles) * (self.goal - self.start))
 
 
 @dataclass(frozen=True, eq=False)

@@ -70,8 +70,7 @@ class Mode:
         distance, node = cKDTree(self.mesh.points).query(there)
         if distance.max(initial=0.0) > NEAR:
             raise ValueError(f"point {int(distance.argmax())} is no mirror image of a node of the eighth")
-        values: Array = signs * self.u[node]
-        return values
+        return np.asarray(signs * self.u[node])
 
 
 def folded(points: Array, parity: str) -> tuple[Array, Array]:
@@ -170,8 +169,7 @@ def _scaled(u: Array) -> Array:
     """Return u scaled to a largest component of 1; of several within round-off the first one is positive."""
     size = np.abs(u)
     first = np.flatnonzero(size > 0.99 * size.max())[0]
-    scaled: Array = u * np.sign(u.flat[first]) / size.max()
-    return scaled
+    return np.asarray(u * np.sign(u.flat[first]) / size.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +205,6 @@ def _factored(
 
     def divide(x: Array) -> Array:
         y = factor.solve(x)
-        result: Array = y - solved * (shift * float(rigid.along @ y) / pivot)
-        return result
+        return y - solved * (shift * float(rigid.along @ y) / pivot)
 
     return count + int(pivot < 0), divide

@@ -128,5 +128,4 @@ def visible(mesh: CellMesh, parity: str = "") -> Array:
 
 
 def _on_plane(mesh: CellMesh) -> npt.NDArray[np.bool_]:
-    on_plane: npt.NDArray[np.bool_] = (mesh.points == 0.0) | (mesh.points == 0.5)
-    return on_plane
+    return np.asarray((mesh.points == 0.0) | (mesh.points == 0.5))
