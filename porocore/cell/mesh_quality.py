@@ -9,11 +9,9 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_disconnected
 from porocore.cell.meshing.mesh import CellMesh, Phase
-from porocore.cell.meshing.tetrahedra import EDGES, least_stretch, volume
+from porocore.cell.meshing.shape_functions import EDGES, FACETS
+from porocore.cell.meshing.tetrahedra import least_stretch, volume
 from porocore.states import Array, IntArray
-
-#: Corners of the four facets of a tetrahedron, outward; facet k is opposite to corner k.
-FACETS = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
 @dataclass(frozen=True)
@@ -124,7 +122,7 @@ def _phase(mesh: CellMesh) -> PhaseQuality | None:
 
 def dihedral_angles(points: Array, cells: IntArray) -> Array:
     """Return the six angles between the facets of each tetrahedron with straight edges, (M, 6) [degrees]."""
-    corners = points[cells[:, :4]][:, FACETS]
+    corners = points[cells[:, :4]][:, FACETS[:, :3]]
     normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     cosines = -np.einsum("mei,mei->me", normals[:, EDGES[:, 0]], normals[:, EDGES[:, 1]])

@@ -7,10 +7,11 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.contact.model import facet_edge
-from porocore.cell.contact.pore_surface import pore_surface, shape_functions
+from porocore.cell.contact.pore_surface import pore_surface
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.meshing.quadrature import LARGEST_DEGREE, triangle_rule
+from porocore.cell.meshing.shape_functions import shape_functions
 
 RADIUS = 0.25
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

@@ -16,7 +16,7 @@ from scipy.sparse.linalg import splu
 
 from porocore.cell.conductivity.wall_displacement import wall_interpolation
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.meshing.tetrahedra import EDGES
+from porocore.cell.meshing.shape_functions import EDGES
 from porocore.states import Array, IntArray
 
 

@@ -15,8 +15,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.meshing.periodicity import FACETS
-from porocore.cell.meshing.shape_functions import shape_functions
+from porocore.cell.meshing.shape_functions import FACETS, shape_functions
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -94,7 +93,7 @@ def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Arra
 
 def _wall_elements(solid: CellMesh) -> IntArray:
     """Return the element of each facet of the wall."""
-    facets = np.sort(solid.cells[:, FACETS].reshape(-1, 3), axis=1)
+    facets = np.sort(solid.cells[:, FACETS[:, :3]].reshape(-1, 3), axis=1)
     wall = np.sort(solid.wall[:, :3], axis=1)
     _, inverse = np.unique(np.concatenate([facets, wall]), axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)

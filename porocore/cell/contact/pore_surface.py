@@ -9,6 +9,7 @@ import numpy as np
 
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import triangle_rule
+from porocore.cell.meshing.shape_functions import shape_functions
 from porocore.states import Array, IntArray
 
 #: Degree of the rule on a facet: a crease begins as a fold within the facets next to a mirror plane.
@@ -48,16 +49,3 @@ def pore_surface(mesh: CellMesh) -> PoreSurface:
     tangents = np.einsum("qas,fai->fqsi", dN, mesh.points[mesh.wall])
     area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2)
     return PoreSurface(mesh.wall, N, dN, area * weights)
-
-
-def shape_functions(points: Array, nodes: int) -> tuple[Array, Array]:
-    """Return N (q, a) and dN (q, a, 2) of a triangle of 3 or 6 nodes (VTK order) at points (q, 2)."""
-    L = np.column_stack([1 - points.sum(axis=1), points])
-    dL = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-    if nodes == 3:
-        return L, np.broadcast_to(dL, (len(points), 3, 2)).copy()
-    edges = ((0, 1), (1, 2), (2, 0))
-    N = np.column_stack([L * (2 * L - 1), *(4 * L[:, i] * L[:, j] for i, j in edges)])
-    corners = (4 * L - 1)[:, :, None] * dL
-    middles = [4 * (L[:, [i]] * dL[j] + L[:, [j]] * dL[i]) for i, j in edges]
-    return N, np.concatenate([corners, np.stack(middles, axis=1)], axis=1)

@@ -10,7 +10,8 @@ import numpy as np
 
 from porocore.cell.geometry.part import PoreGeometry
 from porocore.cell.meshing.estimate import PER_CUBE, PER_FILLET
-from porocore.cell.meshing.tetrahedra import EDGES, Element, Phase, Tetrahedra, least_stretch, used, volumes
+from porocore.cell.meshing.shape_functions import EDGES
+from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, least_stretch, used, volumes
 from porocore.errors import PorocoreError
 from porocore.states import Array, IntArray
 

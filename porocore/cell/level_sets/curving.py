@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.cell.level_sets.cutting import LevelSet, TwoPhases, onto
+from porocore.cell.meshing.shape_functions import FACETS
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, least_stretch, used, with_middles
 from porocore.states import Array, IntArray
 
@@ -14,7 +15,6 @@ LEAST_STRETCH = 0.2
 FARTHEST = 0.35
 #: Tolerance of a point on the wall, relative to the largest value of the level set.
 FOUND = 1e-9
-FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
 def phases(
@@ -84,7 +84,7 @@ def _curved(
 
 def _wall_edges(mesh: TwoPhases, edges: IntArray) -> IntArray:
     """Return the rows of edges (E, 2) that belong to facets between the two phases."""
-    facets = np.sort(mesh.cells[:, FACES].reshape(-1, 3), axis=1)
+    facets = np.sort(mesh.cells[:, FACETS[:, :3]].reshape(-1, 3), axis=1)
     solid = np.repeat(mesh.solid, 4)
     unique, inverse = np.unique(facets, axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)

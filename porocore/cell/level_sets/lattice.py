@@ -13,7 +13,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from porocore.cell.meshing.tetrahedra import EDGES, oriented
+from porocore.cell.meshing.shape_functions import EDGES
+from porocore.cell.meshing.tetrahedra import oriented
 from porocore.states import Array, IntArray
 
 

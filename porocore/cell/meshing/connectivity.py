@@ -16,7 +16,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.meshing.periodicity import FACETS, facet_classes
+from porocore.cell.meshing.periodicity import facet_classes
+from porocore.cell.meshing.shape_functions import FACETS
 from porocore.cell.meshing.tetrahedra import volumes
 from porocore.states import IntArray
 
@@ -108,7 +109,7 @@ def why_disconnected(found: tuple[Piece, ...]) -> str:
 
 def _neighbours(mesh: CellMesh) -> tuple[IntArray, IntArray, IntArray]:
     """Return pairs of tetrahedra with a common facet: within the cell; across its faces, and the cell of the second."""
-    facets = mesh.cells[:, FACETS].reshape(-1, 3)
+    facets = mesh.cells[:, FACETS[:, :3]].reshape(-1, 3)
     owner = np.repeat(np.arange(len(mesh.cells)), 4)
     classes = facet_classes(mesh.points, facets, np.array(mesh.periods) - 0.5)
     order = np.argsort(classes, kind="stable")

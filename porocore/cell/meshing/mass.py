@@ -9,6 +9,7 @@ import numpy as np
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.cell.meshing.shape_functions import shape_functions
+from porocore.cell.meshing.tetrahedra import determinants
 from porocore.states import Array
 
 #: Degree of the rule; it integrates the square of a quadratic shape function on a straight tetrahedron.
@@ -23,9 +24,8 @@ def lumped_mass(mesh: CellMesh) -> Array:
     Earthquake Eng. Struct. Dyn. 4 (1976) 245–249]; row sums would be negative at the corners of quadratic elements.
     """
     points, weights = tetrahedron_rule(DEGREE)
-    N, dN = shape_functions(points, mesh.cells.shape[1])
-    jacobian = np.einsum("eai,qaj->eqij", mesh.points[mesh.cells], dN, optimize=True)
-    volume = np.linalg.det(jacobian) * weights
+    N, _ = shape_functions(points, mesh.cells.shape[1])
+    volume = determinants(mesh.points, mesh.cells, points) * weights
     diagonal = volume @ N**2
     share = diagonal * (volume.sum(axis=1) / diagonal.sum(axis=1))[:, None]
     nodal = np.bincount(mesh.cells.ravel(), share.ravel(), len(mesh.points))

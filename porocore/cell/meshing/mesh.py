@@ -14,7 +14,7 @@ from pydantic import Field
 from porocore.cell.geometry.part import PoreGeometry
 from porocore.cell.meshing.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.meshing.periodicity import facet_classes
-from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, with_middles
+from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, boundary_facets, with_middles
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Unit
 from porocore.states import Array, IntArray
@@ -101,14 +101,7 @@ class CellMesh:
     @cached_property
     def boundary(self) -> npt.NDArray[np.int64]:
         """Facets of one tetrahedron only, (K, 3) or (K, 6) in VTK order, outward."""
-        corners = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-        middles = np.array([[6, 5, 4], [4, 8, 7], [7, 9, 6], [5, 9, 8]])
-        local = corners if self.order == 1 else np.concatenate([corners, middles], axis=1)
-        facets = self.cells[:, local].reshape(-1, local.shape[1])
-        _, first, count = np.unique(
-            np.sort(facets[:, :3], axis=1), axis=0, return_index=True, return_counts=True
-        )
-        return np.asarray(facets[first[count == 1]])
+        return boundary_facets(self.cells)
 
     @cached_property
     def wall(self) -> npt.NDArray[np.int64]:

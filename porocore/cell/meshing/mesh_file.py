@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from porocore.cell.geometry.part import PoreGeometry, Unfolding
 from porocore.cell.meshing.periodicity import matched
+from porocore.cell.meshing.shape_functions import EDGES
 from porocore.cell.meshing.tetrahedra import (
-    EDGES,
     Element,
     Phase,
     Tetrahedra,

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.shape_functions import shape_functions
 from porocore.states import Array
 
 #: Subdivision of a quadratic tetrahedron (VTK order) into eight linear ones.
@@ -67,13 +68,8 @@ def mirror_gap(mesh: CellMesh, grad_u: Array, u: Array) -> float:
 def _wall_points(mesh: CellMesh) -> tuple[Array, Array]:
     """Return grid points on the wall's facets (points, 3), and their shape functions (samples, 3 or 6)."""
     n = FACET_GRID
-    grid = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)]) / n
-    a, b, c = grid.T
-    if mesh.order == 1:
-        weights = grid
-    else:
-        corners = [a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1)]
-        weights = np.stack([*corners, 4 * a * b, 4 * b * c, 4 * c * a], axis=1)
+    grid = np.array([(j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)]) / n
+    weights, _ = shape_functions(grid, mesh.wall.shape[1])
     return np.einsum("sa,kai->ksi", weights, mesh.points[mesh.wall]).reshape(-1, 3), weights
 
 

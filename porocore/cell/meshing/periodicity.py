@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from porocore.cell.meshing.tetrahedra import boundary_facets
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
 #: Tolerances of a node on a face and of partners on opposite faces, in lengths of the cell.
 ON_FACE, PARTNER = 1e-6, 1e-4
-FACETS = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
 def matched(points: Array, cells: IntArray, what: str) -> Array:
@@ -74,9 +74,7 @@ def facet_classes(points: Array, facets: IntArray, last: Array) -> IntArray:
 
 def _check_facets(points: Array, cells: IntArray, what: str) -> None:
     """Refuse a mesh with boundary facets inside the cell, or with different facets on opposite faces."""
-    facets = cells[:, FACETS].reshape(-1, 3)
-    _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
-    boundary = facets[first[count == 1]]
+    boundary = boundary_facets(cells[:, :4])
     on_face = (np.abs(points[boundary]) == 0.5).all(axis=1).any(axis=1)
     if not on_face.all():
         raise ConfigurationError(

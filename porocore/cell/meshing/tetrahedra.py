@@ -8,13 +8,11 @@ from typing import Literal
 import numpy as np
 
 from porocore.cell.meshing.quadrature import tetrahedron_rule
-from porocore.cell.meshing.shape_functions import shape_functions
+from porocore.cell.meshing.shape_functions import EDGES, FACETS, shape_functions
 from porocore.states import Array, IntArray
 
 Phase = Literal["solid", "fluid"]
 Element = Literal["linear", "quadratic-straight", "quadratic-curved"]
-#: Corners at the ends of the edges with mid-edge nodes (VTK order).
-EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 #: Degree of the rule at whose points, besides the nodes, the volume elements of curved tetrahedra are evaluated.
 DEGREE = 4
 
@@ -63,6 +61,14 @@ def with_middles(points: Array, cells: IntArray) -> tuple[Array, IntArray, IntAr
     edges, inverse = np.unique(pairs, axis=0, return_inverse=True)
     quadratic = np.concatenate([cells, inverse.reshape(-1, 6) + len(points)], axis=1)
     return np.concatenate([points, points[edges].mean(axis=1)]), quadratic, edges
+
+
+def boundary_facets(cells: IntArray) -> IntArray:
+    """Return the facets of one tetrahedron only, (K, 3) or (K, 6) in VTK order, outward."""
+    local = FACETS[:, : 3 if cells.shape[1] == 4 else 6]
+    facets = cells[:, local].reshape(-1, local.shape[1])
+    _, first, count = np.unique(np.sort(facets[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
+    return np.asarray(facets[first[count == 1]])
 
 
 def oriented(points: Array, cells: IntArray) -> IntArray:

@@ -9,12 +9,10 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
+from porocore.cell.meshing.tetrahedra import boundary_facets
 from porocore.report.figures.style import new_figure, styled
 from porocore.states import Array, IntArray
 
-#: Facets of a tetrahedron in VTK order, outward, and their mid-edge nodes.
-CORNERS = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-MIDDLES = np.array([[6, 5, 4], [4, 8, 7], [7, 9, 6], [5, 9, 8]])
 #: Pieces of each edge of a curved facet.
 PIECES = 4
 SOLID = to_rgb("#c9a27a")
@@ -63,13 +61,8 @@ def cell_picture(points: Array, cells: IntArray) -> Figure:
 
 def surface_triangles(points: Array, cells: IntArray) -> Array:
     """Return triangles (k, 3, 3) of the surface, outward; curved ones in pieces."""
-    quadratic = cells.shape[1] == 10
-    local = np.concatenate([CORNERS, MIDDLES], axis=1) if quadratic else CORNERS
-    facets = cells[:, local].reshape(-1, local.shape[1])
-    _, first, count = np.unique(np.sort(facets[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
-    facets = facets[first[count == 1]]
-    triangles: Array = _pieces(points[facets]) if quadratic else points[facets]
-    return triangles
+    facets = points[boundary_facets(cells)]
+    return facets if cells.shape[1] == 4 else _pieces(facets)
 
 
 def _pieces(facets: Array) -> Array:
