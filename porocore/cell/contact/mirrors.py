@@ -17,8 +17,7 @@ import numpy as np
 from porocore.cell.contact.forces import Blocks, Forces, joined
 from porocore.cell.contact.pairs import REACH, ContactPairs, Image, find_pairs
 from porocore.cell.contact.penetration import PenetratingPoints, motion_of
-from porocore.cell.contact.pore_surface import PoreSurface, pore_surface
-from porocore.cell.contact.triangles import height
+from porocore.cell.contact.pore_surface import pore_surface
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import odd_axes
 from porocore.states import Array, IntArray
@@ -41,7 +40,7 @@ class MirrorContact:
 
     def __init__(self, mesh: CellMesh, stiffness: float, deepest: float) -> None:
         self.mesh, self.stiffness, self.deepest = mesh, stiffness, deepest
-        self.surface: PoreSurface = pore_surface(mesh)
+        self.surface = pore_surface(mesh)
 
     def at(self, H: Array, u: Array, pairs: ContactPairs | None = None) -> MirrorState:
         """Return the contact state of u (nodes, 3) under a diagonal H; each point is paired with every plane."""
@@ -74,7 +73,6 @@ class MirrorState:
 
     @property
     def active(self) -> bool:
-        """True where any point of the wall is in contact."""
         return any(len(facets) for _, _, facets, _ in self._sides)
 
     @property
@@ -84,8 +82,7 @@ class MirrorState:
 
     @cached_property
     def forces(self) -> Forces:
-        """Energy and first derivatives."""
-        eps, surface, points = self.contact.stiffness, self.contact.surface, self.contact.mesh.points
+        eps, surface = self.contact.stiffness, self.contact.surface
         a = surface.facets.shape[1]
         energy, touching = 0.0, np.zeros(surface.weights.shape, dtype=bool)
         nodes, places, gradient = [], [], []
@@ -99,13 +96,11 @@ class MirrorState:
             one[:, a, axis] = -pull.sum(axis=1)
             gradient.append(one)
             nodes.append(self._nodes(facets))
-            places.append(self._places(facets, axis, sign, points))
+            places.append(self._places(facets, axis, sign))
         share = float(surface.weights[touching].sum()) / surface.area
         return Forces(energy, np.concatenate(nodes), np.concatenate(places), np.concatenate(gradient), share)
 
     def blocks(self, parity: str) -> Blocks:
-        """Return the second derivatives for the perturbations of a parity class."""
-        points = self.contact.mesh.points
         parts = []
         for axis, sign, facets, g in self._sides:
             if "xyz"[axis] in odd_axes(parity, 0 if sign > 0 else 1):
@@ -114,7 +109,7 @@ class MirrorState:
                         self._reflected[axis, sign] = self._odd(axis, sign)
                     parts.append(self._reflected[axis, sign])
             else:
-                places = self._places(facets, axis, sign, points)
+                places = self._places(facets, axis, sign)
                 parts.append(Blocks(self._nodes(facets), places, self._even(axis, facets, g)))
         return joined(parts)
 
@@ -141,26 +136,22 @@ class MirrorState:
         period = 0.0 * unit if sign > 0 else unit
         image = Image(x @ R + self._F0 @ period, X @ R + period, reflected=True)
         pairs = find_pairs(contact.surface, x, X, image, 2 * REACH * contact.deepest)
-        points = np.einsum("ma,mai->mi", pairs.N, x[pairs.own])
-        corners = image.x[pairs.other]
-        rows = np.flatnonzero(height(points, corners) < 0)
-        own, other = pairs.own[rows], pairs.other[rows]
+        inside, points, corners = pairs.penetrating(x, image.x)
+        own, other = inside.own, inside.other
         m, a = own.shape
         motion = np.zeros((m, 12, 3 * (a + 4)))
-        motion[:, :, : 3 * (a + 3)] = motion_of(pairs.N[rows], -R)
+        motion[:, :, : 3 * (a + 3)] = motion_of(inside.N, -R)
         motion[:, 3:, 3 * (a + 3) :] = np.tile(np.eye(3), (3, 1))
         nodes = np.concatenate([own, other, np.full((m, 1), -1)], axis=1)
         places = np.concatenate([X[own], X[other], np.broadcast_to(period, (m, 1, 3))], axis=1)
-        weights = contact.stiffness / 4 * pairs.weights[rows]
-        return PenetratingPoints(
-            points[rows], corners[rows], pairs.where[rows], weights, motion, nodes, places
-        ).blocks
+        weights = contact.stiffness / 4 * inside.weights
+        return PenetratingPoints(points, corners, inside.where, weights, motion, nodes, places).blocks
 
     def _nodes(self, facets: IntArray) -> IntArray:
         nodes = self.contact.surface.facets[facets]
         return np.column_stack([nodes, np.full(len(nodes), -1)])
 
-    def _places(self, facets: IntArray, axis: int, sign: float, points: Array) -> Array:
+    def _places(self, facets: IntArray, axis: int, sign: float) -> Array:
         plane = np.zeros((len(facets), 1, 3))
         plane[:, 0, axis] = 0.0 if sign > 0 else 0.5
-        return np.concatenate([points[self.contact.surface.facets[facets]], plane], axis=1)
+        return np.concatenate([self.contact.mesh.points[self.contact.surface.facets[facets]], plane], axis=1)

@@ -1,4 +1,4 @@
-"""Protocol of a contact model, and the choice of one for a mesh."""
+"""Protocols of a contact model and of its state, and the choice of a model for a mesh."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from porocore.cell.contact.contact_state import ContactState
+from porocore.cell.contact.forces import Blocks, Forces
 from porocore.cell.contact.mirrors import MirrorContact
 from porocore.cell.contact.pairs import ContactPairs
 from porocore.cell.contact.pore_surface import pore_surface
@@ -15,6 +15,36 @@ from porocore.cell.contact.wall_contact import WallContact
 from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.states import Array, IntArray
+
+#: Largest accepted penetration, in mean edges of the wall's facets.
+DEEPEST = 0.25
+
+
+class ContactState(Protocol):
+    """Contact at one iterate.
+
+    Attributes
+    ----------
+    pairs
+        Contact pairs; None where they do not depend on the iterate.
+    """
+
+    pairs: ContactPairs | None
+
+    @property
+    def active(self) -> bool:
+        """True where any point of the wall is in contact."""
+
+    @property
+    def depth(self) -> float:
+        """Largest penetration of the wall."""
+
+    @property
+    def forces(self) -> Forces:
+        """Energy and first derivatives."""
+
+    def blocks(self, parity: str) -> Blocks:
+        """Return the second derivatives for the perturbations of a parity class."""
 
 
 class ContactModel(Protocol):
@@ -50,10 +80,8 @@ def make_contact_model(
         return None
     h = facet_edge(mesh)
     young = material.mean_moduli(_at_wall(mesh))[0] if material is not None else 1.0
-    stiffness = settings.stiffness * young / h
-    if mesh.domain == "eighth":
-        return MirrorContact(mesh, stiffness, DEEPEST * h)
-    return WallContact(mesh, stiffness, DEEPEST * h)
+    model = MirrorContact if mesh.domain == "eighth" else WallContact
+    return model(mesh, settings.stiffness * young / h, DEEPEST * h)
 
 
 def _at_wall(mesh: CellMesh) -> IntArray:
@@ -61,10 +89,6 @@ def _at_wall(mesh: CellMesh) -> IntArray:
     on_wall = np.zeros(len(mesh.points), dtype=bool)
     on_wall[mesh.wall] = True
     return np.flatnonzero(on_wall[mesh.cells[:, :4]].sum(axis=1) >= 3)
-
-
-#: Largest accepted penetration, in mean edges of the wall's facets.
-DEEPEST = 0.25
 
 
 def facet_edge(mesh: CellMesh) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from porocore.cell.contact.pore_surface import PoreSurface
-from porocore.cell.contact.triangles import nearest
+from porocore.cell.contact.triangles import height, nearest
 from porocore.states import Array, IntArray
 
 #: The triangles of a facet (VTK order of its six nodes).
@@ -73,6 +73,13 @@ class Pairs:
     def __getitem__(self, rows: IntArray) -> Pairs:
         """Return the pairs in some rows."""
         return Pairs(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def penetrating(self, x: Array, images: Array) -> tuple[Pairs, Array, Array]:
+        """Return the pairs behind the face of their triangle, with positions of point and triangle, by nodes x."""
+        points = np.einsum("ma,mai->mi", self.N, x[self.own])
+        corners = images[self.other]
+        rows = np.flatnonzero(height(points, corners) < 0)
+        return self[rows], points[rows], corners[rows]
 
 
 #: Contact pairs of the wall with each of its images, shifted by periods (3,).

@@ -17,7 +17,6 @@ from porocore.cell.contact.forces import Blocks, Forces, joined
 from porocore.cell.contact.pairs import REACH, ContactPairs, Image, Pairs, find_pairs, nearest_only
 from porocore.cell.contact.penetration import PenetratingPoints, motion_of
 from porocore.cell.contact.pore_surface import pore_surface
-from porocore.cell.contact.triangles import height
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.states import Array
 
@@ -71,33 +70,28 @@ class WallState:
         self._penetrating = [self._penetrations(F0, x, shift, some) for shift, some in pairs]
 
     def _penetrations(self, F0: Array, x: Array, shift: Array, pairs: Pairs) -> PenetratingPoints:
-        points = np.einsum("ma,mai->mi", pairs.N, x[pairs.own])
-        corners = x[pairs.other] + F0 @ shift
-        rows = np.flatnonzero(height(points, corners) < 0)
-        X, own, other = self.contact.mesh.points, pairs.own[rows], pairs.other[rows]
+        inside, points, corners = pairs.penetrating(x, x + F0 @ shift)
+        X, own, other = self.contact.mesh.points, inside.own, inside.other
         return PenetratingPoints(
-            points[rows],
-            corners[rows],
-            pairs.where[rows],
-            self.contact.stiffness * pairs.weights[rows],
-            motion_of(pairs.N[rows], np.eye(3)),
+            points,
+            corners,
+            inside.where,
+            self.contact.stiffness * inside.weights,
+            motion_of(inside.N, np.eye(3)),
             np.concatenate([own, other], axis=1),
             np.concatenate([X[own], X[other] + shift], axis=1),
         )
 
     @property
     def active(self) -> bool:
-        """True where any point of the wall is in contact."""
         return any(len(part.weights) for part in self._penetrating)
 
     @property
     def depth(self) -> float:
-        """Largest penetration of the wall."""
         return max((float(-part.distance[0].min(initial=0.0)) for part in self._penetrating), default=0.0)
 
     @cached_property
     def forces(self) -> Forces:
-        """Energy and first derivatives."""
         parts, contact = self._penetrating, self.contact
         return Forces(
             sum(part.energy for part in parts),
@@ -108,7 +102,6 @@ class WallState:
         )
 
     def blocks(self, parity: str) -> Blocks:
-        """Return the second derivatives; the whole cell has one parity class only."""
         return self._blocks
 
     @cached_property

@@ -14,8 +14,7 @@ import numpy as np
 from scipy import sparse
 from typing_extensions import TypeVar
 
-from porocore.cell.contact.contact_state import ContactState
-from porocore.cell.contact.model import ContactModel
+from porocore.cell.contact.model import ContactModel, ContactState
 from porocore.cell.contact.pairs import ContactPairs
 from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mass import lumped_mass

@@ -110,13 +110,11 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
         """Return the fluid problem on the mesh, for unit viscosity."""
 
     def prepare(self, cell: Cell, *, deformed: bool = False) -> PreparedCell:
-        """Return the set-up of a cell; see :class:`~porocore.CellSolver`."""
         if deformed:
             require_one_cell(cell)
         return PreparedCell(self, cell, deformed=deformed)
 
     def conductivity(self, prepared: PreparedCell) -> Array:
-        """Return the conductivity of the undeformed cell; see :class:`~porocore.CellSolver`."""
         return prepared.conductivity
 
     def solve(
@@ -128,7 +126,6 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
         tangent: bool = True,
         fields: bool = False,
     ) -> CellSolution:
-        """Solve a batch of states; see :class:`~porocore.CellSolver`."""
         rows, kept = [], []
         for i in range(len(states)):
             row, field = _solve_one(

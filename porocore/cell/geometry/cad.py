@@ -80,7 +80,6 @@ class DrawnGeometry(PoreGeometry):
         return points
 
     def elements(self, size: float) -> float:
-        """Return the approximate number of tetrahedra; see :class:`~porocore.cell.geometry.part.PoreGeometry`."""
         on_fillets = PER_FILLET / self.finest_fillet if self.finest_fillet else 0.0
         return PER_CUBE / min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest) ** 3 + on_fillets
 

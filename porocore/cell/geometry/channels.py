@@ -112,7 +112,6 @@ class OrthogonalChannels(DrawnGeometry):
 
     @property
     def description(self) -> str:
-        """Short description of the geometry."""
         radii = self._by_axis
         sizes = ", ".join(f"{radius:g}" for radius in dict.fromkeys(radii.values()))
         return f"orthogonal channels of radius {sizes} along {', '.join(radii)}"
@@ -145,7 +144,6 @@ class OrthogonalChannels(DrawnGeometry):
         return CUBIC.kept(lambda Q: (np.abs(Q) @ radii == radii).all())
 
     def draw(self, gmsh: Any) -> DrawnPart:
-        """Add the part to the current gmsh model."""
         occ = gmsh.model.occ
         if self.fillet and self.unfolding == "wedge":
             drawn = draw_wedge(occ, self.radius, self.fillet)
@@ -161,7 +159,6 @@ class OrthogonalChannels(DrawnGeometry):
         return DrawnPart(rest, fluid)
 
     def onto_fillet(self, points: Array) -> Array:
-        """Return points (n, 3) of the drawn part near a fillet, projected onto it."""
         return onto_fillet(points, self.radius, self.fillet, self.axes)
 
     def onto_channel(self, points: Array) -> Array:

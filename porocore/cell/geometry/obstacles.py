@@ -56,7 +56,6 @@ class SphereArray(DrawnGeometry):
 
     @property
     def description(self) -> str:
-        """Short description of the geometry."""
         necks = f" with necks of radius {self.neck:g}" if self.neck else ""
         return f"spheres of radius {self.radius:g} on a cubic lattice{necks}"
 
@@ -117,7 +116,6 @@ class CylinderArray(DrawnGeometry):
 
     @property
     def description(self) -> str:
-        """Short description of the geometry."""
         return f"cylinders of radius {self.radius:g} along z on a square lattice"
 
     @property
@@ -163,7 +161,6 @@ class NoPores(DrawnGeometry):
 
     @property
     def porosity(self) -> float:
-        """Porosity of 0."""
         return 0.0
 
     @property
@@ -178,7 +175,6 @@ class NoPores(DrawnGeometry):
 
     @property
     def description(self) -> str:
-        """Short description of the geometry."""
         return "no pores"
 
     def draw(self, gmsh: Any) -> DrawnPart:

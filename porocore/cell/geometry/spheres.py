@@ -151,7 +151,6 @@ class SpherePores(DrawnGeometry):
 
     @property
     def description(self) -> str:
-        """Short description of the geometry."""
         centres, radii = self._spheres
         where = f"on a {self.lattice} lattice" if self.lattice else f"at {len(centres)} given centres"
         size = f"radius {radii[0]:g}" if np.ptp(radii) == 0 else f"radii {radii.min():g} to {radii.max():g}"

@@ -51,8 +51,6 @@ class InvariantMaterial(Material):
         return True
 
     def energy_density(self, F: Array) -> Array:
-        """Return Ψ at F; see :class:`~porocore.cell.materials.material.StrainEnergy`."""
-
         def compute(at: Kinematics, d: Derivatives, used: list[Invariant], out: Array) -> None:
             (rest,) = d.value(*(float(i.rest) for i in used), *self.constants.values())
             (energy,) = d.value(*(i.value(at) for i in used), *self.constants.values())
@@ -61,8 +59,6 @@ class InvariantMaterial(Material):
         return self._computed(F, (), compute)
 
     def stress(self, F: Array) -> Array:
-        """Return P at F; see :class:`~porocore.cell.materials.material.StrainEnergy`."""
-
         def compute(at: Kinematics, d: Derivatives, used: list[Invariant], out: Array) -> None:
             first = d.first(*(i.value(at) for i in used), *self.constants.values())
             out[:] = sum(W_a * i.gradient(at) for W_a, i in zip(first, used, strict=True))
@@ -70,8 +66,6 @@ class InvariantMaterial(Material):
         return self._computed(F, (3, 3), compute)
 
     def tangent(self, F: Array) -> Array:
-        """Return ∂P/∂F at F; see :class:`~porocore.cell.materials.material.StrainEnergy`."""
-
         def compute(at: Kinematics, d: Derivatives, used: list[Invariant], out: Array) -> None:
             m = len(used)
             found = d.second(*(i.value(at) for i in used), *self.constants.values())

@@ -109,12 +109,10 @@ class ExpressionMaterial(InvariantMaterial):
 
     @property
     def formula(self) -> str:
-        """Formula of the energy."""
         return self.energy
 
     @property
     def constants(self) -> dict[str, float]:
-        """Parameters of the energy."""
         return self.parameters
 
     def stress_hint(self) -> str:

@@ -120,11 +120,9 @@ class SmoothImage:
         self._level = self._level_for(1 - float(solid.mean()))
 
     def value(self, points: Array) -> Array:
-        """Return the values (n,) at points (n, 3)."""
         return self._sums(points, ())[0]
 
     def gradient(self, points: Array) -> Array:
-        """Return the gradients (n, 3) at points (n, 3)."""
         return np.stack(self._sums(points, (0, 1, 2))[1:], axis=1)
 
     def _sums(self, points: Array, slopes: tuple[int, ...]) -> list[Array]:

@@ -93,12 +93,10 @@ class TriplyPeriodic(LevelSetGeometry):
 
     @property
     def description(self) -> str:
-        """Short description of the geometry."""
         name = {"gyroid": "gyroid", "schwarz-p": "Schwarz P", "diamond": "diamond"}[self.surface]
         return f"{name} {self.solid} of porosity {self.porosity:.4g}, level {self.wall_level:.4g}"
 
     def level_set(self) -> Nodal | Sheet:
-        """Return the level set of the wall."""
         return (Sheet if self.solid == "sheet" else Nodal)(self.surface, self.wall_level)
 
 
@@ -109,7 +107,6 @@ class Nodal:
         self.surface, self.level = surface, level
 
     def value(self, points: Array) -> Array:
-        """Return the values (n,) at points (n, 3)."""
         (sx, sy, sz), (cx, cy, cz) = np.sin(2 * np.pi * points.T), np.cos(2 * np.pi * points.T)
         f: Array
         if self.surface == "gyroid":
@@ -121,7 +118,6 @@ class Nodal:
         return f - self.level
 
     def gradient(self, points: Array) -> Array:
-        """Return the gradients (n, 3) at points (n, 3)."""
         (sx, sy, sz), (cx, cy, cz) = np.sin(2 * np.pi * points.T), np.cos(2 * np.pi * points.T)
         if self.surface == "gyroid":
             components = [cx * cy - sz * sx, cy * cz - sx * sy, cz * cx - sy * sz]
@@ -143,11 +139,9 @@ class Sheet:
         self._f, self.level = Nodal(surface, 0.0), level
 
     def value(self, points: Array) -> Array:
-        """Return the values (n,) at points (n, 3)."""
         return self.level**2 - self._f.value(points) ** 2
 
     def gradient(self, points: Array) -> Array:
-        """Return the gradients (n, 3) at points (n, 3)."""
         return -2 * self._f.value(points)[:, None] * self._f.gradient(points)
 
 

@@ -63,11 +63,9 @@ class Voxels(FromFile, LevelSetGeometry):
 
     @property
     def description(self) -> str:
-        """Short description of the geometry."""
         return f"image {Path(self.path).name} of {len(self.solid)}³ voxels, {self.repeat}"
 
     def level_set(self) -> SmoothImage:
-        """Return the level set of the wall."""
         return _smooth(self)
 
 

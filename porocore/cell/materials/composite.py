@@ -113,15 +113,12 @@ class PlacedMaterials(StrainEnergy):
         return all(material.isotropic for material, _ in self.parts)
 
     def energy_density(self, F: Array) -> Array:
-        """See :class:`StrainEnergy`; the elements lead F and the result."""
         return self._gathered(F, (), lambda material: material.energy_density)
 
     def stress(self, F: Array) -> Array:
-        """See :class:`StrainEnergy`; the elements lead F and the result."""
         return self._gathered(F, (3, 3), lambda material: material.stress)
 
     def tangent(self, F: Array) -> Array:
-        """See :class:`StrainEnergy`; the elements lead F and the result."""
         return self._gathered(F, (3, 3, 3, 3), lambda material: material.tangent)
 
     def _gathered(

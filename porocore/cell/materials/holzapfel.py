@@ -82,7 +82,6 @@ class HolzapfelGasserOgden(InvariantMaterial):
 
     @property
     def formula(self) -> str:
-        """See the class."""
         families = (
             f"k1/(2*k2)*(exp(k2*(toe*ramp((kappa*(I1 - 3) + (1 - 3*kappa)*(I{4 + 2 * k} - 1))/toe))**2) - 1)"
             for k in range(len(self.directions))

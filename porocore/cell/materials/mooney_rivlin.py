@@ -39,7 +39,6 @@ class MooneyRivlin(InvariantMaterial):
 
     @property
     def formula(self) -> str:
-        """See the class."""
         return f"c10*(J**(-2/3)*I1 - 3) + c01*(J**(-4/3)*I2 - 3) + {VOLUMETRIC}"
 
     @property

@@ -66,7 +66,6 @@ class Ogden(InvariantMaterial):
 
     @property
     def formula(self) -> str:
-        """See the class."""
         terms = (f"mu{i}/alpha{i}*(J**(-alpha{i}/3)*T{i} - 3)" for i in range(len(self.terms)))
         return " + ".join([*terms, VOLUMETRIC])
 

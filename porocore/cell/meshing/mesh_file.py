@@ -80,12 +80,10 @@ class MeshFile(FromFile, PoreGeometry):
         return PointGroup.generated([np.reshape(Q, (3, 3)) for Q in _region_maps(self)])
 
     def regions_after(self, Q: IntArray) -> RegionMap:
-        """Return the image of each region under Q; see :class:`~porocore.cell.geometry.part.PoreGeometry`."""
         return _region_maps(self).get(as_rotation(Q))
 
     @property
     def description(self) -> str:
-        """Short description of the geometry."""
         return f"mesh {Path(self.path).name}"
 
     def elements(self, size: float) -> float:

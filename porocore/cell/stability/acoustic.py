@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porocore.states import Array, CellResponse
+from porocore.states import Array
 
 #: Directions on the half sphere, about 2.5° apart.
 DIRECTIONS = 4000
@@ -77,13 +77,6 @@ def acoustic_minimum(A: Array) -> AcousticMinimum:
     values, vectors = np.linalg.eigh(Q)
     first = int(values[:, 0].argmin())
     return AcousticMinimum(float(values[first, 0]), _upward(n[first]), _upward(vectors[first, :, 0]))
-
-
-def acoustic_minima(response: CellResponse) -> Array:
-    """Return the minima (n,) of the rows of a response; NaN for rows without tangents."""
-    if response.tangent is None or response.tangent.stress_grad_u is None:
-        return np.full(len(response), np.nan)
-    return np.array([acoustic_minimum(A).value for A in response.tangent.stress_grad_u])
 
 
 def half_sphere(count: int) -> Array:

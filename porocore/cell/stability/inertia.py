@@ -7,12 +7,15 @@ number of modes of that wave vector under which the energy falls.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import cache
+from typing import TypeVar
 
 from porocore.cell.equilibrium.discrete import DiscreteSolid, Iterate
 from porocore.cell.symmetry.exchange import images
 from porocore.cell.symmetry.parity import bloch_classes
 
+Value = TypeVar("Value")
 #: "110" is k = (π, π, 0), period two along x and y.
 WAVES = tuple(bloch_classes())
 #: Wave vectors that differ in the names of the axes only.
@@ -38,17 +41,22 @@ def negative_pivots(solid: DiscreteSolid, iterate: Iterate, waves: Iterable[str]
     FactorError
         A tangent cannot be factorised.
     """
-    of_class: dict[str, int] = {}
-    swaps = solid.exchanged_axes(iterate)
-    found = {}
-    for wave in waves:
-        counts = []
-        for parity in bloch_classes()[wave]:
-            representative = min(images(parity, swaps))
-            if representative not in of_class:
-                of_class[representative] = solid.negative_pivots(iterate, representative)
-                if "|" in representative and len(iterate.residual) > KEPT:
-                    solid.release(representative)
-            counts.append(of_class[representative])
-        found[wave] = -1 if min(counts) < 0 else sum(counts)
-    return found
+
+    def count(parity: str) -> int:
+        pivots = solid.negative_pivots(iterate, parity)
+        if "|" in parity and len(iterate.residual) > KEPT:
+            solid.release(parity)
+        return pivots
+
+    found = by_wave(waves, solid.exchanged_axes(iterate), count)
+    return {wave: -1 if min(counts) < 0 else sum(counts) for wave, counts in found.items()}
+
+
+def by_wave(
+    waves: Iterable[str], swaps: Iterable[str], evaluate: Callable[[str], Value]
+) -> dict[str, list[Value]]:
+    """Return a value of each class of each wave vector; classes that ``swaps`` of axes map onto each other share it."""
+    evaluated = cache(evaluate)
+    return {
+        wave: [evaluated(min(images(parity, swaps))) for parity in bloch_classes()[wave]] for wave in waves
+    }

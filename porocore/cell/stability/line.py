@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -187,22 +188,21 @@ def _check_symmetric(prepared: PreparedCell, start: Array, goal: Array) -> None:
         )
 
 
+@dataclass(eq=False)
 class _LineSolver:
     """Solver of the states of one line, each from the field of the one before."""
 
-    def __init__(
-        self,
-        solver: EquilibriumCellSolver,
-        prepared: PreparedCell,
-        start: Array,
-        goal: Array,
-        settings: LineSettings,
-        on_state: Callable[[str], None],
-    ) -> None:
-        self.solver, self.prepared, self.settings, self.on_state = solver, prepared, settings, on_state
-        self.start, self.goal = start, goal
-        self.resolution = settings.tolerance / max(float(np.abs(goal - start).max()), 1e-300)
-        self._between: dict[float, _State] = {}
+    solver: EquilibriumCellSolver
+    prepared: PreparedCell
+    start: Array
+    goal: Array
+    settings: LineSettings
+    on_state: Callable[[str], None]
+    _between: dict[float, _State] = field(default_factory=dict)
+
+    @cached_property
+    def resolution(self) -> float:
+        return self.settings.tolerance / max(float(np.abs(self.goal - self.start).max()), 1e-300)
 
     def states(self) -> Iterator[_State]:
         """Yield the states from the start on, and at most one without values, within the tolerance of the last one."""
@@ -251,11 +251,11 @@ class _LineSolver:
         return low.share, high.share
 
     def solve(
-        self, share: float, field: CellField | None, waves: Sequence[str], *, eigenvalues: bool = False
+        self, share: float, start: CellField | None, waves: Sequence[str], *, eigenvalues: bool = False
     ) -> _State:
         theta = self.start + share * (self.goal - self.start)
         state = MacroState.single(theta[:9], float(theta[9]))
-        solution = solution_of(self.solver, self.prepared, state, start=[field], fields=True)
+        solution = solution_of(self.solver, self.prepared, state, start=[start], fields=True)
         response = solution.response
         reached = solution.fields[0] if solution.fields else None
         pivots: dict[str, int] = {}

@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
 from porocore.cell.meshing.mass import lumped_mass
 from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.stability.inertia import by_wave
 from porocore.cell.symmetry.exchange import images
 from porocore.cell.symmetry.parity import bloch_classes, odd_axes, translation
 from porocore.errors import PorocoreError
@@ -111,17 +112,8 @@ def lowest_mode(solid: DiscreteSolid, iterate: Iterate, wave: str) -> Mode:
 def lowest_eigenvalues(solid: DiscreteSolid, iterate: Iterate, waves: Iterable[str]) -> dict[str, float]:
     """Return λ of each wave vector; each class is solved once."""
     swaps = solid.exchanged_axes(iterate)
-    of_class: dict[str, float] = {}
-    found = {}
-    for wave in waves:
-        values = []
-        for parity in bloch_classes()[wave]:
-            representative = min(images(parity, swaps))
-            if representative not in of_class:
-                of_class[representative] = lowest_of_class(solid, iterate, representative).value
-            values.append(of_class[representative])
-        found[wave] = min(values)
-    return found
+    found = by_wave(waves, swaps, lambda parity: lowest_of_class(solid, iterate, parity).value)
+    return {wave: min(values) for wave, values in found.items()}
 
 
 def lowest_of_class(solid: DiscreteSolid, iterate: Iterate, parity: str) -> Mode:
