@@ -97,11 +97,11 @@ class TimePlan(StrictModel):
     ramp_step: Time = 0.05
     """Length of each increment of the ramp."""
     smallest_step: Time = 1e-6
-    """A step that fails is halved down to this."""
+    """Shortest length to which a step that fails is halved."""
     tolerance: Positive | None = None
-    """Error of one step, as a share of the largest displacement and of the largest pressure so far, by which steps are
-    chosen; ``step`` is then the largest; null: all are ``step`` long. Up to the first kink of the loads, the largest
-    values are divided by the share that has acted of them."""
+    """Permitted error of a time step, as a share of the largest displacement and of the largest pressure so far. The
+    lengths of the steps follow from it, up to ``step``; null: all are ``step`` long. Until the first kink of the
+    loads, such as the end of the ramp, these largest values are divided by the share of the loads that already acts."""
     profiles: Annotated[tuple[Time, ...], Field(max_length=MOST_TIMES)] = (1.0, 10.0, 40.0)
     """Times at which the fields are kept, beside the end; of the default those that lie before it."""
     load_curve: Annotated[tuple[tuple[Time, float], ...], Field(max_length=MOST_TIMES)] = ()
