@@ -81,6 +81,10 @@ class TrainingProgress:
     validation_loss: float
 
 
+#: Receiver of the reports of a training.
+OnProgress = Callable[[TrainingProgress], None]
+
+
 class Surrogate(CellLaw):
     """A surrogate of one model family; ``options`` are its settings from the configuration.
 
@@ -129,7 +133,7 @@ class Surrogate(CellLaw):
         *,
         seed: int,
         checkpoint: Path | None = None,
-        on_progress: Callable[[TrainingProgress], None] | None = None,
+        on_progress: OnProgress | None = None,
     ) -> Self:
         """Train on ``data`` and return self.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -11,12 +12,11 @@ import numpy as np
 from porocore.core.echo import echo
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError
-from porocore.interfaces.surrogate import Surrogate, TrainingSet
+from porocore.interfaces.surrogate import OnProgress, Surrogate, TrainingSet
 from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
 from porocore.surrogates.conductivity.fit import fit_conductivity
 from porocore.surrogates.conductivity.model import ConductivityModel
 from porocore.surrogates.error_estimate.drivers import reasons
-from porocore.surrogates.error_estimate.models import with_potential_error
 from porocore.surrogates.file import file
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import Evaluator, Network
@@ -32,7 +32,7 @@ PROVIDES = {
 
 
 class ModelSurrogate(Surrogate):
-    """Prediction, saving and loading; a subclass adds ``fit``, and may replace the evaluation of networks.
+    """Prediction, saving and loading; a subclass adds ``train``, and may replace the evaluation of networks.
 
     A file that one backend wrote is read by every other: it holds numbers only.
 
@@ -51,6 +51,7 @@ class ModelSurrogate(Surrogate):
     backend: ClassVar[str]
     models: ClassVar[tuple[str, ...]] = ("mlp", "potential")
     conductivity: ConductivityModel | None = None
+    _fitted_model: file.Model | None = None
 
     def __init__(self, *, model: str | None = None, **options: Any) -> None:
         model = self.models[0] if model is None else model
@@ -61,7 +62,6 @@ class ModelSurrogate(Surrogate):
             )
         self.model, self.settings = model, options
         self.accuracy: dict[str, float] = {}
-        self._fitted_model: file.Model | None = None
 
     @property
     def provides(self) -> tuple[str, ...]:
@@ -71,6 +71,39 @@ class ModelSurrogate(Surrogate):
     def evaluator(self, network: Network) -> Evaluator:
         """Return the backend's evaluation of a network; numpy by default."""
         return network
+
+    @abstractmethod
+    def train(
+        self, data: TrainingSet, seed: int, checkpoint: Path | None, on_progress: OnProgress | None
+    ) -> tuple[file.Model, dict[str, float]]:
+        """Return the model of W or of <∇u¹>_s with its named errors; parameters as in :meth:`fit`."""
+
+    def fit(
+        self,
+        data: TrainingSet,
+        *,
+        seed: int,
+        checkpoint: Path | None = None,
+        on_progress: OnProgress | None = None,
+    ) -> Self:
+        """Train on ``data``, and on K_ref of the deformed pore if the states hold it; return self.
+
+        Raises
+        ------
+        ConfigurationError
+            The options do not suit the cell, or the device is a GPU and there is none.
+        DataError
+            The data cannot be used, or the checkpoint is damaged or belongs to another training.
+        RunFolderError
+            The checkpoint cannot be written.
+        """
+        model, self.accuracy = self.train(data, int(seed), checkpoint, on_progress)
+        self._become(model, data.identity, data.provenance)
+        found = fit_conductivity(data)
+        if found is not None:
+            self.conductivity, error = found
+            self.accuracy |= {"cross-validated ln K": error}
+        return self
 
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
         """Return the responses of n states; see :class:`~porocore.Surrogate`.
@@ -104,13 +137,7 @@ class ModelSurrogate(Surrogate):
         return error if self.conductivity is None else np.fmax(error, self.conductivity.error(states))
 
     def save(self, path: Path) -> None:
-        """Write one HDF5 file, atomically.
-
-        Raises
-        ------
-        RunFolderError
-            The disk is full or read-only.
-        """
+        """Write one HDF5 file, atomically."""
         model = self._fitted()
         metadata = file.SurrogateMetadata(
             self.backend, self.settings, self.identity, self.provenance, self.accuracy, self.conductivity
@@ -119,13 +146,7 @@ class ModelSurrogate(Surrogate):
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read what any backend's :meth:`save` wrote.
-
-        Raises
-        ------
-        DataError
-            The file is truncated, edited, foreign or of another version.
-        """
+        """Read what any backend's :meth:`save` wrote."""
         surrogate = cls.__new__(cls)
         model, metadata = file.read(path)
         surrogate.model = "mlp" if isinstance(model, AnchoredModel) else "potential"
@@ -134,19 +155,6 @@ class ModelSurrogate(Surrogate):
         surrogate.conductivity = metadata.conductivity
         return surrogate
 
-    def learn_conductivity(self, data: TrainingSet) -> None:
-        """Learn K_ref of the deformed pore as well, if the states hold it; the same in every backend.
-
-        Raises
-        ------
-        DataError
-            Too few states hold it.
-        """
-        found = fit_conductivity(data)
-        if found is not None:
-            self.conductivity, error = found
-            self.accuracy = self.accuracy | {"cross-validated ln K": error}
-
     def _become(self, model: file.Model, identity: str, provenance: dict[str, str]) -> None:
         keep_freed_memory()
         self._fitted_model = model
@@ -154,17 +162,9 @@ class ModelSurrogate(Surrogate):
         self.identity, self.provenance = identity, dict(provenance)
 
     def _fitted(self) -> file.Model:
-        if getattr(self, "_fitted_model", None) is None:
+        if self._fitted_model is None:
             raise RuntimeError("this surrogate has not been trained; call fit or load first")
-        assert self._fitted_model is not None
         return self._fitted_model
-
-    def _with(self, model: PotentialModel, data: TrainingSet, errors: dict[str, float]) -> Self:
-        """Take a fitted potential and return self."""
-        self.accuracy = errors
-        self._become(with_potential_error(model, data), data.identity, data.provenance)
-        self.learn_conductivity(data)
-        return self
 
 
 class NumpySurrogate(ModelSurrogate):
@@ -172,14 +172,8 @@ class NumpySurrogate(ModelSurrogate):
 
     backend = "numpy"
 
-    def fit(self, data: TrainingSet, **settings: Any) -> Self:
-        """Raise, since this class only reads.
-
-        Raises
-        ------
-        ConfigurationError
-            Always.
-        """
+    def train(self, *_: Any) -> tuple[file.Model, dict[str, float]]:
+        """Raise a ConfigurationError, since this class only reads."""
         raise ConfigurationError("choose a surrogate that can be trained, such as polynomial")
 
 

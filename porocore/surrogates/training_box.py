@@ -13,8 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from porocore.core.tensors.point_group import PointGroup
-from porocore.states import Array
-from porocore.surrogates.polynomial.monomials import IntArray
+from porocore.states import Array, IntArray
 from porocore.surrogates.symmetry import on_variables, stabiliser
 
 #: Width of the saturation beyond the box, as a share of its size.

@@ -14,9 +14,9 @@ from porocore.core.inputs.input_space import InputSpace
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.core.tensors.point_group import PointGroup
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.states import CellResponse, MacroState
+from porocore.states import CellResponse, IntArray, MacroState
 from porocore.surrogates.conductivity.model import ConductivityModel
-from porocore.surrogates.polynomial.monomials import IntArray, Polynomial, exponents_up_to
+from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import invariant
 from porocore.surrogates.potential.data import RestExpansion
 from porocore.surrogates.potential.model import PotentialModel

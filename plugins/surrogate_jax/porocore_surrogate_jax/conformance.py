@@ -1,29 +1,7 @@
 """Conformance suites of this plugin, for its tests and for ``porocore plugin check``."""
 
-from porocore.testing.surrogate_laws.networks import (
-    AnchoredPotentialSuite,
-    MlpSuite,
-    NetworkPotentialSuite,
-    TanhMlpSuite,
-)
+from porocore.testing.surrogate_laws.networks import network_suites
 from porocore_surrogate_jax.surrogate import JaxSurrogate
 
-
-class TestMlp(MlpSuite):
-    kit_version = "3"
-    surrogate = JaxSurrogate
-
-
-class TestMlpWithTanh(TanhMlpSuite):
-    kit_version = "3"
-    surrogate = JaxSurrogate
-
-
-class TestPotential(NetworkPotentialSuite):
-    kit_version = "3"
-    surrogate = JaxSurrogate
-
-
-class TestPotentialOnPolynomial(AnchoredPotentialSuite):
-    kit_version = "3"
-    surrogate = JaxSurrogate
+SUITES = network_suites(JaxSurrogate, "3", __name__)
+globals().update(SUITES)

@@ -14,14 +14,9 @@ def _networks() -> type[Any]:
 
 
 def _suites() -> list[type[Any]]:
-    from porocore_surrogate_jax.conformance import (
-        TestMlp,
-        TestMlpWithTanh,
-        TestPotential,
-        TestPotentialOnPolynomial,
-    )
+    from porocore_surrogate_jax.conformance import SUITES
 
-    return [TestMlp, TestMlpWithTanh, TestPotential, TestPotentialOnPolynomial]
+    return list(SUITES.values())
 
 
 @hookimpl

@@ -1,4 +1,4 @@
-"""JAX as this plugin uses it: double precision, one thread, and a device of the user's choice.
+"""JAX as this plugin uses it: double precision, one thread, a device of the user's choice, derivatives of a loss.
 
 Importing this module switches JAX to 64 bits, for the whole process; nothing else in porocore does.
 """
@@ -9,11 +9,16 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from types import ModuleType
 from typing import TypeVar
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 
 from porocore.errors import ConfigurationError
+from porocore.states import Array
+from porocore.surrogates.network.sobolev import Loss
 
 jax.config.update("jax_enable_x64", True)
 
@@ -55,6 +60,26 @@ def choose_device(device: str) -> jax.Device:
                 return found
         cpu: jax.Device = jax.local_devices(backend="cpu")[0]
         return cpu
+
+
+class JaxAutodiff:
+    """Compiled reverse mode in double precision; see :class:`porocore.surrogates.network.sobolev.Autodiff`."""
+
+    xp: ModuleType = jnp
+
+    def __init__(self, device: str) -> None:
+        self.device = choose_device(device)
+
+    def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
+        """Return θ → loss and gradient, compiled."""
+        known = {name: jax.device_put(array, self.device) for name, array in constants.items()}
+        both = compiled(jax.value_and_grad(loss), self.device)
+
+        def evaluate(theta: Array) -> tuple[float, Array]:
+            value, gradient = both(jax.device_put(theta, self.device), known)
+            return float(value), np.array(gradient)
+
+        return evaluate
 
 
 @contextmanager

@@ -5,8 +5,8 @@ from __future__ import annotations
 from porocore.surrogates.network.network import Evaluator, Network
 from porocore.surrogates.network.sobolev import Autodiff
 from porocore.surrogates.network.surrogate import NetworkSurrogate
-from porocore_surrogate_jax.autodiff import JaxAutodiff
 from porocore_surrogate_jax.evaluator import JaxNetwork
+from porocore_surrogate_jax.library import JaxAutodiff
 
 
 class JaxSurrogate(NetworkSurrogate):

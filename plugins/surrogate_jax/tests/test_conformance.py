@@ -1,8 +1,3 @@
-from porocore_surrogate_jax.conformance import (
-    TestMlp,
-    TestMlpWithTanh,
-    TestPotential,
-    TestPotentialOnPolynomial,
-)
+from porocore_surrogate_jax.conformance import SUITES
 
-__all__ = ["TestMlp", "TestMlpWithTanh", "TestPotential", "TestPotentialOnPolynomial"]
+globals().update(SUITES)

@@ -18,8 +18,8 @@ from porocore.surrogates.polynomial.terms import invariant
 from porocore.surrogates.potential.data import PotentialData
 from porocore.testing.synthetic.cell import respond
 from porocore_surrogate_jax import evaluator, library
-from porocore_surrogate_jax.autodiff import JaxAutodiff
 from porocore_surrogate_jax.evaluator import LARGEST, JaxNetwork
+from porocore_surrogate_jax.library import JaxAutodiff
 
 
 def network(d=3, hidden=(7, 5), outputs=1, activation="tanh", seed=0):

@@ -23,9 +23,8 @@ from porocore.surrogates.network.training_state import FORMAT as TRAINING_FORMAT
 from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.surrogate_laws.base import synthetic_training_set
 from porocore_surrogate_jax import hooks
-from porocore_surrogate_jax.autodiff import JaxAutodiff
 from porocore_surrogate_jax.evaluator import JaxNetwork
-from porocore_surrogate_jax.library import choose_device
+from porocore_surrogate_jax.library import JaxAutodiff, choose_device
 from porocore_surrogate_jax.surrogate import JaxSurrogate
 
 

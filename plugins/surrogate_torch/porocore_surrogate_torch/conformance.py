@@ -1,29 +1,7 @@
 """Conformance suites of this plugin, for its tests and for ``porocore plugin check``."""
 
-from porocore.testing.surrogate_laws.networks import (
-    AnchoredPotentialSuite,
-    MlpSuite,
-    NetworkPotentialSuite,
-    TanhMlpSuite,
-)
+from porocore.testing.surrogate_laws.networks import network_suites
 from porocore_surrogate_torch.surrogate import TorchSurrogate
 
-
-class TestTorchSurrogate(MlpSuite):
-    kit_version = "3"
-    surrogate = TorchSurrogate
-
-
-class TestTorchSurrogateWithTanh(TanhMlpSuite):
-    kit_version = "3"
-    surrogate = TorchSurrogate
-
-
-class TestTorchPotential(NetworkPotentialSuite):
-    kit_version = "3"
-    surrogate = TorchSurrogate
-
-
-class TestTorchPotentialOnPolynomial(AnchoredPotentialSuite):
-    kit_version = "3"
-    surrogate = TorchSurrogate
+SUITES = network_suites(TorchSurrogate, "3", __name__)
+globals().update(SUITES)

@@ -14,19 +14,9 @@ def _networks() -> type[Any]:
 
 
 def _suites() -> list[type[Any]]:
-    from porocore_surrogate_torch.conformance import (
-        TestTorchPotential,
-        TestTorchPotentialOnPolynomial,
-        TestTorchSurrogate,
-        TestTorchSurrogateWithTanh,
-    )
+    from porocore_surrogate_torch.conformance import SUITES
 
-    return [
-        TestTorchSurrogate,
-        TestTorchSurrogateWithTanh,
-        TestTorchPotential,
-        TestTorchPotentialOnPolynomial,
-    ]
+    return list(SUITES.values())
 
 
 @hookimpl

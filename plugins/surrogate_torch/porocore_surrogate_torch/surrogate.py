@@ -35,7 +35,7 @@ class TorchSurrogate(NetworkSurrogate):
 
     def autodiff(self) -> Autodiff:
         """Return torch's automatic differentiation, on one thread."""
-        from porocore_surrogate_torch.autodiff import TorchAutodiff
+        from porocore_surrogate_torch.training import TorchAutodiff
 
         return TorchAutodiff(self.options.device)
 

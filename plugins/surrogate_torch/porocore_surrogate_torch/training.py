@@ -1,23 +1,25 @@
-"""Training of the network of ``mlp`` by torch's Adam (Kingma & Ba 2015), deterministic to the last bit."""
+"""Derivatives by torch, and its Adam (Kingma & Ba 2015) for the network of ``mlp``, deterministic to the last bit."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
+import numpy as np
 import torch
 
-from porocore import TrainingProgress
+from porocore.errors import ConfigurationError
+from porocore.interfaces.surrogate import OnProgress
 from porocore.states import Array, IntArray
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.network.adam import GAIN, MlpTraining, Part
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions
-from porocore.surrogates.network.sobolev import unpack_layers
+from porocore.surrogates.network.sobolev import Loss, unpack_layers
 from porocore.surrogates.network.training_state import TrainingState
-from porocore_surrogate_torch.autodiff import choose_device
-from porocore_surrogate_torch.evaluator import one_thread
+from porocore_surrogate_torch.evaluator import available_device, one_thread
 
 Tensors = dict[str, torch.Tensor]
 
@@ -30,11 +32,7 @@ class TorchTraining(MlpTraining):
         self._generator = torch.Generator().manual_seed(seed)
         self._device = choose_device(options.device)
 
-    def run(
-        self,
-        checkpoint: Path | None = None,
-        on_progress: Callable[[TrainingProgress], None] | None = None,
-    ) -> Network:
+    def run(self, checkpoint: Path | None = None, on_progress: OnProgress | None = None) -> Network:
         """Return the network with the smallest validation loss, trained on one thread."""
         with one_thread(), torch.enable_grad():
             return super().run(checkpoint, on_progress)
@@ -114,3 +112,42 @@ def mean_square(
             slope = (rest * (1 - rest) if activation == "sigmoid" else 1 - rest * rest)[:, None] * slope
     remainder = z[:-1] - z[-1] - (x[:-1] - x[-1]) @ slope.T
     return ((remainder - part["target"]) ** 2).mean()
+
+
+class TorchAutodiff:
+    """Reverse mode in double precision, on one thread or a GPU; see :mod:`porocore.surrogates.network.sobolev`."""
+
+    xp: ModuleType = torch
+
+    def __init__(self, device: str) -> None:
+        self.device = choose_device(device)
+
+    def compile(self, loss: Loss, constants: dict[str, Array]) -> Callable[[Array], tuple[float, Array]]:
+        """Return θ → loss and gradient by reverse mode."""
+        tensors = {
+            name: torch.tensor(array, dtype=torch.float64, device=self.device)
+            for name, array in constants.items()
+        }
+
+        def evaluate(theta: Array) -> tuple[float, Array]:
+            with one_thread(), torch.enable_grad():
+                t = torch.tensor(theta, dtype=torch.float64, device=self.device, requires_grad=True)
+                value = loss(t, tensors)
+                value.backward()
+                assert t.grad is not None
+                return float(value.detach()), np.array(t.grad.cpu().numpy())
+
+        return evaluate
+
+
+def choose_device(device: str) -> torch.device:
+    """Return the device of that name; ``auto`` is a GPU where there is one.
+
+    Raises
+    ------
+    ConfigurationError
+        A GPU is asked for and torch sees none.
+    """
+    if device == "cuda" and not torch.cuda.is_available():
+        raise ConfigurationError("surrogate.options.device: torch sees no GPU here; choose auto or cpu")
+    return available_device(device)

@@ -1,13 +1,3 @@
-from porocore_surrogate_torch.conformance import (
-    TestTorchPotential,
-    TestTorchPotentialOnPolynomial,
-    TestTorchSurrogate,
-    TestTorchSurrogateWithTanh,
-)
+from porocore_surrogate_torch.conformance import SUITES
 
-__all__ = [
-    "TestTorchPotential",
-    "TestTorchPotentialOnPolynomial",
-    "TestTorchSurrogate",
-    "TestTorchSurrogateWithTanh",
-]
+globals().update(SUITES)

@@ -14,9 +14,9 @@ from porocore.surrogates.network.network import ACTIVATIONS, Network
 from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.compare import with_derivatives
 from porocore.testing.synthetic.potential_cell import potential_training_set
-from porocore_surrogate_torch.autodiff import TorchAutodiff, choose_device
 from porocore_surrogate_torch.evaluator import TorchNetwork, available_device
 from porocore_surrogate_torch.surrogate import TorchSurrogate
+from porocore_surrogate_torch.training import TorchAutodiff, choose_device
 
 
 def network(activation, widths):

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from porocore.states import Array
+from porocore.states import Array, IntArray
 from porocore.surrogates.conductivity.model import ConductivityModel
-from porocore.surrogates.error_estimate.fit import Equations, draw, estimate, monomials, probes, safe_box
-from porocore.surrogates.polynomial.monomials import IntArray, Polynomial
+from porocore.surrogates.error_estimate.fit import Equations, draw, estimate, monomials
+from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.symmetry import Equivariance
 
 #: A component whose range is smaller than this share of the tolerance cannot miss it.
@@ -48,24 +48,13 @@ def with_conductivity_error(
     exponents = monomials(n * len(learned), (1,) * d, 1, count=lambda found: ways.ties(found).count)
     rows, degrees = _rows(exponents, ways, t)
     right = S[None, learned] / spread
-    members, nugget = draw(Equations(rows, right, degrees, np.ones(len(learned), dtype=bool)))
-    coefficients = np.zeros((len(members), 6, len(exponents)))
+    draws, nugget = draw(Equations(rows, right, degrees, np.ones(len(learned), dtype=bool)))
+    coefficients = np.zeros((len(draws), 6, len(exponents)))
     ties = ways.ties(exponents)
-    coefficients[:, learned] = [spread * ties.coefficients(free) for free in members[:, 0]]
-    found = estimate(
-        coefficients,
-        exponents,
-        nugget,
-        tolerance=tolerance,
-        terms=None,
-        judged=(),
-        spread=np.full(6, spread),
-        safe=np.zeros((2, d)),
-    )
-    low, high = t.min(axis=1), t.max(axis=1)
-    points, radius = probes(low, high)
-    safe = safe_box(low, high, radius, found.error(points, model.beyond_rest(points)), tolerance)
-    return replace(model, estimate=replace(found, safe=safe))
+    coefficients[:, learned] = [spread * ties.coefficients(free) for free in draws[:, 0]]
+    members = Polynomial(exponents, coefficients.reshape(-1, len(exponents)))
+    found = estimate(members, nugget, tolerance, np.full(6, spread), t, model.beyond_rest)
+    return replace(model, estimate=found)
 
 
 def _learned(tied: Equivariance, varies: npt.NDArray[np.bool_]) -> list[int]:
@@ -76,7 +65,7 @@ def _learned(tied: Equivariance, varies: npt.NDArray[np.bool_]) -> list[int]:
 def _rows(exponents: IntArray, ways: Equivariance, t: Array) -> tuple[Array, IntArray]:
     """Return what each free coefficient brings to the components at t (d, n), (F, c, n), and its degree (F,)."""
     ties = ways.ties(exponents)
-    values = Polynomial(exponents, np.eye(len(exponents))).evaluate(t)
+    values = Polynomial.monomials(exponents).evaluate(t)
     rows = np.zeros((ties.count, len(ties.number), t.shape[1]))
     degrees = np.zeros(ties.count, dtype=np.int64)
     for component, (numbers, signs) in enumerate(zip(ties.number, ties.sign, strict=True)):

@@ -8,11 +8,16 @@ from porocore.core.inputs.sampled_range import SampledRange
 from porocore.core.tensors.symmetric_functions import logarithm
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.states import Array
+from porocore.states import Array, IntArray
 from porocore.surrogates.conductivity.error import with_conductivity_error
 from porocore.surrogates.conductivity.model import ConductivityModel, conducting_basis, triangle
-from porocore.surrogates.polynomial.least_squares import EQUATIONS_PER_TERM, FOLDS, tied_least_squares
-from porocore.surrogates.polynomial.monomials import IntArray, Polynomial
+from porocore.surrogates.polynomial.least_squares import (
+    EQUATIONS_PER_TERM,
+    FOLDS,
+    held_out,
+    tied_least_squares,
+)
+from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import plain
 from porocore.surrogates.potential.data import STILL, variables
 from porocore.surrogates.stretch.log_stretch import LogStretch
@@ -87,9 +92,7 @@ def _fit(t: Array, S: Array, active: tuple[int, ...], tied: Equivariance) -> tup
 
     The error is the cross-validated root mean square.
     """
-    n = S.shape[1]
     terms = plain(active)
-    folds = np.arange(n) % min(FOLDS, n)
     errors: dict[int, float] = {}
     for degree in range(1, LARGEST_DEGREE + 1):
         exponents = terms.monomials(1, degree)
@@ -97,9 +100,8 @@ def _fit(t: Array, S: Array, active: tuple[int, ...], tied: Equivariance) -> tup
         if free * EQUATIONS_PER_TERM > S.size * (1 - 1 / FOLDS) and errors:
             break
         wrong = np.empty_like(S)
-        for fold in range(int(folds.max()) + 1):
-            test, train = folds == fold, folds != fold
-            wrong[:, test] = _solve(t[:, train], S[:, train], exponents, tied).evaluate(t[:, test])
+        for test in held_out(S.shape[1]):
+            wrong[:, test] = _solve(t[:, ~test], S[:, ~test], exponents, tied).evaluate(t[:, test])
         errors[degree] = float(np.sqrt(((wrong - S) ** 2).mean()))
     best = min(errors, key=lambda degree: errors[degree])
     return _solve(t, S, terms.monomials(1, best), tied), errors[best]
@@ -107,5 +109,5 @@ def _fit(t: Array, S: Array, active: tuple[int, ...], tied: Equivariance) -> tup
 
 def _solve(t: Array, S: Array, exponents: IntArray, tied: Equivariance) -> Polynomial:
     """Return the least-squares polynomial of the outputs S (6, n) at t (variables, n)."""
-    rows = Polynomial(exponents, np.eye(len(exponents))).evaluate(t).T
+    rows = Polynomial.monomials(exponents).evaluate(t).T
     return Polynomial(exponents, tied_least_squares([(rows, right) for right in S], exponents, tied))

@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-from porocore.states import Array
+from porocore.states import Array, IntArray
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
-from porocore.surrogates.polynomial.least_squares import FOLDS
-from porocore.surrogates.polynomial.monomials import IntArray, Polynomial, exponents_up_to
+from porocore.surrogates.polynomial.least_squares import held_out
+from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import Terms
 
 #: Widths of the prior from one degree to the next, and standard deviations of the rest, that are tried.
@@ -26,6 +26,8 @@ DECAYS, NUGGETS = (0.3, 0.1, 0.03, 0.01), (1e-4, 1e-3, 1e-2, 1e-1)
 DRAWS, MOST_MONOMIALS, HIGHEST = 6, 400, 8
 #: States at which the safe box is looked for, and the share of the tolerance that the estimate stays below in it.
 PROBES, SAFE = 2048, 0.5
+#: A variable that was not sampled is free in the safe box: another rule flags it.
+FREE = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,18 +60,16 @@ def draw(equations: Equations, seed: int = 0) -> tuple[Array, float]:
     size[size == 0] = 1.0
     scaled = rows / size[:, None, None]
     steps = equations.degrees - equations.degrees.min()
-    fold = np.arange(n) % min(FOLDS, n)
-    parts = [_normal(scaled[:, :, fold == f], right[:, :, fold == f]) for f in range(int(fold.max()) + 1)]
+    folds = held_out(n)
+    parts = [_normal(scaled[:, :, fold], right[:, :, fold]) for fold in folds]
     gram, moment = sum(part[0] for part in parts), sum(part[1] for part in parts)
     best, likelihood = (DECAYS[0], NUGGETS[0], 1.0), -np.inf
     for decay in DECAYS:
         prior = np.diag(decay ** (-2.0 * steps))
         for nugget in NUGGETS:
             left_out = [
-                _left_out(
-                    scaled, equations, fold == f, (gram - A) / nugget**2 + prior, (moment - b) / nugget**2
-                )
-                for f, (A, b) in enumerate(parts)
+                _left_out(scaled, equations, fold, (gram - A) / nugget**2 + prior, (moment - b) / nugget**2)
+                for fold, (A, b) in zip(folds, parts, strict=True)
             ]
             squares = np.concatenate([square.ravel() for square, _ in left_out])
             variances = np.concatenate([np.broadcast_to(v, s.shape).ravel() for s, v in left_out]) + nugget**2
@@ -83,7 +83,8 @@ def draw(equations: Equations, seed: int = 0) -> tuple[Array, float]:
     random = np.random.default_rng(seed).standard_normal((K, DRAWS * len(right)))
     scatter = np.sqrt(variance) * solve_triangular(factor, random, lower=True, trans="T")
     members = np.concatenate([mean[:, None], mean[:, None] + scatter.reshape(K, DRAWS, -1)], axis=1)
-    return np.moveaxis(members, 0, 2) / size, float(np.sqrt(variance) * nugget)
+    coefficients = np.ascontiguousarray(np.moveaxis(members, 0, 2) / size)
+    return coefficients, float(np.sqrt(variance) * nugget)
 
 
 def _normal(rows: Array, right: Array) -> tuple[Array, Array]:
@@ -93,7 +94,7 @@ def _normal(rows: Array, right: Array) -> tuple[Array, Array]:
 
 
 def _left_out(
-    scaled: Array, equations: Equations, test: Array, matrix: Array, moment: Array
+    scaled: Array, equations: Equations, test: npt.NDArray[np.bool_], matrix: Array, moment: Array
 ) -> tuple[Array, Array]:
     """Return squared errors (o, …) at the states left out, and the variances (…) that were expected of them."""
     factor = cholesky(matrix, lower=True)
@@ -126,7 +127,48 @@ def monomials(
     return found
 
 
-def probes(low: Array, high: Array) -> tuple[Array, Array]:
+def estimate(
+    polynomials: Polynomial,
+    nugget: float,
+    tolerance: float,
+    spread: Array,
+    y: Array,
+    quantities: Callable[[Array], Array],
+    *,
+    terms: Polynomial | None = None,
+    judged: tuple[int, ...] = (),
+    active: tuple[int, ...] | None = None,
+) -> ErrorEstimate:
+    """Return an estimate with its safe box: the largest one in which no probe has an error near the tolerance.
+
+    Parameters
+    ----------
+    polynomials, nugget, tolerance, spread, terms, judged
+        Attributes of the estimate.
+    y : (v, n)
+        Variables of the training states.
+    quantities
+        Variables (v, m) → the surrogate's judged quantities (c, m).
+    active
+        Variables that were sampled, about whose middle the box lies; None: all.
+    """
+    v = len(y)
+    sampled = list(range(v) if active is None else active)
+    low, high = y[sampled].min(axis=1), y[sampled].max(axis=1)
+    probes, radius = _probes(low, high)
+    points, safe = np.zeros((v, PROBES)), np.tile([[-FREE], [FREE]], v)
+    points[sampled] = probes
+    found = ErrorEstimate(tolerance, polynomials, terms, judged, spread, nugget, safe)
+    near = radius[~(found.error(points, quantities(points)) <= SAFE * tolerance)]
+    share = float(near.min(initial=1.0))
+    # Without a single good probe around it, it is empty.
+    share = share if (radius < share).sum() >= 10 else -1.0
+    middle, half = (low + high) / 2, (high - low) / 2
+    safe[:, sampled] = middle - share * half, middle + share * half
+    return found
+
+
+def _probes(low: Array, high: Array) -> tuple[Array, Array]:
     """Return points (v, n) of a box, from its middle to its corners, and how far out they are, 0 to 1 (n,)."""
     from scipy.stats import qmc  # slow to import
 
@@ -137,19 +179,3 @@ def probes(low: Array, high: Array) -> tuple[Array, Array]:
     radius = np.sqrt((cloud[v + 1] + 1) / 2)
     surface = sides / np.abs(sides).max(axis=0)
     return (low + high)[:, None] / 2 + radius * surface * (high - low)[:, None] / 2, radius
-
-
-def safe_box(low: Array, high: Array, radius: Array, error: Array, tolerance: float) -> Array:
-    """Return the largest box (2, v) about the middle in which no probe has an error near the tolerance."""
-    near = radius[~(error <= SAFE * tolerance)]
-    share = float(near.min(initial=1.0))
-    # Without a single good probe around it, it is empty.
-    share = share if (radius < share).sum() >= 10 else -1.0
-    middle, half = (low + high) / 2, (high - low) / 2
-    return np.stack([middle - share * half, middle + share * half])
-
-
-def estimate(coefficients: Array, exponents: IntArray, nugget: float, **how: object) -> ErrorEstimate:
-    """Return an estimate without a safe box from what :func:`draw` returned; ``how`` are its other attributes."""
-    members = Polynomial(exponents, np.ascontiguousarray(coefficients.reshape(-1, len(exponents))))
-    return ErrorEstimate(polynomials=members, nugget=nugget, **how)  # type: ignore[arg-type]

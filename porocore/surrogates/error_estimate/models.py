@@ -7,20 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.states import Array
-from porocore.surrogates.error_estimate.fit import Equations, draw, estimate, monomials, probes, safe_box
+from porocore.surrogates.error_estimate.fit import Equations, draw, estimate, monomials
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.polynomial.fit import terms_for
-from porocore.surrogates.polynomial.monomials import IntArray, Polynomial
-from porocore.surrogates.polynomial.terms import VARIABLES, Terms
+from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.potential.data import PotentialData
 from porocore.surrogates.potential.model import PotentialModel
 
 #: Weight of values over gradients of <∇u¹>, which jump where the pore wall begins to touch itself.
 GRADIENT_TOLERANCE = 5.0
-#: A variable that was not sampled is free in the safe box: another rule flags it.
-FREE = 1e3
 
 
 def with_potential_error(model: PotentialModel, training: TrainingSet) -> PotentialModel:
@@ -34,7 +30,7 @@ def with_potential_error(model: PotentialModel, training: TrainingSet) -> Potent
     ranges = np.ptp(data.gradient, axis=1)
     spread = np.append(np.full(6, ranges[:6].max()), ranges[6])
     spread[spread == 0] = 1.0
-    rows = _gradient_rows(terms, exponents, data.y)[:, (0, *(a + 1 for a in judged))]
+    rows = terms.design(exponents, data.y)[:, (0, *(a + 1 for a in judged))]
     value, gradients = data.remainder
     right = np.concatenate([value[None], gradients[list(judged)]])[None]
     by = np.append(data.scales[0], spread[list(judged)])[:, None]
@@ -42,25 +38,17 @@ def with_potential_error(model: PotentialModel, training: TrainingSet) -> Potent
         Equations(rows / by, right / by, exponents @ np.array(terms.weights), np.arange(len(by)) > 0)
     )
     found = estimate(
-        coefficients,
-        exponents,
+        Polynomial(exponents, coefficients.reshape(-1, len(exponents))),
         nugget,
-        tolerance=training.tolerance,
+        training.tolerance,
+        spread[list(judged)],
+        data.y,
+        lambda y: model.beyond_rest(y, judged),
         terms=terms.polynomial,
         judged=judged,
-        spread=spread[list(judged)],
-        safe=np.zeros((2, VARIABLES)),
+        active=data.active,
     )
-    active = list(data.active)
-    low, high = data.y[active].min(axis=1), data.y[active].max(axis=1)
-    points, radius = probes(low, high)
-    y = np.zeros((VARIABLES, len(radius)))
-    y[active] = points
-    safe = np.tile([[-FREE], [FREE]], VARIABLES)
-    safe[:, active] = safe_box(
-        low, high, radius, found.error(y, model.beyond_rest(y, judged)), found.tolerance
-    )
-    return replace(model, estimate=replace(found, safe=safe))
+    return replace(model, estimate=found)
 
 
 def with_mean_gradient_error(model: AnchoredModel, training: TrainingSet) -> AnchoredModel:
@@ -74,8 +62,8 @@ def with_mean_gradient_error(model: AnchoredModel, training: TrainingSet) -> Anc
     spread = float(np.ptp(training.responses.mean_grad.reshape(-1, 9), axis=0).max()) or 1.0
     scale = data.output_scale[:, None] / spread
     right = (data.target.T * scale)[:, None]
-    rows, _ = _at(exponents, x)
-    rows = rows[:, None]
+    values, slopes, _ = Polynomial.monomials(exponents).derivatives(x, second=False)
+    rows = values[:, None]
     tangent = training.responses.tangent
     if tangent is not None and tangent.mean_grad_grad_u is not None and tangent.mean_grad_p is not None:
         n = len(data.x)
@@ -84,33 +72,15 @@ def with_mean_gradient_error(model: AnchoredModel, training: TrainingSet) -> Anc
         )
         gradients = (gradients - data.linear)[:, data.components][:, :, training.inputs.columns]
         gradients *= model.scaling.half / spread / GRADIENT_TOLERANCE
-        rows = np.concatenate([rows, _at(exponents, x)[1] / GRADIENT_TOLERANCE], axis=1)
+        rows = np.concatenate([rows, slopes / GRADIENT_TOLERANCE], axis=1)
         right = np.concatenate([right, gradients.transpose(1, 2, 0)], axis=1)
     coefficients, nugget = draw(Equations(rows, right, exponents.sum(axis=1), np.arange(rows.shape[1]) == 0))
     found = estimate(
-        coefficients * spread,
-        exponents,
+        Polynomial(exponents, (coefficients * spread).reshape(-1, len(exponents))),
         nugget,
-        tolerance=training.tolerance,
-        terms=None,
-        judged=(),
-        spread=np.full(len(data.components), spread),
-        safe=np.zeros((2, d)),
+        training.tolerance,
+        np.full(len(data.components), spread),
+        x,
+        lambda away: model.beyond_linear(away.T + data.rest),
     )
-    low, high = x.min(axis=1), x.max(axis=1)
-    points, radius = probes(low, high)
-    error = found.error(points, model.beyond_linear(points.T + data.rest))
-    return replace(model, estimate=replace(found, safe=safe_box(low, high, radius, error, found.tolerance)))
-
-
-def _at(exponents: IntArray, t: Array) -> tuple[Array, Array]:
-    """Return values (K, n) and gradients (K, k, n) of monomials at t (k, n)."""
-    value, gradients, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
-    return value, gradients
-
-
-def _gradient_rows(terms: Terms, exponents: IntArray, y: Array) -> Array:
-    """Return values and gradients by the seven variables of monomials in terms, (K, 1 + 7, n)."""
-    t, J, _ = terms.polynomial.derivatives(y, second=False)
-    value, by_t = _at(exponents, t)
-    return np.concatenate([value[:, None], np.einsum("ktn,tan->kan", by_t, J)], axis=1)
+    return replace(model, estimate=found)

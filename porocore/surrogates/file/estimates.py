@@ -8,8 +8,8 @@ import numpy as np
 
 from porocore.states import Array
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
+from porocore.surrogates.file.parts import pack_polynomial, unpack_polynomial
 from porocore.surrogates.mean_gradient.model import AnchoredModel
-from porocore.surrogates.polynomial.arrays import pack_polynomial, unpack_polynomial
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES
 from porocore.surrogates.potential.model import PotentialModel
@@ -37,13 +37,7 @@ def pack(
 def unpack(
     header: dict[str, Any], arrays: dict[str, Array], model: AnchoredModel | PotentialModel
 ) -> ErrorEstimate:
-    """Return the estimate of a file for its model.
-
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        Something is missing, or does not fit together.
-    """
+    """Return the estimate of a file for its model."""
     if isinstance(model, AnchoredModel):
         return unpack_values(header, arrays, "estimate", len(model.sampled.inputs), len(model.components))
     judged = _judged(header)
@@ -57,13 +51,7 @@ def unpack(
 def unpack_values(
     header: dict[str, Any], arrays: dict[str, Array], name: str, variables: int, quantities: int
 ) -> ErrorEstimate:
-    """Return an estimate of values, not of gradients, that a file holds under a name.
-
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        Something is missing, or does not fit together.
-    """
+    """Return an estimate of values, not of gradients, that a file holds under a name."""
     if not quantities or _judged(header):
         raise ValueError(f"an estimate of {quantities} values")
     return _unpack(header, arrays, name, (variables, variables, quantities), ((), None))

@@ -19,21 +19,22 @@ from porocore.core.inputs.sampled_range import SampledRange
 from porocore.core.tensors.point_group import PointGroup
 from porocore.states import Array
 from porocore.surrogates.conductivity.model import ConductivityModel
-from porocore.surrogates.file import estimates as estimate_file
+from porocore.surrogates.file import estimates, parts
 from porocore.surrogates.file.archive import read_archive, write_archive
-from porocore.surrogates.file.conductivity import pack_conductivity, unpack_conductivity, unpack_range
+from porocore.surrogates.file.conductivity import pack_conductivity, unpack_conductivity
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import Evaluator, Network
-from porocore.surrogates.polynomial.arrays import pack_polynomial, unpack_polynomial
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms, plain
 from porocore.surrogates.potential.data import RestExpansion
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
-from porocore.surrogates.training_box import TrainingBox
 
 #: Until version 5 the symmetry of the cell was guessed, and stresses across the sampled components were dropped.
 FORMAT, VERSION = "porocore-surrogate", 6
 ADVICE = "delete it and train the surrogate again"
+
+#: Fields of the metadata that the header holds.
+KINDS = {"backend": str, "options": dict, "identity": str, "provenance": dict, "accuracy": dict}
 
 Model = AnchoredModel | PotentialModel
 #: A network that evaluates as the caller likes, from the numbers of the file.
@@ -78,23 +79,18 @@ def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
     """
     header: dict[str, Any] = {
         "model": "mlp" if isinstance(model, AnchoredModel) else "potential",
-        "backend": metadata.backend,
-        "options": metadata.options,
-        "identity": metadata.identity,
-        "provenance": metadata.provenance,
-        "accuracy": metadata.accuracy,
+        **{name: getattr(metadata, name) for name in KINDS},
         "inputs": model.sampled.inputs.names,
     }
     arrays = {
         "inputs/lower": np.array(model.sampled.inputs.lower),
         "inputs/upper": np.array(model.sampled.inputs.upper),
-        "range/normals": model.sampled.normals,
-        "range/offsets": model.sampled.offsets,
     }
+    parts.pack_range(model.sampled, arrays)
     pack = _pack_anchored if isinstance(model, AnchoredModel) else _pack_potential
     pack(model, header, arrays)  # type: ignore[arg-type]
     if model.estimate is not None:
-        estimate_file.pack(model.estimate, header, arrays)
+        estimates.pack(model.estimate, header, arrays)
     if metadata.conductivity is not None:
         pack_conductivity(metadata.conductivity, header, arrays)
     write_archive(path, FORMAT, VERSION, header, arrays)
@@ -116,11 +112,11 @@ def read(path: Path) -> tuple[Model, SurrogateMetadata]:
         inputs = InputSpace(
             tuple(header["inputs"]), *(tuple(arrays[f"inputs/{end}"].tolist()) for end in ("lower", "upper"))
         )
-        sampled = unpack_range(arrays, "range", inputs)
+        sampled = parts.unpack_range(arrays, inputs)
         unpack: dict[str, Callable[..., Model]] = {"mlp": _unpack_anchored, "potential": _unpack_potential}
         model = unpack[header["model"]](header, arrays, sampled)
         if "estimate" in header:
-            model = replace(model, estimate=estimate_file.unpack(header, arrays, model))
+            model = replace(model, estimate=estimates.unpack(header, arrays, model))
         metadata = _unpack_metadata(header, arrays, inputs)
     except UNREADABLE as error:
         raise damaged(path, "surrogate", error, ADVICE) from error
@@ -130,8 +126,7 @@ def read(path: Path) -> tuple[Model, SurrogateMetadata]:
 def _unpack_metadata(
     header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace
 ) -> SurrogateMetadata:
-    kinds = {"backend": str, "options": dict, "identity": str, "provenance": dict, "accuracy": dict}
-    for name, kind in kinds.items():
+    for name, kind in KINDS.items():
         if not isinstance(header[name], kind):
             raise ValueError(f"its header says '{name}': {str(header[name])[:40]}")
     if not all(isinstance(text, str) for text in header["provenance"].values()):
@@ -139,7 +134,7 @@ def _unpack_metadata(
     if not all(isinstance(x, float | int) for x in header["accuracy"].values()):
         raise ValueError("its header has an accuracy that is no number")
     conductivity = unpack_conductivity(header, arrays, inputs) if "conductivity" in header else None
-    return SurrogateMetadata(conductivity=conductivity, **{name: header[name] for name in kinds})
+    return SurrogateMetadata(conductivity=conductivity, **{name: header[name] for name in KINDS})
 
 
 def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:
@@ -199,13 +194,13 @@ def _unpack_anchored(
 
 
 def _pack_terms(terms: Terms, name: str, arrays: dict[str, Array]) -> None:
-    pack_polynomial(terms.polynomial, name, arrays)
+    parts.pack_polynomial(terms.polynomial, name, arrays)
     arrays[f"{name}/weights"] = np.array(terms.weights, dtype=float)
 
 
 def _unpack_terms(kind: str, name: str, arrays: dict[str, Array]) -> Terms:
     weights = tuple(int(w) for w in arrays[f"{name}/weights"].reshape(-1))
-    polynomial = unpack_polynomial(arrays, name, VARIABLES, len(weights))
+    polynomial = parts.unpack_polynomial(arrays, name, VARIABLES, len(weights))
     if kind == "plain":
         if not (polynomial.exponents.sum(axis=1) == 1).all():
             raise ValueError(f"{name}: a term that is no variable")
@@ -224,15 +219,15 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
         "network": model.network is not None,
     }
     arrays |= {"rest/matrix": model.rest.matrix, "rest/mean_grad": model.rest.mean_grad}
-    pack_polynomial(model.mean_grad, "mean_grad", arrays)
-    arrays |= {"reach/low": model.training_box.low, "reach/high": model.training_box.high}
+    parts.pack_polynomial(model.mean_grad, "mean_grad", arrays)
+    parts.pack_box(model.training_box, arrays)
     if model.terms is not None:
         _pack_terms(model.terms, "terms", arrays)
     header["polynomials"] = []
     for name, polynomial in (("polynomial", model.polynomial), ("refinement", model.refinement)):
         if model.terms is not None and polynomial is not None:
             header["polynomials"].append(name)
-            pack_polynomial(polynomial, name, arrays)
+            parts.pack_polynomial(polynomial, name, arrays)
     if model.network is not None:
         part = model.network
         header["network_terms"] = part.terms.name
@@ -249,22 +244,17 @@ def _unpack_potential(
         arrays["rest/mean_grad"].reshape(9, 7),
         PointGroup.generated([np.reshape(Q, (3, 3)) for Q in header["symmetry"]]),
     )
-    active = tuple(int(a) for a in header["active"])
-    if any(a not in range(VARIABLES) for a in active):
-        raise ValueError(f"active variables {active}")
+    box = parts.unpack_box(header, arrays)
     terms: Terms | None = None
     polynomials: dict[str, Polynomial] = {}
     if header["terms"] is not None:
         terms = _unpack_terms(header["terms"], "terms", arrays)
         for name in header["polynomials"]:
-            polynomials[name] = unpack_polynomial(arrays, name, len(terms.weights), 1)
+            polynomials[name] = parts.unpack_polynomial(arrays, name, len(terms.weights), 1)
     part = None
     if header["network"]:
         own = _unpack_terms(header["network_terms"], "network/terms", arrays)
         part = NetworkPart(_unpack_network(header, arrays, len(own.weights), 1), own)
-    mean_grad = unpack_polynomial(arrays, "mean_grad", len(active), 9)
-    training_box = TrainingBox(
-        active, *(arrays[f"reach/{end}"].reshape(len(active)) for end in ("low", "high"))
-    )
+    mean_grad = parts.unpack_polynomial(arrays, "mean_grad", len(box.active), 9)
     coarse, fine = polynomials.get("polynomial"), polynomials.get("refinement")
-    return PotentialModel(rest, terms, coarse, part, mean_grad, active, sampled, training_box, fine)
+    return PotentialModel(rest, terms, coarse, part, mean_grad, box.active, sampled, box, fine)

@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from porocore.interfaces.surrogate import TrainingProgress
+from porocore.interfaces.surrogate import OnProgress, TrainingProgress
 from porocore.states import Array, IntArray
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.network.network import Network
@@ -53,7 +52,7 @@ class MlpTraining(ABC):
 
     def __init__(self, data: ScaledData, options: MlpOptions, seed: int, backend: str) -> None:
         self.data, self.options = data, options
-        widths = [data.x.shape[1], *options.hidden, len(data.components)]
+        widths = data.x.shape[1], *options.hidden, len(data.components)
         self.shapes = [(width, before) for before, width in pairwise(widths)]
         self._owner = data.fingerprint(backend, options.model_dump_json(), str(seed))
 
@@ -77,11 +76,7 @@ class MlpTraining(ABC):
     def losses(self) -> tuple[float, float]:
         """Bring the state up to date; return the training loss before the last step and the validation loss."""
 
-    def run(
-        self,
-        checkpoint: Path | None = None,
-        on_progress: Callable[[TrainingProgress], None] | None = None,
-    ) -> Network:
+    def run(self, checkpoint: Path | None = None, on_progress: OnProgress | None = None) -> Network:
         """Return the network with the smallest validation loss.
 
         Raises

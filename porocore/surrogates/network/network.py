@@ -93,12 +93,10 @@ class Network(Evaluator):
             if layer:
                 a, slope, _ = _activate(self.activation, a, 1)
                 J *= slope
+                J = (J.reshape(d * n, W.shape[1]) @ W.T).reshape(d, n, len(W))
+            else:
+                J = np.repeat(W.T[:, None, :], n, axis=1)
             a = a @ W.T + b
-            J = (
-                np.repeat(W.T[:, None, :], n, axis=1)
-                if not layer
-                else (J.reshape(d * n, W.shape[1]) @ W.T).reshape(d, n, len(W))
-            )
         return a, J
 
     def value_gradient_hessian(self, x: Array) -> Derivatives:

@@ -50,15 +50,17 @@ class NetworkOptions(StrictModel):
         return f"surrogate.options.{key}: the {backend} surrogate has no such option for this model; {advice}"
 
 
+def _hidden(*widths: int) -> Any:
+    """Return the field of the hidden layers with its default."""
+    expected = f"a list of at most {MOST_LAYERS} layer widths, whole numbers from 1 to {MOST_WIDTH}"
+    description = f"{expected}, such as {list(widths)}"
+    return Field(widths, min_length=1, max_length=MOST_LAYERS, description=description)
+
+
 class MlpOptions(NetworkOptions):
     """Options of the model ``mlp``: the paper's network, trained by Adam on <∇u¹>_s."""
 
-    hidden: tuple[Width, ...] = Field(
-        (40, 40, 40),
-        min_length=1,
-        max_length=MOST_LAYERS,
-        description="a list of at most 20 layer widths, whole numbers from 1 to 1024, such as [40, 40, 40]",
-    )
+    hidden: tuple[Width, ...] = _hidden(40, 40, 40)
     """Widths of the hidden layers."""
     activation: Literal["sigmoid", "tanh"] = Field("sigmoid", description="'sigmoid' or 'tanh'")
     """Activation of the hidden layers."""
@@ -75,12 +77,7 @@ class MlpOptions(NetworkOptions):
 class PotentialOptions(NetworkOptions):
     """Options of the model ``potential``: W(ln U, p), trained by L-BFGS on W and its first derivatives."""
 
-    hidden: tuple[Width, ...] = Field(
-        (12, 12),
-        min_length=1,
-        max_length=MOST_LAYERS,
-        description="a list of at most 20 layer widths, whole numbers from 1 to 1024, such as [12, 12]",
-    )
+    hidden: tuple[Width, ...] = _hidden(12, 12)
     """Widths of the hidden layers."""
     activation: Literal["softplus", "tanh", "sigmoid"] = Field(
         "softplus", description="'softplus', 'tanh' or 'sigmoid'"

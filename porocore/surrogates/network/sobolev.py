@@ -15,15 +15,15 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import minimize
 
-from porocore.interfaces.surrogate import TrainingProgress
+from porocore.interfaces.surrogate import OnProgress, TrainingProgress
 from porocore.states import Array
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.polynomial.terms import Terms
 from porocore.surrogates.potential.data import PotentialData
 from porocore.surrogates.potential.model import low_orders
 
-#: L-BFGS keeps this many steps.
-MEMORY = 50
+#: L-BFGS keeps 50 steps.
+STOPPING = {"maxcor": 50, "ftol": 1e-14, "gtol": 1e-9}
 REPORT_INTERVAL = 25
 
 #: Loss of the flat parameters, in the arrays of a library.
@@ -147,16 +147,8 @@ class SobolevProblem:
     def constants(self) -> dict[str, Array]:
         """Return the arrays of the loss."""
         first, second = low_orders(self.terms)
-        return {
-            "x": self.x,
-            "rest": self.rest,
-            "jacobian": self.jacobian,
-            "first": first,
-            "second": second,
-            "value": self.value,
-            "gradients": self.gradients,
-            "gradient_weight": self.gradient_weight,
-        }
+        names = ("x", "rest", "jacobian", "value", "gradients", "gradient_weight")
+        return {name: getattr(self, name) for name in names} | {"first": first, "second": second}
 
 
 def train(
@@ -167,12 +159,10 @@ def train(
     activation: str,
     seed: int,
     iterations: int,
-    on_progress: Callable[[TrainingProgress], None] | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Network:
     """Return the network after L-BFGS; the first weights depend on ``seed`` only, in every library."""
-    d = problem.x.shape[1]
-    widths = [d, *hidden, 1]
-    shapes = [(b, a) for a, b in itertools.pairwise(widths)]
+    shapes = [(b, a) for a, b in itertools.pairwise((problem.x.shape[1], *hidden, 1))]
     theta = _first_weights(shapes, activation, seed)
     function = autodiff.compile(problem.loss(autodiff.xp, shapes, activation), problem.constants())
     done = 0
@@ -197,16 +187,11 @@ def train(
         jac=True,
         method="L-BFGS-B",
         callback=report,
-        options={
-            "maxcor": MEMORY,
-            "maxiter": iterations,
-            "maxfun": 2 * iterations,
-            "ftol": 1e-14,
-            "gtol": 1e-9,
-        },
+        options=STOPPING | {"maxiter": iterations, "maxfun": 2 * iterations},
     )
     if on_progress is not None:
-        on_progress(TrainingProgress(done, iterations, unit * float(found.fun), unit * float(found.fun)))
+        loss = unit * float(found.fun)
+        on_progress(TrainingProgress(done, iterations, loss, loss))
     return layered_network(found.x, shapes, activation)
 
 
@@ -253,15 +238,15 @@ def activate(xp: Any, name: str, z: Any) -> tuple[Any, Any, Any]:
 
 def _forward(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: Any) -> tuple[Any, Any]:
     """Return values (m,) and gradients (m, d) of a network with one output."""
-    a, J = x, None
+    a: Any = x
+    J: Any = None
     for i, (W, b) in enumerate(layers):
         z = a @ W.T + b
         J = W[None] if J is None else xp.einsum("oi,mid->mod", W, J)
-        if i == len(layers) - 1:
-            return z[:, 0], J[:, 0, :]
-        a, slope, _ = activate(xp, activation, z)
-        J = slope[:, :, None] * J
-    raise AssertionError("a network has at least one layer")
+        if i < len(layers) - 1:
+            a, slope, _ = activate(xp, activation, z)
+            J = slope[:, :, None] * J
+    return z[:, 0], J[:, 0, :]
 
 
 def _second_order(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: Any) -> tuple[Any, Any, Any]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from porocore.core.inputs.sampled_range import SampledRange
-from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
-from porocore.surrogates.error_estimate.models import with_mean_gradient_error
+from porocore.interfaces.surrogate import OnProgress, TrainingSet
+from porocore.surrogates.error_estimate.models import with_mean_gradient_error, with_potential_error
+from porocore.surrogates.file.file import Model
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.adam import AutodiffTraining, MlpTraining
@@ -66,15 +66,10 @@ class NetworkSurrogate(ModelSurrogate):
         """Return the training of ``mlp``: by Adam in numpy unless the library has its own."""
         return AutodiffTraining(data, self.options, seed, self.backend, self.autodiff())
 
-    def fit(
-        self,
-        data: TrainingSet,
-        *,
-        seed: int,
-        checkpoint: Path | None = None,
-        on_progress: Callable[[TrainingProgress], None] | None = None,
-    ) -> Self:
-        """Train on ``data`` and return self.
+    def train(
+        self, data: TrainingSet, seed: int, checkpoint: Path | None, on_progress: OnProgress | None
+    ) -> tuple[Model, dict[str, float]]:
+        """Return the trained model and its errors.
 
         The same data, options and seed give the same weights, bit by bit, on the same machine. The random numbers
         are the training's own, and no global setting of the library is left changed.
@@ -91,30 +86,18 @@ class NetworkSurrogate(ModelSurrogate):
         on_progress
             Called from time to time. The losses of ``mlp`` are mean squares of the scaled outputs: 1 is the linear
             limit.
-
-        Raises
-        ------
-        ConfigurationError
-            The device is a GPU and there is none.
-        DataError
-            The data cannot be used, or the checkpoint is damaged or belongs to another training.
-        RunFolderError
-            The checkpoint cannot be written.
         """
         if self.model == "potential":
-            model, errors = train_potential(
-                data, self.options, int(seed), self.autodiff(), self.evaluator, on_progress
-            )
-            return self._with(model, data, errors)
+            autodiff = self.autodiff()
+            model, errors = train_potential(data, self.options, seed, autodiff, self.evaluator, on_progress)
+            return with_potential_error(model, data), errors
         scaled = ScaledData.from_training_set(data)
         if scaled.components:
-            network = self.mlp_training(scaled, int(seed)).run(checkpoint, on_progress)
+            network = self.mlp_training(scaled, seed).run(checkpoint, on_progress)
         else:
             network = Network(self.options.activation, (), ())
         sampled = SampledRange.around(data.inputs, data.inputs.gather(data.states))
         anchored = AnchoredModel(
             scaled.linear, scaled.components, scaled.output_scale, self.evaluator(network), sampled
         )
-        self._become(with_mean_gradient_error(anchored, data), data.identity, data.provenance)
-        self.learn_conductivity(data)
-        return self
+        return with_mean_gradient_error(anchored, data), {}

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,14 @@ from porocore.states import Array
 from porocore.surrogates.file.archive import read_archive, write_archive
 
 FORMAT, VERSION = "porocore-surrogate-training", 1
+#: Fields that a checkpoint holds.
+ARRAYS = ("theta", "moment", "square", "best_theta")
+NUMBERS: dict[str, type[Any]] = {
+    "epoch": int,
+    "best_epoch": int,
+    "best_loss": float,
+    "validation_loss": float,
+}
 ADVICE = "remove it to train from the beginning"
 #: Constants of Kingma & Ba (2015).
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-8
@@ -63,20 +72,8 @@ class TrainingState:
         RunFolderError
             The disk is full or read-only.
         """
-        header = {
-            "belongs_to": belongs_to,
-            "epoch": self.epoch,
-            "best_epoch": self.best_epoch,
-            "best_loss": self.best_loss,
-            "validation_loss": self.validation_loss,
-        }
-        arrays = {
-            "theta": self.theta,
-            "moment": self.moment,
-            "square": self.square,
-            "best_theta": self.best_theta,
-        }
-        write_archive(path, FORMAT, VERSION, header, arrays)
+        header = {"belongs_to": belongs_to} | {name: getattr(self, name) for name in NUMBERS}
+        write_archive(path, FORMAT, VERSION, header, {name: getattr(self, name) for name in ARRAYS})
 
     @classmethod
     def read(cls, path: Path, belongs_to: str) -> TrainingState:
@@ -93,12 +90,10 @@ class TrainingState:
                 f"{path}: this checkpoint belongs to a training with other data, options or seed; {ADVICE}"
             )
         try:
-            weights = [arrays[name] for name in ("theta", "moment", "square", "best_theta")]
+            weights = [arrays[name] for name in ARRAYS]
             if any(w.ndim != 1 or w.shape != weights[0].shape for w in weights):
                 raise ValueError(f"arrays of shapes {[w.shape for w in weights]}")
-            epoch, best_epoch = int(header["epoch"]), int(header["best_epoch"])
-            best_loss, validation_loss = float(header["best_loss"]), float(header["validation_loss"])
+            numbers = {name: kind(header[name]) for name, kind in NUMBERS.items()}
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise damaged(path, f"file of format {FORMAT}", error, ADVICE) from error
-        theta, moment, square, best_theta = weights
-        return cls(theta, moment, square, best_theta, epoch, best_epoch, best_loss, validation_loss)
+        return cls(**dict(zip(ARRAYS, weights, strict=True)), **numbers)

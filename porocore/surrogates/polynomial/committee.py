@@ -14,11 +14,9 @@ import numpy as np
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, IntArray, MacroState
 from porocore.surrogates.polynomial.fit import terms_for
-from porocore.surrogates.polynomial.least_squares import EQUATIONS_PER_TERM, FOLDS, RIDGE
-from porocore.surrogates.polynomial.monomials import Polynomial
-from porocore.surrogates.polynomial.terms import Terms
+from porocore.surrogates.polynomial.least_squares import EQUATIONS_PER_TERM, RIDGE, held_out
+from porocore.surrogates.polynomial.terms import Terms, plain
 from porocore.surrogates.potential.data import PotentialData, variables
-from porocore.surrogates.potential.model import mean_grad_terms
 from porocore.surrogates.stretch.log_stretch import LogStretch
 
 #: Weight of values over gradients of <∇u¹>.
@@ -66,8 +64,7 @@ def potential_target(data: PotentialData) -> Target:
 
 def mean_gradient_target(data: PotentialData) -> Target:
     """Return <∇u¹>_s in the frame of the stretch, beyond first order; disagreements are those of its values."""
-    value = data.mean_grad - data.rest.mean_grad @ data.y
-    gradients = data.mean_grad_by_y - data.rest.mean_grad[:, :, None]
+    value, gradients = data.mean_grad_remainder
     learned = np.flatnonzero(np.abs(value).max(axis=1) > 1e-12)
     value, gradients = value[learned], gradients[learned]
     rows = np.full(8, np.inf)
@@ -79,9 +76,8 @@ def mean_gradient_target(data: PotentialData) -> Target:
     rows[1:][active] = GRADIENT_TOLERANCE * spread_of_gradients
     spread = np.full((len(learned), 8), np.inf)
     spread[:, 0] = np.ptp(data.mean_grad, axis=1).max() or np.inf
-    return Target(
-        mean_grad_terms(data.active), 2, rows, np.concatenate([value[:, None], gradients], axis=1), spread
-    )
+    right = np.concatenate([value[:, None], gradients], axis=1)
+    return Target(plain(data.active), 2, rows, right, spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +110,7 @@ class Committee:
         if len(self.members) < 2:
             return PolynomialJudgement(np.zeros(m), *(np.zeros((1, 1, m)) for _ in range(3)))
         y = variables(LogStretch.from_gradient(states.grad_u), states.p)
-        design = _design(self.target.terms, self.exponents, y)
+        design = self.target.terms.design(self.exponents, y)
         spread, learned = self.target.spread, np.isfinite(self.target.rows)
         counted = np.isfinite(spread).any(axis=0)
         answers = np.stack([np.einsum("ok,kcm->ocm", c, design[:, counted]) for c in self.members])
@@ -192,34 +188,33 @@ def judge(data: TrainingSet, responses: tuple[str, ...], candidates: MacroState)
 
 def _fitted(target: Target, y: Array) -> Committee:
     n = y.shape[1]
-    folds = np.arange(n) % min(FOLDS, n)
-    count = int(folds.max()) + 1
+    folds = held_out(n)
     counted = np.flatnonzero(np.isfinite(target.rows))
     divisors = target.rows[counted]
     # A degree is judged by what is asked for, as disagreements are.
     asked = np.isfinite(target.spread).any(axis=0)[counted]
-    exponents, sizes = _monomials(target, n - int(np.ceil(n / count)), len(counted))
+    exponents, sizes = _monomials(target, n - int(np.ceil(n / len(folds))), len(counted))
     if not sizes:
         return Committee(target, exponents[:0], (), target.lowest - 1, np.empty((0, 0)))
-    design = _design(target.terms, exponents, y)[:, counted] / divisors[:, None]
+    design = target.terms.design(exponents, y)[:, counted] / divisors[:, None]
     right = target.right[:, counted] / divisors[:, None]
     length = np.sqrt((design**2).sum(axis=(1, 2)))
     length[length == 0] = 1.0
     design /= length[:, None, None]
     grams, moments = [], []
-    for fold in range(count):
-        A = design[:, :, folds == fold].reshape(len(exponents), -1)
+    for fold in folds:
+        A = design[:, :, fold].reshape(len(exponents), -1)
         grams.append(A @ A.T)
-        moments.append(A @ right[:, :, folds == fold].reshape(len(right), -1).T)
+        moments.append(A @ right[:, :, fold].reshape(len(right), -1).T)
     whole, moment = sum(grams), sum(moments)
     errors: dict[int, float] = {}
     fits: dict[int, list[Array]] = {}
     for degree, K in sizes.items():
         fits[degree], squares = [], 0.0
-        for fold in range(count):
-            left = (whole - grams[fold])[:K, :K] + RIDGE * np.eye(K)
-            found = np.linalg.solve(left, (moment - moments[fold])[:K])
-            wrong = np.einsum("ko,kcn->ocn", found, design[:K, :, folds == fold]) - right[:, :, folds == fold]
+        for fold, own, own_moment in zip(folds, grams, moments, strict=True):
+            left = (whole - own)[:K, :K] + RIDGE * np.eye(K)
+            found = np.linalg.solve(left, (moment - own_moment)[:K])
+            wrong = np.einsum("ko,kcn->ocn", found, design[:K, :, fold]) - right[:, :, fold]
             squares += float((wrong[:, asked] ** 2).sum())
             coefficients = np.zeros((len(right), len(exponents)))
             coefficients[:, :K] = found.T
@@ -242,10 +237,3 @@ def _monomials(target: Target, states: int, equations: int) -> tuple[IntArray, d
             break
         exponents, sizes[degree] = candidates, len(candidates)
     return exponents, sizes
-
-
-def _design(terms: Terms, exponents: IntArray, y: Array) -> Array:
-    """Return values and gradients by the variables of each monomial, (K, 1 + 7, n)."""
-    t, J, _ = terms.polynomial.derivatives(y, second=False)
-    value, by_t, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
-    return np.concatenate([value[:, None], np.einsum("ktn,tan->kan", by_t, J)], axis=1)

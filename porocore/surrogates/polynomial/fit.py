@@ -13,7 +13,7 @@ from porocore.surrogates.polynomial.least_squares import LARGEST_DEGREE, Fit, Re
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, invariant, plain
 from porocore.surrogates.potential.data import PotentialData
-from porocore.surrogates.potential.model import PotentialModel, mean_grad_terms
+from porocore.surrogates.potential.model import NetworkPart, PotentialModel
 from porocore.surrogates.symmetry import (
     Equivariance,
     acting_across,
@@ -85,23 +85,21 @@ def remainder(data: PotentialData, terms: Terms, polynomial: Polynomial | None) 
 
 def fit_mean_grad(data: PotentialData) -> Polynomial:
     """Fit the remainder of the linear limit of Rᵀ<∇u¹>_s, from second order on (9 outputs)."""
-    value = data.mean_grad - data.rest.mean_grad @ data.y
-    gradients = data.mean_grad_by_y - data.rest.mean_grad[:, :, None]
+    value, gradients = data.mean_grad_remainder
     largest = np.abs(value).max(axis=1)
-    images = on_places(stabiliser(data.rest.symmetry, data.active)).to
-    learned = np.unique(images[:, largest > max(SMALLEST_SHARE * largest.max(), 1e-12)])
-    terms = mean_grad_terms(data.active)
+    action = on_places(stabiliser(data.rest.symmetry, data.active))
+    learned = np.unique(action.to[:, largest > max(SMALLEST_SHARE * largest.max(), 1e-12)])
     still = [a for a in range(7) if a not in data.active]
     scale = np.maximum(gradients.std(axis=2), 1e-3 * np.abs(gradients).max())
     scale[:, still] = np.inf
     if not len(learned):
-        return Polynomial(np.zeros((0, len(data.active)), dtype=np.int64), np.zeros((9, 0)))
+        return Polynomial.zero(len(data.active), 9)
     size = value.std(axis=1) + 1e-300
-    for together in on_places(stabiliser(data.rest.symmetry, data.active)).orbits():
+    for together in action.orbits():
         # Components that the symmetry of the cell exchanges weigh the same.
         size[together], scale[together] = size[together].max(), scale[together].max(axis=0)
     samples = RegressionData(data.y, value[learned], gradients[learned], size[learned], scale[learned])
-    part = fit(samples, terms, 2, tied=_turning(data, learned)).polynomial
+    part = fit(samples, plain(data.active), 2, tied=_turning(data, learned)).polynomial
     coefficients = np.zeros((9, len(part.exponents)))
     coefficients[learned] = part.coefficients
     return Polynomial(part.exponents, coefficients)
@@ -135,18 +133,30 @@ def polynomial_model(training: TrainingSet, degree: int | None = None) -> tuple[
         # Together they span what was found, but only the first part is continued beyond the sampled states.
         coarse = fit_potential(data, terms, degree=ANCHOR_DEGREE)
         refinement = fit_potential(data, terms, degree=found.degree, beyond=coarse.polynomial).polynomial
-    model = PotentialModel(
+    return potential_model(training, data, terms, coarse.polynomial, refinement=refinement), found
+
+
+def potential_model(
+    training: TrainingSet,
+    data: PotentialData,
+    terms: Terms,
+    polynomial: Polynomial | None,
+    *,
+    network: NetworkPart | None = None,
+    refinement: Polynomial | None = None,
+) -> PotentialModel:
+    """Return the model of these parts of W, with <∇u¹>_s fitted and the range of the stable states."""
+    return PotentialModel(
         data.rest,
         terms,
-        coarse.polynomial,
-        None,
+        polynomial,
+        network,
         fit_mean_grad(data),
         data.active,
         sampled_range(training),
         TrainingBox.from_states(data.y, data.active, data.rest.symmetry),
         refinement,
     )
-    return model, found
 
 
 def sampled_range(training: TrainingSet) -> SampledRange:

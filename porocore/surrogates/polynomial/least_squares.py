@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from porocore.states import Array
-from porocore.surrogates.polynomial.monomials import IntArray, Polynomial
+from porocore.states import Array, IntArray
+from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms
 from porocore.surrogates.symmetry import Equivariance
 
@@ -16,6 +17,12 @@ EQUATIONS_PER_TERM = 2
 RIDGE = 1e-10
 LARGEST_DEGREE = 12
 FOLDS = 5
+
+
+def held_out(n: int) -> list[npt.NDArray[np.bool_]]:
+    """Return which of n states each fold of a cross-validation leaves out."""
+    count = min(FOLDS, n)
+    return [np.arange(n) % count == fold for fold in range(count)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,28 +108,19 @@ def fit(
         degrees = [degree] if degree in degrees else [degrees[-1]]
     errors: dict[int, float] = {}
     if len(degrees) > 1:
-        folds = np.arange(n) % min(FOLDS, n)
         for candidate in degrees:
             exponents = terms.monomials(lowest, candidate)
             if len(exponents) * EQUATIONS_PER_TERM > equations * (1 - 1 / FOLDS):
                 break
             squares = 0.0
-            for fold in range(int(folds.max()) + 1):
-                test = samples.subset(np.flatnonzero(folds == fold))
-                trained = _solve(samples.subset(np.flatnonzero(folds != fold)), terms, exponents, tied)
-                squares += _error(test, terms, trained)
+            for test in held_out(n):
+                trained = _solve(samples.subset(np.flatnonzero(~test)), terms, exponents, tied)
+                squares += _error(samples.subset(np.flatnonzero(test)), terms, trained)
             errors[candidate] = float(np.sqrt(squares / n))
         best = min(errors, key=lambda d: errors[d])
     else:
         best = degrees[0]
     return Fit(_solve(samples, terms, terms.monomials(lowest, best), tied), best, errors)
-
-
-def _design(samples: RegressionData, terms: Terms, exponents: IntArray) -> tuple[Array, Array]:
-    """Return values (K, n) and gradients (K, 7, n) of each monomial."""
-    t, J, _ = terms.polynomial.derivatives(samples.y, second=False)
-    value, by_t, _ = Polynomial(exponents, np.eye(len(exponents))).derivatives(t, second=False)
-    return value, np.einsum("ktn,tan->kan", by_t, J)
 
 
 def _solve(
@@ -131,7 +129,8 @@ def _solve(
     outputs = len(samples.value)
     if not len(exponents):
         return Polynomial(exponents, np.zeros((outputs, 0)))
-    value, gradients = _design(samples, terms, exponents)
+    design = terms.design(exponents, samples.y)
+    value, gradients = design[:, 0], design[:, 1:]
     equations = []
     for o in range(outputs):
         kept = np.isfinite(samples.gradient_scale[o])

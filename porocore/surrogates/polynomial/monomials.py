@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
-import numpy.typing as npt
 
-from porocore.states import Array
+from porocore.states import Array, IntArray
 
-IntArray = npt.NDArray[np.int64]
 #: Numbers in a block of states, which stay in the processor's cache, and least states in a block.
 LARGEST_BLOCK, SMALLEST_BLOCK = 200_000, 256
-#: Output and variables of a derivative, and its values (n,).
-GradientEntry = tuple[tuple[int, int], Array]
-HessianEntry = tuple[tuple[int, int, int], Array]
+#: Output and variables of a derivative; and with its values (n,).
+Place = tuple[int, ...]
+Entry = tuple[Place, Array]
 
 
 def exponents_up_to(weights: tuple[int, ...], lowest: int, highest: int) -> IntArray:
@@ -48,6 +47,16 @@ class Polynomial:
     exponents: IntArray
     coefficients: Array
 
+    @classmethod
+    def monomials(cls, exponents: IntArray) -> Polynomial:
+        """Return the monomials (K, v) themselves, one output for each."""
+        return cls(exponents, np.eye(len(exponents)))
+
+    @classmethod
+    def zero(cls, variables: int, outputs: int) -> Polynomial:
+        """Return the polynomials without monomials."""
+        return cls(np.zeros((0, variables), dtype=np.int64), np.zeros((outputs, 0)))
+
     @property
     def variables(self) -> int:
         """Number of variables v."""
@@ -73,15 +82,12 @@ class Polynomial:
             hessian[i, b, a] = row
         return values, gradient, hessian
 
-    def entries(
-        self, t: Array, *, second: bool = True
-    ) -> tuple[Array, list[GradientEntry], list[HessianEntry]]:
+    def entries(self, t: Array, *, second: bool = True) -> tuple[Array, list[Entry], list[Entry]]:
         """Return values (o, n) and the derivatives that are not zero everywhere.
 
         As pairs ((output, a), (n,)) and ((output, a, b), (n,)), a ≤ b.
         """
-        value, by_one, by_two = self._rows
-        first, pairs = self._places
+        value, (by_one, first), (by_two, pairs) = self._rows
         used = self._used
         n, outputs = t.shape[1], len(used)
         count = outputs + len(first) + (len(pairs) if second else 0)
@@ -158,47 +164,32 @@ class Polynomial:
         return np.flatnonzero(self.coefficients.any(axis=1))
 
     @cached_property
-    def _places(self) -> tuple[list[tuple[int, int]], list[tuple[int, int, int]]]:
-        return self._derivative_rows[2:]
+    def _rows(self) -> tuple[Array, tuple[Array, list[Place]], tuple[Array, list[Place]]]:
+        """Coefficients of values, and of non-zero first and second derivatives with their places, over the basis."""
+        v = range(self.variables)
+        pairs = list(combinations_with_replacement(v, 2))
+        return self._derivative(()), self._derivatives([(a,) for a in v]), self._derivatives(pairs)
 
-    @cached_property
-    def _rows(self) -> tuple[Array, Array, Array]:
-        order, number = self._basis
-        value = np.zeros((len(self.coefficients), len(order)))
-        for k, e in enumerate(self.exponents):
-            value[:, number[tuple(int(x) for x in e)]] += self.coefficients[:, k]
-        return value, *self._derivative_rows[:2]
+    def _derivatives(self, wanted: Sequence[tuple[int, ...]]) -> tuple[Array, list[Place]]:
+        """Return the rows over the basis that are not zero, and the places, of derivatives by some variables."""
+        found = [(row, (i, *by)) for by in wanted for i, row in enumerate(self._derivative(by)) if row.any()]
+        rows = np.array([row for row, _ in found])
+        return rows.reshape(len(found), -1 if found else 0), [place for _, place in found]
 
-    @cached_property
-    def _derivative_rows(
-        self,
-    ) -> tuple[Array, Array, list[tuple[int, int]], list[tuple[int, int, int]]]:
-        """Coefficients of the non-zero first and second derivatives over the basis, and their places.
+    def _derivative(self, by: tuple[int, ...]) -> Array:
+        """Return the coefficients of a derivative, (o, columns).
 
-        The basis ascends in degree, so the columns of a derivative end before those of the polynomial.
+        The basis ascends in degree, so its columns end before those of the polynomial.
         """
         order, number = self._basis
-        v = self.variables
         degrees = np.array([sum(e) for e in order])
-        found: dict[int, tuple[list[Array], list[tuple[int, ...]]]] = {1: ([], []), 2: ([], [])}
-        wanted: list[tuple[int, ...]] = [(a,) for a in range(v)]
-        wanted += list(combinations_with_replacement(range(v), 2))
-        for by in wanted:
-            columns = int((degrees <= degrees.max(initial=0) - len(by)).sum())
-            row = np.zeros((len(self.coefficients), columns))
-            for k, exponent in enumerate(self.exponents):
-                e, factor = [int(x) for x in exponent], 1
-                for a in by:
-                    factor *= e[a]
-                    e[a] -= 1
-                if factor:
-                    row[:, number[tuple(e)]] += factor * self.coefficients[:, k]
-            rows, places = found[len(by)]
-            for i in np.flatnonzero(row.any(axis=1)):
-                rows.append(row[i])
-                places.append((int(i), *by))
-        return tuple(
-            np.array(rows).reshape(len(rows), -1 if rows else 0) for rows, _ in found.values()
-        ) + tuple(  # type: ignore[return-value]
-            places for _, places in found.values()
-        )
+        columns = int((degrees <= degrees.max(initial=0) - len(by)).sum())
+        row = np.zeros((len(self.coefficients), columns))
+        for k, exponent in enumerate(self.exponents):
+            e, factor = [int(x) for x in exponent], 1
+            for a in by:
+                factor *= e[a]
+                e[a] -= 1
+            if factor:
+                row[:, number[tuple(e)]] += factor * self.coefficients[:, k]
+        return row

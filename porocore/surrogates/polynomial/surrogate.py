@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError
-from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
+from porocore.interfaces.surrogate import OnProgress, TrainingProgress, TrainingSet
+from porocore.surrogates.error_estimate.models import with_potential_error
 from porocore.surrogates.polynomial.fit import polynomial_model
 from porocore.surrogates.portable import ModelSurrogate
+from porocore.surrogates.potential.model import PotentialModel
 
 
 class PolynomialSurrogate(ModelSurrogate):
@@ -47,25 +48,14 @@ class PolynomialSurrogate(ModelSurrogate):
         super().__init__(model=model, degree=degree)
         self.degree = degree
 
-    def fit(
-        self,
-        data: TrainingSet,
-        *,
-        seed: int,
-        checkpoint: Path | None = None,
-        on_progress: Callable[[TrainingProgress], None] | None = None,
-    ) -> Self:
-        """Fit to the stable states of ``data``; nothing is random, and nothing takes long enough to be resumed.
-
-        Raises
-        ------
-        DataError
-            A response is missing, or too few states are stable.
-        """
+    def train(
+        self, data: TrainingSet, seed: int, checkpoint: Path | None, on_progress: OnProgress | None
+    ) -> tuple[PotentialModel, dict[str, float]]:
+        """Fit to the stable states of ``data``; nothing is random, and nothing takes long enough to be resumed."""
         model, found = polynomial_model(data, self.degree)
         errors = {"cross-validated slopes of W": found.errors[found.degree]} if found.errors else {}
         if on_progress is not None:
             loss = found.errors.get(found.degree, float("nan")) ** 2
             on_progress(TrainingProgress(1, 1, loss, loss))
         self.settings = {"degree": found.degree}
-        return self._with(model, data, errors)
+        return with_potential_error(model, data), errors

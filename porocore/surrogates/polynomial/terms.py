@@ -11,8 +11,9 @@ from functools import lru_cache
 import numpy as np
 
 from porocore.core.tensors.point_group import PointGroup
+from porocore.states import Array, IntArray
 from porocore.surrogates.polynomial.invariants import PRIME, Invariant, independent, integrity_basis
-from porocore.surrogates.polynomial.monomials import IntArray, Polynomial, exponents_up_to
+from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 
 #: Number of variables: six components of L, and p.
 VARIABLES = 7
@@ -58,6 +59,12 @@ class Terms:
         found = {row.tobytes() for weight in range(highest + 1) for row in _basis(self, weight)}
         basis: IntArray = kept[[row.tobytes() in found for row in of_L]]
         return basis
+
+    def design(self, exponents: IntArray, y: Array) -> Array:
+        """Return values and gradients by the variables y (7, n) of monomials (K, k), (K, 1 + 7, n)."""
+        t, J, _ = self.polynomial.derivatives(y, second=False)
+        value, by_t, _ = Polynomial.monomials(exponents).derivatives(t, second=False)
+        return np.concatenate([value[:, None], np.einsum("ktn,tan->kan", by_t, J)], axis=1)
 
     def _is_pressure(self, row: int) -> bool:
         used = self.polynomial.coefficients[row] != 0

@@ -10,7 +10,7 @@ import numpy as np
 from porocore.core.tensors.point_group import PointGroup
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.states import Array, CellResponse, MacroState
+from porocore.states import Array, CellResponse
 from porocore.surrogates.stretch.components import PLACES
 from porocore.surrogates.stretch.log_stretch import LogStretch
 from porocore.surrogates.symmetry import on_places, on_variables
@@ -145,10 +145,7 @@ class PotentialData:
             )
         if len(kept) < 2:
             raise DataError(f"expected at least two stable training states, got {len(kept)}; sample more")
-        return cls._from_states(RestExpansion.from_response(data.reference, data.symmetry), states, responses)
-
-    @classmethod
-    def _from_states(cls, rest: RestExpansion, states: MacroState, responses: CellResponse) -> PotentialData:
+        rest = RestExpansion.from_response(data.reference, data.symmetry)
         assert responses.potential is not None
         assert responses.stress is not None
         assert responses.fluid_volume is not None
@@ -164,23 +161,17 @@ class PotentialData:
     def __len__(self) -> int:
         return self.y.shape[1]
 
-    def subset(self, rows: Array) -> PotentialData:
-        """Return the data of some states."""
-        return PotentialData(
-            self.rest,
-            self.y[:, rows],
-            self.active,
-            self.value[rows],
-            self.gradient[:, rows],
-            self.mean_grad[:, rows],
-            self.mean_grad_by_y[:, :, rows],
-        )
-
     @cached_property
     def remainder(self) -> tuple[Array, Array]:
         """Remainder of W (n,) and of ∂W/∂y (7, n) beyond the expansion at rest."""
         value, gradient = self.rest.potential(self.y)
         return self.value - value, self.gradient - gradient
+
+    @property
+    def mean_grad_remainder(self) -> tuple[Array, Array]:
+        """Remainder of Rᵀ<∇u¹>_s (9, n) and of its derivatives (9, 7, n) beyond the linear limit."""
+        slopes = self.rest.mean_grad
+        return self.mean_grad - slopes @ self.y, self.mean_grad_by_y - slopes[:, :, None]
 
     @cached_property
     def scales(self) -> Array:

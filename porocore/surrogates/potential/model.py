@@ -166,23 +166,18 @@ class PotentialModel:
     def _sums(self, polynomials: list[Polynomial | None], network: NetworkPart | None) -> list[TermSum]:
         """Return one sum for each set of terms, so that each term is differentiated once."""
         terms = self.terms or plain(())
-        found = [p for p in polynomials if p is not None]
+        found = [Polynomial.zero(len(terms.weights), 1), *(p for p in polynomials if p is not None)]
         if network is not None:
             rows = terms.rows_of(network.terms)
             if rows is None:
-                own = network.terms
-                nothing = Polynomial(np.zeros((0, len(own.weights)), dtype=np.int64), np.zeros((1, 0)))
-                return [
-                    *self._sums(polynomials, None),
-                    TermSum(own, nothing, network, tuple(range(len(own.weights)))),
-                ]
-        if network is None and not found:
+                own, k = network.terms, len(network.terms.weights)
+                alone = TermSum(own, Polynomial.zero(k, 1), network, tuple(range(k)))
+                return [*self._sums(polynomials, None), alone]
+        if network is None and len(found) == 1:
             return []
         both = Polynomial(
-            np.concatenate(
-                [np.zeros((0, len(terms.weights)), dtype=np.int64), *(p.exponents for p in found)]
-            ),
-            np.concatenate([np.zeros((1, 0)), *(p.coefficients for p in found)], axis=1),
+            np.concatenate([p.exponents for p in found]),
+            np.concatenate([p.coefficients for p in found], axis=1),
         )
         return [TermSum(terms, both) if network is None else TermSum(terms, both, network, rows or ())]
 
@@ -273,8 +268,3 @@ class PotentialModel:
         """∂Rᵀ<∇u¹>_s/∂y at rest, by (place, variable), where it is not zero."""
         matrix = self.rest.mean_grad
         return {(int(o), int(a)): float(matrix[o, a]) for o, a in np.argwhere(matrix)}
-
-
-def mean_grad_terms(active: tuple[int, ...]) -> Terms:
-    """Return the terms in which <∇u¹>_s is a polynomial."""
-    return plain(active)

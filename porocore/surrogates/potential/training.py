@@ -8,23 +8,21 @@ import numpy as np
 
 from porocore.core.tensors.point_group import CUBIC
 from porocore.errors import ConfigurationError
-from porocore.interfaces.surrogate import TrainingProgress, TrainingSet
+from porocore.interfaces.surrogate import OnProgress, TrainingSet
 from porocore.surrogates.network.network import Evaluator, Network
 from porocore.surrogates.network.options import PotentialOptions
 from porocore.surrogates.network.sobolev import Autodiff, SobolevProblem, train
 from porocore.surrogates.polynomial.fit import (
     ANCHOR_DEGREE,
-    fit_mean_grad,
     fit_potential,
+    potential_model,
     remainder,
-    sampled_range,
     terms_for,
 )
 from porocore.surrogates.polynomial.terms import Terms, invariant, plain
 from porocore.surrogates.potential.data import PotentialData
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
 from porocore.surrogates.symmetry import stabiliser
-from porocore.surrogates.training_box import TrainingBox
 
 
 def coordinates_for(data: PotentialData) -> Terms:
@@ -43,7 +41,7 @@ def train_potential(
     seed: int,
     autodiff: Autodiff,
     make_evaluator: Callable[[Network], Evaluator],
-    on_progress: Callable[[TrainingProgress], None] | None = None,
+    on_progress: OnProgress | None = None,
 ) -> tuple[PotentialModel, dict[str, float]]:
     """Return the model, and the remaining errors of ∂W/∂y on the training states as shares of their ranges.
 
@@ -78,17 +76,7 @@ def train_potential(
         on_progress=on_progress,
     )
     part = NetworkPart(make_evaluator(problem.unscaled(network)), problem.terms)
-    training_box = TrainingBox.from_states(data.y, data.active, data.rest.symmetry)
-    model = PotentialModel(
-        data.rest,
-        terms,
-        polynomial,
-        part,
-        fit_mean_grad(data),
-        data.active,
-        sampled_range(training),
-        training_box,
-    )
+    model = potential_model(training, data, terms, polynomial, network=part)
     active = list(data.active)
     wrong = model.potential(data.y)[1][active] - data.gradient[active]
     spread = np.ptp(data.gradient[active], axis=1)

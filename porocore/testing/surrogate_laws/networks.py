@@ -1,6 +1,6 @@
 """Laws of the network models, the same for all libraries.
 
-A plugin names its class and the version of the kit that it passes.
+A plugin names its class and the version of the kit that it passes, see :func:`network_suites`.
 """
 
 from __future__ import annotations
@@ -89,3 +89,15 @@ class AnchoredPotentialSuite(NetworkPotentialSuite):
         "activation": "tanh",
         "anchor": "polynomial",
     }
+
+
+def network_suites(surrogate: type[NetworkSurrogate], kit_version: str, module: str) -> dict[str, type[Any]]:
+    """Return the suites of both models, by the names that they have in a module of a plugin."""
+    members = {"surrogate": surrogate, "kit_version": kit_version, "__module__": module}
+    suites = {
+        "TestMlp": MlpSuite,
+        "TestMlpWithTanh": TanhMlpSuite,
+        "TestPotential": NetworkPotentialSuite,
+        "TestPotentialOnPolynomial": AnchoredPotentialSuite,
+    }
+    return {name: type(name, (suite,), members) for name, suite in suites.items()}
