@@ -93,7 +93,8 @@ class TrainingState:
             weights = [arrays[name] for name in ARRAYS]
             if any(w.ndim != 1 or w.shape != weights[0].shape for w in weights):
                 raise ValueError(f"arrays of shapes {[w.shape for w in weights]}")
-            numbers = {name: kind(header[name]) for name, kind in NUMBERS.items()}
+            numbers: dict[str, Any] = {name: kind(header[name]) for name, kind in NUMBERS.items()}
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise damaged(path, f"file of format {FORMAT}", error, ADVICE) from error
-        return cls(**dict(zip(ARRAYS, weights, strict=True)), **numbers)
+        theta, moment, square, best_theta = weights
+        return cls(theta, moment, square, best_theta, **numbers)
