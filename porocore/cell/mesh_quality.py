@@ -8,7 +8,7 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_disconnected
-from porocore.cell.meshing.mesh import CellMesh, Phase
+from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.shape_functions import EDGES, FACETS
 from porocore.cell.meshing.tetrahedra import least_stretch, volume
 from porocore.states import Array, IntArray
@@ -104,10 +104,8 @@ def _phase(mesh: CellMesh) -> PhaseQuality | None:
     if not len(mesh.cells):
         return None
     angles = dihedral_angles(mesh.points, mesh.cells).min(axis=1)
-    regions = {}
-    if len(mesh.region_names) > 1:
-        for i, name in enumerate(mesh.region_names):
-            regions[name] = volume(mesh.points, mesh.cells[mesh.regions == i])
+    names = mesh.region_names if len(mesh.region_names) > 1 else ()
+    regions = {name: volume(mesh.points, mesh.cells[mesh.regions == i]) for i, name in enumerate(names)}
     return PhaseQuality(
         volume(mesh.points, mesh.cells),
         len(mesh.cells),
@@ -145,11 +143,7 @@ def quality_lines(quality: MeshQuality) -> list[str]:
     mesh = f", of the mesh {quality.fluid.share:.6g}" if quality.fluid else ""
     lines.append(f"porosity: {quality.porosity:.6g}{mesh}")
     lines.append(f"meshed: {part}" + (", unfolded by mirrors" if quality.unfolding != "whole" else ""))
-    phases: tuple[tuple[Phase, PhaseQuality | None], ...] = (
-        ("solid", quality.solid),
-        ("fluid", quality.fluid),
-    )
-    for name, phase in phases:
+    for name, phase in (("solid", quality.solid), ("fluid", quality.fluid)):
         if phase is None:
             lines.append(f"{name}: none")
             continue
@@ -164,12 +158,8 @@ def quality_lines(quality: MeshQuality) -> list[str]:
         lines += [f"{name}, {_hangs(piece, len(phase.pieces) > 1)}" for piece in phase.pieces[:6]]
         if len(phase.pieces) > 6:
             lines.append(f"{name}, and {len(phase.pieces) - 6} smaller pieces")
-    faces = (
-        f"{quality.unmatched} facets without a partner"
-        if quality.unmatched
-        else "every facet has its partner"
-    )
-    lines.append(f"opposite faces: {faces}")
+    alone = f"{quality.unmatched} facets without a partner"
+    lines.append(f"opposite faces: {alone if quality.unmatched else 'every facet has its partner'}")
     if quality.disconnected:
         lines.append(f"the solid has no stiffness: {quality.disconnected}")
     if quality.blocked:

@@ -5,13 +5,12 @@ import pytest
 from pydantic import TypeAdapter
 from scipy.spatial.transform import Rotation
 
-from porocore.cell.invariants.invariants import PowerSum
+from porocore.cell.invariants.invariants import PowerSum, power_difference
 from porocore.cell.materials.choice import AnyMaterial
 from porocore.cell.materials.kinematics import Kinematics
 from porocore.cell.materials.moduli import voigt_moduli
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.materials.ramp import ramp, ramp_curvature, ramp_derivative
-from porocore.cell.materials.stretch_powers import power_difference
 
 make = TypeAdapter(AnyMaterial).validate_python
 NU = 0.35

@@ -1,4 +1,4 @@
-"""Conductivity of a pore whose wall follows the solid."""
+"""Conductivity of a pore whose wall follows the solid, and its requirements on a cell."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
+from porocore.cell.cell import Cell
 from porocore.cell.conductivity.extension import HarmonicExtension
 from porocore.cell.conductivity.fluid import DiscreteFluid
-from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.conductivity.wall_displacement import wall_interpolation
+from porocore.cell.meshing.mesh import CellMesh, Domain
 from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.cell.meshing.tetrahedra import determinants
-from porocore.errors import PorocoreError
+from porocore.errors import ConfigurationError, PorocoreError
 from porocore.states import Array
 
 #: Degree of the rule at whose points J of the fluid must be positive, that of the flow.
@@ -19,13 +21,7 @@ DEGREE = 4
 
 
 class Pore:
-    """Stokes flow through one cell, at rest and deformed, for unit viscosity.
-
-    Parameters
-    ----------
-    fluid
-        Discrete flow on the eighth or the whole cell.
-    """
+    """Stokes flow through one cell, at rest and deformed, for unit viscosity, on the eighth or the whole cell."""
 
     def __init__(self, fluid: DiscreteFluid) -> None:
         self.fluid = fluid
@@ -88,3 +84,32 @@ class Pore:
     def _of_cell(self, integrals: Array) -> Array:
         """Return integrals over the whole cell from those of the domain; the flow is odd or even under its mirrors."""
         return 8 * np.diag(np.diag(integrals)) if self.fluid.mesh.domain == "eighth" else integrals
+
+
+def require_one_cell(cell: Cell) -> None:
+    """Refuse a cell without pores, and a block of cells.
+
+    Raises
+    ------
+    ConfigurationError
+        No conductivity of a deformed pore belongs to it.
+    """
+    if cell.geometry.porosity == 0:
+        raise ConfigurationError("conductivity: the cell has no pores; choose conductivity: piola")
+    if cell.supercell != (1, 1, 1):
+        raise ConfigurationError(
+            "conductivity: the conductivity of the deformed pore is that of one cell, but cell.supercell has "
+            "several; choose conductivity: piola, or cell.supercell: [1, 1, 1]"
+        )
+
+
+def require_one_wall(cell: Cell) -> None:
+    """Refuse a cell whose two meshes approximate the pore wall too differently for one to follow the other.
+
+    Raises
+    ------
+    ConfigurationError
+        The wall of the fluid's mesh does not lie on that of the solid's.
+    """
+    domain: Domain = "eighth" if cell.mirrored else "whole"
+    wall_interpolation(cell.make_mesh("solid", domain), cell.make_mesh("fluid", domain).quadratic)

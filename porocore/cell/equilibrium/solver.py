@@ -11,8 +11,7 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.conductivity.fluid import DiscreteFluid
-from porocore.cell.conductivity.pore import Pore
-from porocore.cell.conductivity.required import require_one_cell
+from porocore.cell.conductivity.pore import Pore, require_one_cell
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
 from porocore.cell.equilibrium.path import follow
 from porocore.cell.equilibrium.responses import respond
@@ -126,14 +125,13 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
         tangent: bool = True,
         fields: bool = False,
     ) -> CellSolution:
-        rows, kept = [], []
-        for i in range(len(states)):
-            row, field = _solve_one(
-                prepared, states.grad_u[i], float(states.p[i]), start[i] if start else None, tangent, fields
-            )
-            rows.append(row)
-            kept.append(field)
-        return CellSolution(CellResponse.concatenate(rows), kept if fields else None)
+        starts = start or [None] * len(states)
+        solved = [
+            _solve_one(prepared, H, float(p), known, tangent, fields)
+            for H, p, known in zip(states.grad_u, states.p, starts, strict=True)
+        ]
+        response = CellResponse.concatenate([row for row, _ in solved])
+        return CellSolution(response, [field for _, field in solved] if fields else None)
 
 
 def _solve_one(

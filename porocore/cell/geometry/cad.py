@@ -114,10 +114,8 @@ class DrawnGeometry(PoreGeometry):
             nodes = _nodes(gmsh, self, part)
             if element == "quadratic-curved":
                 _straighten_folds(nodes, _cells(gmsh, part.solid + part.fluid))
-            return {
-                "solid": _read(gmsh, part.solid, nodes, element),
-                "fluid": _read(gmsh, part.fluid, nodes, element),
-            }
+            volumes_of: dict[Phase, list[int]] = {"solid": part.solid, "fluid": part.fluid}
+            return {phase: _read(gmsh, tags, nodes, element) for phase, tags in volumes_of.items()}
         except Exception as error:  # gmsh raises plain Exception
             raise PorocoreError(f"gmsh could not mesh {self!r} at size {size:g}: {error}") from error
         finally:
@@ -203,11 +201,8 @@ def _cells(gmsh: Any, tags_of_volumes: list[int]) -> IntArray | None:
     if not blocks:
         return None
     cells: IntArray = np.concatenate(blocks)
-    if cells.shape[1] == 10:
-        cells = cells[
-            :, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
-        ]  # gmsh numbers the last two edges the other way round
-    return cells
+    # gmsh numbers the last two edges the other way round.
+    return cells if cells.shape[1] == 4 else cells[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]]
 
 
 def _read(gmsh: Any, tags_of_volumes: list[int], nodes: Array, element: str) -> Tetrahedra:

@@ -18,13 +18,7 @@ Body = tuple[Array, Array, float]
 
 
 class Capsules:
-    """Union of capsules: points within a radius of straight lines; a sphere is a line of length 0.
-
-    Parameters
-    ----------
-    bodies
-        Ends and radius of each capsule.
-    """
+    """Union of capsules, each with ends and a radius; a sphere is one of length 0."""
 
     def __init__(self, bodies: Sequence[Body]) -> None:
         self.bodies = list(bodies)

@@ -22,10 +22,7 @@ def eighth(occ: Any) -> int:
 
 def wedge(occ: Any) -> int:
     """Draw the volume 0 ≤ x ≤ y ≤ z ≤ ½ and return its tag."""
-    return _tetrahedron(occ, [(0, 0, 0), (0, 0, 0.5), (0, 0.5, 0.5), (0.5, 0.5, 0.5)])
-
-
-def _tetrahedron(occ: Any, corners: list[tuple[float, float, float]]) -> int:
+    corners = ((0, 0, 0), (0, 0, 0.5), (0, 0.5, 0.5), (0.5, 0.5, 0.5))
     points = [occ.addPoint(*corner) for corner in corners]
     edge = {(i, j): occ.addLine(points[i], points[j]) for i in range(4) for j in range(i + 1, 4)}
     faces = [

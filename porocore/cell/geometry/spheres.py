@@ -186,12 +186,10 @@ class SpherePores(DrawnGeometry):
     def draw(self, gmsh: Any) -> DrawnPart:
         """The wedge of a lattice."""
         occ = gmsh.model.occ
-        bodies = []
-        for a, b, radius in self.pores().reaching(0.0, 0.5, TOUCH):
-            if np.array_equal(a, b):
-                bodies.append((3, occ.addSphere(*a, radius)))
-            else:
-                bodies.append((3, occ.addCylinder(*a, *(b - a), radius)))
+        bodies = [
+            (3, occ.addSphere(*a, radius) if np.array_equal(a, b) else occ.addCylinder(*a, *(b - a), radius))
+            for a, b, radius in self.pores().reaching(0.0, 0.5, TOUCH)
+        ]
         if len(bodies) > 1:
             bodies, _ = occ.fuse(bodies[:1], bodies[1:])
         fluid, solid = split(occ, (3, wedge(occ)), bodies)

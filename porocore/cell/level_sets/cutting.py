@@ -31,16 +31,10 @@ STEPS = 60
 #: Smallest volume of a tetrahedron over that of the lattice's; a node whose motion would leave less stays.
 FLAT = 1e-3
 #: Orders of the corners of a prism, two triangles, that put each corner first.
-TURNED = np.array(
-    [
-        [0, 1, 2, 3, 4, 5],
-        [1, 2, 0, 4, 5, 3],
-        [2, 0, 1, 5, 3, 4],
-        [3, 5, 4, 0, 2, 1],
-        [4, 3, 5, 1, 0, 2],
-        [5, 4, 3, 2, 1, 0],
-    ]
-)
+TURNED = np.array([
+    [0, 1, 2, 3, 4, 5], [1, 2, 0, 4, 5, 3], [2, 0, 1, 5, 3, 4],
+    [3, 5, 4, 0, 2, 1], [4, 3, 5, 1, 0, 2], [5, 4, 3, 2, 1, 0],
+])  # fmt: skip
 
 
 class LevelSet(Protocol):
@@ -219,21 +213,17 @@ def _split(lattice: Lattice, cuts: _Cuts, points: Array, signs: IntArray, level_
     def prism(one: list[IntArray], other: list[IntArray], solid: bool) -> None:
         pieces.append((_prisms(np.stack(one + other, axis=1), key), solid))
 
-    for alone, solid in (
-        ((positive == 1) & (negative > 0), True),
-        ((negative == 1) & (positive > 1), False),
-    ):
+    tips_of = ((positive == 1) & (negative > 0), True), ((negative == 1) & (positive > 1), False)
+    for alone, solid in tips_of:
         chosen, own = cells[alone], at[alone] == (1 if solid else -1)
         a, *rest = _first(chosen, own.argmax(axis=1)).T
         # A node on the level set is the cut of the edge to it.
         tips = [_where_cut(cuts, signs, a, b) for b in rest]
         pieces.append((np.stack([a, *tips], axis=1), solid))
         prism(tips, rest, not solid)
-    a, b, c, d = np.take_along_axis(
-        cells[(positive == 2) & (negative == 2)],
-        np.argsort(-at[(positive == 2) & (negative == 2)], axis=1, kind="stable"),
-        axis=1,
-    ).T
+    halved = (positive == 2) & (negative == 2)
+    order = np.argsort(-at[halved], axis=1, kind="stable")
+    a, b, c, d = np.take_along_axis(cells[halved], order, axis=1).T
     prism([a, cuts(a, c), cuts(a, d)], [b, cuts(b, c), cuts(b, d)], True)
     prism([c, cuts(a, c), cuts(b, c)], [d, cuts(a, d), cuts(b, d)], False)
     found = np.concatenate([part for part, _ in pieces])

@@ -20,13 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Composite:
-    """Materials of ``cell.materials``, one for each region.
-
-    Attributes
-    ----------
-    materials
-        Material by the name of its region.
-    """
+    """Materials of ``cell.materials`` by the names of their regions."""
 
     materials: Mapping[str, Material]
 
@@ -97,13 +91,7 @@ class Composite:
 
 @dataclass(frozen=True, eq=False)
 class PlacedMaterials(StrainEnergy):
-    """Materials on the elements of a mesh.
-
-    Attributes
-    ----------
-    parts
-        Each material with the numbers of its elements; every element has one material.
-    """
+    """Materials on the elements of a mesh, each with the numbers of its elements; every element has one material."""
 
     parts: tuple[tuple[Material, IntArray], ...]
 

@@ -39,11 +39,8 @@ def fibre_invariants(directions: tuple[Vector, ...]) -> dict[str, Invariant]:
 
 def turned(directions: tuple[Vector, ...], Q: IntArray) -> tuple[Vector, ...]:
     """Return Q a of each direction a, for a signed permutation Q (3, 3)."""
-    found: list[Vector] = []
-    for direction in directions:
-        a1, a2, a3 = (float(a) for a in Q @ np.array(direction))
-        found.append((a1, a2, a3))
-    return tuple(found)
+    images = ((Q @ np.array(direction)).tolist() for direction in directions)
+    return tuple((a1, a2, a3) for a1, a2, a3 in images)
 
 
 def same_in_order(directions: tuple[Vector, ...], others: tuple[Vector, ...]) -> bool:

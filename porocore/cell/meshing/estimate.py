@@ -13,14 +13,7 @@ MOST = 3_000_000
 
 
 def require_few(count: float, key: str) -> None:
-    """Refuse a mesh with too many elements.
-
-    Parameters
-    ----------
-    count
-        Approximate number of elements.
-    key
-        Configuration key of the size that decides.
+    """Refuse a mesh with too many elements, by their approximate number and the key of the size that decides.
 
     Raises
     ------

@@ -167,7 +167,7 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
         points, cells = wedge_to_eighth(points, cells)
         regions = np.tile(regions, 6)
     elif geometry.unfolding == "eighth":
-        points = snap(points, [0.0, 0.5])
+        points = snap(points)
     return CellMesh(phase, domain, points, cells, regions=regions, region_names=part.region_names)
 
 

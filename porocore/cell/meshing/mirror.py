@@ -19,29 +19,26 @@ SWAPPED = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
 
 def wedge_to_eighth(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array, npt.NDArray[np.int64]]:
     """Return the mesh of [0, ½]³ from that of 0 ≤ x ≤ y ≤ z ≤ ½, by the six permutations of the coordinates."""
-    points = snap(points, [0.0, 0.5])
+    points = snap(points)
     for i, j in ((0, 1), (1, 2)):
         on_plane = np.abs(points[:, i] - points[:, j]) < 1e-9
         points[on_plane, i] = points[on_plane, j]
-    images = []
-    for order in permutations(range(3)):
-        odd = bool(np.linalg.det(np.eye(3)[list(order)]) < 0)
-        images.append((points[:, order], odd))
-    return _merge(images, cells)
+    orders = [list(order) for order in permutations(range(3))]
+    return _merge([(points[:, order], bool(np.linalg.det(np.eye(3)[order]) < 0)) for order in orders], cells)
 
 
 def eighth_to_whole(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array, npt.NDArray[np.int64]]:
     """Return the mesh of the whole cell from that of [0, ½]³, by the eight sign changes of the coordinates."""
-    points = snap(points, [0.0, 0.5])
+    points = snap(points)
     images = [(points * signs, bool(np.prod(signs) < 0)) for signs in product((1.0, -1.0), repeat=3)]
     return _merge(images, cells)
 
 
-def snap(points: Array, planes: list[float], tolerance: float = 1e-9) -> Array:
-    """Return points with the coordinates within ``tolerance`` of a plane set onto it."""
+def snap(points: Array) -> Array:
+    """Return points with the coordinates within 1e-9 of the planes of the eighth, 0 and ½, set onto them."""
     points = points.copy()
-    for plane in planes:
-        points[np.abs(points - plane) < tolerance] = plane
+    for plane in (0.0, 0.5):
+        points[np.abs(points - plane) < 1e-9] = plane
     return points
 
 
@@ -79,7 +76,7 @@ def unfold_displacement(points: Array, u: Array, whole: Array) -> Array:
     ValueError
         A node of the whole cell is no image of one of the eighth.
     """
-    known = snap(points, [0.0, 0.5]) + 0.0
+    known = snap(points) + 0.0
     _, inverse = np.unique(np.concatenate([known, np.abs(whole) + 0.0]), axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
     node = np.full(int(inverse.max()) + 1, -1)

@@ -18,18 +18,10 @@ from porocore.cell.meshing.shape_functions import shape_functions
 from porocore.states import Array
 
 #: Subdivision of a quadratic tetrahedron (VTK order) into eight linear ones.
-SUBDIVISION = np.array(
-    [
-        [0, 4, 6, 7],
-        [4, 1, 5, 8],
-        [6, 5, 2, 9],
-        [7, 8, 9, 3],
-        [4, 5, 6, 8],
-        [4, 6, 7, 8],
-        [6, 5, 9, 8],
-        [6, 9, 7, 8],
-    ]
-)
+SUBDIVISION = np.array([
+    [0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3],
+    [4, 5, 6, 8], [4, 6, 7, 8], [6, 5, 9, 8], [6, 9, 7, 8],
+])  # fmt: skip
 #: Intervals along the edge of a facet in the grid of points on the wall.
 FACET_GRID = 8
 #: A node lies inside a tetrahedron if all its barycentric coordinates exceed this.
@@ -40,16 +32,8 @@ def mirror_gap(mesh: CellMesh, grad_u: Array, u: Array) -> float:
     """Return the smallest distance of the deformed wall to a mirror plane of the eighth over the undeformed one.
 
     It is 1 in the undeformed state, and negative where the wall has passed the plane. It is evaluated on a grid of
-    points on every facet, since a crease begins as a fold within the facets next to the plane.
-
-    Parameters
-    ----------
-    mesh
-        Mesh of the solid on the eighth.
-    grad_u : (3, 3)
-        Diagonal H.
-    u : (nodes, 3)
-        Displacement u¹.
+    points on every facet, since a crease begins as a fold within the facets next to the plane. The mesh is that of the
+    solid on the eighth, ``grad_u`` (3, 3) is a diagonal H and u (nodes, 3) is u¹.
     """
     X, weights = _wall_points(mesh)
     x = X * (1 + np.diag(grad_u)) + np.einsum("sa,kai->ksi", weights, u[mesh.wall]).reshape(-1, 3)

@@ -45,17 +45,9 @@ def acoustic_tensor(A: Array, n: Array) -> Array:
 
 
 def acoustic_minimum(A: Array) -> AcousticMinimum:
-    """Return the minimum over all directions, by a fine sample and descent from its best points.
+    """Return the minimum of A = ∂P_ij/∂H_kl over all directions, all NaN where A is not finite.
 
-    Parameters
-    ----------
-    A : (3, 3, 3, 3)
-        ∂P_ij/∂H_kl.
-
-    Returns
-    -------
-    AcousticMinimum
-        All NaN where A is not finite.
+    A fine sample is followed by descent from its best points.
     """
     if not np.isfinite(A).all():
         return AcousticMinimum(float("nan"), np.full(3, np.nan), np.full(3, np.nan))

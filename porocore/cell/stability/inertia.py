@@ -25,16 +25,9 @@ KEPT = 10_000
 
 
 def negative_pivots(solid: DiscreteSolid, iterate: Iterate, waves: Iterable[str] = WAVES) -> dict[str, int]:
-    """Return the number of unstable modes of each wave vector at an equilibrium; −1 where the solver cannot tell.
+    """Return the number of unstable modes of each wave vector; −1 where the solver cannot tell.
 
-    Parameters
-    ----------
-    solid
-        Solid on the eighth.
-    iterate
-        Equilibrium under a diagonal H.
-    waves
-        Wave vectors out of :data:`WAVES`.
+    The solid is that of the eighth, in equilibrium under a diagonal H.
 
     Raises
     ------

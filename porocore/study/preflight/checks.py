@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from porocore.cell.conductivity.required import require_one_cell, require_one_wall
+from porocore.cell.conductivity.pore import require_one_cell, require_one_wall
 from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.core.echo import echo
 from porocore.core.formulas.time_function import TimeFunction, Value
