@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from porocore.core.files.atomic import atomic_path
 from porocore.errors import RunFolderError
 from porocore.interfaces.solution import MacroSolution, Profile
-from porocore.states import Array
+from porocore.states import Array, IntArray
+
+#: Elements by their number of nodes.
+VTK_CELLS = {4: "tetra", 10: "tetra10", 27: "hexahedron27"}
 
 
 def write_vtu_series(folder: Path, name: str, solution: MacroSolution) -> Path:
@@ -49,7 +54,7 @@ def write_vtu_series(folder: Path, name: str, solution: MacroSolution) -> Path:
     entries = []
     for i, profile in enumerate(solution.profiles):
         file = f"{name}-{i:0{digits}d}.vtu"
-        _write_vtu(folder / file, solution, profile)
+        _write_profile(folder / file, solution, profile)
         entries.append(f'    <DataSet timestep="{profile.time!r}" part="0" file={quoteattr(file)}/>\n')
     series = folder / f"{name}.pvd"
     with atomic_path(series) as part:
@@ -61,29 +66,50 @@ def write_vtu_series(folder: Path, name: str, solution: MacroSolution) -> Path:
     return series
 
 
-def _write_vtu(path: Path, solution: MacroSolution, profile: Profile) -> None:
+def _write_profile(path: Path, solution: MacroSolution, profile: Profile) -> None:
+    in_elements = {
+        "H": profile.grad_u,
+        "mean_grad": profile.mean_grad,
+        "deformation": profile.deformation,
+        "K_t": profile.conductivity,
+        "P_E": profile.stress,
+        "flux": profile.flux,
+        "element_p": profile.element_p,
+        "outside": profile.outside_training_range,
+    }
+    write_vtu(path, solution.points, solution.cells, {"u": profile.u, "p": profile.p}, in_elements)
+
+
+def write_vtu(
+    path: Path,
+    points: Array,
+    cells: IntArray,
+    at_nodes: Mapping[str, Array],
+    in_elements: Mapping[str, Array],
+) -> Path:
+    """Write one mesh with its fields as a .vtu file, atomically; returns its path.
+
+    Tensors (n, 3, 3) become 9 components, row by row.
+
+    Raises
+    ------
+    RunFolderError
+        The file cannot be written.
+    """
     import meshio  # heavy, and needed here only
 
-    def rows(tensor: Array) -> list[Array]:
-        return [tensor.reshape(len(tensor), -1)]
+    def rows(field: Any) -> Any:
+        return field.reshape(len(field), 9) if field.ndim == 3 else field
 
     mesh = meshio.Mesh(
-        solution.points,
-        [("hexahedron27" if solution.cells.shape[1] == 27 else "tetra10", solution.cells)],
-        point_data={"u": profile.u, "p": profile.p},
-        cell_data={
-            "H": rows(profile.grad_u),
-            "mean_grad": rows(profile.mean_grad),
-            "deformation": rows(profile.deformation),
-            "K_t": rows(profile.conductivity),
-            "P_E": rows(profile.stress),
-            "flux": [profile.flux],
-            "element_p": [profile.element_p],
-            "outside": [profile.outside_training_range],
-        },
+        points,
+        [(VTK_CELLS[cells.shape[1]], cells)],
+        point_data={name: rows(field) for name, field in at_nodes.items()},
+        cell_data={name: [rows(field)] for name, field in in_elements.items()},
     )
     with atomic_path(path) as part:
         try:
             meshio.write(part, mesh, file_format="vtu")
         except meshio.WriteError as error:
             raise RunFolderError(f"cannot write {path}: {error}") from error
+    return path

@@ -25,7 +25,7 @@ from porocore.verification.local_fields import pictures
 from porocore.verification.local_fields.nodal import NodalFields, recover_at_nodes
 from porocore.verification.local_fields.points import PointFields
 from porocore.verification.local_fields.solve import PAPER_STATES, solve_and_write, solve_fields, state_text
-from porocore.verification.local_fields.vtu import write_vtu
+from porocore.verification.local_fields.vtu import write_fields
 
 pytest.importorskip("porocore_fem_skfem")
 
@@ -140,7 +140,7 @@ def test_a_crease_does_not_overshoot():
 def test_the_file_holds_the_fields(tmp_path):
     response, points = solve_fields(CURVED, FemSettings(), STATES["diagonal"])
     nodal = NodalFields(points)
-    mesh = meshio.read(write_vtu(tmp_path / "new" / "a.vtu", nodal))
+    mesh = meshio.read(write_fields(tmp_path / "new" / "a.vtu", nodal))
     (block,) = mesh.cells
     assert block.type == "tetra10"
     np.testing.assert_array_equal(block.data, points.mesh.cells)

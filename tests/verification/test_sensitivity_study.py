@@ -123,7 +123,7 @@ def config(tmp_path):
 def test_the_command_writes_data_table_and_figures(monkeypatch, capsys, config, tmp_path):
     out = tmp_path / "out"
     words = ("sensitivity", config, "--loads", "uniaxial=-0.01:0.01:0.01", "--workers", "1", "--out", out)
-    monkeypatch.setattr(figures, "MAKERS", {"K11": figures.MAKERS["K11"]})  # the others take their time
+    monkeypatch.setattr(figures, "FIGURES", {"K11": figures.FIGURES["K11"]})  # the others take their time
     status, text, _ = command(monkeypatch, capsys, *words)
     assert status in (0, None)
     assert (out / "K11.png").read_bytes().startswith(b"\x89PNG")

@@ -6,17 +6,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from textwrap import fill
 
-import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.core.files.atomic import atomic_path
-from porocore.errors import RunFolderError
-from porocore.report.figures.style import new_figure, png_bytes, styled
+from porocore.report.figures.style import png_bytes, styled
+from porocore.report.vtk import write_vtu
 from porocore.states import Array
-from porocore.verification.local_fields.pictures import View, box_of, draw_views
+from porocore.verification.local_fields.pictures import View, box_of, draw_views, image_panels
 
 #: Colours of a phase with one region, and of several.
 COLOURS: dict[str, tuple[str, tuple[float, float]]] = {
@@ -38,20 +37,10 @@ def write_phases(cell: Cell, folder: Path, name: str) -> list[Path]:
     RunFolderError
         A file cannot be written.
     """
-    import meshio  # heavy, and needed here only
-
-    paths = []
-    for mesh in _meshes(cell):
-        path = folder / f"{name}_{mesh.phase}.vtu"
-        kind = "tetra" if mesh.order == 1 else "tetra10"
-        content = meshio.Mesh(mesh.points, [(kind, mesh.cells)], cell_data={"region": [mesh.regions]})
-        with atomic_path(path) as part:
-            try:
-                meshio.write(part, content, file_format="vtu")
-            except meshio.WriteError as error:
-                raise RunFolderError(f"cannot write {path}: {error}") from error
-        paths.append(path)
-    return paths
+    return [
+        write_vtu(folder / f"{name}_{mesh.phase}.vtu", mesh.points, mesh.cells, {}, {"region": mesh.regions})
+        for mesh in _meshes(cell)
+    ]
 
 
 def render_phases(cell: Cell, files: list[Path], picture: Path, *, titled: bool = True) -> Path:
@@ -89,16 +78,8 @@ def _meshes(cell: Cell) -> list[CellMesh]:
 
 @styled
 def _beside(images: dict[str, Array], title: str) -> Figure:
-    """Join images side by side without their common margin."""
-    ink = np.any([(image < 0.995).any(axis=2) for image in images.values()], axis=0)
-    rows, columns = np.flatnonzero(ink.any(axis=1)), np.flatnonzero(ink.any(axis=0))
-    kept = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    figure = new_figure(4.2 * len(images), 4.4)
-    panels = np.atleast_1d(figure.subplots(1, len(images)))
-    for axes, (phase, image) in zip(panels, images.items(), strict=True):
-        axes.imshow(image[kept])
-        axes.set_axis_off()
-        axes.set_title({"solid": "solid", "fluid": "pores"}[phase])
+    names = {"solid": "solid", "fluid": "pores"}
+    figure, _ = image_panels({names[phase]: image for phase, image in images.items()}, 4.2 * len(images), 4.4)
     if title:
         figure.suptitle(fill(title, 44 * len(images)), fontsize=11)
     return figure

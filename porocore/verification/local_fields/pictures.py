@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -36,6 +37,11 @@ SECONDS = 300.0
 RESOLVED = 0.995
 #: What is less is round-off, and gets no colour.
 NOTHING = 1e-9
+#: Kind of a picture: its field at the nodes, title and label.
+PICTURES = {
+    "disp": ("u1_magnitude", "Micro displacement on the deformed cell", "$|u^1|$ [–], length of the cell 1"),
+    "energy": ("energy", "Strain energy density on the undeformed cell", r"$\Psi$ [$E$]"),
+}
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
     Parameters
     ----------
     vtu
-        The file that :func:`porocore.verification.local_fields.vtu.write_vtu` wrote of the same fields.
+        The file that :func:`porocore.verification.local_fields.vtu.write_fields` wrote of the same fields.
     folder
         Where the pictures go.
     title
@@ -98,23 +104,18 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
     magnitude, energy = np.linalg.norm(nodal.points.u, axis=1), nodal.energy
     tops = {"disp": float(magnitude.max()), "energy": float(np.quantile(energy, RESOLVED))}
     tops = {kind: max(top, NOTHING) for kind, top in tops.items()}
-    labels = {"disp": "$|u^1|$ [–], length of the cell 1", "energy": r"$\Psi$ [$E$]"}
-    heads = {
-        "disp": "Micro displacement on the deformed cell",
-        "energy": "Strain energy density on the undeformed cell",
-    }
+    found, views = {}, []
     with TemporaryDirectory() as scratch:
-        views, found = [], {}
-        for kind, scalars in (("disp", "u1_magnitude"), ("energy", "energy")):
+        for kind, (scalars, _, _) in PICTURES.items():
             box, bounds = _box(nodal, deformed=kind == "disp")
             for cut in (False, True):
                 png = str(Path(scratch) / f"{kind}-{int(cut)}.png")
                 views.append(View(png, scalars, (0.0, tops[kind]), kind == "disp", cut, box, bounds))
         draw_views(vtu, views, Path(scratch))
-        for kind in tops:
-            images = [imread(view.png)[..., :3] for view in views if Path(view.png).name.startswith(kind)]
+        for kind, (scalars, head, label) in PICTURES.items():
+            images = [imread(view.png)[..., :3] for view in views if view.scalars == scalars]
             beyond = float(nodal.points.energy.max()) if kind == "energy" else None
-            figure = _labelled(images, f"{heads[kind]}, {title}", labels[kind], tops[kind], beyond)
+            figure = _labelled(images, f"{head}, {title}", label, tops[kind], beyond)
             found[kind] = folder / f"{kind}_{name}.png"
             with atomic_path(found[kind]) as part:
                 part.write_bytes(png_bytes(figure, dpi=130))
@@ -211,19 +212,26 @@ def _reason(done: subprocess.CompletedProcess[str]) -> str:
 
 @styled
 def _labelled(images: list[Array], title: str, label: str, top: float, beyond: float | None) -> Figure:
-    """Images side by side without their common margin, with a title and a colour bar."""
-    ink = np.any([(image < 0.995).any(axis=2) for image in images], axis=0)
-    rows, columns = np.flatnonzero(ink.any(axis=1)), np.flatnonzero(ink.any(axis=0))
-    kept = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    figure = new_figure(9.2, 4.6)
-    panels = list(figure.subplots(1, len(images)))
-    for axes, image, name in zip(panels, images, ("whole cell", "its rear half along $X_2$"), strict=True):
-        axes.imshow(image[kept])
-        axes.set_axis_off()
-        axes.set_title(name)
+    """Images of the whole and of half with a title and a colour bar."""
+    names = ("whole cell", "its rear half along $X_2$")
+    figure, panels = image_panels(dict(zip(names, images, strict=True)), 9.2, 4.6)
     figure.suptitle(title, fontsize=11)
     colours: Any = ScalarMappable(Normalize(0.0, top), COLOURS)
     more = beyond is not None and beyond > top
     bar = figure.colorbar(colours, ax=panels, shrink=0.8, pad=0.02, extend="max" if more else "neither")
     bar.set_label(f"{label}; largest {beyond:.3g}" if more else label)
     return figure
+
+
+def image_panels(images: dict[str, Array], width: float, height: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure with images by their titles, side by side without their common margin."""
+    ink = np.any([(image < 0.995).any(axis=2) for image in images.values()], axis=0)
+    rows, columns = np.flatnonzero(ink.any(axis=1)), np.flatnonzero(ink.any(axis=0))
+    kept = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    figure = new_figure(width, height)
+    panels = list(np.atleast_1d(figure.subplots(1, len(images))))
+    for axes, (title, image) in zip(panels, images.items(), strict=True):
+        axes.imshow(image[kept])
+        axes.set_axis_off()
+        axes.set_title(title)
+    return figure, panels

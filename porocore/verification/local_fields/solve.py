@@ -24,7 +24,7 @@ from porocore.study.preflight.checks import find_backends
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.verification.local_fields.nodal import NodalFields
 from porocore.verification.local_fields.points import PointFields
-from porocore.verification.local_fields.vtu import write_vtu
+from porocore.verification.local_fields.vtu import write_fields
 
 #: The loads of the paper's figures disp_pressure to energy_shear. It does not give their magnitudes; these lie within
 #: the ranges that it samples, in equilibrium without contact.
@@ -94,7 +94,7 @@ def solve_and_write(
     """
     response, points = solve_fields(cell, fem, state)
     nodal = NodalFields(points)
-    vtu = write_vtu(folder / f"{name}.vtu", nodal)
+    vtu = write_fields(folder / f"{name}.vtu", nodal)
     drawn: dict[str, Path] = {}
     if pictures:
         from porocore.verification.local_fields.pictures import render
@@ -182,19 +182,6 @@ def solve_fields(
             f"{state_text(state)} has no local fields to write, its status is {status.name}: {MEANINGS[status]}"
         )
     return solution.response, PointFields.from_cell_field(cell, field)
-
-
-def write_paper_states(
-    cell: Cell, fem: FemSettings, folder: Path, *, pictures: bool = True
-) -> dict[str, LocalFields]:
-    """Figures disp_pressure, energy_pressure, disp_uni, energy_uni, disp_shear and energy_shear of the paper.
-
-    By the names of :data:`PAPER_STATES`; errors as of ``solve_and_write``.
-    """
-    return {
-        name: solve_and_write(cell, fem, folder, state, name=name, pictures=pictures)
-        for name, state in PAPER_STATES.items()
-    }
 
 
 def state_text(state: Mapping[str, float], *, mathtext: bool = False) -> str:

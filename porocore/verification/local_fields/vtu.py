@@ -6,13 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.core.files.atomic import atomic_path
-from porocore.errors import RunFolderError
-from porocore.states import Array
+from porocore.report.vtk import write_vtu
 from porocore.verification.local_fields.nodal import NodalFields
 
 
-def write_vtu(path: Path, nodal: NodalFields) -> Path:
+def write_fields(path: Path, nodal: NodalFields) -> Path:
     """Write one .vtu file of the solid of the whole cell, atomically; returns its path.
 
     Linear or quadratic tetrahedra (VTK types 10 and 24) on the undeformed cell. At the nodes: ``u1`` (u¹) and
@@ -26,38 +24,23 @@ def write_vtu(path: Path, nodal: NodalFields) -> Path:
     RunFolderError
         The file cannot be written.
     """
-    import meshio  # heavy, and needed here only
-
     points = nodal.points
     share = points.volume / points.volume.sum(axis=1, keepdims=True)
-
-    def rows(tensor: Array) -> Array:
-        return tensor.reshape(len(tensor), -1)
-
-    mesh = meshio.Mesh(
-        points.mesh.points,
-        [("tetra" if points.mesh.order == 1 else "tetra10", points.mesh.cells)],
-        point_data={
-            "u1": points.u,
-            "u1_magnitude": np.linalg.norm(points.u, axis=1),
-            "displacement": nodal.displacement,
-            "grad_u1": rows(nodal.grad),
-            "F": rows(nodal.F),
-            "J": nodal.J,
-            "energy": nodal.energy,
-            "P": rows(nodal.stress),
-            "cauchy": rows(nodal.cauchy),
-            "von_mises": nodal.von_mises,
-        },
-        cell_data={
-            "mean_energy": [(share * points.energy).sum(axis=1)],
-            "mean_J": [(share * points.J).sum(axis=1)],
-            "max_energy": [points.energy.max(axis=1)],
-        },
-    )
-    with atomic_path(path) as part:
-        try:
-            meshio.write(part, mesh, file_format="vtu")
-        except meshio.WriteError as error:
-            raise RunFolderError(f"cannot write {path}: {error}") from error
-    return path
+    at_nodes = {
+        "u1": points.u,
+        "u1_magnitude": np.linalg.norm(points.u, axis=1),
+        "displacement": nodal.displacement,
+        "grad_u1": nodal.grad,
+        "F": nodal.F,
+        "J": nodal.J,
+        "energy": nodal.energy,
+        "P": nodal.stress,
+        "cauchy": nodal.cauchy,
+        "von_mises": nodal.von_mises,
+    }
+    in_elements = {
+        "mean_energy": (share * points.energy).sum(axis=1),
+        "mean_J": (share * points.J).sum(axis=1),
+        "max_energy": points.energy.max(axis=1),
+    }
+    return write_vtu(path, points.mesh.points, points.mesh.cells, at_nodes, in_elements)

@@ -22,9 +22,8 @@ from porocore.study.stages.summary import report_context
 from porocore.verification.local_fields.solve import PAPER_STATES, LocalFields, solve_and_write
 from porocore.verification.reproduce.calls import CallTimes, call_times
 from porocore.verification.reproduce.column import TANGENTS, Column
-from porocore.verification.sensitivity.results import Sensitivity
+from porocore.verification.sensitivity.results import Sensitivity, write_table
 from porocore.verification.sensitivity.study import SensitivityProgress, run_study
-from porocore.verification.sensitivity.tables import write_table
 
 #: The paper's closure first; the report is about it.
 CLOSURES = ("mean-gradient", "potential")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -28,7 +29,7 @@ from porocore.report.figures.style import (
     styled,
 )
 from porocore.states import Status
-from porocore.verification.sensitivity.results import LoadResponses, Sensitivity
+from porocore.verification.sensitivity.results import LoadResponses, Sensitivity, line_name
 
 TITLES = {
     "uniaxial": "uniaxial, $H_{11}$",
@@ -74,19 +75,8 @@ SECOND = {
 }
 
 
-def figures(study: Sensitivity) -> dict[str, Figure]:
-    """Name → figure; the names are those that the paper's source gives to its figures.
-
-    ``dyu1_Av_1``, ``dyu1_Av_2``: average of ∇u¹ in the solid, components with the indices of the load, and others;
-    ``dyu1_max_1``, ``dyu1_max_2``: largest magnitude, likewise; ``psi_Av``, ``psi_max``; ``K11``, ``K22``;
-    ``Mijkl_reference``, ``Mijkl_deformed``; ``Q_11``; ``Biot_Modulus``. Those of largest values and of Ψ are left out
-    where the cell solver does not provide them.
-    """
-    return {name: MAKERS[name](study) for name in _known(study)}
-
-
 def write_figures(folder: Path, study: Sensitivity, names: Sequence[str] | None = None) -> dict[str, Path]:
-    """Name → path of the PNG ``folder/<name>.png``; all of :func:`figures` unless names are given.
+    """Write ``folder/<name>.png`` of the named :data:`FIGURES`, all that are known by default; name → path.
 
     Raises
     ------
@@ -94,19 +84,20 @@ def write_figures(folder: Path, study: Sensitivity, names: Sequence[str] | None 
         A file cannot be written.
     """
     paths = {}
-    for name in _known(study) if names is None else names:
+    for name in known_figures(study) if names is None else names:
         paths[name] = folder / f"{name}.png"
         with atomic_path(paths[name]) as part:
-            part.write_bytes(png_bytes(MAKERS[name](study)))
+            part.write_bytes(png_bytes(FIGURES[name](study)))
     return paths
 
 
-def _known(study: Sensitivity) -> list[str]:
-    """Names of the figures of what the cell solver provides."""
-    return [name for name in MAKERS if study.rest.extrema is not None or name not in OF_EXTREMA]
+def known_figures(study: Sensitivity) -> list[str]:
+    """Return the names of the figures of what the cell solver provides."""
+    return [name for name in FIGURES if study.rest.extrema is not None or name not in OF_EXTREMA]
 
 
-def _together(study: Sensitivity, label: str, curves: Curves) -> Figure:
+@styled
+def _together(label: str, curves: Curves, study: Sensitivity) -> Figure:
     """All loads in one panel: for each the quantities with their names and strokes."""
     figure = new_figure(7.0, 4.7)
     axes = figure.subplots()
@@ -120,8 +111,9 @@ def _together(study: Sensitivity, label: str, curves: Curves) -> Figure:
     return figure
 
 
+@styled
 def _panels(
-    study: Sensitivity, label: str, quantity: str, symbol: str, components: dict[str, tuple[str, ...]]
+    label: str, quantity: str, symbol: str, components: dict[str, tuple[str, ...]], study: Sensitivity
 ) -> Figure:
     """Each load in its own panel, several components in each."""
     count = len(study.loads)
@@ -132,11 +124,8 @@ def _panels(
         spare.set_axis_off()
     for axes, (load, along) in zip(panels, study.loads.items(), strict=False):
         for k, component in enumerate(components[load]):
-            look = {
-                "color": SEVERAL[k],
-                "ls": STROKES[k % len(STROKES)],
-                "label": symbol.format(*component),
-            }
+            name = symbol.format(*component)
+            look = {"color": SEVERAL[k], "ls": STROKES[k % len(STROKES)], "label": name}
             _curve(axes, study, along, f"{quantity}_{component}", look)
         axes.set_title(TITLES[load])
         axes.set(xlabel=AXES[load], ylabel=label)
@@ -158,10 +147,8 @@ def _curve(axes: Axes, study: Sensitivity, along: LoadResponses, quantity: str, 
         axes.plot(along.values[here], y[here], ls="", color=look["color"], **marker)
     solved = np.flatnonzero(np.isfinite(along.values) & np.isin(along.status, _WITH_VALUES))
     for sign, last in ((1, solved[-1]), (-1, solved[0])):
-        if (
-            f"{along.load}{'+' if sign > 0 else '-'}" in study.lines
-            and study.end(along.load, sign) is not None
-        ):
+        line = study.lines.get(line_name(along.load, sign))
+        if line is not None and line.end is not None:
             axes.plot(along.values[last], y[last], ls="", color=look["color"], **_END)
 
 
@@ -191,8 +178,8 @@ def _finish(figure: Figure, panels: Sequence[Axes], study: Sensitivity) -> None:
         figure.legend(handles=handles, loc="outside lower right", ncols=len(handles), columnspacing=1.4)
 
 
-def _each(quantity: str, name: str = "", stroke: Any = "-") -> Curves:
-    return {load: ((quantity, name, stroke),) for load in TITLES}
+def _each(*curves: tuple[str, str, Any]) -> Curves:
+    return dict.fromkeys(TITLES, curves)
 
 
 def _gradient(quantity: str, symbol: str) -> Curves:
@@ -204,91 +191,37 @@ def _gradient(quantity: str, symbol: str) -> Curves:
 
 _AVERAGE = r"$\overline{{\partial u^1_{0}/\partial Y_{1}}}$"
 _LARGEST = r"$|\partial u^1_{0}/\partial Y_{1}|$"
-_M = "$M_{{{0}{1}{2}{3}}}$"
-_M_HAT = r"$\hat J M_{{{0}{1}{2}{3}}}$"
+_Q: Curves = {
+    load: tuple((f"Q_{ij}", f"$Q_{{{ij}}}$", STROKES[k]) for k, ij in enumerate(components))
+    for load, components in SECOND.items()
+}
 
-
-@styled
-def _average_1(study: Sensitivity) -> Figure:
-    label = r"average $\overline{\nabla_Y u^1}$ [–], component of the load"
-    return _together(study, label, _gradient("avg_grad", _AVERAGE))
-
-
-@styled
-def _average_2(study: Sensitivity) -> Figure:
-    return _panels(study, r"average $\overline{\nabla_Y u^1}$ [–]", "avg_grad", _AVERAGE, OTHERS)
-
-
-@styled
-def _largest_1(study: Sensitivity) -> Figure:
-    label = r"maximum of $|\nabla_Y u^1|$ [–], component of the load"
-    return _together(study, label, _gradient("max_grad", _LARGEST))
-
-
-@styled
-def _largest_2(study: Sensitivity) -> Figure:
-    return _panels(study, r"maximum of $|\nabla_Y u^1|$ [–]", "max_grad", _LARGEST, OTHERS)
-
-
-@styled
-def _energy_average(study: Sensitivity) -> Figure:
-    return _together(study, r"average $\overline{\Psi}$ [$E$]", _each("avg_energy"))
-
-
-@styled
-def _energy_largest(study: Sensitivity) -> Figure:
-    return _together(study, r"maximum of $\Psi$ [$E$]", _each("max_energy"))
-
-
-@styled
-def _conductivity_11(study: Sensitivity) -> Figure:
-    return _together(study, "$(K_t)_{11} / K_{11}$ [–]", _each("Kt_11"))
-
-
-@styled
-def _conductivity_22(study: Sensitivity) -> Figure:
-    return _together(study, "$(K_t)_{22} / K_{22}$ [–]", _each("Kt_22"))
-
-
-@styled
-def _fourth(study: Sensitivity) -> Figure:
-    return _panels(study, r"$\langle M \rangle_s$ [–]", "M", _M, FOURTH)
-
-
-@styled
-def _fourth_deformed(study: Sensitivity) -> Figure:
-    return _panels(study, r"$\hat J\,\langle M \rangle_s$ [–]", "M_hat", _M_HAT, FOURTH)
-
-
-@styled
-def _second(study: Sensitivity) -> Figure:
-    curves: Curves = {
-        load: (*((f"Q_{ij}", f"$Q_{{{ij}}}$", STROKES[k]) for k, ij in enumerate(components)),)
-        for load, components in SECOND.items()
-    }
-    return _together(study, r"$\langle Q \rangle_s$ [$1/E$]", curves)
-
-
-@styled
-def _biot(study: Sensitivity) -> Figure:
-    curves: Curves = {load: (("biot", r"$M$", "-"), ("biot_hat", r"$\tilde M$", DASHED)) for load in TITLES}
-    label = r"$M = -1/\mathrm{tr}\,Q$ and $\tilde M = M/\hat J$ [$E$]"
-    return _together(study, label, curves)
-
-
-MAKERS: dict[str, Callable[[Sensitivity], Figure]] = {
-    "dyu1_Av_1": _average_1,
-    "dyu1_Av_2": _average_2,
-    "dyu1_max_1": _largest_1,
-    "dyu1_max_2": _largest_2,
-    "psi_Av": _energy_average,
-    "psi_max": _energy_largest,
-    "K11": _conductivity_11,
-    "K22": _conductivity_22,
-    "Mijkl_reference": _fourth,
-    "Mijkl_deformed": _fourth_deformed,
-    "Q_11": _second,
-    "Biot_Modulus": _biot,
+#: Figures by the names that the paper's source gives them; an average is that of the solid.
+FIGURES: dict[str, Callable[[Sensitivity], Figure]] = {
+    "dyu1_Av_1": partial(
+        _together,
+        r"average $\overline{\nabla_Y u^1}$ [–], component of the load",
+        _gradient("avg_grad", _AVERAGE),
+    ),
+    "dyu1_Av_2": partial(_panels, r"average $\overline{\nabla_Y u^1}$ [–]", "avg_grad", _AVERAGE, OTHERS),
+    "dyu1_max_1": partial(
+        _together, r"maximum of $|\nabla_Y u^1|$ [–], component of the load", _gradient("max_grad", _LARGEST)
+    ),
+    "dyu1_max_2": partial(_panels, r"maximum of $|\nabla_Y u^1|$ [–]", "max_grad", _LARGEST, OTHERS),
+    "psi_Av": partial(_together, r"average $\overline{\Psi}$ [$E$]", _each(("avg_energy", "", "-"))),
+    "psi_max": partial(_together, r"maximum of $\Psi$ [$E$]", _each(("max_energy", "", "-"))),
+    "K11": partial(_together, "$(K_t)_{11} / K_{11}$ [–]", _each(("Kt_11", "", "-"))),
+    "K22": partial(_together, "$(K_t)_{22} / K_{22}$ [–]", _each(("Kt_22", "", "-"))),
+    "Mijkl_reference": partial(_panels, r"$\langle M \rangle_s$ [–]", "M", "$M_{{{0}{1}{2}{3}}}$", FOURTH),
+    "Mijkl_deformed": partial(
+        _panels, r"$\hat J\,\langle M \rangle_s$ [–]", "M_hat", r"$\hat J M_{{{0}{1}{2}{3}}}$", FOURTH
+    ),
+    "Q_11": partial(_together, r"$\langle Q \rangle_s$ [$1/E$]", _Q),
+    "Biot_Modulus": partial(
+        _together,
+        r"$M = -1/\mathrm{tr}\,Q$ and $\tilde M = M/\hat J$ [$E$]",
+        _each(("biot", r"$M$", "-"), ("biot_hat", r"$\tilde M$", DASHED)),
+    ),
 }
 #: Figures of what is optional for a cell solver.
 OF_EXTREMA = ("dyu1_max_1", "dyu1_max_2", "psi_Av", "psi_max")

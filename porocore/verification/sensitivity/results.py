@@ -1,12 +1,14 @@
-"""The half lines of a study together."""
+"""The half lines of a study together, and as a table."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from porocore.core.files.csv_table import write_csv
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.states import Array, CellResponse, IntArray, Status
 from porocore.verification.sensitivity.line import HalfLine
@@ -104,6 +106,20 @@ class Sensitivity:
         found = quantities(states_of(load, at[order]), response, self.porosity, self.conductivity, self.law)
         return LoadResponses(load, at[order], response.status, np.concatenate(seconds)[order], found)
 
-    def end(self, load: str, sign: int) -> Status | None:
-        """Return the status that ended a half line before its goal; None if it reached it."""
-        return self.lines[line_name(load, sign)].end
+
+def write_table(folder: Path, study: Sensitivity) -> Path:
+    """Write ``sensitivity.csv``, a row for each state, load by load; returns its path.
+
+    Raises
+    ------
+    RunFolderError
+        The file cannot be written.
+    """
+    names = list(next(iter(study.loads.values())).quantities)
+    rows = (
+        [name, float(value), Status(int(along.status[k])).name, float(along.seconds[k])]
+        + [float(along.quantities[quantity][k]) for quantity in names]
+        for name, along in study.loads.items()
+        for k, value in enumerate(along.values)
+    )
+    return write_csv(folder / "sensitivity.csv", ["load", "value", "status", "seconds", *names], rows)

@@ -25,8 +25,7 @@ from porocore.study.stages.stage_files import prepare_cell
 from porocore.verification.sensitivity.file import load, save
 from porocore.verification.sensitivity.line import HalfLine, HalfLineSolve
 from porocore.verification.sensitivity.plan import StudyPlan, states_of
-from porocore.verification.sensitivity.results import Sensitivity, line_name
-from porocore.verification.sensitivity.tables import write_table
+from porocore.verification.sensitivity.results import Sensitivity, line_name, write_table
 
 FILE = "sensitivity.h5"
 
@@ -144,27 +143,11 @@ def run_study(
     on_state: Callable[[SensitivityProgress], None] = lambda progress: None,
     provenance: Mapping[str, str] | None = None,
 ) -> Sensitivity:
-    """Solve every half line of a plan that ``folder`` does not hold yet.
+    """Solve every half line of a plan that ``folder`` does not hold yet; see :func:`study_sensitivity`.
 
     Every state starts from the field of the one before it on its half line. The results depend neither on the
-    number of workers nor on interruptions: each half line enters ``sensitivity.h5`` when it is finished.
-
-    Parameters
-    ----------
-    cell, fem
-        The cell and the backend that solves it.
-    folder
-        Place of ``sensitivity.h5``.
-    plan
-        By default all loads of the paper, see :data:`porocore.verification.sensitivity.plan.SWEEPS`.
-    conductivity
-        Law of K_t; by default the paper's.
-    workers
-        Processes; with 1 everything is solved in this one.
-    on_state
-        Called after every state.
-    provenance
-        Texts that the file keeps.
+    number of workers, of which 1 is this process, nor on interruptions: each half line enters ``sensitivity.h5`` when
+    it is finished. ``provenance`` are texts that the file keeps.
 
     Raises
     ------
