@@ -81,11 +81,7 @@ def _write_profile(path: Path, solution: MacroSolution, profile: Profile) -> Non
 
 
 def write_vtu(
-    path: Path,
-    points: Array,
-    cells: IntArray,
-    at_nodes: Mapping[str, Array],
-    in_elements: Mapping[str, Array],
+    path: Path, points: Array, cells: IntArray, at_nodes: Mapping[str, Any], in_elements: Mapping[str, Any]
 ) -> Path:
     """Write one mesh with its fields as a .vtu file, atomically; returns its path.
 

@@ -11,7 +11,8 @@ from porocore.cell.cell import Cell
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.states import MacroState, Status
-from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES, STATES, compare_responses, relative
+from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES, compare_responses, relative
+from porocore.verification.crosscheck.compared_states import STATES
 from porocore.verification.crosscheck.comparison import CELL
 
 ELEMENTS = ("linear", "quadratic-straight", "quadratic-curved")

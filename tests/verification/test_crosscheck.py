@@ -20,7 +20,8 @@ from porocore.plugins.hookspecs import Offer
 from porocore.study.benchmark import crosscheck_path
 from porocore.study.config.loading import load_config
 from porocore.verification.crosscheck import select_backends
-from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES, STATES
+from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES
+from porocore.verification.crosscheck.compared_states import STATES
 
 pytest.importorskip("skfem")
 

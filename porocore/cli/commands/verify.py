@@ -65,7 +65,7 @@ def verify(
     if out is not None:
         document.write(out, rows, long=long)
     if as_json:
-        typer.echo(document.text(rows, long=long), nl=False)
+        typer.echo(document.text(rows, long=long))
     else:
         _print(rows)
     failed = [row for row in rows if not row.passed]

@@ -11,7 +11,7 @@ import numpy as np
 from porocore.core.console import Console
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.solution import MacroSolution, Profile, StepReport
+from porocore.interfaces.solution import MacroSolution, StepReport
 from porocore.macro.laws import ClosedLaw
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.plugins.border import body_solution_of
@@ -21,8 +21,10 @@ from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.abilities import lacking
 from porocore.verification.crosscheck.attempt import attempt
+from porocore.verification.crosscheck.cells import relative
+from porocore.verification.crosscheck.compared_states import SharedSamples
 from porocore.verification.crosscheck.comparison import BODY, Comparison
-from porocore.verification.crosscheck.surrogates import SharedSamples, SurrogateRun
+from porocore.verification.crosscheck.surrogates import SurrogateRun
 
 #: Compared at every time, with their names for a reader.
 HISTORIES = {
@@ -146,10 +148,9 @@ def _compare_pair(case: str, one: BodyRun, other: BodyRun) -> list[Comparison]:
         return found + failure("profiles", "other nodes, or other times")
     pressure = float(a.history.pressure_max.max())
     for p, q in zip(a.profiles, b.profiles, strict=True):
-        found += [
-            line(f"{name} at t = {p.time:g}", _profile_difference(name, p, q, orders, floor))
-            for name, floor in (("u", 0.0), ("p", pressure))
-        ]
+        for name, floor in (("u", 0.0), ("p", pressure)):
+            x, y = getattr(p, name)[orders[0]], getattr(q, name)[orders[1]]
+            found.append(line(f"{name} at t = {p.time:g}", relative(x, y, floor)))
     return found
 
 
@@ -170,12 +171,3 @@ def node_orders(a: Array, b: Array) -> tuple[Array, Array] | None:
     first, second = (np.lexsort(np.round(points / size / 1e-6).T) for points in (a, b))
     same = np.abs(a[first] - b[second]).max() <= SAME * size
     return (first, second) if same else None
-
-
-def _profile_difference(
-    name: str, p: Profile, q: Profile, orders: tuple[Array, Array], floor: float
-) -> float:
-    x, y = getattr(p, name)[orders[0]], getattr(q, name)[orders[1]]
-    largest = float(np.abs(x - y).max())
-    scale = max(float(np.abs(x).max()), float(np.abs(y).max()), floor)
-    return largest / scale if largest > 0 else (0.0 if np.isfinite(largest) else float("inf"))

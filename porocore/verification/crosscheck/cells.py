@@ -13,20 +13,14 @@ from porocore.core.console import Task
 from porocore.interfaces.cell import CellSolver
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.plugins.registry import registry
-from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.states import Array, CellResponse, Status
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.abilities import offers_conductivity
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.verification.crosscheck.attempt import attempt
+from porocore.verification.crosscheck.compared_states import STATES
 from porocore.verification.crosscheck.comparison import CELL, Comparison
 
-_SHEAR = np.array([[0, 0.1, 0], [0, -0.05, 0], [0, 0, 0]])
-#: The states at which backends are compared; the last needs the whole cell.
-STATES: dict[str, MacroState] = {
-    "at rest": MacroState.zeros(1),
-    "H₂₂ = −0.15, p = 0.1": MacroState.single(np.diag([0.0, -0.15, 0.0]), 0.1),
-    "H₁₂ = 0.1, H₂₂ = −0.05, p = 0.05": MacroState.single(_SHEAR, 0.05),
-}
 #: How the averages and the derivatives are written.
 AVERAGES = {"mean_grad": "⟨∇u¹⟩", "potential": "W", "stress": "P_E", "fluid_volume": "φ"}
 DERIVATIVES = {

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from porocore.core.console import Console
 from porocore.interfaces.law import MacroLaw
 from porocore.study.config.config import RunConfig
-from porocore.verification.crosscheck.attempt import attempt
 from porocore.verification.crosscheck.backend_selection import BackendSelection
 from porocore.verification.crosscheck.bodies import BodyRun, compare_bodies, make_laws, run_body
 from porocore.verification.crosscheck.cells import CellRun, compare_cells, make_meshes, run_cell
+from porocore.verification.crosscheck.compared_states import SharedSamples, share_samples
 from porocore.verification.crosscheck.comparison import Comparison
 from porocore.verification.crosscheck.surrogates import (
-    SharedSamples,
     SurrogateRun,
     compare_surrogates,
     load_libraries,
-    solve_samples,
     train,
 )
 
@@ -81,7 +79,7 @@ def crosscheck(config: RunConfig, who: BackendSelection, *, console: Console) ->
             cells.append(run_cell(config, name, task))
     found += compare_cells(cells)
 
-    samples, failures = _samples(config, cells, console)
+    samples, failures = share_samples(config, who.cells, console)
     found += failures
     surrogates: list[SurrogateRun] = []
     bodies: list[BodyRun] = []
@@ -95,17 +93,3 @@ def crosscheck(config: RunConfig, who: BackendSelection, *, console: Console) ->
             bodies += [run_body(config, backend, name, law, console) for backend in who.bodies]
         found += compare_bodies(bodies)
     return CrossCheck(config, who, tuple(found), tuple(cells), samples, tuple(surrogates), tuple(bodies))
-
-
-def _samples(
-    config: RunConfig, cells: list[CellRun], console: Console
-) -> tuple[SharedSamples | None, list[Comparison]]:
-    """Return samples of the configured backend if it takes part, else of the first that can."""
-    names = sorted((run.backend for run in cells), key=lambda name: name != config.fem.backend)
-    failures: list[Comparison] = []
-    for name in names:
-        outcome = attempt(solve_samples, config, name, console)
-        if outcome.value is not None:
-            return outcome.value, failures
-        failures.append(Comparison.failure("cell", "", "samples", name, outcome.reason))
-    return None, failures

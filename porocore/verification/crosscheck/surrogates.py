@@ -4,79 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import combinations
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from porocore.core.console import Console
-from porocore.errors import DataError
-from porocore.interfaces.sampler import Sampler
-from porocore.interfaces.surrogate import (
-    MORE_STATES,
-    Surrogate,
-    TrainingProgress,
-    TrainingSet,
-    least_states,
-)
-from porocore.macro.reference import CellReference
+from porocore.interfaces.surrogate import Surrogate, TrainingProgress
 from porocore.plugins.border import prediction_of
 from porocore.plugins.registry import registry
-from porocore.sampling.campaign import CampaignProgress, run_campaign
-from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.execution import CellPool
-from porocore.sampling.samplers.random_states import RandomStates, random_requests
 from porocore.states import Array, CellResponse, MacroState
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.run_folder.provenance import versions
-from porocore.study.stages.exploration import inform
-from porocore.study.stages.stage_files import prepare_cell
 from porocore.verification.crosscheck.attempt import attempt
 from porocore.verification.crosscheck.cells import RESPONSES
+from porocore.verification.crosscheck.compared_states import SharedSamples
 from porocore.verification.crosscheck.comparison import SPREAD, Comparison
-
-#: States at which surrogates are compared with each other; nothing is solved there.
-BETWEEN = 500
-
-
-@dataclass(frozen=True, eq=False)
-class SharedSamples:
-    """The states that one backend solved for all surrogates.
-
-    Attributes
-    ----------
-    backend
-        Which.
-    reference
-        Its undeformed cell.
-    training
-        The stable states of the sampler.
-    states, solved
-        Held-out states with values.
-    seconds
-        Wall time.
-    """
-
-    backend: str
-    reference: CellReference
-    training: TrainingSet
-    states: MacroState
-    solved: CellResponse
-    seconds: float
-
-    def span(self, response: str) -> float:
-        """Range of the component of a response that varies most, over all solved states; 1 if none varies."""
-        both = np.concatenate([getattr(self.training.responses, response), getattr(self.solved, response)])
-        # A state whose walls touch has no conductivity, and its other responses.
-        both = both[np.isfinite(both.reshape(len(both), -1)).all(axis=1)]
-        return float(np.ptp(both, axis=0).max()) or 1.0 if len(both) else 1.0
-
-    def has(self, response: str) -> bool:
-        """Tell whether the states hold a response."""
-        return getattr(self.solved, response) is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,57 +44,6 @@ class SurrogateRun:
     errors: dict[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     failure: str = ""
-
-
-def solve_samples(config: RunConfig, backend: str, console: Console) -> SharedSamples:
-    """The undeformed cell, the sampler's states and the held-out ones.
-
-    Raises
-    ------
-    DataError
-        Too few states converged.
-    """
-    settings = config.with_backends(fem=backend)
-    inputs = settings.sampling.input_space()
-    arguments = (backend, settings.fem.options, settings.cell, settings.conductivity)
-    solver, prepared = prepare_cell(*arguments)
-    reference = CellReference.compute(solver, prepared, settings.cell, settings.stages.cell)
-    sampler: Sampler = make_backend("sampler", settings)
-    inform(sampler, settings, reference)
-    held_out = RandomStates(inputs, count=settings.sampling.test.count, seed=settings.sampling.test.seed)
-    datasets: list[tuple[MacroState, CellResponse]] = []
-    seconds = 0.0
-    with (
-        TemporaryDirectory(prefix="porocore-crosscheck-") as folder,
-        CellPool(prepare_cell, arguments, workers=settings.sampling.worker_count(), fields=True) as pool,
-    ):
-        for title, source in (("states to learn from", sampler), ("held-out states", held_out)):
-            path = Path(folder) / f"{len(datasets)}.h5"
-            dataset = Dataset.create(path, inputs=inputs, identity=settings.stages.sampling, provenance={})
-            with console.task(f"{title}, {backend}", "states") as task:
-
-                def show(progress: CampaignProgress, task: Any = task) -> None:
-                    task.update(progress.done, progress.expected, failed=progress.failed)
-
-                seconds += run_campaign(source, pool, dataset, on_progress=show).seconds
-            datasets.append((dataset.states(), dataset.responses()))
-    (states, responses), (unseen, solved) = datasets
-    good, valid = np.flatnonzero(responses.stable), np.flatnonzero(solved.valid)
-    if len(good) < (least := least_states(len(inputs))) or not len(valid):
-        raise DataError(
-            f"{len(good)} of {len(responses)} states to learn from are stable, and {len(valid)} held-out ones have "
-            f"values: too few; at least {least} and 1 are needed: {MORE_STATES}"
-        )
-    training = TrainingSet(
-        states[good],
-        responses[good],
-        inputs,
-        reference.resting(settings.conductivity),
-        settings.stages.cell,
-        versions(),
-        settings.cell.point_group,
-    )
-    return SharedSamples(backend, reference, training, unseen[valid], solved[valid], seconds)
 
 
 def train(config: RunConfig, name: str, samples: SharedSamples, console: Console) -> SurrogateRun:
@@ -207,6 +98,7 @@ def compare_surrogates(runs: list[SurrogateRun], samples: SharedSamples, seed: i
         if run.surrogate is None:
             found.append(Comparison.failure("surrogate", "", "training", run.name, run.failure))
         for response, error in run.errors.items():
+            allowed = type(run.surrogate).expected_error if run.surrogate is not None else 0.0
             found.append(
                 Comparison(
                     "surrogate",
@@ -215,11 +107,10 @@ def compare_surrogates(runs: list[SurrogateRun], samples: SharedSamples, seed: i
                     run.name,
                     "cell solves",
                     error,
-                    type(run.surrogate).expected_error if run.surrogate is not None else 0.0,
+                    allowed,
                 )
             )
-    inputs = samples.training.inputs
-    between = inputs.scatter([request.x for request in random_requests(inputs, BETWEEN, seed + 1)])
+    between = samples.between(seed)
     for one, other in combinations([run for run in runs if run.surrogate is not None], 2):
         found += _compare_pair(one, other, between, samples)
     return found
@@ -245,17 +136,9 @@ def _compare_pair(
         if response in one.errors and response in other.errors:
             values = getattr(a, response)[inside] - getattr(b, response)[inside]
             tolerance = max(SPREAD * (one.errors[response] + other.errors[response]), declared)
-            found.append(
-                Comparison(
-                    "surrogate",
-                    case,
-                    RESPONSES[response],
-                    one.name,
-                    other.name,
-                    _largest(values, samples.span(response)),
-                    tolerance,
-                )
-            )
+            difference = _largest(values, samples.span(response))
+            symbol = RESPONSES[response]
+            found.append(Comparison("surrogate", case, symbol, one.name, other.name, difference, tolerance))
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from porocore.cell.meshing.mesh import MeshSettings
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import Array, CellResponse, MacroState
+from porocore.verification.crosscheck.cells import AVERAGES
 from porocore.verification.ladder.case import Check, VerificationCase, relative_check
 
 #: What is checked holds on every mesh.
@@ -27,7 +29,6 @@ GENERAL = np.array([[0.03, 0.08, -0.02], [0.01, -0.06, 0.04], [0.0, 0.05, 0.02]]
 STEP = 1e-3
 #: Of exact identities, which only round-off and the solver's tolerance disturb; and of differences.
 EXACT, DIFFERENCE = 1e-8, 1e-6
-WRITTEN = {"mean_grad": "⟨∇u¹⟩", "potential": "W", "stress": "P_E", "fluid_volume": "φ"}
 
 
 def at_rest(solver: CellSolver, long: bool) -> Sequence[Check]:
@@ -74,7 +75,7 @@ def derivatives(state: tuple[Array, float], solver: CellSolver, prepared: Any) -
         Check(
             "dW = P_E:dH − φ dp (Hill–Mandel)"
             if name == "potential"
-            else f"tangent of {WRITTEN[name]} = slope",
+            else f"tangent of {AVERAGES[name]} = slope",
             identities.misfit(differences[name], slope),
             DIFFERENCE,
         )
@@ -102,7 +103,7 @@ def general(solver: CellSolver, long: bool) -> Sequence[Check]:
         return solver.solve(prepared, MacroState.single(H, p), tangent=False).response
 
     turned = identities.objectivity(solve(H), solve(R @ (np.eye(3) + H) - np.eye(3)), R)
-    objective = [Check(f"objectivity of {WRITTEN[name]}", error, EXACT) for name, error in turned.items()]
+    objective = [Check(f"objectivity of {AVERAGES[name]}", error, EXACT) for name, error in turned.items()]
     return [*objective, *derivatives(GENERAL, solver, prepared)]
 
 
@@ -127,21 +128,14 @@ def homogeneous(state: tuple[Array, float], solver: CellSolver, long: bool) -> S
     ]
 
 
-def _homogeneous(state: tuple[Array, float]) -> Any:
-    def solve(solver: CellSolver, long: bool) -> Sequence[Check]:
-        return homogeneous(state, solver, long)
-
-    return solve
-
-
 HOMOGENEOUS = VerificationCase(
     "homogeneous",
     "Cell without pores",
     "the material's own law",
     "cell solver",
     {
-        "diagonal H": _homogeneous((np.diag([0.1, -0.2, 0.05]), 0.3)),
-        "general H": _homogeneous((np.array([[0.1, 0.2, 0], [0, -0.15, 0.05], [0, 0, 0.1]]), 0.3)),
+        "diagonal H": partial(homogeneous, (np.diag([0.1, -0.2, 0.05]), 0.3)),
+        "general H": partial(homogeneous, (np.array([[0.1, 0.2, 0], [0, -0.15, 0.05], [0, 0, 0.1]]), 0.3)),
     },
 )
 IDENTITIES = VerificationCase(

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.solution import MacroSolution
 from porocore.macro.analytic.mandel import Mandel
 from porocore.macro.analytic.terzaghi import Terzaghi
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import MacroProblem
+from porocore.testing.synthetic.response import confined_column
 from porocore.verification.ladder.biot import isotropic_coefficients, relative_l2
 from porocore.verification.ladder.case import Check, VerificationCase, observed_order
 
@@ -53,20 +53,9 @@ def terzaghi(solver: MacroSolver, long: bool) -> Sequence[Check]:
 def _terzaghi_errors(
     solver: MacroSolver, law: LinearPoroelasticity, layer: Terzaghi, cells: int, step: float
 ) -> list[tuple[float, float]]:
-    side: dict[str, Any] = {"displacement": (0, None, 0)}
-    solution = _solve(
-        solver,
-        law,
-        size=(1, 1, 1),
-        elements=(1, cells, 1),
-        boundary={
-            **dict.fromkeys(("x-", "x+", "z-", "z+"), side),
-            "y-": {"displacement": (0, 0, 0)},
-            "y+": {"traction": (0, 1, 0), "pressure": 0},
-        },
-        load=-layer.load,
-        time=_plan(step, tuple(TERZAGHI)),
-    )
+    plan = _plan(step, tuple(TERZAGHI))
+    problem = confined_column(cells, load=-layer.load, size=(1, 1, 1), time=plan)
+    solution = solver.solve(solver.prepare(problem), law)
     middle = (np.arange(cells) + 0.5) / cells
     found = []
     for time, profile in zip(TERZAGHI, solution.profiles, strict=True):
@@ -122,21 +111,19 @@ def _mandel_errors(
     solver: MacroSolver, step: float, top: dict[str, Any], load: float, curve: tuple[tuple[float, float], ...]
 ) -> list[tuple[float, float]]:
     block = _block()
-    rollers: list[Any] = [[None, None, None] for _ in range(3)]
-    for i in range(3):
-        rollers[i][i] = 0.0
-    x, y, z = ({"displacement": tuple(roller)} for roller in rollers)
-    solution = _solve(
-        solver,
-        LinearPoroelasticity(
-            isotropic_coefficients(block.lame, block.shear, block.biot, block.storage, block.conductivity)
-        ),
-        size=(block.half_width, 10, 2),
-        elements=(50, 5, 1),
-        boundary={"x-": x, "y-": y, "z-": z, "z+": z, "x+": {"pressure": 0}, "y+": top},
-        load=load,
-        time=_plan(step, tuple(MANDEL)) | {"load_curve": curve},
+    x, y, z = ({"displacement": tuple(0.0 if i == j else None for j in range(3))} for i in range(3))
+    coefficients = isotropic_coefficients(
+        block.lame, block.shear, block.biot, block.storage, block.conductivity
     )
+    problem = MacroProblem.model_validate(
+        {
+            "body": {"size": (block.half_width, 10, 2), "elements": (50, 5, 1)},
+            "boundary": {"x-": x, "y-": y, "z-": z, "z+": z, "x+": {"pressure": 0}, "y+": top},
+            "load": load,
+            "time": _plan(step, tuple(MANDEL)) | {"load_curve": curve},
+        }
+    )
+    solution = solver.solve(solver.prepare(problem), LinearPoroelasticity(coefficients))
     in_middle = solution.cells[:, 26]
     place = solution.points[in_middle]
     found = []
@@ -157,11 +144,6 @@ def _plan(step: float, times: tuple[float, ...]) -> dict[str, Any]:
         "smallest_step": SUDDEN * step / 100,
         "profiles": times[:-1],
     }
-
-
-def _solve(solver: MacroSolver, law: LinearPoroelasticity, **problem: Any) -> MacroSolution:
-    body = {"size": problem.pop("size"), "elements": problem.pop("elements")}
-    return solver.solve(solver.prepare(MacroProblem.model_validate(problem | {"body": body})), law)
 
 
 TERZAGHI_CASE = VerificationCase(

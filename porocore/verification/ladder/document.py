@@ -3,37 +3,37 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import porocore.verification.ladder.cases as ladder
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import json_ready, write_json
 
 FORMAT, VERSION = "porocore-verification", 1
 
 
 def document(rows: Sequence[ladder.CaseResult], *, long: bool) -> dict[str, Any]:
-    """Return all results; a number that is not finite is null."""
-    return {
+    """Return all results as plain data; a number that is not finite is null."""
+    found = {
         "format": FORMAT,
         "version": VERSION,
         "form": "long" if long else "short",
         "passed": all(row.passed for row in rows),
         "rows": [_row(row) for row in rows],
     }
+    ready: dict[str, Any] = json_ready(found)
+    return ready
 
 
 def text(rows: Sequence[ladder.CaseResult], *, long: bool) -> str:
     """Return the document as JSON text."""
-    return json.dumps(document(rows, long=long), indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(document(rows, long=long), indent=1, ensure_ascii=False)
 
 
 def write(path: Path, rows: Sequence[ladder.CaseResult], *, long: bool) -> None:
     """Write the document atomically."""
-    with atomic_path(path) as part:
-        part.write_text(text(rows, long=long), encoding="utf-8")
+    write_json(path, document(rows, long=long), indent=1, ensure_ascii=False)
 
 
 def _row(row: ladder.CaseResult) -> dict[str, Any]:
@@ -49,8 +49,4 @@ def _row(row: ladder.CaseResult) -> dict[str, Any]:
     if row.check is None:
         return found | {"reason": row.reason}
     names = ("quantity", "reference", "ours", "error", "allowed", "order", "note")
-    return found | {name: _plain(getattr(row.check, name)) for name in names}
-
-
-def _plain(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return found | {name: getattr(row.check, name) for name in names}

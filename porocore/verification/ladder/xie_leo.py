@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.analytic.xie_leo import XieLeo
 from porocore.macro.problem import MacroProblem
+from porocore.testing.synthetic.response import confined_column
 from porocore.verification.ladder.case import Check, VerificationCase, observed_order, relative_check
 from porocore.verification.ladder.clay_law import ClayLaw
 
@@ -22,26 +22,15 @@ ALLOWED = 0.01
 def column(layer: XieLeo, elements: int, steps: int, times: Sequence[float]) -> MacroProblem:
     """The layer as a column of one element's width that is loaded at once; fields are kept at the times."""
     end = times[-1]
-    side: dict[str, Any] = {"displacement": (0, None, 0)}
-    return MacroProblem.model_validate(
-        {
-            "body": {"size": (1, layer.height, 1), "elements": (1, elements, 1)},
-            "boundary": {
-                **dict.fromkeys(("x-", "x+", "z-", "z+"), side),
-                "y-": {"displacement": (0, 0, 0)},
-                "y+": {"traction": (0, 1, 0), "pressure": 0},
-            },
-            "load": -layer.load,
-            "time": {
-                "end": end,
-                "step": end / steps,
-                "ramp_increments": 1,
-                "ramp_step": 1e-6 * end / steps,
-                "smallest_step": 1e-9 * end / steps,
-                "profiles": tuple(times[:-1]),
-            },
-        }
-    )
+    plan = {
+        "end": end,
+        "step": end / steps,
+        "ramp_increments": 1,
+        "ramp_step": 1e-6 * end / steps,
+        "smallest_step": 1e-9 * end / steps,
+        "profiles": tuple(times[:-1]),
+    }
+    return confined_column(elements, load=-layer.load, size=(1, layer.height, 1), time=plan)
 
 
 def mean_pressure(solution: MacroSolution, profile: int) -> float:
