@@ -11,7 +11,7 @@ import warnings
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -119,11 +119,6 @@ def cell_dofs(dofmap: fem.DofMap) -> IntArray:
     return np.asarray(table if isinstance(table, np.ndarray) else table.array.reshape(table.num_nodes, -1))
 
 
-def geometry_dofs(domain: Mesh) -> IntArray:
-    """Return the local nodes (cells, n) of a mesh."""
-    return cell_dofs(domain.geometry.dofmap)
-
-
 def constant(domain: Mesh, value: Array | float) -> Constant:
     """Return a constant for forms, whose ``value`` may change without compilation."""
     made: Constant = fem.Constant(domain, np.asarray(value, dtype=np.float64))
@@ -192,6 +187,16 @@ def assemble_matrix(compiled: CompiledForm, matrix: PETSc.Mat | None = None) -> 
     else:
         matrix.zeroEntries()
         fem_petsc.assemble_matrix(matrix, compiled)
+    matrix.assemble()
+    return matrix
+
+
+def make_matrix(
+    comm: MPI.Intracomm, sizes: tuple[Any, Any], indptr: IntArray, indices: IntArray, data: Array
+) -> PETSc.Mat:
+    """Return a PETSc matrix of the rows of this process, given in CSR; ``sizes`` are as createAIJ takes them."""
+    csr = (indptr.astype(PETSc.IntType), indices.astype(PETSc.IntType), data)
+    matrix = PETSc.Mat().createAIJ(sizes, csr=csr, comm=comm)
     matrix.assemble()
     return matrix
 

@@ -87,8 +87,7 @@ def to_petsc(matrix: sparse.csr_matrix) -> PETSc.Mat:
     """Return a copy of a scipy matrix as a PETSc matrix of this process."""
     matrix = matrix.tocsr()
     matrix.sort_indices()
-    csr = (matrix.indptr.astype(PETSc.IntType), matrix.indices.astype(PETSc.IntType), matrix.data)
-    return PETSc.Mat().createAIJ(matrix.shape, csr=csr, comm=PETSc.COMM_SELF)
+    return compat.make_matrix(PETSc.COMM_SELF, matrix.shape, matrix.indptr, matrix.indices, matrix.data)
 
 
 def to_scipy(matrix: PETSc.Mat) -> sparse.csr_matrix:

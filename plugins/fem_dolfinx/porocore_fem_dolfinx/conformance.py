@@ -9,24 +9,20 @@ from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
 from porocore_fem_dolfinx.macro import DolfinxMacroSolver
 
 
-class TestDolfinxCellSolver(MeshedCellSuite):
+class _CellSolver:
+    kit_version = "3"
+
+    @classmethod
+    def make_solver(cls) -> DolfinxCellSolver:
+        return DolfinxCellSolver()
+
+
+class TestDolfinxCellSolver(_CellSolver, MeshedCellSuite):
     """Laws of cells with any pore geometry."""
 
-    kit_version = "3"
 
-    @classmethod
-    def make_solver(cls) -> DolfinxCellSolver:
-        return DolfinxCellSolver()
-
-
-class TestDolfinxCellContact(CellContactSuite):
+class TestDolfinxCellContact(_CellSolver, CellContactSuite):
     """Laws of cells whose pore surface touches itself."""
-
-    kit_version = "3"
-
-    @classmethod
-    def make_solver(cls) -> DolfinxCellSolver:
-        return DolfinxCellSolver()
 
 
 class TestDolfinxMacroSolver(MacroSolverSuite):

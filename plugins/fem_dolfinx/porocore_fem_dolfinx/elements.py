@@ -5,54 +5,38 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.states import Array
-from porocore_fem_dolfinx.library import MODERN, ufl
+from porocore_fem_dolfinx.library import MODERN, basix, ufl
 from porocore_fem_dolfinx.types import Element
 
 
-def lagrange_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Element:
-    """Return the Lagrange element of a scalar, vector or tensor field."""
-    if MODERN:
-        import basix.ufl
-
-        return basix.ufl.element("Lagrange", cell, degree, shape=shape)
+def _old(family: str, cell: str, degree: int, shape: tuple[int, ...], **options: str) -> Element:
+    """Return the element of a scalar, vector or tensor field by the old UFL."""
     if not shape:
-        return ufl.FiniteElement("Lagrange", cell, degree)
+        return ufl.FiniteElement(family, cell, degree, **options)
     if len(shape) == 1:
-        return ufl.VectorElement("Lagrange", cell, degree, dim=shape[0])
-    return ufl.TensorElement("Lagrange", cell, degree, shape=shape)
+        return ufl.VectorElement(family, cell, degree, dim=shape[0], **options)
+    return ufl.TensorElement(family, cell, degree, shape=shape, **options)
 
 
-def broken_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Element:
-    """Return the element of the functions of :func:`lagrange_element`, discontinuous between cells."""
+def lagrange_element(
+    cell: str, degree: int, shape: tuple[int, ...] = (), *, discontinuous: bool = False
+) -> Element:
+    """Return the Lagrange element of a scalar, vector or tensor field, which may be discontinuous between cells."""
     if MODERN:
-        import basix.ufl
-
-        return basix.ufl.element("Lagrange", cell, degree, shape=shape, discontinuous=True)
-    return (
-        ufl.VectorElement("DG", cell, degree, dim=shape[0])
-        if shape
-        else ufl.FiniteElement("DG", cell, degree)
-    )
+        return basix.ufl.element("Lagrange", cell, degree, shape=shape, discontinuous=discontinuous)
+    return _old("DG" if discontinuous else "Lagrange", cell, degree, shape)
 
 
 def quadrature_points(cell: str, degree: int) -> Array:
     """Return the points (q, 3) of the default rule of this degree, in the order of :func:`quadrature_element`."""
-    import basix
-
     return np.asarray(basix.make_quadrature(getattr(basix.CellType, cell), degree)[0])
 
 
 def quadrature_element(cell: str, degree: int, shape: tuple[int, ...] = ()) -> Element:
     """Return the element of values at the points of the default rule of this degree."""
     if MODERN:
-        import basix.ufl
-
         return basix.ufl.quadrature_element(cell, value_shape=shape, degree=degree)
-    if not shape:
-        return ufl.FiniteElement("Quadrature", cell, degree, quad_scheme="default")
-    if len(shape) == 1:
-        return ufl.VectorElement("Quadrature", cell, degree, dim=shape[0], quad_scheme="default")
-    return ufl.TensorElement("Quadrature", cell, degree, shape=shape, quad_scheme="default")
+    return _old("Quadrature", cell, degree, shape, quad_scheme="default")
 
 
 # Degrees of the default rule on a tetrahedron with 1, 4 and 14 points, and of n x n x n products of Gauss-Jacobi rules.
@@ -68,21 +52,8 @@ def values_at_points(points: Array, weights: Array, shape: tuple[int, ...] = ())
     of the same number in whatever rule the integral has, so one with as many points will do.
     """
     if MODERN:
-        import basix.ufl
-
         # Copies: the bindings of 0.9 take no array that cannot be written.
         rule = {"points": np.array(points), "weights": np.array(weights)}
         return basix.ufl.quadrature_element("tetrahedron", value_shape=shape, **rule)
     degree, scheme = _RULES_BY_SIZE[len(points)]
-    if not shape:
-        return ufl.FiniteElement("Quadrature", "tetrahedron", degree, quad_scheme=scheme)
-    return ufl.TensorElement("Quadrature", "tetrahedron", degree, shape=shape, quad_scheme=scheme)
-
-
-def mixed_element(*elements: Element) -> Element:
-    """Return the element of several fields."""
-    if MODERN:
-        import basix.ufl
-
-        return basix.ufl.mixed_element(list(elements))
-    return ufl.MixedElement(*elements)
+    return _old("Quadrature", "tetrahedron", degree, shape, quad_scheme=scheme)

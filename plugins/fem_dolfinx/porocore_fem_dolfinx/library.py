@@ -15,6 +15,7 @@ import numpy as np
 from porocore.errors import PluginError
 
 try:
+    import basix
     import dolfinx
     import ufl
     from dolfinx import fem, mesh
@@ -27,7 +28,7 @@ except ImportError as error:
 import dolfinx.fem.petsc as fem_petsc  # an attribute in 0.5, a module of its own later
 from petsc4py import PETSc
 
-__all__ = ["MODERN", "PETSc", "dolfinx", "fem", "fem_petsc", "mesh", "ufl"]
+__all__ = ["MODERN", "PETSc", "basix", "dolfinx", "fem", "fem_petsc", "mesh", "ufl"]
 
 OLDEST, NEWEST = (0, 5), (0, 9)
 VERSION = tuple(int(number) for number in re.findall(r"\d+", dolfinx.__version__)[:2])
@@ -58,6 +59,8 @@ def _text(version: tuple[int, ...]) -> str:
 _check_version()
 #: Elements of basix.ufl instead of those of the old UFL.
 MODERN = find_spec("basix.ufl") is not None and VERSION >= (0, 7)
+if MODERN:
+    import basix.ufl
 # "Applying str() to a metadata value" for every quadrature rule of our own.
 logging.getLogger("UFL").setLevel(logging.ERROR)
 logging.getLogger("FFCx").setLevel(logging.ERROR)

@@ -20,7 +20,7 @@ from porocore.states import Array, MacroState
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.macro_forms import MacroForms
 from porocore_fem_dolfinx.macro_linear import PetscLinearSolver
-from porocore_fem_dolfinx.macro_space import make_space
+from porocore_fem_dolfinx.macro_space import MacroSpace
 from porocore_fem_dolfinx.petsc_options import OptionValue
 
 
@@ -36,7 +36,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         communicator: Communicator,
         petsc: Mapping[str, OptionValue],
     ) -> None:
-        self.space = space = make_space(mesh, comm)
+        self.space = space = MacroSpace(mesh, comm)
         super().__init__(
             problem,
             mesh,
@@ -47,7 +47,11 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
             dofs=space.dofs,
             communicator=communicator,
         )
-        self._u, self._p = compat.make_function(space.V), compat.make_function(space.Q)
+        #: Function of each field, the local unknown of each of its values, and how many of them are owned.
+        self._fields = (
+            (compat.make_function(space.V), space.of_u, space.owned_u),
+            (compat.make_function(space.Q), space.of_p, space.owned_p),
+        )
         self._forms = MacroForms(space)
         self._matrix = self._forms.new_matrix()
         self._comm, self._in_frames = comm, None
@@ -70,13 +74,8 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         for places in self.plates:
             own = column[places[self.leading[places]]]
             column[places] = self.communicator.sum(int(own.sum()))  # one process has it, the others nothing
-        expansion = PETSc.Mat().createAIJ(
-            ((rows, None), (columns, None)),
-            csr=(np.arange(rows + 1, dtype=PETSc.IntType), column.astype(PETSc.IntType), np.ones(rows)),
-            comm=comm,
-        )
-        expansion.assemble()
-        return expansion
+        sizes = ((rows, None), (columns, None))
+        return compat.make_matrix(comm, sizes, np.arange(rows + 1), column, np.ones(rows))
 
     def _try_solver(self) -> None:
         """Solve for a material whose stress resists rotations too, so that a failure is due to the options."""
@@ -100,26 +99,18 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         owned = self.rotation[: self.owned, : self.owned].T.tocsr()
         first = comm.scan(self.owned) - self.owned
         sizes = ((self.owned, None), (self.owned, None))
-        entries = (owned.indptr, (owned.indices + first).astype(PETSc.IntType), owned.data)
-        matrix = PETSc.Mat().createAIJ(sizes, csr=entries, comm=comm)
-        matrix.assemble()
-        return matrix
+        return compat.make_matrix(comm, sizes, owned.indptr, owned.indices + first, owned.data)
 
     def states_of(self, x: Array) -> tuple[MacroState, Array]:
-        """Return the states and ∇p at all quadrature points."""
         return self._forms.states(x)
 
     def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
-        """Return the states and ∇p at all quadrature points."""
         return self._forms.contributions(response)
 
     def add_copies(self, values: Array) -> Array:
         """Add by PETSc's scatters; see :class:`Discretisation`."""
         total = np.zeros_like(values)
-        for function, of, owned in (
-            (self._u, self.space.of_u, self.space.owned_u),
-            (self._p, self.space.of_p, self.space.owned_p),
-        ):
+        for function, of, owned in self._fields:
             function.x.array[:] = values[of]
             compat.vector_of(function).ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
             total[of[:owned]] = function.x.array[:owned]
@@ -128,10 +119,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
     def _with_copies(self, values: Array) -> Array:
         """Return all local unknowns from the owned ones."""
         whole = np.empty(len(self.unknowns))
-        for function, of, owned in (
-            (self._u, self.space.of_u, self.space.owned_u),
-            (self._p, self.space.of_p, self.space.owned_p),
-        ):
+        for function, of, owned in self._fields:
             function.x.array[:owned] = values[of[:owned]]
             function.x.scatter_forward()
             whole[of] = function.x.array

@@ -63,8 +63,12 @@ class MacroForms:
     def _build_residual(self, dx: ufl.Measure) -> None:
         """Build with discontinuous test functions, so that each element has its own share."""
         domain, f, cell = self._space.domain, self._functions, self._space.element.shape
-        v = ufl.TestFunction(compat.function_space(domain, elements.broken_element(cell, 2, (3,))))
-        s = ufl.TestFunction(compat.function_space(domain, elements.broken_element(cell, 1)))
+        v = ufl.TestFunction(
+            compat.function_space(domain, elements.lagrange_element(cell, 2, (3,), discontinuous=True))
+        )
+        s = ufl.TestFunction(
+            compat.function_space(domain, elements.lagrange_element(cell, 1, discontinuous=True))
+        )
         self._residual = [
             compat.form(ufl.inner(f["stress"], ufl.grad(v)) * dx),
             compat.form(f["storage"] * s * dx),

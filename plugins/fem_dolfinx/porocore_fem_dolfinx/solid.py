@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from petsc4py import PETSc
@@ -22,6 +22,7 @@ from porocore.cell.equilibrium.discrete import (
     Sensitivities,
     second_derivatives,
 )
+from porocore.cell.equilibrium.path import PATIENCE, least_shifted
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import UNIT_LOADS
@@ -34,11 +35,6 @@ from porocore_fem_dolfinx.solid_forms import SolidForms
 from porocore_fem_dolfinx.solid_forms_pointwise import PointwiseForms
 from porocore_fem_dolfinx.solid_forms_ufl import UflForms
 from porocore_fem_dolfinx.solid_space import SolidSpace
-
-#: More iterations than this cost more than a new factor.
-PATIENCE = 18
-#: Shifts of an indefinite tangent, relative to the mean of its diagonal.
-SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
 
 
 class DolfinxIterate(Iterate):
@@ -175,9 +171,10 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
                 except FactorError:
                     if self._solvers[""].negative <= 0:
                         raise
-            return self._shifted(iterate, rhs)
+            x, self._shift = least_shifted(partial(self._shifted, iterate, rhs), rhs, self._shift)
         except FactorError as error:
             raise LoadStepFailed(Status.not_converged) from error
+        return x
 
     def _matrix(self, iterate: DolfinxIterate, parity: str) -> PETSc.Mat:
         """Return the tangent of the free unknowns of a class; the next call for this class overwrites it."""
@@ -219,20 +216,13 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
             self._kept = solver
         return solver.negative
 
-    def _shifted(self, iterate: DolfinxIterate, rhs: Array) -> Array:
-        # Neighbouring iterates need about the same shift, and less of it brings them on faster.
-        shift = max(self._shift / 4, SMALLEST_SHIFT)
-        while shift < LARGEST_SHIFT:
-            if self._factor(iterate, "", shift=shift) <= 0:
-                try:
-                    x = self._solvers[""].solve(rhs)
-                except FactorError:
-                    x = -rhs
-                if x @ rhs > 0:
-                    self._shift = shift
-                    return x
-            shift *= 4
-        raise LoadStepFailed(Status.not_converged)
+    def _shifted(self, iterate: DolfinxIterate, rhs: Array, shift: float) -> Array | None:
+        if self._factor(iterate, "", shift=shift) > 0:
+            return None
+        try:
+            return self._solvers[""].solve(rhs)
+        except FactorError:
+            return None
 
     def factor(self, iterate: DolfinxIterate, parity: str, shift: float = 0.0) -> DolfinxTangentFactor:
         return DolfinxTangentFactor(self, iterate, parity, shift)

@@ -62,15 +62,7 @@ class PointwiseResponse:
 
 
 class PointwiseForms(SolidForms):
-    """Forms without a material, compiled once for all of them.
-
-    Parameters
-    ----------
-    domain, space
-        See :class:`SolidForms`.
-    material
-        Material of every element of the mesh.
-    """
+    """Forms without a material, compiled once for all of them."""
 
     def __init__(self, domain: CellDomain, space: FunctionSpace, material: StrainEnergy) -> None:
         super().__init__(domain, space)
@@ -86,32 +78,26 @@ class PointwiseForms(SolidForms):
         self.response: PointwiseResponse
 
     def set_load(self, H: Array, p: float) -> None:
-        """Set H and p of all forms."""
         grad = self.domain.evaluate(self._grad)
         grad = grad.reshape(*grad.shape[:2], 3, 3)
         self.response = PointwiseResponse(self._material, grad, H, p, self.domain.elements)
 
     def values(self) -> Array:
-        """Set H and p of all forms."""
         return self.response.values
 
     def residual(self) -> Array:
-        """Set H and p of all forms."""
         return self._forces(self.response.values[:, :, 9:18])
 
     def tangent(self, matrix: PETSc.Mat | None) -> PETSc.Mat:
-        """Set H and p of all forms."""
         self._moduli.x.array.reshape(-1, 81)[self._moduli_places] = self.response.moduli.reshape(
             *self._moduli_places.shape, 81
         )
         return compat.assemble_matrix(self._tangent, matrix)
 
     def load_change(self, dH: Array, dp: float) -> Array:
-        """Set H and p of all forms."""
         return self._forces(self.response.change(dH, dp))
 
     def stress_change(self, dH: Array, dp: float) -> Array:
-        """Set H and p of all forms."""
         return self.response.change(dH, dp)
 
     def _forces(self, stress: Array) -> Array:

@@ -10,21 +10,12 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.states import Array
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
-from porocore_fem_dolfinx.material import energy_density
 from porocore_fem_dolfinx.solid_forms import SolidForms, components
-from porocore_fem_dolfinx.types import FunctionSpace
+from porocore_fem_dolfinx.types import Expr, FunctionSpace, Mesh
 
 
 class UflForms(SolidForms):
-    """Energy Π in UFL, which UFL differentiates.
-
-    Parameters
-    ----------
-    domain, space
-        See :class:`SolidForms`.
-    material
-        Strain energy of the solid.
-    """
+    """Energy Π in UFL, which UFL differentiates."""
 
     def __init__(self, domain: CellDomain, space: FunctionSpace, material: NeoHookean) -> None:
         super().__init__(domain, space)
@@ -35,7 +26,7 @@ class UflForms(SolidForms):
         grad_u = ufl.grad(self.function)
         F = ufl.variable(ufl.Identity(3) + self._H + grad_u)
         J = ufl.det(F)
-        energy = energy_density(material, F, domain.domain)
+        energy = _energy_density(material, F, domain.domain)
         stress = ufl.diff(energy + self._p * J, F)
         cofactor = ufl.diff(J, F)
         i, j, k, m = ufl.indices(4)
@@ -49,28 +40,29 @@ class UflForms(SolidForms):
         self._stress_change = domain.expression(ufl.as_vector(components(change)))
 
     def set_load(self, H: Array, p: float) -> None:
-        """Set H and p of all forms."""
         self._H.value[...] = H
         self._p.value = p
 
     def values(self) -> Array:
-        """Set H and p of all forms."""
         return self.domain.evaluate(self._state)
 
     def residual(self) -> Array:
-        """Set H and p of all forms."""
         return compat.assemble_vector(self._residual)
 
     def tangent(self, matrix: PETSc.Mat | None) -> PETSc.Mat:
-        """Set H and p of all forms."""
         return compat.assemble_matrix(self._tangent, matrix)
 
     def load_change(self, dH: Array, dp: float) -> Array:
-        """Set H and p of all forms."""
         self.dH.value[...], self._dp.value = dH, dp
         return compat.assemble_vector(self._change)
 
     def stress_change(self, dH: Array, dp: float) -> Array:
-        """Set H and p of all forms."""
         self.dH.value[...], self._dp.value = dH, dp
         return self.domain.evaluate(self._stress_change)
+
+
+def _energy_density(material: NeoHookean, F: Expr, domain: Mesh) -> Expr:
+    """Return Ψ(F); the material's constants can change without a new compilation."""
+    mu, lam = (compat.constant(domain, value) for value in (material.mu, material.lam))
+    log_J = ufl.ln(ufl.det(F))
+    return mu / 2 * (ufl.tr(F.T * F) - 3) - mu * log_J + lam / 2 * log_J**2

@@ -8,11 +8,9 @@ from petsc4py import PETSc
 from scipy import sparse
 
 from porocore.cell.conductivity.fluid import DiscreteFluid
-from porocore.cell.equilibrium.discrete import FactorError
 from porocore.cell.meshing.connectivity import joined_by_nodes
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import held_pressures, held_velocities
-from porocore.errors import PorocoreError
 from porocore.states import Array
 from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.cell_mesh import CellDomain
@@ -55,15 +53,8 @@ class DolfinxStokes(DiscreteFluid):
                 held = held | (images == images[part == loose][0])
             self._classes.append((members, free, Condensation(images, held)))
 
-    def flow(self, points: Array | None = None) -> Array:
-        """Return the conductivity, as :class:`~porocore.cell.conductivity.fluid.DiscreteFluid` describes it.
-
-        Raises
-        ------
-        PorocoreError
-            The system cannot be solved.
-        """
-        self._domain.move(self.mesh.points if points is None else points)
+    def integrals(self, points: Array) -> Array:
+        self._domain.move(points)
         A = _into_scipy(compat.assemble_matrix(self._laplacian))
         B = _into_scipy(compat.assemble_matrix(self._divergence))
         loads = np.empty((3, A.shape[0]))
@@ -89,10 +80,6 @@ def _saddle_point(A: sparse.csr_matrix, B: sparse.csr_matrix, loads: list[Array]
     try:
         solver.use(matrix)
         return [solver.solve(np.concatenate([f, np.zeros(m)]))[:n] for f in loads]
-    except FactorError as error:
-        raise PorocoreError(
-            f"the Stokes cell problem cannot be solved ({error}); refine the mesh (cell.mesh.fluid_size)"
-        ) from error
     finally:
         solver.destroy()
         matrix.destroy()

@@ -61,7 +61,7 @@ def test_the_tables_of_a_mesh_and_of_a_space_lead_back_to_the_cells():
     cells = np.array([[0, 1, 2, 3], [1, 2, 3, 4]])
     mesh = compat.make_mesh(MPI.COMM_SELF, "tetrahedron", 1, corners, cells)
     original = np.asarray(mesh.geometry.input_global_indices)
-    assert {frozenset(row) for row in original[compat.geometry_dofs(mesh)].tolist()} == {
+    assert {frozenset(row) for row in original[compat.cell_dofs(mesh.geometry.dofmap)].tolist()} == {
         frozenset(row) for row in cells.tolist()
     }
     space = compat.function_space(mesh, elements.lagrange_element("tetrahedron", 2))
@@ -69,7 +69,7 @@ def test_the_tables_of_a_mesh_and_of_a_space_lead_back_to_the_cells():
     assert table.shape == (2, 10)
     assert set(table.ravel()) == set(range(5 + 9))  # the two share a face with its three edges
     at = space.tabulate_dof_coordinates()
-    for row, nodes in zip(table, compat.geometry_dofs(mesh), strict=True):
+    for row, nodes in zip(table, compat.cell_dofs(mesh.geometry.dofmap), strict=True):
         x = mesh.geometry.x[nodes]
         expected = [*x, *((x[i] + x[j]) / 2 for i, j in combinations(range(4), 2))]
         assert sorted(at[row].round(12).tolist()) == sorted(np.round(expected, 12).tolist())
@@ -135,19 +135,6 @@ def test_two_rules_in_one_process_are_told_apart():
         }
         values.append(integral(compat.constant(mesh, 1.0), mesh, **rule))
     assert values == pytest.approx([0.1, 0.2], rel=1e-14)
-
-
-def test_a_mixed_element_has_the_unknowns_of_its_parts():
-    mesh = one_cell("tetrahedron")
-    quadratic = elements.lagrange_element("tetrahedron", 2, (3,))
-    linear = elements.lagrange_element("tetrahedron", 1)
-    space = compat.function_space(mesh, elements.mixed_element(quadratic, linear))
-    assert compat.cell_dofs(space.dofmap).shape == (1, 30 + 4)
-    function = compat.fem.Function(space)
-    function.sub(0).interpolate(lambda x: np.array([x[0] ** 2, x[1], 0 * x[0]]))
-    function.sub(1).interpolate(lambda x: 1 + x[2])
-    u, p = ufl.split(function)
-    assert integral(u[0] * p, mesh) == pytest.approx(2 / 120 + 2 / 720, rel=1e-13)
 
 
 def test_an_expression_is_evaluated_at_the_given_points_of_the_given_cells():

@@ -9,24 +9,20 @@ from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.macro import SkfemMacroSolver
 
 
-class TestSkfemCellSolver(MeshedCellSuite):
+class _CellSolver:
+    kit_version = "3"
+
+    @classmethod
+    def make_solver(cls) -> SkfemCellSolver:
+        return SkfemCellSolver()
+
+
+class TestSkfemCellSolver(_CellSolver, MeshedCellSuite):
     """Laws of cells with any pore geometry."""
 
-    kit_version = "3"
 
-    @classmethod
-    def make_solver(cls) -> SkfemCellSolver:
-        return SkfemCellSolver()
-
-
-class TestSkfemCellContact(CellContactSuite):
+class TestSkfemCellContact(_CellSolver, CellContactSuite):
     """Laws of cells whose pore surface touches itself."""
-
-    kit_version = "3"
-
-    @classmethod
-    def make_solver(cls) -> SkfemCellSolver:
-        return SkfemCellSolver()
 
 
 class TestSkfemMacroSolver(MacroSolverSuite):

@@ -1,15 +1,20 @@
-"""Free unknowns of the parity classes, and the factors that precondition their tangents."""
+"""Free unknowns of the parity classes, and linear solves: conjugate gradients around a factor that is kept."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
+from scipy import sparse
 
-from porocore.states import Array, IntArray
+from porocore.cell.equilibrium.discrete import FactorError, FactorisedTangent, LoadStepFailed
+from porocore.cell.equilibrium.path import PATIENCE, least_shifted
+from porocore.states import Array, IntArray, Status
 from porocore_fem_skfem.factor import SymmetricFactor
-from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor
+from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate_gradients, refine
 from porocore_fem_skfem.operators import Pattern
+
+SENSITIVITY_TOLERANCE = 1e-11
 
 
 class Constraints:
@@ -72,3 +77,52 @@ class Constraints:
         """Return the active factor applied to ``rhs``."""
         assert self.active is not None
         return self.active.solve(rhs)
+
+    def direction(self, entries: Array, rhs: Array, accuracy: float) -> Array:
+        """Return K⁻¹ rhs; with an indefinite K that of the least shifted K that is definite.
+
+        Raises
+        ------
+        LoadStepFailed
+            No shift makes K definite, or the factorisation broke down.
+        """
+        apply, precondition = self.pattern.full(entries).dot, self.precondition
+        diagonal = self.pattern.diagonal
+
+        def shifted(shift: float) -> Array | None:
+            moved = entries.copy()
+            moved[diagonal] += shift * float(np.abs(entries[diagonal]).mean())
+            return precondition(rhs) if self.factorise(moved) <= 0 else None
+
+        try:
+            solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy, limit=PATIENCE)
+            if not solved.converged and self.factorise(entries) <= 0:
+                solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy)
+            if solved.converged:
+                return solved.x
+            x, self.shift = least_shifted(shifted, rhs, self.shift)
+        except FactorError as error:
+            raise LoadStepFailed(Status.not_converged) from error
+        return x
+
+
+def sensitivities(
+    matrix: sparse.csr_matrix, factor: FactorisedTangent, R: Array
+) -> tuple[Array, Array, bool]:
+    """Return U = −K⁻¹ R (n, k), RᵀU + UᵀR + UᵀKU (k, k), and whether K proved indefinite.
+
+    The second is the part of the second derivatives that is due to U. It equals RᵀU, but its error is of second order
+    in that of U, and it is symmetric. U is NaN where the linear solver does not reach its tolerance.
+
+    Raises
+    ------
+    FactorError
+        The factor cannot be applied.
+    """
+    if factor.negative >= 0:  # a direct one, which serves indefinite matrices
+        solved = refine(matrix, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE)
+    else:
+        solved = conjugate_gradients(matrix.dot, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE, limit=200)
+    U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
+    mixed = R.T @ U
+    return U, mixed + mixed.T + U.T @ (matrix @ U), solved.indefinite

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from porocore.errors import ConfigurationError
 from porocore.states import Array
@@ -27,6 +27,22 @@ DIRECT_LIMIT = 100_000
 SUPERLU_LIMIT = 6_000
 
 
+def superlu(matrix: sparse.csr_matrix, **options: Any) -> SuperLU:
+    """Return scipy's LU factors of a square matrix.
+
+    Raises
+    ------
+    FactorError
+        The matrix is singular, or its factors do not fit into memory.
+    """
+    try:
+        return splu(matrix.tocsc(), **options)
+    except RuntimeError as error:
+        raise SingularError(f"SuperLU: {error}") from error
+    except MemoryError as error:
+        raise OutOfMemoryError(f"SuperLU: {error}") from error
+
+
 class SuperLUFactor(SymmetricFactor):
     """scipy's SuperLU with symmetric ordering and diagonal pivots, so that their signs are the inertia."""
 
@@ -36,17 +52,12 @@ class SuperLUFactor(SymmetricFactor):
         self.negative = 0
 
     def _factor(self, data: Array) -> None:
-        try:
-            self._lu = splu(
-                self._pattern.full(data).tocsc(),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
-        except RuntimeError as error:
-            raise SingularError(f"SuperLU: {error}") from error
-        except MemoryError as error:
-            raise OutOfMemoryError(f"SuperLU: {error}") from error
+        symmetric = {
+            "permc_spec": "MMD_AT_PLUS_A",
+            "diag_pivot_thresh": 0.0,
+            "options": {"SymmetricMode": True},
+        }
+        self._lu = superlu(self._pattern.full(data), **symmetric)
         self.negative = int((self._lu.U.diagonal() < 0).sum())
 
     def _solve(self, rhs: Array) -> Array:
@@ -128,12 +139,6 @@ def choose_factor(
 ROUND_OFF = 2 * np.finfo(float).eps
 
 
-class LinearMap(Protocol):
-    """Linear map, such as a square matrix."""
-
-    def __matmul__(self, columns: Array, /) -> Array: ...
-
-
 @dataclass(frozen=True)
 class Iteration:
     """Result of an iterative solve."""
@@ -141,8 +146,7 @@ class Iteration:
     x: Array
     iterations: int
     converged: bool
-    #: A direction of negative curvature was met: the matrix is indefinite.
-    indefinite: bool
+    indefinite: bool  #: a direction of negative curvature was met
 
 
 def refine(
@@ -184,7 +188,7 @@ def _round_off(matrix: sparse.csr_matrix, x: Array, rhs: Array) -> Array:
 
 
 def conjugate_gradients(
-    matrix: LinearMap,
+    apply: Callable[[Array], Array],
     rhs: Array,
     precondition: Callable[[Array], Array],
     *,
@@ -193,7 +197,7 @@ def conjugate_gradients(
 ) -> Iteration:
     """Solve for (n,), or for the columns of (n, k) at once, by preconditioned conjugate gradients.
 
-    Stops when every residual is below ``tolerance`` times its right-hand side.
+    ``apply`` multiplies by the matrix. Stops when every residual is below ``tolerance`` times its right-hand side.
     """
     single = rhs.ndim == 1
     b = rhs[:, None] if single else rhs
@@ -205,7 +209,7 @@ def conjugate_gradients(
     iterations, indefinite = 0, False
     active = ~(np.linalg.norm(r, axis=0) <= goal)  # what is not a number is not small
     while active.any() and iterations < limit:
-        q = matrix @ p
+        q = apply(p)
         curvature = (p * q).sum(axis=0)
         if (curvature[active] <= 0).any():
             indefinite = True

@@ -13,14 +13,13 @@ from scipy import sparse
 from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData
-from porocore.macro.integration.discretisation import Discretisation, StepFailed
+from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array, IntArray, MacroState
 from porocore_fem_skfem.macro_frames import Frames
 from porocore_fem_skfem.macro_linear import SparseLinearSolver
 from porocore_fem_skfem.macro_space import make_shapes
 
-__all__ = ["SkfemDiscretisation", "StepFailed", "System"]
 #: Numbers in the intermediate products of as many elements as are treated at once.
 CACHED = 4_000_000
 
@@ -90,7 +89,6 @@ class SkfemDiscretisation(Discretisation[System]):
         self._coupling = _Pattern(equation[row], fixed[column], (n, len(self.prescribed)))
 
     def states_of(self, x: Array) -> tuple[MacroState, Array]:
-        """Return the states and ∇p at all quadrature points."""
         s, local = self.shapes, x[self.dofs]
         e = len(local)
         u, p = local[:, : self.n_u].reshape(e, 1, 3, -1), local[:, self.n_u :]
@@ -99,7 +97,6 @@ class SkfemDiscretisation(Discretisation[System]):
         return MacroState(grad_u, (p @ s.p.T).ravel()), grad_p
 
     def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
-        """Return the states and ∇p at all quadrature points."""
         w = self.shapes.weights
         e, q = w.shape
         stress = (
@@ -179,7 +176,6 @@ class SkfemDiscretisation(Discretisation[System]):
         np.matmul(by_p, by_pressure.reshape(e, 4 * q, c), out=out[3].reshape(e, c, c))
 
     def magnitudes(self, system: System, x: Array) -> Array:
-        """Return |A| |x| in the free rows."""
         terms, leading = np.zeros(len(x)), self.free[self.leading]
         terms[leading] = abs(system.free) @ np.abs(x[leading])
         terms[leading] += abs(system.coupling) @ np.abs(x[self.prescribed])

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, gmres, splu
+from scipy.sparse.linalg import LinearOperator, gmres
 
 from porocore.cell.equilibrium.discrete import FactorError
 from porocore.macro.integration.discretisation import StepFailed
 from porocore.states import Array
 from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
+from porocore_fem_skfem.linalg import superlu
 
 #: Below this number of unknowns SuperLU is as fast: the columns of the benchmark, no more than a few elements in 3D.
 SMALL = 3_000
@@ -47,7 +48,7 @@ class SparseLinearSolver:
             if not (np.isfinite(matrix.data).all() and np.isfinite(right).all()):
                 raise FactorError("the tangent or the residual is not finite")
             if len(right) <= SMALL or pardiso.library() is None:
-                x: Array | None = _by_superlu(matrix, right)
+                x: Array | None = superlu(matrix).solve(right)
             else:
                 x = self._by_factor(matrix, right, again)
             if x is None or not np.isfinite(x).all():
@@ -80,15 +81,6 @@ def _iterate(matrix: sparse.csr_matrix, right: Array, factor: pardiso.GeneralFac
     except FactorError:  # what it would have to be applied to is not finite
         return None
     return x if info == 0 else None
-
-
-def _by_superlu(matrix: sparse.csr_matrix, right: Array) -> Array:
-    try:
-        return np.asarray(splu(matrix.tocsc()).solve(right))
-    except RuntimeError as error:
-        raise SingularError(f"SuperLU: {error}") from error
-    except MemoryError as error:
-        raise OutOfMemoryError(f"SuperLU: {error}") from error
 
 
 def _message(error: FactorError) -> str:

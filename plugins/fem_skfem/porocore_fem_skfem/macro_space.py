@@ -16,24 +16,12 @@ PAIRS = {"hexahedron": (ElementHex2(), ElementHex1()), "tetrahedron": (ElementTe
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """Shape functions at the quadrature points, in the mesh's order of points and of an element's nodes.
+    """Shape functions at the quadrature points, in the mesh's order of points and of an element's nodes."""
 
-    Attributes
-    ----------
-    weights : (elements, q)
-        Volume of each point.
-    grad_u : (elements, q, a, 3)
-        ∇N of the displacement.
-    p : (q, c)
-        N of the pressure.
-    grad_p : (elements, q, c, 3)
-        ∇N of the pressure.
-    """
-
-    weights: Array
-    grad_u: Array
-    p: Array
-    grad_p: Array
+    weights: Array  #: (elements, q)  volume of each point
+    grad_u: Array  #: (elements, q, a, 3)  ∇N of the displacement
+    p: Array  #: (q, c)  N of the pressure
+    grad_p: Array  #: (elements, q, c, 3)  ∇N of the pressure
 
 
 def make_shapes(mesh: BodyMesh) -> Shapes:

@@ -45,9 +45,8 @@ def library() -> ctypes.CDLL | None:
             except OSError:
                 continue
             mkl.MKL_Set_Interface_Layer(0)  # 32-bit integers
-            mkl.MKL_Set_Threading_Layer(
-                1
-            )  # sequential: parallel solves share the cores better than threads do
+            # Sequential: parallel solves share the cores better than threads do.
+            mkl.MKL_Set_Threading_Layer(1)
             return mkl
     return None
 
@@ -56,18 +55,18 @@ class _Pardiso(SparseFactor):
     """Solver for one pattern in CSR, which is analysed once."""
 
     def __init__(
-        self, indptr: Indices, indices: Indices, kind: int, options: dict[int, int], dtype: npt.DTypeLike
+        self, indptr: Indices, indices: Indices, kind: int, options: dict[int, int], single: bool
     ) -> None:
-        super().__init__(indptr, indices, dtype)
+        super().__init__(indptr, indices, np.float32 if single else np.float64)
         self._kind = kind
         self._indptr = np.ascontiguousarray(indptr, dtype=np.int32) + np.int32(1)
         self._indices = np.ascontiguousarray(indices, dtype=np.int32) + np.int32(1)
         self._handle = np.zeros(64, dtype=np.int64)
         self._iparm = np.zeros(64, dtype=np.int32)
         self._iparm[0] = 1
-        for place, value in options.items():
+        for place, value in {**options, 27: int(single)}.items():
             self._iparm[place] = value
-        self._data = np.zeros(len(indices), dtype=dtype)
+        self._data = np.zeros(len(indices), dtype=self.dtype)
         self._analysed = self._factored = False
 
     def _factor(self, data: Array) -> None:
@@ -101,14 +100,8 @@ class _Pardiso(SparseFactor):
         assert mkl is not None
         mkl.pardiso(
             pointer(self._handle),
-            integer(1),
-            integer(1),
-            integer(self._kind),
-            integer(phase),
-            integer(self.n),
-            pointer(self._data),
-            pointer(self._indptr),
-            pointer(self._indices),
+            *map(integer, (1, 1, self._kind, phase, self.n)),
+            *map(pointer, (self._data, self._indptr, self._indices)),
             None,
             integer(count),
             pointer(self._iparm),
@@ -133,9 +126,7 @@ class PardisoFactor(_Pardiso, SymmetricFactor):
     """LDLᵀ with Bunch–Kaufman pivoting of an upper triangle; in single precision by default."""
 
     def __init__(self, indptr: Indices, indices: Indices, *, single: bool = True) -> None:
-        options = {1: 2, 9: 8, 20: 1, 27: int(single)}
-        dtype = np.float32 if single else np.float64
-        super().__init__(indptr, indices, _SYMMETRIC_INDEFINITE, options, dtype)
+        super().__init__(indptr, indices, _SYMMETRIC_INDEFINITE, {1: 2, 9: 8, 20: 1}, single)
         self.negative = 0
 
     def _factor(self, data: Array) -> None:
@@ -149,5 +140,4 @@ class GeneralFactor(_Pardiso):
     check = staticmethod(check_symmetric)
 
     def __init__(self, indptr: Indices, indices: Indices, *, single: bool) -> None:
-        dtype = np.float32 if single else np.float64
-        super().__init__(indptr, indices, _STRUCTURALLY_SYMMETRIC, {1: 2, 9: 13, 27: int(single)}, dtype)
+        super().__init__(indptr, indices, _STRUCTURALLY_SYMMETRIC, {1: 2, 9: 13}, single)

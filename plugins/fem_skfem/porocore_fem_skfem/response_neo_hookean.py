@@ -19,18 +19,15 @@ class NeoHookeanResponse(SolidResponse):
         self._laplacian = self._constant_blocks()
 
     def energy_density(self, at: PointKinematics) -> Array:
-        """Return Ψ (points)."""
         return np.asarray(
             self.mu / 2 * ((at.F * at.F).sum(axis=(0, 1)) - 3) + self.volumetric(np.log(at.J))[0]
         )
 
     def stress(self, at: PointKinematics) -> Array:
-        """Return P + p cof F (3, 3, points)."""
         first = self.volumetric(np.log(at.J))[1]
         return self.mu * at.F + (first / at.J + at.p) * at.cof
 
     def tangent_apply(self, at: PointKinematics, dF: Array) -> Array:
-        """Return A:δF + p δcof F (3, 3, points) for δF (3, 3, points) or (3, 3, 1)."""
         G = at.cof / at.J  # F⁻ᵀ
         _, first, second = self.volumetric(np.log(at.J))
         pJ = at.p * at.J
@@ -41,7 +38,6 @@ class NeoHookeanResponse(SolidResponse):
         return np.asarray((second + pJ) * trace * G - (first + pJ) * swapped + self.mu * dF)
 
     def stiffness(self, at: PointKinematics) -> Array:
-        """Return the entries of the upper triangle of ∂²Π/∂u², in the order of the scatter's pattern."""
         _, first, second = self.volumetric(np.log(at.J))
         pJ = at.p * at.J
         e, q, a, _ = self.grad_N.shape

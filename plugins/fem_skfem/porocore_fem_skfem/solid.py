@@ -26,11 +26,9 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import UNIT_LOADS, held_displacements
 from porocore.core.tensors.cofactors import cofactor, determinant
 from porocore.states import Array
-from porocore_fem_skfem import solves
-from porocore_fem_skfem.constraints import Constraints
+from porocore_fem_skfem.constraints import Constraints, sensitivities
 from porocore_fem_skfem.operators import Operators, Scatter
-from porocore_fem_skfem.response import SolidResponse
-from porocore_fem_skfem.response_general import GeneralResponse
+from porocore_fem_skfem.response import GeneralResponse, SolidResponse
 from porocore_fem_skfem.response_neo_hookean import NeoHookeanResponse
 
 
@@ -182,7 +180,8 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         return forces.ravel()[self.constraints().free]
 
     def solve(self, iterate: SkfemIterate, rhs: Array, accuracy: float) -> Array:
-        return solves.direction(*self.system(iterate, ""), rhs, accuracy)
+        constraints, entries = self.system(iterate, "")
+        return constraints.direction(entries, rhs, accuracy)
 
     def factor(self, iterate: SkfemIterate, parity: str, shift: float = 0.0) -> SkfemTangentFactor:
         constraints, entries = self.system(iterate, parity)
@@ -218,24 +217,23 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
 
     def sensitivities(self, factor: SkfemTangentFactor, columns: Sequence[int]) -> Sensitivities:
         iterate, parity, constraints = factor.iterate, factor.parity, factor.constraints
-        loads = [self._unit_load(iterate, column) for column in columns]  # ∂(P + p cof F)/∂θ at fixed u¹
+        # ∂(P + p cof F)/∂θ at fixed u¹
+        loads = [
+            iterate.cof
+            if column == 9
+            else self.response.tangent_apply(iterate, UNIT_LOADS[column][..., None])
+            for column in columns
+        ]
         forces = [self.assemble(load) for load in loads]
         if iterate.touching is not None:
             blocks = iterate.touching.blocks(parity)
             for force, column in zip(forces, columns, strict=True):
                 force += self.merged(blocks.load_change(len(self.mesh.points), UNIT_LOADS[column]))
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
-        U, curvature, indefinite = solves.sensitivities(constraints.pattern.full(factor.entries), factor, R)
+        U, curvature, indefinite = sensitivities(constraints.pattern.full(factor.entries), factor, R)
         direct = second_derivatives(columns, np.stack([(load @ self.w).ravel() for load in loads]))
         grad = np.stack([self.gradient(self.field(u, parity)) @ self.w for u in U.T])
         return Sensitivities(grad, direct + curvature, indefinite)
-
-    def _unit_load(self, iterate: SkfemIterate, column: int) -> Array:
-        if column == 9:
-            return iterate.cof
-        dF = np.zeros((3, 3, 1))
-        dF[column // 3, column % 3] = 1.0
-        return self.response.tangent_apply(iterate, dF)
 
     def merged(self, values: Array) -> Array:
         """Return the sums (3, nodes) over periodic nodes of values (nodes of the mesh, 3)."""

@@ -14,7 +14,6 @@ import numpy as np
 from scipy import sparse
 
 from porocore.cell.conductivity.fluid import DiscreteFluid
-from porocore.cell.equilibrium.discrete import FactorError
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.cell.symmetry.parity import held_pressures, held_velocities
@@ -44,24 +43,12 @@ class _Class:
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Matrices of one shape of the pore.
+    """Matrices of one shape of the pore."""
 
-    Attributes
-    ----------
-    divergence
-        ∫ ψ ∂v/∂x_i, one (pressures, nodes) matrix for each i.
-    mass : (pressures,)
-        ∫ ψ.
-    load : (nodes,)
-        ∫ N.
-    inverses
-        One for each class: x ↦ A⁻¹ x of its free nodes, for columns.
-    """
-
-    divergence: list[sparse.csr_matrix]
-    mass: Array
-    load: Array
-    inverses: list[Callable[[Array], Array]]
+    divergence: list[sparse.csr_matrix]  #: ∫ ψ ∂v/∂x_i, (pressures, nodes) for each i
+    mass: Array  #: (pressures,)  ∫ ψ
+    load: Array  #: (nodes,)  ∫ N
+    inverses: list[Callable[[Array], Array]]  #: x ↦ A⁻¹ x of the free nodes of each class, for columns
 
 
 class SkfemStokes(DiscreteFluid):
@@ -124,28 +111,15 @@ class SkfemStokes(DiscreteFluid):
         one.factor.factor(data)
 
         def apply(rhs: Array) -> Array:
-            solved: Array = conjugate_gradients(matrix, rhs, one.factor.solve, tolerance=1e-12, limit=100).x
+            solved: Array = conjugate_gradients(
+                matrix.dot, rhs, one.factor.solve, tolerance=1e-12, limit=100
+            ).x
             return solved
 
         return apply
 
-    def flow(self, points: Array | None = None) -> Array:
-        """Return the conductivity, as :class:`~porocore.cell.conductivity.fluid.DiscreteFluid` describes it.
-
-        Raises
-        ------
-        PorocoreError
-            The iteration does not converge, or a factorisation breaks down.
-        """
-        try:
-            return self._flow(points)
-        except FactorError as error:
-            raise PorocoreError(
-                f"the Stokes cell problem cannot be solved ({error}); refine the mesh (cell.mesh.fluid_size)"
-            ) from error
-
-    def _flow(self, points: Array | None) -> Array:
-        system = self._system(self.mesh.points if points is None else points)
+    def integrals(self, points: Array) -> Array:
+        system = self._system(points)
         forces = np.zeros((3, self.n, 3))
         for i in range(3):
             forces[i, :, i] = system.load
@@ -159,11 +133,7 @@ class SkfemStokes(DiscreteFluid):
         whole = sum(abs(system.divergence[i]) @ np.abs(forced[i]) for i in range(3))
         right[:, np.linalg.norm(right, axis=0) < ROUND_OFF * np.linalg.norm(whole, axis=0)] = 0.0
         solved = conjugate_gradients(
-            _Operator(schur),
-            right,
-            lambda r: r / system.mass[:, None],
-            tolerance=TOLERANCE,
-            limit=400,
+            schur, right, lambda r: r / system.mass[:, None], tolerance=TOLERANCE, limit=400
         )
         if not solved.converged:
             raise PorocoreError(
@@ -187,13 +157,3 @@ class SkfemStokes(DiscreteFluid):
 
     def _gradient(self, system: _System, pressures: Array) -> Array:
         return np.stack([divergence.T @ (pressures * self._even) for divergence in system.divergence])
-
-
-class _Operator:
-    """Linear map by a function of columns."""
-
-    def __init__(self, function: Callable[[Array], Array]) -> None:
-        self._function = function
-
-    def __matmul__(self, columns: Array) -> Array:
-        return self._function(columns)

@@ -120,10 +120,10 @@ def test_error_codes_of_pardiso_say_what_they_mean(monkeypatch, code, kind, text
     ("error", "held"), [(SingularError("x"), True), (OutOfMemoryError("x"), False), (FactorError("x"), False)]
 )
 def test_only_of_a_singular_matrix_the_supports_are_blamed(monkeypatch, error, held):
-    def broken(matrix, right):
+    def broken(matrix):
         raise error
 
-    monkeypatch.setattr(macro_linear, "_by_superlu", broken)
+    monkeypatch.setattr(macro_linear, "superlu", broken)
     with pytest.raises(StepFailed) as caught:
         macro_linear.SparseLinearSolver().solve(sparse.identity(3, format="csr"), np.ones(3), again=False)
     assert (macro_linear.NOT_HELD in str(caught.value)) == held

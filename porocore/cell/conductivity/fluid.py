@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+from porocore.cell.equilibrium.discrete import FactorError
 from porocore.cell.meshing.mesh import CellMesh
+from porocore.errors import PorocoreError
 from porocore.states import Array
 
 
@@ -26,7 +28,6 @@ class DiscreteFluid(ABC):
 
     mesh: CellMesh
 
-    @abstractmethod
     def flow(self, points: Array | None = None) -> Array:
         """Return ∫ w^j_i dx (3, 3) over the deformed mesh for the three unit forces e_j.
 
@@ -41,3 +42,13 @@ class DiscreteFluid(ABC):
         PorocoreError
             The system cannot be solved.
         """
+        try:
+            return self.integrals(self.mesh.points if points is None else points)
+        except FactorError as error:
+            raise PorocoreError(
+                f"the Stokes cell problem cannot be solved ({error}); refine the mesh (cell.mesh.fluid_size)"
+            ) from error
+
+    @abstractmethod
+    def integrals(self, points: Array) -> Array:
+        """Return what :meth:`flow` does; a FactorError says why the system cannot be solved."""

@@ -6,6 +6,7 @@ lowers the energy.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,10 @@ FAILURES = 6
 ARMIJO = 1e-4
 #: Relative accuracy of the linear system of the predictor.
 PREDICTOR_ACCURACY = 1e-3
+#: Iterations with the factor of another tangent; more of them cost more than a new factor.
+PATIENCE = 18
+#: Shifts of an indefinite tangent, relative to the mean of its diagonal.
+SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +72,27 @@ def follow(problem: DiscreteSolid, start: Iterate, H: Array, p: float, tolerance
         if _overlaps(problem, iterate):
             return LoadPathResult(Status.overlap, None, steps, iterations)
     return LoadPathResult(Status.converged, iterate, steps, iterations)
+
+
+def least_shifted(solve: Callable[[float], Array | None], rhs: Array, last: float) -> tuple[Array, float]:
+    """Return the solution for ``rhs`` with the least shift that makes the tangent definite, and that shift.
+
+    ``solve`` returns the solution with a shift, None if the tangent is still indefinite; ``last`` is the shift of the
+    iterate before.
+
+    Raises
+    ------
+    LoadStepFailed
+        No shift makes it definite.
+    """
+    # Neighbouring iterates need about the same shift, and less of it brings them on faster.
+    shift = max(last / 4, SMALLEST_SHIFT)
+    while shift < LARGEST_SHIFT:
+        x = solve(shift)
+        if x is not None and x @ rhs > 0:
+            return x, shift
+        shift *= 4
+    raise LoadStepFailed(Status.not_converged)
 
 
 def gap(problem: DiscreteSolid, iterate: Iterate) -> float:
