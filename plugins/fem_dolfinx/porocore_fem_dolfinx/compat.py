@@ -78,16 +78,14 @@ def function_space(domain: Mesh, element: Element) -> FunctionSpace:
     return space
 
 
-def make_mesh(
-    comm: MPI.Intracomm, cell: str, degree: int, points: Array, cells: IntArray, **options: object
-) -> Mesh:
+def make_mesh(comm: MPI.Intracomm, cell: str, degree: int, points: Array, cells: IntArray) -> Mesh:
     """Return a mesh of Lagrange cells, their nodes in dolfinx's (not VTK's) order; see :func:`from_vtk`."""
     domain = ufl.Mesh(lagrange_element(cell, degree, (3,)))
     parameters = inspect.signature(mesh.create_mesh).parameters
     name = "domain" if "domain" in parameters else "e"
     with quiet():
         made: Mesh = mesh.create_mesh(
-            comm, np.asarray(cells, dtype=np.int64), x=np.asarray(points), **{name: domain}, **options
+            comm, np.asarray(cells, dtype=np.int64), x=np.asarray(points), **{name: domain}
         )
     return made
 
@@ -156,7 +154,7 @@ def vector_of(function: Function) -> PETSc.Vec:
 
 
 def freed_with(owner: object, item: PETSc.Object) -> PETSc.Object:
-    """Return a PETSc object that is destroyed as soon as its owner is gone.
+    """Return a PETSc object, or a solver that holds some, to be destroyed as soon as its owner is gone.
 
     Python alone does not free it: petsc4py keeps what Python lets go of until PETSc collects its garbage, which it
     does for one communicator at a time, and that of a mesh may be gone by then. Where several processes share the

@@ -31,29 +31,27 @@ from petsc4py import PETSc
 __all__ = ["MODERN", "PETSc", "basix", "dolfinx", "fem", "fem_petsc", "mesh", "ufl"]
 
 OLDEST, NEWEST = (0, 5), (0, 9)
+#: These versions as messages name them.
+SUPPORTED = "0.5 (Debian 12) to 0.9 (Debian 13)"
 VERSION = tuple(int(number) for number in re.findall(r"\d+", dolfinx.__version__)[:2])
 
 
 def _check_version() -> None:
     if VERSION < OLDEST or not hasattr(fem, "Expression"):
         raise PluginError(
-            f"dolfinx {dolfinx.__version__} is too old: porocore-fem-dolfinx works with "
-            f"{_text(OLDEST)} (Debian 12) to {_text(NEWEST)} (Debian 13); install one of these"
+            f"dolfinx {dolfinx.__version__} is too old: porocore-fem-dolfinx works with {SUPPORTED}; "
+            "install one of these"
         )
     if VERSION > NEWEST:
         raise PluginError(
-            f"dolfinx {dolfinx.__version__} is newer than what porocore-fem-dolfinx was written for, "
-            f"{_text(OLDEST)} (Debian 12) to {_text(NEWEST)} (Debian 13); install one of these"
+            f"dolfinx {dolfinx.__version__} is newer than what porocore-fem-dolfinx was written for, {SUPPORTED}; "
+            "install one of these"
         )
     if np.issubdtype(PETSc.ScalarType, np.complexfloating):
         raise PluginError(
             "this dolfinx uses complex numbers and porocore needs real ones; on Debian install "
             "python3-dolfinx-real and set PETSC_DIR to the real build, or remove python3-dolfinx-complex"
         )
-
-
-def _text(version: tuple[int, ...]) -> str:
-    return ".".join(map(str, version))
 
 
 _check_version()

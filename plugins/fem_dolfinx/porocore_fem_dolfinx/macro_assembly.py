@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Mapping
 
 import numpy as np
@@ -53,14 +52,15 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
             (compat.make_function(space.Q), space.of_p, space.owned_p),
         )
         self._forms = MacroForms(space)
-        self._matrix = self._forms.new_matrix()
+        self._matrix = self._forms.matrix
         self._comm, self._in_frames = comm, None
         self._to_frames = self._rotation(comm)
         self._solver = PetscLinearSolver(
             comm, petsc, self.free, self.is_force[self.free[self.leading]], self._expansion(comm)
         )
         if comm.size == 1:  # else it would have to happen on all processes together, which garbage is not
-            weakref.finalize(self, _free, self._matrix, self._solver)
+            for part in (self._matrix, self._solver):
+                compat.freed_with(self, part)
         self._try_solver()
 
     def _expansion(self, comm: MPI.Intracomm) -> PETSc.Mat | None:
@@ -129,7 +129,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None
     ) -> PETSc.Mat:
         """Return a PETSc matrix, which the next call overwrites."""
-        self._forms.assemble(tangent, dt, self._matrix)
+        self._forms.assemble(tangent, dt)
         if follower is not None:
             self._add(follower)
         if self._to_frames is None:
@@ -172,9 +172,3 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
             right = right[: self.owned] - forces.array
         change[self.free] = self._solver.solve(system, self.equations(right), again=again)
         return self._with_copies(change)
-
-
-def _free(matrix: PETSc.Mat, solver: PetscLinearSolver) -> None:
-    """Free at once: dolfinx leaves its matrices to the caller, petsc4py all others to PETSc's garbage collection."""
-    solver.destroy()
-    matrix.destroy()

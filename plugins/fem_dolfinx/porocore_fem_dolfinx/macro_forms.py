@@ -6,7 +6,6 @@ from dataclasses import fields
 
 import numpy as np
 import ufl
-from petsc4py import PETSc
 
 from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.states import Array, MacroState
@@ -40,6 +39,7 @@ class MacroForms:
         self._build_states()
         self._build_residual(dx)
         self._build_tangent(dx)
+        self.matrix = compat.block_matrix(self._tangent)
 
     def _at_points(self, shape: tuple[int, ...]) -> Function:
         """Return a function of values at the quadrature points; tensors of rank 3 and 4 are matrices in UFL."""
@@ -118,13 +118,9 @@ class MacroForms:
         )
         return forces, stored, moved
 
-    def new_matrix(self) -> PETSc.Mat:
-        """Return an empty matrix for :meth:`assemble`."""
-        return compat.block_matrix(self._tangent)
-
-    def assemble(self, tangent: MacroTangent, dt: float, matrix: PETSc.Mat) -> None:
-        """Assemble the derivative of the residual."""
+    def assemble(self, tangent: MacroTangent, dt: float) -> None:
+        """Assemble the derivative of the residual into ``matrix``."""
         for name in _TANGENT:
             self._fill(name, getattr(tangent, name))
         self._dt.value = dt
-        compat.assemble_blocks(self._tangent, matrix)
+        compat.assemble_blocks(self._tangent, self.matrix)

@@ -19,15 +19,7 @@ from porocore_fem_dolfinx.types import Expr, FunctionSpace
 
 
 class SolidForms(ABC):
-    """Forms compiled once for a mesh; all refer to the iterate that :meth:`load` has put in.
-
-    Parameters
-    ----------
-    domain
-        Mesh of the solid.
-    space
-        Function space of u¹.
-    """
+    """Forms compiled once for a mesh and the space of u¹; all refer to the iterate that :meth:`load` has put in."""
 
     def __init__(self, domain: CellDomain, space: FunctionSpace) -> None:
         self.domain, self.space = domain, space

@@ -18,18 +18,9 @@ from porocore_fem_dolfinx.types import FunctionSpace
 
 
 class PointwiseResponse:
-    """Response of the material to one iterate; components last, cells in dolfinx's order.
+    """Response of the material to ∇u¹ (cells, q, 3, 3) and a load; components last, cells in dolfinx's order.
 
-    Parameters
-    ----------
-    material
-        Material of every element.
-    grad : (cells, q, 3, 3)
-        ∇u¹.
-    H, p
-        The load.
-    order : (cells,)
-        The core's element that each cell is.
+    ``order`` (cells,) is the core's element that each cell is.
     """
 
     def __init__(self, material: StrainEnergy, grad: Array, H: Array, p: float, order: IntArray) -> None:

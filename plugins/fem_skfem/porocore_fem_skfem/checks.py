@@ -15,13 +15,7 @@ LARGEST = np.iinfo(np.int32).max
 
 
 def check_upper(indptr: Indices, indices: Indices) -> None:
-    """Check the pattern of the upper triangle of a symmetric matrix in CSR, with its whole diagonal.
-
-    Raises
-    ------
-    ValueError
-        It is none; the message says where.
-    """
+    """Check the pattern of an upper triangle in CSR with its whole diagonal; a ValueError says where it is none."""
     rows = _checked_rows(indptr, indices)
     _refuse(rows > indices, "upper triangle", rows, indices, "lies below the diagonal")
     first = indices[np.asarray(indptr[:-1])]
@@ -29,13 +23,7 @@ def check_upper(indptr: Indices, indices: Indices) -> None:
 
 
 def check_symmetric(indptr: Indices, indices: Indices) -> None:
-    """Check the pattern of a structurally symmetric matrix in CSR, with its whole diagonal.
-
-    Raises
-    ------
-    ValueError
-        It is none; the message says where.
-    """
+    """Check a symmetric pattern in CSR with its whole diagonal; a ValueError says where it is none."""
     rows, n = _checked_rows(indptr, indices), len(indptr) - 1
     has_diagonal = np.zeros(n, dtype=bool)
     has_diagonal[rows[rows == indices]] = True

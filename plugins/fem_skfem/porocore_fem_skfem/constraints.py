@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy import sparse
@@ -33,11 +34,7 @@ class Constraints:
         self.pattern = SymmetricPattern(indptr, indices)
         translations = np.zeros((len(free), 3))
         translations[np.arange(len(free)), free // (places.n // 3)] = 1.0
-
-        def make() -> SymmetricFactor:
-            return choose_factor(indptr, indices, solver=solver, near_kernel=translations)
-
-        self._make = make
+        self._make = partial(choose_factor, indptr, indices, solver=solver, near_kernel=translations)
         self._base: SymmetricFactor | None = None
         self._own: SymmetricFactor | None = None
         self._factored: Array | None = None
@@ -79,13 +76,7 @@ class Constraints:
         return self.active.solve(rhs)
 
     def direction(self, entries: Array, rhs: Array, accuracy: float) -> Array:
-        """Return K⁻¹ rhs; with an indefinite K that of the least shifted K that is definite.
-
-        Raises
-        ------
-        LoadStepFailed
-            No shift makes K definite, or the factorisation broke down.
-        """
+        """Return K⁻¹ rhs to a relative accuracy, as :meth:`DiscreteSolid.solve` does; it may raise LoadStepFailed."""
         apply, precondition = self.pattern.full(entries).dot, self.precondition
         diagonal = self.pattern.diagonal
 
@@ -122,7 +113,7 @@ def sensitivities(
     if factor.negative >= 0:  # a direct one, which serves indefinite matrices
         solved = refine(matrix, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE)
     else:
-        solved = conjugate_gradients(matrix.dot, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE, limit=200)
+        solved = conjugate_gradients(matrix.dot, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE)
     U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
     mixed = R.T @ U
     return U, mixed + mixed.T + U.T @ (matrix @ U), solved.indefinite

@@ -6,8 +6,6 @@ one sparse product and an assembly one batched product followed by one sparse sc
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 from scipy import sparse
 from skfem import Element, ElementTetP1, ElementTetP2
@@ -30,15 +28,12 @@ class Operators:
     degree
         Polynomial degree that the quadrature integrates exactly; 2 (four points) is enough for the averages.
     cells
-        Numbers of the unknowns of each element, (M, 4) or (M, 10); by default those of the mesh's nodes.
+        Numbers of the unknowns of each element, (M, 4) or (M, 10).
     nodes
         Positions (N, 3) of the mesh's nodes; by default its points.
     """
 
-    def __init__(
-        self, mesh: CellMesh, degree: int, cells: IntArray | None = None, nodes: Array | None = None
-    ) -> None:
-        cells = mesh.cells if cells is None else cells
+    def __init__(self, mesh: CellMesh, degree: int, cells: IntArray, nodes: Array | None = None) -> None:
         nodes = mesh.points if nodes is None else nodes
         points, weights = tetrahedron_rule(degree)
         xi = points.T
@@ -63,10 +58,12 @@ class Operators:
             (self.grad_N.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * e * q, n_nodes)
         )
 
-    @cached_property
-    def volume(self) -> float:
-        """Volume of the mesh, by this quadrature."""
-        return float(self.weights.sum())
+    def laplacian(self) -> Array:
+        """Return ∫ ∇N_a·∇N_b (elements, a, a)."""
+        e, q, a, _ = self.grad_N.shape
+        flat = self.grad_N.transpose(0, 2, 1, 3).reshape(e, a, q * 3)
+        weights = np.repeat(self.weights.reshape(e, 1, q), 3, axis=2)
+        return np.matmul(flat * weights, flat.transpose(0, 2, 1))
 
 
 def corner_values(points: Array) -> Array:

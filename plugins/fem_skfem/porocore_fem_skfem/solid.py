@@ -28,8 +28,7 @@ from porocore.core.tensors.cofactors import cofactor, determinant
 from porocore.states import Array
 from porocore_fem_skfem.constraints import Constraints, sensitivities
 from porocore_fem_skfem.operators import Operators, Scatter
-from porocore_fem_skfem.response import GeneralResponse, SolidResponse
-from porocore_fem_skfem.response_neo_hookean import NeoHookeanResponse
+from porocore_fem_skfem.response import GeneralResponse, NeoHookeanResponse, SolidResponse
 
 
 class SkfemIterate(Iterate):
@@ -150,10 +149,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
     def reset(self) -> None:
         """Discard the factors of the last solve and the pattern of its contact."""
         self._places, self._wider = self.scatter.pattern, {}
-        self.constraints().reset(self._undeformed_tangent)
-
-    def _undeformed_tangent(self) -> Array:
-        return self.iterate_at(np.zeros((3, 3)), 0.0).tangent
+        self.constraints().reset(lambda: self.iterate_at(np.zeros((3, 3)), 0.0).tangent)
 
     # ---- the discrete solid ---------------------------------------------------------------------
 
@@ -174,10 +170,14 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
 
     def load_change(self, iterate: SkfemIterate, dH: Array, dp: float) -> Array:
         change = self.response.tangent_apply(iterate, dH[:, :, None]) + dp * iterate.cof
-        forces = self.assemble(change)
+        return self._load_vector(iterate, "", change, dH).ravel()[self.constraints().free]
+
+    def _load_vector(self, iterate: SkfemIterate, parity: str, stress: Array, dH: Array) -> Array:
+        """Return the change of the forces (3, nodes) by that of the stress under a load, and of contact."""
+        forces = self.assemble(stress)
         if iterate.touching is not None:
-            forces += self.merged(iterate.touching.blocks("").load_change(len(self.mesh.points), dH))
-        return forces.ravel()[self.constraints().free]
+            forces += self.merged(iterate.touching.blocks(parity).load_change(len(self.mesh.points), dH))
+        return forces
 
     def solve(self, iterate: SkfemIterate, rhs: Array, accuracy: float) -> Array:
         constraints, entries = self.system(iterate, "")
@@ -224,11 +224,10 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
             else self.response.tangent_apply(iterate, UNIT_LOADS[column][..., None])
             for column in columns
         ]
-        forces = [self.assemble(load) for load in loads]
-        if iterate.touching is not None:
-            blocks = iterate.touching.blocks(parity)
-            for force, column in zip(forces, columns, strict=True):
-                force += self.merged(blocks.load_change(len(self.mesh.points), UNIT_LOADS[column]))
+        forces = [
+            self._load_vector(iterate, parity, load, UNIT_LOADS[column])
+            for load, column in zip(loads, columns, strict=True)
+        ]
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
         U, curvature, indefinite = sensitivities(constraints.pattern.full(factor.entries), factor, R)
         direct = second_derivatives(columns, np.stack([(load @ self.w).ravel() for load in loads]))

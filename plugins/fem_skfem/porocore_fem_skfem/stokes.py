@@ -14,10 +14,10 @@ import numpy as np
 from scipy import sparse
 
 from porocore.cell.conductivity.fluid import DiscreteFluid
+from porocore.cell.equilibrium.discrete import FactorError
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.cell.symmetry.parity import held_pressures, held_velocities
-from porocore.errors import PorocoreError
 from porocore.states import Array, IntArray
 from porocore_fem_skfem.factor import SymmetricFactor
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate_gradients
@@ -91,8 +91,7 @@ class SkfemStokes(DiscreteFluid):
         velocity = Operators(self.mesh, DEGREE, self._cells, points)
         e, q, a = velocity.grad_N.shape[:3]
         w = velocity.weights.reshape(e, q)
-        grad = velocity.grad_N.transpose(0, 2, 1, 3).reshape(e, a, q * 3)
-        laplacian = self._scatter(np.matmul(grad * np.repeat(w, 3, axis=1)[:, None], grad.transpose(0, 2, 1)))
+        laplacian = self._scatter(velocity.laplacian())
         psi = corner_values(tetrahedron_rule(DEGREE)[0])  # (4, q)
         weighted = psi * w[:, None, :]  # (e, 4, q)
         blocks = weighted @ velocity.grad_N.reshape(e, q, a * 3)
@@ -110,13 +109,9 @@ class SkfemStokes(DiscreteFluid):
         matrix = one.pattern.full(data)
         one.factor.factor(data)
 
-        def apply(rhs: Array) -> Array:
-            solved: Array = conjugate_gradients(
-                matrix.dot, rhs, one.factor.solve, tolerance=1e-12, limit=100
-            ).x
-            return solved
-
-        return apply
+        return lambda rhs: (
+            conjugate_gradients(matrix.dot, rhs, one.factor.solve, tolerance=1e-12, limit=100).x
+        )
 
     def integrals(self, points: Array) -> Array:
         system = self._system(points)
@@ -136,9 +131,7 @@ class SkfemStokes(DiscreteFluid):
             schur, right, lambda r: r / system.mass[:, None], tolerance=TOLERANCE, limit=400
         )
         if not solved.converged:
-            raise PorocoreError(
-                "the Stokes cell problem did not converge; refine the mesh (cell.mesh.fluid_size)"
-            )
+            raise FactorError("conjugate gradients did not converge")
         w = forced + self._solve(system, self._gradient(system, solved.x))
         return np.asarray(np.einsum("inj,n->ij", w, system.load))
 
@@ -152,8 +145,7 @@ class SkfemStokes(DiscreteFluid):
         return out
 
     def _divergence(self, system: _System, w: Array) -> Array:
-        total: Array = sum(system.divergence[i] @ w[i] for i in range(3)) * self._even
-        return total
+        return np.asarray(sum(system.divergence[i] @ w[i] for i in range(3)) * self._even)
 
     def _gradient(self, system: _System, pressures: Array) -> Array:
         return np.stack([divergence.T @ (pressures * self._even) for divergence in system.divergence])
