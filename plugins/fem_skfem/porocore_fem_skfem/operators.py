@@ -63,7 +63,7 @@ class Operators:
         e, q, a, _ = self.grad_N.shape
         flat = self.grad_N.transpose(0, 2, 1, 3).reshape(e, a, q * 3)
         weights = np.repeat(self.weights.reshape(e, 1, q), 3, axis=2)
-        return np.matmul(flat * weights, flat.transpose(0, 2, 1))
+        return np.asarray(np.matmul(flat * weights, flat.transpose(0, 2, 1)))
 
 
 def corner_values(points: Array) -> Array:
