@@ -27,7 +27,7 @@ R = TypeVar("R")
 #: A sum whose order depends on the number of threads would not repeat to the last bit.
 ONE_THREAD = {"xla_cpu_multi_thread_eigen": False}
 #: Logger of JAX's search for accelerators.
-_PROBING = ("jax._src.xla_bridge",)
+_PROBING = logging.getLogger("jax._src.xla_bridge")
 
 
 def compiled(function: Callable[..., R], device: jax.Device) -> Callable[..., R]:
@@ -85,12 +85,9 @@ class JaxAutodiff:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Suppress JAX's messages about missing accelerators."""
-    loggers = [logging.getLogger(name) for name in _PROBING]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
+    level = _PROBING.level
+    _PROBING.setLevel(logging.ERROR)
     try:
         yield
     finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
+        _PROBING.setLevel(level)

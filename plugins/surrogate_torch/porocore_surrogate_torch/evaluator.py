@@ -11,6 +11,8 @@ import torch
 from porocore.states import Array
 from porocore.surrogates.network.network import Derivatives, Evaluator, Network
 
+Three = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
+
 
 class TorchNetwork(Evaluator):
     """A network evaluated on a processor or a GPU, in double precision.
@@ -76,12 +78,10 @@ class TorchNetwork(Evaluator):
                 delta = (delta * slope) @ self._weights[layer]
             return _numpy(z[:, 0]), _numpy(delta.T), _numpy(hessian.permute(1, 2, 0))
 
-    def _hidden(
-        self, x: torch.Tensor, order: int
-    ) -> tuple[torch.Tensor, list[tuple[torch.Tensor, torch.Tensor, torch.Tensor]]]:
+    def _hidden(self, x: torch.Tensor, order: int) -> tuple[torch.Tensor, list[Three]]:
         """Return values (n, o), and ∂z/∂x (n, d, width), σ′ and σ″ of each hidden layer."""
         n, d = x.shape
-        layers: list[tuple[torch.Tensor, torch.Tensor, torch.Tensor]] = []
+        layers: list[Three] = []
         z = torch.addmm(self._biases[0], x, self._weights[0].T)
         for layer, (W, b) in enumerate(zip(self._weights[1:], self._biases[1:], strict=True)):
             a, slope, curvature = _activate(self.network.activation, z, order)
@@ -109,7 +109,7 @@ def _numpy(tensor: torch.Tensor) -> Array:
     return array
 
 
-def _activate(name: str, z: torch.Tensor, order: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+def _activate(name: str, z: torch.Tensor, order: int) -> Three:
     """Return σ(z) and, up to ``order``, σ′ and σ″."""
     none = z
     if name == "tanh":

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.states import Array, IntArray
 from porocore.surrogates.conductivity.model import ConductivityModel
@@ -41,7 +40,9 @@ def with_conductivity_error(
     d, n = t.shape
     ranges = np.ptp(S, axis=1)
     spread = float(ranges.max()) or 1.0
-    learned = _learned(tied, ranges > SMALL * tolerance * spread)
+    varies = ranges > SMALL * tolerance * spread
+    # The symmetry ties other components to those that vary.
+    learned = sorted(row for together in tied.outputs.orbits() if varies[together].any() for row in together)
     if not learned:
         return model
     ways = Equivariance(tied.variables, tied.outputs.on(learned))
@@ -55,11 +56,6 @@ def with_conductivity_error(
     members = Polynomial(exponents, coefficients.reshape(-1, len(exponents)))
     found = estimate(members, nugget, tolerance, np.full(6, spread), t, model.beyond_rest)
     return replace(model, estimate=found)
-
-
-def _learned(tied: Equivariance, varies: npt.NDArray[np.bool_]) -> list[int]:
-    """Return the components that vary, with those that the symmetry ties to them."""
-    return sorted(row for together in tied.outputs.orbits() if varies[together].any() for row in together)
 
 
 def _rows(exponents: IntArray, ways: Equivariance, t: Array) -> tuple[Array, IntArray]:

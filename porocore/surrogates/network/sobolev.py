@@ -251,15 +251,16 @@ def _forward(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: Any) ->
 
 def _second_order(xp: Any, layers: list[tuple[Any, Any]], activation: str, x: Any) -> tuple[Any, Any, Any]:
     """Return value, gradient (d,) and Hessian (d, d) at one point (1, d)."""
-    a, J, H = x[0], None, None
+    a: Any = x[0]
+    J: Any = None
+    H: Any = None
     for i, (W, b) in enumerate(layers):
         z = W @ a + b
         J = W if J is None else W @ J
         H = None if H is None else xp.einsum("oi,icd->ocd", W, H)
-        if i == len(layers) - 1:
-            return z[0], J[0], J[0][:, None] * 0 * J[0][None, :] if H is None else H[0]
-        a, slope, curvature = activate(xp, activation, z)
-        second = curvature[:, None, None] * J[:, :, None] * J[:, None, :]
-        H = second if H is None else slope[:, None, None] * H + second
-        J = slope[:, None] * J
-    raise AssertionError("a network has at least one layer")
+        if i < len(layers) - 1:
+            a, slope, curvature = activate(xp, activation, z)
+            second = curvature[:, None, None] * J[:, :, None] * J[:, None, :]
+            H = second if H is None else slope[:, None, None] * H + second
+            J = slope[:, None] * J
+    return z[0], J[0], J[0][:, None] * 0 * J[0][None, :] if H is None else H[0]

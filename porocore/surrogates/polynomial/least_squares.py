@@ -198,7 +198,6 @@ def _error(samples: RegressionData, terms: Terms, polynomial: Polynomial) -> flo
     t, J, _ = terms.polynomial.derivatives(samples.y, second=False)
     _, by_t, _ = polynomial.derivatives(t, second=False)
     wrong = np.einsum("otn,tan->oan", by_t, J) - samples.gradients
-    scaled = np.where(
-        np.isfinite(samples.gradient_scale)[:, :, None], wrong / samples.gradient_scale[:, :, None], 0.0
-    )
-    return float((scaled**2).sum() / max(np.isfinite(samples.gradient_scale).sum(), 1))
+    counts = np.isfinite(samples.gradient_scale)
+    scaled = np.where(counts[:, :, None], wrong / samples.gradient_scale[:, :, None], 0.0)
+    return float((scaled**2).sum() / max(counts.sum(), 1))

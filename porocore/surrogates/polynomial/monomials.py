@@ -140,13 +140,8 @@ class Polynomial:
         for (_, a), members in groups.items():
             rows, parents = np.array(members, dtype=np.int64).T
             together = bool((np.diff(parents) == 1).all())
-            steps.append(
-                (
-                    slice(rows[0], rows[-1] + 1),
-                    slice(parents[0], parents[-1] + 1) if together else parents,
-                    a,
-                )
-            )
+            source = slice(parents[0], parents[-1] + 1) if together else parents
+            steps.append((slice(rows[0], rows[-1] + 1), source, a))
         return steps
 
     def _monomials(self, t: Array, buffer: Array | None = None) -> Array:
