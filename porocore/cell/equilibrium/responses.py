@@ -50,13 +50,10 @@ def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellR
 
 def _direct(iterate: Iterate, parity: str, columns: Sequence[int]) -> Array:
     """Return ∂²E/∂θ∂θ' of the energy E of contact at fixed u¹."""
-    direct = np.zeros((len(columns), len(columns)))
-    if iterate.touching is not None:
-        blocks = iterate.touching.blocks(parity)
-        for a, i in enumerate(columns):
-            for b, j in enumerate(columns):
-                direct[a, b] = blocks.second(UNIT_LOADS[i], UNIT_LOADS[j])
-    return direct
+    if iterate.touching is None:
+        return np.zeros((len(columns), len(columns)))
+    blocks = iterate.touching.blocks(parity)
+    return np.array([[blocks.second(UNIT_LOADS[i], UNIT_LOADS[j]) for j in columns] for i in columns])
 
 
 def _row(

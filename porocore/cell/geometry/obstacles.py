@@ -179,7 +179,6 @@ class NoPores(DrawnGeometry):
 
     def draw(self, gmsh: Any) -> DrawnPart:
         """Draw the wedge."""
-        occ = gmsh.model.occ
-        tag = wedge(occ)
-        occ.synchronize()
-        return DrawnPart([tag], [])
+        part = DrawnPart([wedge(gmsh.model.occ)], [])
+        gmsh.model.occ.synchronize()
+        return part

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -86,10 +86,7 @@ class InvariantMaterial(Material):
     def _computed(self, F: Array, shape: tuple[int, ...], compute: Callable[..., None]) -> Array:
         """Return a quantity computed in batches of points, with components first in memory and last in its shape."""
         own = self.invariants
-        formula = Formula(
-            self.formula, tuple((name, i.rest) for name, i in own.items()), tuple(self.constants)
-        )
-        generated = derivatives(formula)
+        generated = derivatives(formula_of(self.formula, own, self.constants))
         used = [tuple(own.values())[i] for i in generated.used]
         points = F.shape[:-2]
         flat = np.moveaxis(F.reshape(-1, 3, 3), 0, -1)
@@ -105,6 +102,11 @@ class InvariantMaterial(Material):
         components = tuple(range(len(shape)))
         last = out.reshape((*shape, *points))
         return np.asarray(np.moveaxis(last, components, tuple(i - len(shape) for i in components)))
+
+
+def formula_of(energy: str, invariants: Mapping[str, Invariant], constants: Iterable[str]) -> Formula:
+    """Return the formula of an energy in the invariants and constants of these names."""
+    return Formula(energy, tuple((name, i.rest) for name, i in invariants.items()), tuple(constants))
 
 
 def _vanishes(value: Any) -> bool:

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from porocore.cell.invariants.by_invariants import BASIC, InvariantMaterial
-from porocore.cell.invariants.formula import FUNCTIONS, Formula, stress_at_rest
+from porocore.cell.invariants.by_invariants import BASIC, InvariantMaterial, formula_of
+from porocore.cell.invariants.formula import FUNCTIONS, stress_at_rest
 from porocore.cell.invariants.generated import derivatives
 from porocore.cell.invariants.invariants import Invariant, Third
 from porocore.cell.materials.fibres import Direction, fibre_invariants, same_in_order, turned
@@ -57,16 +57,14 @@ class ExpressionMaterial(InvariantMaterial):
     def _is_an_energy(cls, energy: str, info: ValidationInfo) -> str:
         if "parameters" not in info.data or "directions" not in info.data:
             return energy  # their own errors are reported
-        formula = _formula(energy, info.data["directions"], tuple(info.data["parameters"]))
+        known, parameters = _invariants(info.data["directions"]), info.data["parameters"]
         try:
-            used = Expression.parse(
-                energy, [n for n, _ in formula.invariants] + [*formula.parameters], FUNCTIONS
-            ).names
+            used = Expression.parse(energy, [*known, *parameters], FUNCTIONS).names
         except ValueError as error:
             wanted = re.match(r"'I([4-9]|1[01])' at", str(error))
             needs = f"; I{wanted[1]} needs a fibre, such as directions: [[1, 0, 0]]" if wanted else ""
             raise ValueError(f"{error}{needs}") from None
-        if idle := [name for name in formula.parameters if name not in used]:
+        if idle := [name for name in parameters if name not in used]:
             raise ValueError(
                 f"the parameter '{idle[0]}' does not occur; remove it from parameters, or use it"
             )
@@ -76,7 +74,7 @@ class ExpressionMaterial(InvariantMaterial):
                 raise ValueError(
                     f"of direction {k + 1} neither {pair[0]} nor {pair[1]} occurs; remove the direction, or use them"
                 )
-        derivatives(formula)
+        derivatives(formula_of(energy, known, parameters))
         return energy
 
     @property
@@ -118,9 +116,9 @@ class ExpressionMaterial(InvariantMaterial):
     def stress_hint(self) -> str:
         """Return the missing term, in the names of the configuration."""
         of_volume, of_fibres = stress_at_rest(
-            _formula(self.energy, self.directions, tuple(self.parameters)),
+            formula_of(self.energy, self.invariants, self.parameters),
             {name: i.gradient_at_rest for name, i in self.invariants.items()},
-            {name for name in self.invariants if name not in ("I1", "I2", "I3", "J")},
+            set(fibre_invariants(self.directions)),
             self.parameters,
         )
         if of_fibres:
@@ -130,10 +128,3 @@ class ExpressionMaterial(InvariantMaterial):
 
 def _invariants(directions: tuple[tuple[float, float, float], ...]) -> dict[str, Invariant]:
     return {**BASIC, "I3": Third(), **fibre_invariants(directions)}
-
-
-def _formula(
-    energy: str, directions: tuple[tuple[float, float, float], ...], parameters: tuple[str, ...]
-) -> Formula:
-    known = tuple((name, i.rest) for name, i in _invariants(directions).items())
-    return Formula(energy, known, parameters)

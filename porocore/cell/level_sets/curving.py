@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.cell.level_sets.cutting import LevelSet, TwoPhases, onto
+from porocore.cell.level_sets.lattice import Lattice
 from porocore.cell.meshing.shape_functions import FACETS
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, least_stretch, used, with_middles
 from porocore.states import Array, IntArray
@@ -18,24 +19,18 @@ FOUND = 1e-9
 
 
 def phases(
-    mesh: TwoPhases, level_set: LevelSet, element: Element, low: float, high: float, *, periodic: bool
+    mesh: TwoPhases, lattice: Lattice, level_set: LevelSet, element: Element
 ) -> dict[Phase, Tetrahedra]:
     """Return both phases in linear elements, or in quadratic ones with mid-edge nodes on the wall.
 
-    An element that would fold keeps straight edges, and so do its neighbours along those edges.
-
-    Parameters
-    ----------
-    low, high
-        Sides of the box of the mesh; nodes on a side stay there.
-    periodic
-        True where opposite sides are identified; their nodes move together.
+    An element that would fold keeps straight edges, and so do its neighbours along those edges. Nodes on a side of the
+    lattice stay there, and those on opposite sides of a periodic one move together.
     """
     points, cells = mesh.points, mesh.cells
     if element != "linear":
         points, cells, edges = with_middles(points, cells)
         if element == "quadratic-curved":
-            points = _curved(mesh, points, cells, edges, level_set, (low, high), periodic)
+            points = _curved(mesh, points, cells, edges, lattice, level_set)
     return {
         "solid": Tetrahedra(*used(points, cells[mesh.solid])),
         "fluid": Tetrahedra(*used(points, cells[~mesh.solid])),
@@ -43,19 +38,13 @@ def phases(
 
 
 def _curved(
-    mesh: TwoPhases,
-    points: Array,
-    cells: IntArray,
-    edges: IntArray,
-    level_set: LevelSet,
-    sides: tuple[float, float],
-    periodic: bool,
+    mesh: TwoPhases, points: Array, cells: IntArray, edges: IntArray, lattice: Lattice, level_set: LevelSet
 ) -> Array:
     n = len(mesh.points)
     on_wall = _wall_edges(mesh, edges)
     straight = points[n:][on_wall]
-    low, high = sides
-    wrapped = np.where(straight == high, low, straight) if periodic else straight
+    low, high = lattice.low, lattice.high
+    wrapped = np.where(straight == high, low, straight) if lattice.periodic else straight
     places, image = np.unique(wrapped, axis=0, return_inverse=True)
     image = image.reshape(-1)
     ends = onto(level_set, places, (places == low) | (places == high))
@@ -75,8 +64,7 @@ def _curved(
         curved[n:] = np.where(points[n:] == low, low, np.where(points[n:] == high, high, curved[n:]))
         folded = touched[least_stretch(curved, touched) < LEAST_STRETCH]
         spoiled = np.unique(number[folded])
-        spoiled = spoiled[spoiled >= 0]
-        spoiled = spoiled[kept[spoiled]]
+        spoiled = spoiled[(spoiled >= 0) & kept[spoiled]]
         if not len(spoiled):
             return curved
         kept[spoiled] = False

@@ -47,8 +47,9 @@ def mesh_level_set(
     periodic = geometry.unfolding == "whole"
     low, high = (-0.5, 0.5) if periodic else (0.0, 0.5)
     n = max(FEWEST, ceil((high - low) / size - 1e-9))
+    lattice = body_centred(n, low, high, periodic=periodic)
     try:
-        mesh = cut(body_centred(n, low, high, periodic=periodic), level_set)
+        mesh = cut(lattice, level_set)
     except PorocoreError as error:
         raise PorocoreError(f"cannot mesh {geometry.description} at size {size:g}: {error}") from error
-    return phases(mesh, level_set, element, low, high, periodic=periodic)
+    return phases(mesh, lattice, level_set, element)

@@ -72,7 +72,5 @@ class Ogden(InvariantMaterial):
     @property
     def constants(self) -> dict[str, float]:
         """μ_p, α_p and K."""
-        found = {"K": self.bulk_modulus}
-        for i, term in enumerate(self.terms):
-            found |= {f"mu{i}": term.mu, f"alpha{i}": term.alpha}
-        return found
+        own = {name + str(i): number for i, term in enumerate(self.terms) for name, number in term}
+        return {"K": self.bulk_modulus, **own}

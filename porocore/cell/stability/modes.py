@@ -85,10 +85,8 @@ def folded(points: Array, parity: str) -> tuple[Array, Array]:
         # Four quarters of two cells: identity, mirror at ½, shift by one cell (both mirrors), mirror at 0.
         quarter = np.minimum((2 * x).astype(np.int64), 3)
         there[:, axis] = np.choose(quarter, [x, 1 - x, x - 1, 2 - x])
-        factor = np.choose(quarter, [1.0, at_half, at_0 * at_half, at_0])
-        normal = np.choose(quarter, [1.0, -1.0, 1.0, -1.0])
-        signs *= factor[:, None]
-        signs[:, axis] *= normal
+        signs *= np.choose(quarter, [1.0, at_half, at_0 * at_half, at_0])[:, None]
+        signs[:, axis] *= np.choose(quarter, [1.0, -1.0, 1.0, -1.0])
     return there, signs
 
 
@@ -104,9 +102,8 @@ def lowest_mode(solid: DiscreteSolid, iterate: Iterate, wave: str) -> Mode:
     """
     swaps = solid.exchanged_axes(iterate)
     kept = {min(images(parity, swaps) & set(bloch_classes()[wave])) for parity in bloch_classes()[wave]}
-    return min(
-        (lowest_of_class(solid, iterate, parity) for parity in sorted(kept)), key=lambda mode: mode.value
-    )
+    modes = (lowest_of_class(solid, iterate, parity) for parity in sorted(kept))
+    return min(modes, key=lambda mode: mode.value)
 
 
 def lowest_eigenvalues(solid: DiscreteSolid, iterate: Iterate, waves: Iterable[str]) -> dict[str, float]:

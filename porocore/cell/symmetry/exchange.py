@@ -28,13 +28,11 @@ def exchanged_axes(mesh: CellMesh, H: Array, u: Array) -> tuple[str, ...]:
 
 def images(parity: str, swaps: Iterable[str]) -> set[str]:
     """Return the orbit of a parity class under exchanges of axes."""
-    swaps = tuple(swaps)
+    tables = [str.maketrans(pair, pair[::-1]) for pair in swaps]
     found, fresh = {parity}, [parity]
     while fresh:
         name = fresh.pop()
-        for pair in swaps:
-            one, other = pair[0], pair[1]
-            table = str.maketrans(one + other, other + one)
+        for table in tables:
             image = "|".join("".join(sorted(part)) for part in name.translate(table).split("|"))
             if image not in found:
                 found.add(image)

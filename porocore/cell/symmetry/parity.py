@@ -102,9 +102,8 @@ def held_velocities(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
     held[on_wall[mesh.periodic_class]] = True
     if mesh.domain == "eighth":
         on_plane = _on_plane(mesh)
-        for i in range(3):
-            if i != j:
-                held[on_plane[:, i] | on_plane[:, j], i] = True
+        for i in {0, 1, 2} - {j}:
+            held[on_plane[:, i] | on_plane[:, j], i] = True
     return held
 
 

@@ -75,14 +75,13 @@ def images_of_points(points: Array, labels: IntArray, tolerance: float, Q: IntAr
 
     for goal in rare[:MOST_SHIFTS]:
         shift = points[goal] - turned[rare[0]]
-        distance, order = nearest(slice(FIRST), shift)
-        if (distance > tolerance).any() or (labels[order] != labels[:FIRST]).any():
-            continue
-        distance, order = nearest(slice(None), shift)
-        if (distance > tolerance).any() or (labels[order] != labels).any():
-            continue
-        if len(np.unique(order)) == len(points):
-            yield order
+        for rows in (slice(FIRST), slice(None)):
+            distance, order = nearest(rows, shift)
+            if (distance > tolerance).any() or (labels[order] != labels[rows]).any():
+                break
+        else:
+            if len(np.unique(order)) == len(points):
+                yield order
 
 
 def kinds(values: Array, tolerance: float) -> IntArray:
