@@ -23,12 +23,7 @@ from porocore.states import Array, IntArray
 class HarmonicExtension:
     """Harmonic extension of u¹ from the solid to the nodes of the fluid; set up once, applied by back substitution.
 
-    Parameters
-    ----------
-    solid
-        Mesh on which u¹ is known.
-    fluid
-        Mesh of quadratic elements, of the same domain.
+    Both meshes are of the same domain; the elements of the fluid are quadratic.
 
     Raises
     ------

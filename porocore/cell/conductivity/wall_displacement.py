@@ -32,11 +32,6 @@ ALIKE = 1e-8
 def wall_interpolation(solid: CellMesh, fluid: CellMesh) -> tuple[IntArray, csr_matrix]:
     """Return the wall nodes of the fluid, with every periodic image, and the matrix from the solid's nodal values.
 
-    Parameters
-    ----------
-    solid, fluid
-        Meshes of the same domain of one cell.
-
     Returns
     -------
     nodes : (k,)

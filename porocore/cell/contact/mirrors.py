@@ -117,10 +117,9 @@ class MirrorState:
         surface = self.contact.surface
         w = self.contact.stiffness * surface.weights[facets] * (g < 0)
         N = np.column_stack([surface.N, -np.ones(len(surface.N))])
-        normal = np.einsum("fq,qa,qb->fab", w, N, N)
         k = N.shape[1]
         out = np.zeros((len(facets), k, 3, k, 3))
-        out[:, :, axis, :, axis] = normal
+        out[:, :, axis, :, axis] = np.einsum("fq,qa,qb->fab", w, N, N)
         return out.reshape(len(facets), 3 * k, 3 * k)
 
     def _odd(self, axis: int, sign: float) -> Blocks:

@@ -22,16 +22,9 @@ from porocore.states import Array
 
 
 class WallContact:
-    """Self-contact of the whole cell.
+    """Self-contact of the whole cell, by the parameters of :class:`~porocore.cell.contact.mirrors.MirrorContact`.
 
-    Parameters
-    ----------
-    mesh
-        Mesh of the solid.
-    stiffness
-        ε, see :class:`~porocore.cell.contact.mirrors.MirrorContact`.
-    deepest
-        Largest accepted penetration of a mirror plane, half of that of a wall.
+    A wall may penetrate another one twice as deep as a mirror plane.
     """
 
     pairs_move = True
@@ -41,7 +34,6 @@ class WallContact:
         self.surface = pore_surface(mesh)
 
     def at(self, H: Array, u: Array, pairs: ContactPairs | None = None) -> WallState:
-        """Return the contact state of u (nodes, 3) under H, with the given contact pairs or with new ones."""
         F0 = np.eye(3) + H
         x = self.mesh.points @ F0.T + u
         return WallState(self, F0, x, self._search(F0, x) if pairs is None else pairs)

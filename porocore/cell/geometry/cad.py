@@ -84,13 +84,6 @@ class DrawnGeometry(PoreGeometry):
         return PER_CUBE / min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest) ** 3 + on_fillets
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
-        """Return the mesh that gmsh makes; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
-
-        Raises
-        ------
-        PorocoreError
-            gmsh cannot be imported or fails.
-        """
         gmsh = import_gmsh()
         gmsh.initialize(readConfigFiles=False, interruptible=False)
         try:
@@ -141,10 +134,9 @@ def _refine(gmsh: Any, faces: list[int], smallest: float, largest: float) -> Non
     fields.setNumbers(distance, "SurfacesList", faces)
     fields.setNumber(distance, "Sampling", 40)
     fields.setNumber(size, "InField", distance)
-    fields.setNumber(size, "SizeMin", smallest)
-    fields.setNumber(size, "SizeMax", largest)
-    fields.setNumber(size, "DistMin", smallest)
-    fields.setNumber(size, "DistMax", smallest + (largest - smallest) / GROWTH)
+    limits = {"SizeMin": smallest, "SizeMax": largest, "DistMin": smallest}
+    for name, limit in {**limits, "DistMax": smallest + (largest - smallest) / GROWTH}.items():
+        fields.setNumber(size, name, limit)
     fields.setAsBackgroundMesh(size)
     gmsh.option.setNumber("Mesh.MeshSizeMin", smallest)
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)

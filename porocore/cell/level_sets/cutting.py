@@ -133,8 +133,7 @@ class _Cuts:
         order = order[within[order]]
         moves[node[order]] = step[order]
         rest = np.setdiff1d(node, np.flatnonzero(np.isfinite(moves[:, 0])))
-        along = self._along_sides(rest)
-        moves[rest] = along
+        moves[rest] = self._along_sides(rest)
         zero = (self.signs == 0) & (lattice.first == np.arange(n))
         moves[zero] = 0.0
         moves = moves[lattice.first]

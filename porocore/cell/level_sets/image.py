@@ -112,10 +112,9 @@ class SmoothImage:
         self.n, self.low, self.mirror = len(solid), low, mirror
         self.voxel = (high - low) / self.n
         mode = "reflect" if mirror else "wrap"
-        coefficients = solid.astype(np.float64)
+        self._coefficients: Array = solid.astype(np.float64)
         if smoothing > 0:
-            coefficients = gaussian_filter(coefficients, smoothing, mode=mode)
-        self._coefficients: Array = coefficients
+            self._coefficients = gaussian_filter(self._coefficients, smoothing, mode=mode)
         self._level = 0.0
         self._level = self._level_for(1 - float(solid.mean()))
 
@@ -183,8 +182,7 @@ class SmoothImage:
             weights, rates = _spline(np.array(offset[axis] - first))
             taken = rates if axis == slope else weights
             places = self._folded(np.arange(self.n)[:, None] + first + np.arange(-1, 3))
-            total = sum(taken[k] * np.take(found, places[:, k], axis=axis) for k in range(4))
-            found = np.asarray(total)
+            found = np.asarray(sum(taken[k] * np.take(found, places[:, k], axis=axis) for k in range(4)))
         return found
 
 

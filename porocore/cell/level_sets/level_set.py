@@ -24,13 +24,6 @@ class LevelSetGeometry(PoreGeometry):
         """Return the level set, positive in the solid, with the mirrors or the period of the cell."""
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
-        """Return the mesh cut from a lattice; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
-
-        Raises
-        ------
-        PorocoreError
-            The size is too coarse for the pores.
-        """
         return mesh_level_set(self, self.level_set(), size, element)
 
 

@@ -35,15 +35,9 @@ class Composite:
         return all(material.mirrored for material in self.materials.values())
 
     def allows(self, Q: IntArray, regions: Mapping[str, str] | None) -> bool:
-        """Return whether Q leaves the response of the solid unchanged.
+        """Return whether a signed permutation Q (3, 3) of the axes leaves the response of the solid unchanged.
 
-        Parameters
-        ----------
-        Q : (3, 3)
-            Signed permutation of the axes.
-        regions
-            Image of each region under Q; one that is not named stays in place. None: regions are not mapped onto
-            regions.
+        The ``regions`` are mapped as :meth:`~porocore.cell.geometry.part.PoreGeometry.regions_after` says.
         """
         if regions is None:
             return False

@@ -11,7 +11,7 @@ from pydantic import model_validator
 
 from porocore.cell.materials.moduli import check_reference, voigt_moduli
 from porocore.core.models.strict import StrictModel
-from porocore.core.tensors.point_group import CUBIC, MIRRORS, PointGroup
+from porocore.core.tensors.point_group import MIRRORS
 from porocore.states import Array, IntArray
 
 if TYPE_CHECKING:
@@ -74,11 +74,6 @@ class Material(StrictModel, StrainEnergy):
         """Return whether Q leaves the response unchanged; the images of the ``regions`` do not matter."""
         turned = self.turned(Q)
         return turned is not None and turned.equals(self)
-
-    @property
-    def point_group(self) -> PointGroup:
-        """Point group of the response."""
-        return CUBIC.kept(lambda Q: self.allows(Q, None))
 
     @property
     def mirrored(self) -> bool:

@@ -65,10 +65,8 @@ class NeoHookean(Material):
 
     def energy_density(self, F: Array) -> Array:
         """Return Ψ (...) [E]."""
-        energy: Array = (
-            self.mu / 2 * ((F * F).sum(axis=(-2, -1)) - 3) + self.volumetric(np.log(determinant(F)))[0]
-        )
-        return energy
+        of_shape = self.mu / 2 * ((F * F).sum(axis=(-2, -1)) - 3)
+        return np.asarray(of_shape + self.volumetric(np.log(determinant(F)))[0])
 
     def stress(self, F: Array) -> Array:
         """Return P = ∂Ψ/∂F (..., 3, 3), first Piola–Kirchhoff, tension positive [E]."""

@@ -112,10 +112,8 @@ class CellMesh:
         """
         if self.domain == "eighth":
             corners = self.points[self.boundary[:, :3]]
-            on_plane = np.zeros(len(corners), dtype=bool)
-            for plane in (0.0, 0.5):
-                on_plane |= (corners == plane).all(axis=1).any(axis=1)
-            return self.boundary[~on_plane]
+            on_plane = (corners == 0.0).all(axis=1) | (corners == 0.5).all(axis=1)
+            return np.asarray(self.boundary[~on_plane.any(axis=1)])
         number = facet_classes(self.points, self.boundary, self._last)
         return np.asarray(self.boundary[np.bincount(number)[number] == 1])
 
@@ -157,9 +155,8 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
     if geometry.unfolding != "whole" and domain == "whole":
         eighth = make_mesh(geometry, settings, phase, "eighth")
         points, cells = eighth_to_whole(eighth.points, eighth.cells)
-        return CellMesh(
-            phase, domain, points, cells, regions=np.tile(eighth.regions, 8), region_names=eighth.region_names
-        )
+        regions = np.tile(eighth.regions, 8)
+        return replace(eighth, domain=domain, points=points, cells=cells, regions=regions)
     size = settings.size if phase == "solid" else settings.fluid_size
     part = _part(geometry, size, settings.element)[phase]
     points, cells, regions = part.points, part.cells, part.regions

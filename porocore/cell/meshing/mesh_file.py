@@ -91,7 +91,7 @@ class MeshFile(FromFile, PoreGeometry):
         return 0.0
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
-        """Return the tetrahedra of the file; see :class:`~porocore.cell.geometry.part.PoreGeometry`.
+        """Return the tetrahedra of the file.
 
         Raises
         ------

@@ -15,12 +15,7 @@ ON_FACE, PARTNER = 1e-6, 1e-4
 def matched(points: Array, cells: IntArray, what: str) -> Array:
     """Return the nodes (N, 3) of a mesh of [−½, ½]³, with nodes of opposite faces at exactly the same places.
 
-    Parameters
-    ----------
-    cells : (M, 4) or (M, 10)
-        Tetrahedra of both phases.
-    what
-        Name of the mesh in messages.
+    The tetrahedra are those of both phases; messages begin with ``what``, the name of the mesh.
 
     Raises
     ------

@@ -65,8 +65,7 @@ def acoustic_minimum(A: Array) -> AcousticMinimum:
         if best - value <= 1e-12 * np.abs(A).max():
             break
         best = value
-    Q = acoustic_tensor(A, n)
-    values, vectors = np.linalg.eigh(Q)
+    values, vectors = np.linalg.eigh(acoustic_tensor(A, n))
     first = int(values[:, 0].argmin())
     return AcousticMinimum(float(values[first, 0]), _upward(n[first]), _upward(vectors[first, :, 0]))
 

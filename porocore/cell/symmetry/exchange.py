@@ -52,9 +52,8 @@ def _exchange(mesh: CellMesh, i: int, j: int) -> IntArray | None:
     order[sorted_points] = sorted_images
     cells = np.column_stack([np.sort(mesh.cells, axis=1), mesh.regions])
     image = np.column_stack([np.sort(order[mesh.cells], axis=1), mesh.regions])
-    if not np.array_equal(cells[np.lexsort(cells.T)], image[np.lexsort(image.T)]):
-        return None
-    return order
+    same = np.array_equal(cells[np.lexsort(cells.T)], image[np.lexsort(image.T)])
+    return order if same else None
 
 
 def _swapped(i: int, j: int) -> list[int]:
