@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -21,27 +20,15 @@ COMPARED = {
 SAME_TIME = 1e-9
 
 
-@dataclass(frozen=True)
-class HistoryDifference:
-    """Difference of one history, in per cent of the largest magnitude that the reference has over time.
+def history_difference(reference: History, other: History, quantity: str) -> dict[str, float] | None:
+    """Return the difference of one history for JSON, in per cent of the largest magnitude of the reference.
 
-    Attributes
-    ----------
-    end
-        At the end, signed.
-    largest
-        Largest magnitude over the times that both solutions have.
-    time
-        Where that is.
+    Returns
+    -------
+    dict or None
+        ``end_percent``, signed; ``largest_percent``, the largest magnitude over the times that both solutions have, and
+        ``time_of_largest``. None where the reference is zero or no time is common.
     """
-
-    end: float
-    largest: float
-    time: float
-
-
-def history_difference(reference: History, other: History, quantity: str) -> HistoryDifference | None:
-    """Return the difference of one field of :class:`History`; None where the reference is zero or no time is common."""
     rows, columns = _common(reference.time, other.time)
     one, two = getattr(reference, quantity)[rows], getattr(other, quantity)[columns]
     scale = float(np.abs(one).max(initial=0.0))
@@ -49,7 +36,11 @@ def history_difference(reference: History, other: History, quantity: str) -> His
         return None
     apart = 100 * (two - one) / scale
     worst = int(np.abs(apart).argmax())
-    return HistoryDifference(float(apart[-1]), float(abs(apart[worst])), float(reference.time[rows][worst]))
+    return {
+        "end_percent": float(apart[-1]),
+        "largest_percent": float(abs(apart[worst])),
+        "time_of_largest": float(reference.time[rows][worst]),
+    }
 
 
 def law_differences(case: LoadCase) -> list[dict[str, Any]]:
@@ -58,22 +49,7 @@ def law_differences(case: LoadCase) -> list[dict[str, Any]]:
     for pair in combinations((case.nonlinear, *case.others), 2):
         reference, other = sorted(pair, key=_exactness)
         differences = {name: history_difference(reference.history, other.history, name) for name in COMPARED}
-        found.append(
-            {
-                "law": other.law,
-                "reference": reference.law,
-                **{
-                    name: None
-                    if value is None
-                    else {
-                        "end_percent": value.end,
-                        "largest_percent": value.largest,
-                        "time_of_largest": value.time,
-                    }
-                    for name, value in differences.items()
-                },
-            }
-        )
+        found.append({"law": other.law, "reference": reference.law, **differences})
     return found
 
 

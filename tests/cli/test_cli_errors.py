@@ -59,7 +59,7 @@ def pipeline(monkeypatch):
 
     stage("solve_reference", lambda folder: [])
     stage("sample", lambda folder: [folder.dataset, folder.test_dataset])
-    stage("train", lambda folder: [folder.surrogate])
+    stage("train", lambda folder: [folder.surrogate_of(folder.config)])
     stage("solve", lambda folder: folder.solutions())
     stage("report", lambda folder: [folder.report])
     stage("run", lambda folder: [folder.report])

@@ -43,8 +43,8 @@ def test_the_largest_gap_is_found_where_it_is(column):
     bump = np.where(np.isclose(one.time, 7.0), 0.3, 0.0)
     other = replace(one, settlement=one.settlement + bump)
     found = history_difference(one, other, "settlement")
-    assert (found.time, found.end) == (7.0, 0.0)
-    assert found.largest == pytest.approx(100 * 0.3 / one.settlement[-1])
+    assert (found["time_of_largest"], found["end_percent"]) == (7.0, 0.0)
+    assert found["largest_percent"] == pytest.approx(100 * 0.3 / one.settlement[-1])
 
 
 def test_only_times_that_both_have_are_compared(column):
@@ -55,7 +55,7 @@ def test_only_times_that_both_have_are_compared(column):
     other = type(one)(**extra)
     for reference, compared in ((one, other), (other, one)):
         found = history_difference(reference, compared, "settlement")
-        assert (found.largest, found.end) == (0.0, 0.0)
+        assert (found["largest_percent"], found["end_percent"]) == (0.0, 0.0)
 
 
 def test_a_reference_that_does_not_move_has_no_gap(column):

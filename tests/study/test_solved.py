@@ -103,6 +103,8 @@ def test_solutions_are_found_by_load_and_law(column):
     assert solutions[-0.2].nonlinear.law == "potential"
     assert solutions[-0.2].linear is both["linear"]
     assert list(solutions) == [-0.2]
+    assert 0.1 not in solutions
+    assert solutions.get(0.1) is None
     with pytest.raises(ConfigurationError, match=r"nothing was solved for 0.1; there is -0.2"):
         _ = solutions[0.1]
 

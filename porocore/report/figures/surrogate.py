@@ -1,4 +1,4 @@
-"""Figures of a surrogate: errors on held-out states, and losses during training."""
+"""Figures of a surrogate: errors on held-out states, losses during training, and the sizes that were tried."""
 
 from __future__ import annotations
 
@@ -9,7 +9,19 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from porocore.report.context import TrainingCurve
-from porocore.report.figures.style import BLUE, GREY, VERMILLION, legend_above, new_figure, styled
+from porocore.report.figures.style import (
+    BLUE,
+    DASHED,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    VERMILLION,
+    legend_above,
+    new_figure,
+    png_bytes,
+    styled,
+)
 from porocore.report.metrics import OutputCheck, rms_percent, worst_percent
 
 
@@ -67,6 +79,25 @@ def training_figure(curve: TrainingCurve) -> Figure:
     axes.margins(x=0.02)
     legend_above(figure, axes, columns=3)
     return figure
+
+
+@styled
+def tuning_figure(points: Sequence[tuple[str, int, float]], chosen: tuple[int, float], limit: float) -> bytes:
+    """PNG of (activation, parameters, error) with the chosen one ringed and the largest error that is good enough."""
+    figure = new_figure(6.4, 3.8)
+    axes = figure.subplots()
+    colours = (BLUE, ORANGE, GREEN, PURPLE)
+    for i, activation in enumerate(dict.fromkeys(name for name, _, _ in points)):
+        own = [(size, 100 * error) for name, size, error in points if name == activation]
+        axes.plot(*zip(*own, strict=True), "o", ms=5, color=colours[i % len(colours)], label=activation)
+    axes.axhline(100 * limit, color=GREY, ls=DASHED, lw=1, label="within the margin of the best")
+    axes.plot(
+        chosen[0], 100 * chosen[1], "o", ms=13, mfc="none", mec="black", mew=1.4, label="smallest of these"
+    )
+    axes.set(xscale="log", yscale="log", xlabel="weights and biases")
+    axes.set_ylabel("error on held-out states [% of the range]")
+    axes.legend()
+    return png_bytes(figure)
 
 
 def _error_text(check: OutputCheck) -> str:

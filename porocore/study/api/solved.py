@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -211,26 +211,11 @@ class Solved:
         return dims, values * self.units.factor(quantity), {"units": unit, "long_name": words}
 
 
-class _Named(Mapping[Any, T]):
-    def __init__(self, items: Mapping[Any, T]) -> None:
-        self._items = dict(items)
+class _Named(dict[Any, T]):
+    """Solutions by name; a missing name is refused with those that exist."""
 
-    def __iter__(self) -> Iterator[Any]:
-        return iter(self._items)
-
-    def __len__(self) -> int:
-        return len(self._items)
-
-    def __getitem__(self, key: Any) -> T:
-        if key not in self._items:
-            raise ConfigurationError(
-                f"nothing was solved for {key!r}; there is {', '.join(map(repr, self._items))}"
-            )
-        found: T = self._items[key]
-        return found
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({self._items!r})"
+    def __missing__(self, key: Any) -> T:
+        raise ConfigurationError(f"nothing was solved for {key!r}; there is {', '.join(map(repr, self))}")
 
 
 class LawsSolved(_Named[Solved]):

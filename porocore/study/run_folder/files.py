@@ -23,41 +23,27 @@ class RunFiles:
     written
         Configuration that the run began with, which names the files: a run that continues with another closure
         keeps the solutions of each, and one surrogate for each model.
+    reference, dataset, test_dataset
+        The undeformed cell, and the data sets of the states to learn from and of the held-out ones.
+    direct_work, fallback, fallback_work
+        Record of the cells that direct FE² has solved; data set of the states that solves with a fallback needed
+        outside the sampled range, and the record of their cells.
+    fields, metrics, report
+        Folder of the files for ParaView, figures of merit, and page of the report.
+    timings
+        Record of the seconds that each stage took.
     """
 
     def __init__(self, path: Path, config: RunConfig) -> None:
         self.path = path
         self.config = self.written = config
+        self.reference = path / "cell.json"
+        self.dataset, self.test_dataset = path / "samples.h5", path / "test.h5"
+        self.direct_work = path / "direct.json"
+        self.fallback, self.fallback_work = path / "fallback.h5", path / "fallback.json"
+        self.fields, self.metrics, self.report = path / "fields", path / "metrics.json", path / "report.html"
+        self.timings = path / "timings.json"
         self._lock: int | None = None
-
-    @property
-    def reference(self) -> Path:
-        """File of the undeformed cell."""
-        return self.path / "cell.json"
-
-    @property
-    def training_curve(self) -> Path:
-        """Table of losses against epochs."""
-        return self.training_curve_of(self.config)
-
-    def training_curve_of(self, config: RunConfig) -> Path:
-        """Return the table of losses of the surrogate that ``config`` needs."""
-        return self.path / f"training{self._suffix(config)}.csv"
-
-    @property
-    def dataset(self) -> Path:
-        """Data set of the solved states to learn from."""
-        return self.path / "samples.h5"
-
-    @property
-    def test_dataset(self) -> Path:
-        """Data set of the held-out states."""
-        return self.path / "test.h5"
-
-    @property
-    def surrogate(self) -> Path:
-        """File of the trained surrogate."""
-        return self.surrogate_of(self.config)
 
     def surrogate_of(self, config: RunConfig) -> Path:
         """Return the file of the surrogate that ``config`` needs.
@@ -67,13 +53,12 @@ class RunFiles:
         """
         return self.path / f"surrogate{self._suffix(config)}.h5"
 
-    @property
-    def training_checkpoint(self) -> Path:
-        """Checkpoint of an interrupted training."""
-        return self.training_checkpoint_of(self.config)
+    def training_curve_of(self, config: RunConfig) -> Path:
+        """Return the table of losses against epochs of that surrogate."""
+        return self.path / f"training{self._suffix(config)}.csv"
 
     def training_checkpoint_of(self, config: RunConfig) -> Path:
-        """Return the checkpoint of an interrupted training of the surrogate that ``config`` needs."""
+        """Return the checkpoint of an interrupted training of that surrogate."""
         return self.path / "checkpoints" / f"training{self._suffix(config)}.h5"
 
     def _suffix(self, config: RunConfig) -> str:
@@ -107,44 +92,9 @@ class RunFiles:
         first = self.written.closure
         return first if first in complete or not complete else complete[0]
 
-    @property
-    def direct_work(self) -> Path:
-        """Record of the cells that direct FE² has solved, and of the time."""
-        return self.path / "direct.json"
-
-    @property
-    def fallback(self) -> Path:
-        """Data set of states that macro solves with a fallback needed outside the sampled range."""
-        return self.path / "fallback.h5"
-
-    @property
-    def fallback_work(self) -> Path:
-        """Record of the cells that the fallback has solved, and of the time."""
-        return self.path / "fallback.json"
-
-    @property
-    def fields(self) -> Path:
-        """Folder of the files for ParaView."""
-        return self.path / "fields"
-
     def history(self, law: str, load: float) -> Path:
         """Return the table of everything against time of one macro solution."""
         return self.path / "histories" / f"{_file_name(law, load)}.csv"
-
-    @property
-    def timings(self) -> Path:
-        """Record of the seconds that each stage took."""
-        return self.path / "timings.json"
-
-    @property
-    def metrics(self) -> Path:
-        """File of the figures of merit."""
-        return self.path / "metrics.json"
-
-    @property
-    def report(self) -> Path:
-        """Page of the report."""
-        return self.path / "report.html"
 
 
 def direct_law(closure: str) -> str:

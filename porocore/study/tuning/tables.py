@@ -20,7 +20,7 @@ def write_tables(
     folder: RunFolder, config: RunConfig, results: Sequence[Result], chosen: Result, margin: float
 ) -> tuple[Path, Path, Path]:
     """Write ``tune.json``, ``tune.csv`` and the figure ``tune.png`` into the run folder; return their paths."""
-    from porocore.report.figures.tuning import tuning_figure
+    from porocore.report.figures.surrogate import tuning_figure
 
     paths = tuple(folder.path / f"tune.{ending}" for ending in ("json", "csv", "png"))
     document = {

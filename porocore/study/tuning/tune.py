@@ -7,7 +7,6 @@ the best is chosen. The run folder keeps finished candidates, so that an interru
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from porocore.core.console import Console
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError
 from porocore.sampling.datasets.dataset import Dataset
@@ -181,6 +180,4 @@ def _read(path: Path) -> Result | None:
 
 
 def _write(path: Path, result: Result) -> None:
-    with atomic_path(path) as part:
-        document = {"format": FORMAT, "version": VERSION, **asdict(result)}
-        part.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")
+    write_json(path, {"format": FORMAT, "version": VERSION, **asdict(result)}, allow_nan=False)
