@@ -7,7 +7,9 @@ import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import typer
 
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError, UnexpectedError
@@ -61,6 +63,24 @@ def read_config(
             f"to go on with it: {command('run', path / CONFIG, '--out', path, '--resume')}"
         )
     return path, with_closure(load_config(path).with_backends(fem, surrogate, macro), closure)
+
+
+def failed(text: str) -> NoReturn:
+    """End the command with exit status 1 and a message about checks that failed."""
+    typer.secho("failed: ", fg=typer.colors.RED, bold=True, err=True, nl=False)
+    typer.echo(text, err=True)
+    raise typer.Exit(1)
+
+
+def command_group(what: str, **settings: Any) -> typer.Typer:
+    """Return a group of commands with the look that all of them have."""
+    return typer.Typer(
+        help=what,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="markdown",
+        context_settings={"help_option_names": ["-h", "--help"]},
+        **settings,
+    )
 
 
 def check_workers(workers: int | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
@@ -22,6 +23,7 @@ from porocore.cli.commands import (
     units,
     verify,
 )
+from porocore.cli.common import command_group
 from porocore.cli.ending import ending
 from porocore.core.echo import without_long_words
 from porocore.core.parallel import launched
@@ -59,42 +61,22 @@ class _Commands(TyperGroup):
             raise
 
 
-app = typer.Typer(
-    cls=_Commands,
-    help=HELP,
-    epilog=EPILOG,
-    add_completion=False,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+app = command_group(HELP, cls=_Commands, epilog=EPILOG, add_completion=False, no_args_is_help=True)
 
-_BEGIN, _WHOLE, _STEPS, _LOOK = (
-    "Your own configuration",
-    "A whole study",
-    "A study in steps, each from the files of the one before",
-    "Cells, data, plugins and checks",
-)
-app.command(rich_help_panel=_BEGIN)(start.init)
-app.command(rich_help_panel=_BEGIN)(start.check)
-app.command(rich_help_panel=_BEGIN)(start.schema)
-app.command(rich_help_panel=_WHOLE)(study.run)
-app.command(rich_help_panel=_WHOLE)(reproduce.reproduce)
-app.command(rich_help_panel=_STEPS)(study.sample)
-app.command(rich_help_panel=_STEPS)(study.train)
-app.command(rich_help_panel=_STEPS)(study.solve)
-app.command(rich_help_panel=_STEPS)(study.report)
-app.command(rich_help_panel=_STEPS)(tune.tune)
-app.add_typer(cell.cell, name="cell", rich_help_panel=_LOOK)
-app.add_typer(data.data, name="data", rich_help_panel=_LOOK)
-app.command(rich_help_panel=_LOOK)(sensitivity.sensitivity)
-app.command(rich_help_panel=_LOOK)(stability.stability)
-app.command(rich_help_panel=_LOOK)(units.units)
-app.command(rich_help_panel=_LOOK)(plugins.plugins)
-app.add_typer(plugins.plugin, name="plugin", rich_help_panel=_LOOK)
-app.command(rich_help_panel=_LOOK)(crosscheck.crosscheck)
-app.command(rich_help_panel=_LOOK)(verify.verify)
+_LOOK = "Cells, data, plugins and checks"
+_STEPS = (study.sample, study.train, study.solve, study.report, tune.tune)
+_ALONG = (sensitivity.sensitivity, stability.stability)
+_PANELS: dict[str, tuple[Callable[..., None], ...]] = {
+    "Your own configuration": (start.init, start.check, start.schema),
+    "A whole study": (study.run, reproduce.reproduce),
+    "A study in steps, each from the files of the one before": _STEPS,
+    _LOOK: (*_ALONG, units.units, plugins.plugins, crosscheck.crosscheck, verify.verify),
+}
+for _panel, _commands in _PANELS.items():
+    for _command in _commands:
+        app.command(rich_help_panel=_panel)(_command)
+for _name, _group in {"cell": cell.cell, "data": data.data, "plugin": plugins.plugin}.items():
+    app.add_typer(_group, name=_name, rich_help_panel=_LOOK)
 
 
 def _version(wanted: bool) -> None:

@@ -8,30 +8,12 @@ from typing import Annotated
 
 import typer
 
-
-class LawName(StrEnum):
-    """Laws of the body that ``--law`` takes."""
-
-    surrogate = "surrogate"
-    linear = "linear"
-    direct = "direct"
-
-
-class FallbackName(StrEnum):
-    """Reactions of a macro run to leaving the sampled range."""
-
-    none = "none"
-    direct = "direct"
-
-
-class ExecutorName(StrEnum):
-    """Places where cells are solved."""
-
-    auto = "auto"
-    serial = "serial"
-    processes = "processes"
-    dask = "dask"
-
+#: Laws of the body that ``--law`` takes.
+LawName = StrEnum("LawName", ["surrogate", "linear", "direct"])
+#: Reactions of a macro run to leaving the sampled range.
+FallbackName = StrEnum("FallbackName", ["none", "direct"])
+#: Places where cells are solved.
+ExecutorName = StrEnum("ExecutorName", ["auto", "serial", "processes", "dask"])
 
 ConfigArgument = Annotated[
     Path | None,
@@ -95,3 +77,8 @@ OutOption = Annotated[
 ]
 ResumeOption = Annotated[bool, typer.Option("--resume", help="Continue the work that the folder holds.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+
+SeveralFemOption = Annotated[
+    list[str] | None,
+    typer.Option("--fem", metavar="NAME", help="Only this finite-element backend. Repeatable."),
+]

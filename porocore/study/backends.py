@@ -25,13 +25,7 @@ def make_backend(kind: Kind, config: RunConfig) -> Any:
     ConfigurationError
         The backend does not take these options.
     """
-    name = backend_name(kind, config)
-    options: dict[str, Any] = {
-        "cell solver": config.fem.options,
-        "macro solver": config.macro.options,
-        "sampler": config.sampling.sampler_options(),
-        "surrogate": config.surrogate.options,
-    }[kind]
+    name, options = _configured(kind, config)
     positional = (config.sampling.input_space(),) if kind == "sampler" else ()
     implementation = registry().get(kind, name)
     if kind == "surrogate" and implementation.models:
@@ -78,13 +72,18 @@ def with_closure(config: RunConfig, closure: str | None) -> RunConfig:
 
 def backend_name(kind: Kind, config: RunConfig) -> str:
     """Return the name of the configured backend of a kind."""
-    names: dict[Kind, str] = {
-        "cell solver": config.fem.backend,
-        "macro solver": config.macro_backend,
-        "sampler": config.sampling.sampler,
-        "surrogate": config.surrogate.backend,
+    return _configured(kind, config)[0]
+
+
+def _configured(kind: Kind, config: RunConfig) -> tuple[str, dict[str, Any]]:
+    """Return the name and the options of the backend of a kind."""
+    found: dict[Kind, tuple[str, dict[str, Any]]] = {
+        "cell solver": (config.fem.backend, config.fem.options),
+        "macro solver": (config.macro_backend, config.macro.options),
+        "sampler": (config.sampling.sampler, config.sampling.sampler_options()),
+        "surrogate": (config.surrogate.backend, config.surrogate.options),
     }
-    return names[kind]
+    return found[kind]
 
 
 def check(kind: Kind, config: RunConfig) -> None:

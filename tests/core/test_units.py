@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from nested_settings import config_from
 
 from porocore.core.units.quantities import UnitError, has_unit, in_si, pretty
 from porocore.core.units.results import OutputUnits, ResultUnits
@@ -13,7 +14,7 @@ from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
 from porocore.macro.series import all_series, write_series
 from porocore.study.config.config import differences
-from porocore.study.config.loading import config_from, load_config
+from porocore.study.config.loading import load_config
 
 SCALES = {"modulus": "2.5 kPa", "length": "12.5 mm", "pore": "5 um", "viscosity": "1.6 Pa*s"}
 #: With which most values in SI units are no decimal numbers.

@@ -2,12 +2,12 @@
 
 import pytest
 import yaml
+from nested_settings import config_from
 
 from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.models.walk import walk
 from porocore.study.benchmark import benchmark_path
 from porocore.study.config.config import RunConfig
-from porocore.study.config.loading import config_from
 
 
 @pytest.fixture

@@ -11,13 +11,13 @@ import yaml
 from configuration_tables.models import all_keys, keys_by_kind, keys_of
 from configuration_tables.parameters import options_of
 from configuration_tables.words import default_words, type_words
+from nested_settings import config_from
 from pages import page, rows
 from pydantic import BaseModel, Field
 from pydantic.fields import FieldInfo
 
 from porocore.core.units.dimensions import Dimension, Unit
 from porocore.plugins.registry import registry
-from porocore.study.config.loading import config_from
 from porocore.study.config.schema import configuration_schema
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
 

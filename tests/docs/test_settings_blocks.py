@@ -12,12 +12,13 @@ import pytest
 import yaml
 from fragments import example, role, with_fragment
 from given import provide
+from nested_settings import config_from
 from pages import ROOT, all_blocks
 
 from porocore.plugins.registry import registry
 from porocore.study.backends import surrogate_model
 from porocore.study.config.config import RunConfig
-from porocore.study.config.loading import config_from, load_config
+from porocore.study.config.loading import load_config
 from porocore.study.examples import MODELINE
 from porocore.study.preflight.checks import outline
 from porocore.study.preflight.checks import place as place_body

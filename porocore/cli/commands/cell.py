@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from porocore.cli.common import interruptible, located, parse_inputs, read_config
+from porocore.cli.common import command_group, interruptible, located, parse_inputs, read_config
 from porocore.cli.options import ConfigArgument, FemOption, JsonOption
 from porocore.core.echo import cut, echo
 from porocore.core.files.plain_data import json_ready
@@ -34,12 +34,9 @@ class _StateByDefault(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-cell = typer.Typer(
+cell = command_group(
+    "Solve one state of the cell (state, the default), write its local fields, or show its pores.",
     cls=_StateByDefault,
-    help="Solve one state of the cell (state, the default), write its local fields, or show its pores.",
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
-    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 

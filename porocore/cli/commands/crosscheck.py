@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import interruptible, read_config
+from porocore.cli.common import failed, interruptible, read_config
+from porocore.cli.options import SeveralFemOption
 from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
 
@@ -26,10 +27,7 @@ def crosscheck(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the content of crosscheck.json instead of the table.")
     ] = False,
-    fem: Annotated[
-        list[str] | None,
-        typer.Option("--fem", metavar="NAME", help="Only this finite-element backend. Repeatable."),
-    ] = None,
+    fem: SeveralFemOption = None,
     surrogate: Annotated[
         list[str] | None,
         typer.Option("--surrogate", metavar="NAME", help="Only this surrogate. Repeatable."),
@@ -62,13 +60,8 @@ def crosscheck(
         _print(result)
         typer.echo(page)
     if not result.passed:
-        failed = len(result.failed)
-        typer.secho("failed: ", fg=typer.colors.RED, bold=True, err=True, nl=False)
-        typer.echo(
-            f"{failed} of {len(result.comparisons)} comparisons; the worst: {result.worst.describe()}",
-            err=True,
-        )
-        raise typer.Exit(1)
+        count = f"{len(result.failed)} of {len(result.comparisons)} comparisons"
+        failed(f"{count}; the worst: {result.worst.describe()}")
 
 
 def _print(result: CrossCheck) -> None:

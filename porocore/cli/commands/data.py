@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import interruptible
+from porocore.cli.common import command_group, interruptible
 from porocore.cli.options import JsonOption
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 
@@ -20,12 +20,8 @@ FileArgument = Annotated[
     Path, typer.Argument(metavar="FILE", help="Data set, or run folder.", show_default=False)
 ]
 
-data = typer.Typer(
-    help="Summarise (info), check, merge, export or plot files of solved states.",
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-    rich_markup_mode="markdown",
-    context_settings={"help_option_names": ["-h", "--help"]},
+data = command_group(
+    "Summarise (info), check, merge, export or plot files of solved states.", no_args_is_help=True
 )
 
 

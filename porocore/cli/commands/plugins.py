@@ -132,10 +132,7 @@ def _show(laws: list[LawResult]) -> None:
             if (law.kind, law.suite) == (kind, suite):
                 table.add_row(Text(law.text), Text(law.result, style=COLOURS[law.result]), Text(law.reason))
         console.print(table)
-    counts = {
-        result: sum(law.result == result for law in laws)
-        for result in ("passed", "failed", "expected failure", "skipped")
-    }
+    counts = {result: sum(law.result == result for law in laws) for result in COLOURS}
     words = [f"{count} {result}" for result, count in counts.items() if count]
     console.print(f"{len(laws)} {'law' if len(laws) == 1 else 'laws'}: {', '.join(words)}")
 

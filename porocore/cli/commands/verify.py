@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import interruptible
+from porocore.cli.common import failed, interruptible
+from porocore.cli.options import SeveralFemOption
 from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
 
@@ -21,10 +22,7 @@ WIDTH = 150
 
 
 def verify(
-    fem: Annotated[
-        list[str] | None,
-        typer.Option("--fem", metavar="NAME", help="Only this finite-element backend. Repeatable."),
-    ] = None,
+    fem: SeveralFemOption = None,
     case: Annotated[
         list[str] | None, typer.Option("--case", metavar="NAME", help="Only this case. Repeatable.")
     ] = None,
@@ -68,11 +66,8 @@ def verify(
         typer.echo(document.text(rows, long=long))
     else:
         _print(rows)
-    failed = [row for row in rows if not row.passed]
-    if failed:
-        typer.secho("failed: ", fg=typer.colors.RED, bold=True, err=True, nl=False)
-        typer.echo(f"{len(failed)} of {len(rows)} checks; the first: {failed[0].describe()}", err=True)
-        raise typer.Exit(1)
+    if wrong := [row for row in rows if not row.passed]:
+        failed(f"{len(wrong)} of {len(rows)} checks; the first: {wrong[0].describe()}")
 
 
 def _print(rows: Sequence[CaseResult]) -> None:
@@ -85,9 +80,7 @@ def _print(rows: Sequence[CaseResult]) -> None:
     table = plain_table(headings, range(4, 10))
     for row in rows:
         verdict = "[green]pass[/green]" if row.passed else "[red]FAIL[/red]"
-        cells: tuple[Any, ...] = (Text(row.reason), *["–"] * 5)
-        if row.check is not None:
-            cells = _cells(row.check)
+        cells = (Text(row.reason), *["–"] * 5) if row.check is None else _cells(row.check)
         table.add_row(row.case, row.item, row.backend, *cells, verdict)
     shown.print(table)
     for name in dict.fromkeys(row.case for row in rows if row.case):

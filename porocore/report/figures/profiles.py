@@ -27,68 +27,56 @@ from porocore.states import Array
 
 @dataclass(frozen=True)
 class ProfileField:
-    """Field of a :class:`~porocore.interfaces.solution.Profile`: label, nodal or by element, and its values."""
+    """Field of a :class:`~porocore.interfaces.solution.Profile`: label, its values, and by node or by element."""
 
     label: str
     plain: str
-    nodal: bool
     take: Callable[[Profile], Array]
+    nodal: bool = False
 
 
 PROFILE_FIELDS: dict[str, ProfileField] = {
-    "p": ProfileField(r"pore pressure $p\,/E$ [–]", "pore pressure", True, lambda f: f.p),
-    "settlement": ProfileField(r"settlement $-u_2$ [–]", "settlement", True, lambda f: -f.u[:, 1]),
+    "p": ProfileField(r"pore pressure $p\,/E$ [–]", "pore pressure", lambda f: f.p, nodal=True),
+    "settlement": ProfileField(r"settlement $-u_2$ [–]", "settlement", lambda f: -f.u[:, 1], nodal=True),
     "H22": ProfileField(
         r"$\partial u_2 / \partial X_2$ [–]",
         "macroscopic displacement gradient ∂u₂/∂X₂",
-        False,
         lambda f: f.grad_u[:, 1, 1],
     ),
     "mean_grad_22": ProfileField(
         r"$\langle\nabla_Y u^1\rangle_{22}$ [–]",
         "mean microscopic displacement gradient, component 22",
-        False,
         lambda f: f.mean_grad[:, 1, 1],
     ),
     "mean_grad_11": ProfileField(
         r"$\langle\nabla_Y u^1\rangle_{11}$ [–]",
         "mean microscopic displacement gradient, component 11",
-        False,
         lambda f: f.mean_grad[:, 0, 0],
     ),
     "K22": ProfileField(
         r"conductivity $(K_t)_{22}$ [–]",
         "transformed conductivity along the column",
-        False,
         lambda f: f.conductivity[:, 1, 1],
     ),
     "K11": ProfileField(
         r"conductivity $(K_t)_{11}$ [–]",
         "transformed conductivity across the column",
-        False,
         lambda f: f.conductivity[:, 0, 0],
     ),
     "F22": ProfileField(
         r"deformation $\bar F_{22}$ [–]",
         "mean deformation gradient, component 22",
-        False,
         lambda f: f.deformation[:, 1, 1],
     ),
     "F11": ProfileField(
         r"deformation $\bar F_{11}$ [–]",
         "mean deformation gradient, component 11",
-        False,
         lambda f: f.deformation[:, 0, 0],
     ),
     "P22": ProfileField(
-        r"total stress $P_{E,22}\,/E$ [–]",
-        "total stress along the column",
-        False,
-        lambda f: f.stress[:, 1, 1],
+        r"total stress $P_{E,22}\,/E$ [–]", "total stress along the column", lambda f: f.stress[:, 1, 1]
     ),
-    "flux": ProfileField(
-        r"fluid flux $(\bar G w)_2$ [–]", "fluid flux upwards", False, lambda f: f.flux[:, 1]
-    ),
+    "flux": ProfileField(r"fluid flux $(\bar G w)_2$ [–]", "fluid flux upwards", lambda f: f.flux[:, 1]),
 }
 
 

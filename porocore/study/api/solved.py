@@ -139,31 +139,31 @@ class Solved:
             if name != "time"
         }
         coordinates: dict[str, Any] = {"time": self._variable(("time",), history.time, "time", "time")}
-        if s.probes:
-            coordinates |= {"probe": list(s.probes), "component": list(COMPONENTS)}
-            values = np.stack(list(s.probes.values()), axis=1)
-            found["probe_displacement"] = self._variable(
-                ("time", "probe", "component"), values[..., :3], "displacement", "displacement of the probe"
-            )
-            found["probe_pressure"] = self._variable(
-                ("time", "probe"), values[..., 3], "pressure", "pore pressure at the probe"
-            )
-        if s.reactions:
-            coordinates |= {"surface": list(s.reactions), "component": list(COMPONENTS)}
-            found["reaction"] = self._variable(
+        places = {name: values[:, :3] for name, values in s.probes.items()}
+        pressures = {name: values[:, 3] for name, values in s.probes.items()}
+        for name, dims, members, quantity, words in (
+            (
+                "probe_displacement",
+                ("time", "probe", "component"),
+                places,
+                "displacement",
+                "displacement of the probe",
+            ),
+            ("probe_pressure", ("time", "probe"), pressures, "pressure", "pore pressure at the probe"),
+            (
+                "reaction",
                 ("time", "surface", "component"),
-                np.stack(list(s.reactions.values()), axis=1),
+                s.reactions,
                 "force",
                 "force on the body at the surface",
-            )
-        if s.inflow:
-            coordinates["drain"] = list(s.inflow)
-            found["inflow"] = self._variable(
-                ("time", "drain"),
-                np.stack(list(s.inflow.values()), axis=1),
-                "flow",
-                "fluid that enters through the surface",
-            )
+            ),
+            ("inflow", ("time", "drain"), s.inflow, "flow", "fluid that enters through the surface"),
+        ):
+            if members:
+                coordinates |= {dims[1]: list(members)}
+                coordinates |= {"component": list(COMPONENTS)} if "component" in dims else {}
+                values = np.stack(list(members.values()), axis=1)
+                found[name] = self._variable(dims, values, quantity, words)
         return xarray.Dataset(
             found, coordinates, {"law": s.law, "load": s.load, "backend": s.backend, "source": "porocore"}
         )

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, Tag
 from pydantic_core import ErrorDetails
 
 from porocore.core.echo import cut, did_you_mean, echo
@@ -104,7 +104,7 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
     if kind == "value_error":
         return f"{key}: {error['ctx']['error']}"
     if kind == "union_tag_invalid":
-        tags = _tags(_hint(root, at[:-1])[0])
+        tags = list(_by_kind(_hint(root, at[:-1])[0]))
         text = unexpected(at, f"one of {', '.join(tags)}", document.value(at))
         return _with_question(text, error["ctx"]["tag"], tags)
     expected = " or ".join(dict.fromkeys(_expected(e, place, root) for e in group))
@@ -189,25 +189,10 @@ def _with_tags(at: Location, error: ErrorDetails) -> Location:
     return at
 
 
-def _tags(annotation: Any) -> list[str]:
-    """Return the kinds of a section of several kinds."""
-    found = (
-        getattr(extra, "tag", None)
-        for branch in _branches(annotation, keep_annotated=True)
-        if get_origin(branch) is Annotated
-        for extra in get_args(branch)[1:]
-    )
-    return [tag for tag in found if tag is not None]
-
-
-def _of_kind(annotation: Any, tag: str) -> Any:
-    """Return the branch of a kind, None without one."""
-    for branch in _branches(annotation, keep_annotated=True):
-        if get_origin(branch) is Annotated and any(
-            getattr(extra, "tag", None) == tag for extra in get_args(branch)[1:]
-        ):
-            return get_args(branch)[0]
-    return None
+def _by_kind(annotation: Any) -> dict[str, Any]:
+    """Return the branches of a section of several kinds by kind."""
+    branches = map(bare, _branches(annotation, keep_annotated=True))
+    return {extra.tag: branch for branch, more in branches for extra in more if isinstance(extra, Tag)}
 
 
 def _hint(root: type[BaseModel], at: Location) -> tuple[Any, list[Any]]:
@@ -215,9 +200,9 @@ def _hint(root: type[BaseModel], at: Location) -> tuple[Any, list[Any]]:
     annotation: Any = root
     metadata: list[Any] = []
     for part in at:
-        chosen = _of_kind(annotation, part)
-        if chosen is not None:
-            annotation, metadata = chosen, []
+        kinds = _by_kind(annotation)
+        if part in kinds:
+            annotation, metadata = kinds[part], []
             continue
         for branch in _branches(annotation):
             origin, arguments = get_origin(branch), get_args(branch)
@@ -235,9 +220,8 @@ def _hint(root: type[BaseModel], at: Location) -> tuple[Any, list[Any]]:
         else:
             return None, []
         for branch in _branches(annotation, keep_annotated=True):
-            if get_origin(branch) is Annotated:
-                for extra in get_args(branch)[1:]:
-                    metadata += getattr(extra, "metadata", [extra])
+            for extra in bare(branch)[1]:
+                metadata += getattr(extra, "metadata", [extra])
     return annotation, metadata
 
 
@@ -263,12 +247,10 @@ def _options(annotation: Any, keys: bool = False) -> list[str]:
 
 
 def _other_keys(at: Location, root: type[BaseModel]) -> str:
-    annotation = _hint(root, at[:-1])[0]
-    names: list[str] = []
-    for branch in _branches(annotation):
-        if is_section(branch):
-            names += branch.model_fields
-    return _nearest(at[-1], names)
+    branches = _branches(_hint(root, at[:-1])[0])
+    return _nearest(
+        at[-1], [name for branch in branches if is_section(branch) for name in branch.model_fields]
+    )
 
 
 def _nearest(name: str, names: list[str]) -> str:

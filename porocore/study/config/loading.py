@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,31 +41,19 @@ def load_config(path: Path | str) -> RunConfig:
     return validated(YamlDocument.read(Path(path)))
 
 
-def config_from(settings: Mapping[str, Any], folder: Path | str = ".") -> RunConfig:
-    """Validate settings that are nested as in a file; relative paths in them start at ``folder``.
+def cell_from(settings: Mapping[str, Any], folder: Path | str = ".") -> Cell:
+    """Validate the settings of a cell alone, nested as in a file; relative paths in them start at ``folder``.
 
     Raises
     ------
     ConfigurationError
         See :func:`load_config`; faults have dotted keys and no lines.
     """
-    return validated(YamlDocument.of(settings, Path(folder)))
-
-
-def cell_from(settings: Mapping[str, Any], folder: Path | str = ".") -> Cell:
-    """Validate the settings of a cell alone; see :func:`config_from`.
-
-    Raises
-    ------
-    ConfigurationError
-        See there.
-    """
     document = YamlDocument.of({"cell": settings}, Path(folder))
     try:
         return _OnlyCell.model_validate(document.data, context={"folder": document.folder}).cell
     except ValidationError as error:
-        found = faults(document, error.errors(), _OnlyCell)
-        raise ConfigurationError("\n".join(f"{document.at_line(0)}: {text}" for _, text in found)) from error
+        raise _refusal(document, faults(document, error.errors(), _OnlyCell)) from error
 
 
 def validated(document: YamlDocument) -> RunConfig:
@@ -79,18 +67,10 @@ def validated(document: YamlDocument) -> RunConfig:
     except ValidationError as error:
         found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
     else:
-        found += [
-            (
-                at,
-                unexpected(
-                    at,
-                    f"a number up to {LARGEST_NUMBER:g}" if math.isfinite(value) else "a finite number",
-                    value,
-                ),
-            )
-            for at, value in _leaves(config.model_dump())
-            if isinstance(value, float) and not abs(value) <= LARGEST_NUMBER
-        ]
+        for at, value in _leaves(config.model_dump()):
+            if isinstance(value, float) and not abs(value) <= LARGEST_NUMBER:
+                kind = f"a number up to {LARGEST_NUMBER:g}" if math.isfinite(value) else "a finite number"
+                found.append((at, unexpected(at, kind, value)))
         found += _unknown_surfaces(config.macro)
     # No setting of porocore is true or false, but pydantic would take 'yes' for 1.
     found += [
@@ -99,10 +79,15 @@ def validated(document: YamlDocument) -> RunConfig:
         if isinstance(value, bool) and "options" not in at and at not in dict(found)
     ]
     if found or config is None:
-        told = dict.fromkeys((document.line(at), text) for at, text in found)
-        lines = sorted(told, key=lambda fault: fault[0])
-        raise ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
+        raise _refusal(document, found)
     return config
+
+
+def _refusal(document: YamlDocument, found: Iterable[tuple[Location, str]]) -> ConfigurationError:
+    """Return one error of all faults, in the order of their lines, each once."""
+    told = dict.fromkeys((document.line(at), text) for at, text in found)
+    lines = sorted(told, key=lambda fault: fault[0])
+    return ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
 
 
 def _scales(document: YamlDocument) -> Scales | None:
@@ -116,8 +101,7 @@ def _scales(document: YamlDocument) -> Scales | None:
             return _OnlyScales.model_validate(data).scales
         except ValidationError as error:
             found += faults(document, error.errors(), RunConfig)
-    lines = sorted((document.line(at), text) for at, text in found)
-    raise ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
+    raise _refusal(document, found)
 
 
 def _unknown_surfaces(macro: MacroSetup) -> Iterator[tuple[Location, str]]:

@@ -108,12 +108,8 @@ class SamplingSettings(StrictModel):
 
     def pool_options(self) -> dict[str, Any]:
         """Return the keyword arguments of :class:`porocore.sampling.execution.CellPool`."""
-        return {
-            "workers": self.worker_count(),
-            "executor": self.executor,
-            "scheduler": self.scheduler,
-            "state_seconds": self.state_seconds,
-        }
+        others = self.model_dump(include={"executor", "scheduler", "state_seconds"})
+        return {"workers": self.worker_count(), **others}
 
 
 class SurrogateSettings(StrictModel):

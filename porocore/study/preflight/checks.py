@@ -14,6 +14,7 @@ from porocore.core.inputs.possible_states import least_volume
 from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError, PluginError
+from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.surrogate import MORE_STATES, least_states
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import boundary_data
@@ -175,27 +176,28 @@ def outline(config: RunConfig) -> Iterator[str]:
 
 def _require_that_the_fluid_follows(config: RunConfig) -> None:
     """Refuse meshes of the core on which the conductivity of the deformed pore cannot be computed."""
-    try:
-        solver = registry.get("cell solver", config.fem.backend)
-    except PluginError:  # a stage that needs it says so
-        return
-    if config.conductivity == "deformed" and solver.meshes == "core":
+    solver = _cell_solver(config)
+    if solver is not None and config.conductivity == "deformed" and solver.meshes == "core":
         require_one_cell(config.cell)
         require_one_wall(config.cell)
 
 
 def _without_contact(config: RunConfig) -> Iterator[str]:
     """Yield a note if the cell solver cannot do what ``cell.contact`` asks for."""
-    name = config.fem.backend
-    try:
-        solver = registry.get("cell solver", name)
-    except PluginError:  # a stage that needs it says so
-        return
-    if config.cell.contact.kind != "none" and not solver.contact:
+    solver = _cell_solver(config)
+    if solver is not None and config.cell.contact.kind != "none" and not solver.contact:
         yield (
-            f"note: the cell solver '{name}' does not know contact of the pore wall with itself; a state whose wall "
-            "passes through itself has no values"
+            f"note: the cell solver '{config.fem.backend}' does not know contact of the pore wall with itself; a state "
+            "whose wall passes through itself has no values"
         )
+
+
+def _cell_solver(config: RunConfig) -> type[CellSolver] | None:
+    """Return the cell solver if it is installed; a stage that needs it reports why it is not."""
+    try:
+        return registry.get("cell solver", config.fem.backend)
+    except PluginError:
+        return None
 
 
 def _body(config: RunConfig) -> Iterator[str]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -109,43 +110,40 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
 
 def direct_costs(results: RunResults) -> tuple[DirectCost, ...]:
     """Return the cost of every solution by direct FE² whose cost was recorded."""
-    records, timings, found = direct_records(results.folder.direct_work), results.timings, []
-    for load, solutions in results.solutions.items():
-        for closure in CLOSURES:
-            law = direct_law(closure)
-            work = records.get(results.folder.solution(law, load).stem)
-            seconds = timings.get(f"macro, {law}, load {load:g}")
-            if work is None or seconds is None or law not in solutions:
-                continue
+    timings, found = results.timings, []
+    for closure, law, load, work in _recorded(results, results.folder.direct_work, direct_law):
+        seconds = timings.get(f"macro, {law}, load {load:g}")
+        if seconds is not None:
             failed = sum(work.get(status.name, 0) for status in Status if not status.has_values)
-            found.append(
-                DirectCost(
-                    law,
-                    load,
-                    int(work["points"]),
-                    int(work["solves"]),
-                    int(failed),
-                    work["seconds"],
-                    seconds,
-                    timings.get(f"macro, {closure}, load {load:g}"),
-                )
-            )
+            counts = (int(work["points"]), int(work["solves"]), int(failed))
+            of_surrogate = timings.get(f"macro, {closure}, load {load:g}")
+            found.append(DirectCost(law, load, *counts, work["seconds"], seconds, of_surrogate))
     return tuple(found)
 
 
 def fallbacks_done(results: RunResults) -> tuple[AdaptiveSurrogateCost, ...]:
     """Return the work of the fallback in every solution that has one."""
-    records, found = direct_records(results.folder.fallback_work), []
+    found = []
+    for _, law, load, work in _recorded(results, results.folder.fallback_work, fallback_law):
+        solves, failed, learned, refits = (
+            int(work[name]) for name in ("solves", "failed", "learned", "refits")
+        )
+        seconds = work["solve_seconds"], work["fit_seconds"]
+        found.append(AdaptiveSurrogateCost(law, load, solves, failed, learned, refits, *seconds))
+    return tuple(found)
+
+
+def _recorded(
+    results: RunResults, record: Path, law_with: Callable[[str], str]
+) -> Iterator[tuple[str, str, float, dict[str, float]]]:
+    """Yield closure, law, load and recorded work of every solution with a law that solves cells."""
+    records = direct_records(record)
     for load, solutions in results.solutions.items():
-        for law in map(fallback_law, CLOSURES):
+        for closure in CLOSURES:
+            law = law_with(closure)
             work = records.get(results.folder.solution(law, load).stem)
             if work is not None and law in solutions:
-                solves, failed, learned, refits = (
-                    int(work[name]) for name in ("solves", "failed", "learned", "refits")
-                )
-                seconds = work["solve_seconds"], work["fit_seconds"]
-                found.append(AdaptiveSurrogateCost(law, load, solves, failed, learned, refits, *seconds))
-    return tuple(found)
+                yield closure, law, load, work
 
 
 def _closure_error(config: RunConfig, reference: CellReference, dataset: Dataset) -> ClosureError | None:
@@ -184,22 +182,18 @@ def output_checks(dataset: Dataset, held_out: Dataset, surrogate: Surrogate) -> 
 
 def _outputs() -> Iterator[tuple[str, Any, str, str]]:
     """Yield field of the response, index of a component, and its name in mathematics and in plain text."""
-    for field, name, plain in (
-        ("mean_grad", r"\langle\nabla_Y u^1\rangle", "⟨∇u¹⟩"),
-        ("stress", "P_E", "P_E"),
-    ):
-        for i in range(3):
-            for j in range(3):
-                indices = f"{i + 1}{j + 1}"
-                mathematics = f"${name}_{{{indices}}}$" if field == "mean_grad" else f"$P_{{E,{indices}}}$"
-                comma = "," if field == "stress" else ""
-                digits = indices if field == "stress" else f"{_SUBSCRIPTS[i]}{_SUBSCRIPTS[j]}"
-                yield field, (slice(None), i, j), mathematics, f"{plain}{comma}{digits}"
+    for i, j in np.ndindex(3, 3):
+        name, plain = (
+            rf"$\langle\nabla_Y u^1\rangle_{{{i + 1}{j + 1}}}$",
+            f"⟨∇u¹⟩{_SUBSCRIPTS[i]}{_SUBSCRIPTS[j]}",
+        )
+        yield "mean_grad", (slice(None), i, j), name, plain
+    for i, j in np.ndindex(3, 3):
+        yield "stress", (slice(None), i, j), f"$P_{{E,{i + 1}{j + 1}}}$", f"P_E,{i + 1}{j + 1}"
     yield "fluid_volume", slice(None), r"$\varphi$", "fluid volume φ"
-    for i in range(3):
-        for j in range(i, 3):
-            plain = f"K{_SUBSCRIPTS[i]}{_SUBSCRIPTS[j]}"
-            yield "conductivity", (slice(None), i, j), f"$K_{{{i + 1}{j + 1}}}$", plain
+    for i, j in zip(*np.triu_indices(3), strict=True):
+        plain = f"K{_SUBSCRIPTS[i]}{_SUBSCRIPTS[j]}"
+        yield "conductivity", (slice(None), i, j), f"$K_{{{i + 1}{j + 1}}}$", plain
 
 
 def _cell_summary(results: RunResults) -> CellSummary:
