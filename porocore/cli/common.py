@@ -52,8 +52,8 @@ def read_config(
 ) -> tuple[Path, RunConfig]:
     """Return path and configuration, the packaged one for None, with the chosen backends and closure."""
     from porocore.study.backends import with_closure
-    from porocore.study.benchmark import benchmark_path
     from porocore.study.config.loading import load_config
+    from porocore.study.examples import benchmark_path
     from porocore.study.run_folder.folder import CONFIG, RECORD
 
     path = benchmark_path() if path is None else path

@@ -109,14 +109,6 @@ class SamplingSummary:
     status: IntArray
     training: npt.NDArray[np.bool_]
 
-    def __post_init__(self) -> None:
-        n = len(self.status)
-        if self.x.shape != (n, len(self.inputs)) or self.training.shape != (n,):
-            raise ValueError(
-                f"expected x ({n}, {len(self.inputs)}) and training ({n},), "
-                f"got {self.x.shape} and {self.training.shape}"
-            )
-
 
 @dataclass(frozen=True, eq=False)
 class TrainingCurve:
@@ -224,26 +216,18 @@ class ReportContext:
         Heading of the page.
     cell, sampling, surrogate, cases
         The results; at least one case.
-    stages
-        Times.
-    provenance
-        Versions, seeds, identities: name to text.
-    config_text
-        The resolved configuration.
+    stages, provenance, config_text
+        Times; versions, seeds and identities, name to text; the resolved configuration.
     published
         What to set beside the results; None where the run is no repetition of a publication.
     warnings
         Shown in a box at the top, before those that the results themselves give rise to.
     other_surrogates
         Those of the other closures.
-    direct
-        Cost of direct FE².
-    scenarios
-        For which the main results are given in SI units.
-    fallbacks
-        What solutions with a fallback needed.
-    units
-        Of the study's results.
+    direct, fallbacks
+        Costs of direct FE², and of solutions with a fallback.
+    scenarios, units
+        Scales for which the main results are given in SI units, and units of the study's results.
     loading_mode
         What moves the body.
     """
@@ -270,7 +254,3 @@ class ReportContext:
         """Units by the heading of their column: the study's own, if there are any, and those of the scenarios."""
         own = {"this study": self.units} if self.units.given else {}
         return own | {name: ResultUnits(scales) for name, scales in self.scenarios.items()}
-
-    def __post_init__(self) -> None:
-        if not self.cases:
-            raise ValueError("expected at least one case, got none")

@@ -75,9 +75,7 @@ def dimensional_rows(
         rows.append((name, "velocity", float(np.abs(fluid_velocity(profile)).max())))
     return [
         DimensionalRow(
-            name,
-            number(value),
-            tuple(_in_units(value, quantity, each) for each in units.values()),
+            name, number(value), tuple(_in_units(value, quantity, each) for each in units.values())
         )
         for name, quantity, value in rows
     ]

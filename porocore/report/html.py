@@ -55,6 +55,7 @@ def render(context: ReportContext) -> str:
     template = environment().get_template("template.html.j2")
     metrics = [case_metrics(case) for case in context.cases]
     published, conductivity = context.published, context.cell.linear.conductivity
+    units, moved = context.result_units, context.loading_mode.displaced
     benchmark = next((m for m in metrics if published is not None and m["load"] == published.load), None)
     return template.render(
         context=context,
@@ -66,16 +67,11 @@ def render(context: ReportContext) -> str:
         ],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
         dimensional=[
-            dimensional_rows(
-                m, case.nonlinear, float(conductivity[1, 1]), context.result_units, context.loading_mode
-            )
+            dimensional_rows(m, case.nonlinear, float(conductivity[1, 1]), units, context.loading_mode)
             for m, case in zip(metrics, context.cases, strict=True)
-        ]
-        if context.result_units
-        else [],
-        forces=[_forces(case, moved) for case in context.cases]
-        if (moved := context.loading_mode.displaced)
-        else [],
+            if units
+        ],
+        forces=[_forces(case, moved) for case in context.cases if moved],
         conductivity=[conductivity_sentence(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
         linear_rows=linear_rows(context.cell),
@@ -184,25 +180,21 @@ def _case_pictures(case: LoadCase, units: ResultUnits) -> dict[str, list[Picture
         for panel in panels(case.nonlinear)
         if case.nonlinear.probes or not column
     ]
+    found: dict[str, list[Picture]] = {"histories": histories, "series": series, "bodies": [], "profiles": []}
     if not column:
-        bodies = [
+        found["bodies"] = [
             png_picture(
                 figures.body_figure(case.nonlinear, profile_at(case.nonlinear, time), units),
                 f"The deformed body at t = {time:g}, coloured by its pore pressure, load {load}",
             )
             for time in chosen_times(case.nonlinear)
         ]
-        return {"histories": histories, "series": series, "bodies": bodies, "profiles": []}
-    profiles = [
-        svg_picture(
-            figures.profile_figure(case.nonlinear, case.linear, quantity),
-            f"{figures.PROFILE_FIELDS[quantity].plain} along the column at t = {times}, load {load}",
-        )
-        for quantity in PROFILES
-    ]
-    return {
-        "histories": histories,
-        "series": series,
-        "bodies": [],
-        "profiles": profiles if case.nonlinear.profiles else [],
-    }
+    elif case.nonlinear.profiles:
+        found["profiles"] = [
+            svg_picture(
+                figures.profile_figure(case.nonlinear, case.linear, quantity),
+                f"{figures.PROFILE_FIELDS[quantity].plain} along the column at t = {times}, load {load}",
+            )
+            for quantity in PROFILES
+        ]
+    return found

@@ -42,18 +42,6 @@ class OutputCheck:
     span: float
     outside_training_range: npt.NDArray[np.bool_]
 
-    def __post_init__(self) -> None:
-        if (
-            not self.solved.shape == self.predicted.shape == self.outside_training_range.shape
-            or self.solved.ndim != 1
-        ):
-            raise ValueError(
-                f"expected solved, predicted and outside of one length, got "
-                f"{self.solved.shape}, {self.predicted.shape} and {self.outside_training_range.shape}"
-            )
-        if not self.span > 0:
-            raise ValueError(f"expected a positive span of '{self.plain}', got {self.span:g}")
-
     @property
     def all_outside(self) -> bool:
         """True if there are held-out states and all lie beyond the sampled range."""
@@ -171,7 +159,7 @@ def _first_time(history: History, share: float) -> float | None:
 
 
 def case_metrics(case: LoadCase) -> dict[str, Any]:
-    """Return the figures of one load and the ratios nonlinear over linear, ready for JSON."""
+    """Return the figures of one load and the ratios nonlinear over linear, ready for ``macro`` in ``metrics.json``."""
     nonlinear, linear = solution_metrics(case.nonlinear), solution_metrics(case.linear)
 
     def ratio(key: str) -> float | None:
@@ -188,11 +176,6 @@ def case_metrics(case: LoadCase) -> dict[str, Any]:
         "time_to_99_percent_ratio": ratio("time_to_99_percent"),
         "drained_ratio": ratio("drained"),
     }
-
-
-def report_metrics(cases: tuple[LoadCase, ...]) -> dict[str, Any]:
-    """``{"cases": [...]}``, one entry for each load; the list is ``macro`` in ``metrics.json``."""
-    return {"cases": [case_metrics(case) for case in cases]}
 
 
 def flagged_shares(metrics: dict[str, Any]) -> str:

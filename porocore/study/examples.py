@@ -1,4 +1,4 @@
-"""The configurations that come with porocore, to start from."""
+"""The configurations that come with porocore: the benchmark, and others to start from."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import yaml
 
 from porocore.core.echo import echo, suggestion
 from porocore.errors import ConfigurationError
-from porocore.study.benchmark import benchmark_path
 
+#: File of the benchmark of Dehghani & Zilian.
+BENCHMARK = "dehghani2022.yaml"
 SCHEMA_FILE = "porocore.schema.json"
 MODELINE = f"# yaml-language-server: $schema=./{SCHEMA_FILE}"
 _HEAD = f"""{MODELINE}
@@ -42,6 +43,28 @@ class Example:
         """Return the text with which a new configuration ``to`` begins."""
         text = self.path.read_text(encoding="utf-8")
         return _HEAD + text.replace(f"examples/{self.path.name}", str(to))
+
+
+def packaged(name: str) -> Path:
+    """Return the path of a configuration in the installed package, or in the repository."""
+    package = Path(__file__).parents[1]
+    installed = package / "data" / name
+    return installed if installed.is_file() else package.parent / "examples" / name
+
+
+def benchmark_path() -> Path:
+    """Return the path of the benchmark of Dehghani & Zilian."""
+    return packaged(BENCHMARK)
+
+
+def as_stated_path() -> Path:
+    """Return the path of the benchmark with the channel radius of the paper's text."""
+    return packaged("dehghani2022-as-stated.yaml")
+
+
+def crosscheck_path() -> Path:
+    """Return the path of the small case on which backends are compared."""
+    return packaged("crosscheck.yaml")
 
 
 def examples() -> dict[str, Example]:

@@ -12,7 +12,7 @@ from porocore.cell.cell import Cell
 from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cli import main
-from porocore.study.benchmark import benchmark_path
+from porocore.study.examples import benchmark_path
 
 COARSE = MeshSettings(size=0.25, fluid_size=0.25, element="linear")
 

@@ -8,21 +8,21 @@ from pathlib import Path
 import pytest
 
 from porocore.errors import DataError
-from porocore.study.stages.stage_times import stage_runs, stage_times, timed
+from porocore.study.stages.stage_times import stage_times, timed
 
 
 def test_a_resumed_stage_says_that_its_time_is_of_several_runs(tmp_path: Path) -> None:
     path = tmp_path / "timings.json"
-    assert stage_times(path) == stage_runs(path) == {}
+    assert stage_times(path) == {}
     with pytest.raises(KeyboardInterrupt), timed(path, "sampling"):
         raise KeyboardInterrupt
-    first = stage_times(path)["sampling"]
+    first = stage_times(path)["sampling"].seconds
     with timed(path, "sampling"):
         pass
     with timed(path, "training"):
         pass
-    assert stage_times(path)["sampling"] > first > 0
-    assert stage_runs(path) == {"sampling": 2, "training": 1}
+    assert stage_times(path)["sampling"].seconds > first > 0
+    assert {stage: each.runs for stage, each in stage_times(path).items()} == {"sampling": 2, "training": 1}
 
 
 def test_a_record_of_seconds_alone_is_of_one_run(tmp_path: Path) -> None:
@@ -30,8 +30,8 @@ def test_a_record_of_seconds_alone_is_of_one_run(tmp_path: Path) -> None:
     path.write_text(json.dumps({"sampling": 2.5}))
     with timed(path, "sampling"):
         pass
-    assert stage_times(path)["sampling"] > 2.5
-    assert stage_runs(path) == {"sampling": 2}
+    assert stage_times(path)["sampling"].seconds > 2.5
+    assert {stage: each.runs for stage, each in stage_times(path).items()} == {"sampling": 2}
 
 
 @pytest.mark.parametrize(
@@ -40,4 +40,4 @@ def test_a_record_of_seconds_alone_is_of_one_run(tmp_path: Path) -> None:
 def test_a_damaged_record_is_one_message(tmp_path: Path, content: str) -> None:
     (tmp_path / "timings.json").write_text(content)
     with pytest.raises(DataError, match="not a record of the stages' times"):
-        stage_runs(tmp_path / "timings.json")
+        stage_times(tmp_path / "timings.json")

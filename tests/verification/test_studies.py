@@ -8,7 +8,7 @@ from porocore.cell.stability.line import LineSettings
 from porocore.cell.stability.map import MapPlan
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.states import Status
-from porocore.study.benchmark import crosscheck_path
+from porocore.study.examples import crosscheck_path
 from porocore.verification.sensitivity.plan import StudyPlan, Sweep
 
 

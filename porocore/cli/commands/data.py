@@ -211,6 +211,9 @@ def _facts(dataset: Dataset) -> dict[str, Any]:
     status = dataset.responses().status if n else np.zeros(0, dtype=int)
     seconds = dataset.seconds()
     conductivity = dataset.responses().conductivity if n else None
+    known = {}
+    if conductivity is not None:
+        known["with_conductivity"] = int(np.isfinite(conductivity).all(axis=(1, 2)).sum())
     inputs = {
         name: {
             "range": [dataset.inputs.lower[i], dataset.inputs.upper[i]],
@@ -226,11 +229,7 @@ def _facts(dataset: Dataset) -> dict[str, Any]:
         "statuses": {s.name: int((status == s).sum()) for s in Status if (status == s).any()},
         "inputs": inputs,
         "responses": sorted(flatten_response(dataset.responses())) if n else [],
-        **(
-            {}
-            if conductivity is None
-            else {"with_conductivity": int(np.isfinite(conductivity).all(axis=(1, 2)).sum())}
-        ),
+        **known,
         "fields": sum(kept is not None for kept in read_fields(dataset.rows())),
         "seconds": {"sum": float(seconds.sum()), "median": float(np.median(seconds)) if n else None},
         "identity": dataset.identity,

@@ -35,13 +35,6 @@ class MacroExplorer:
 
     The polynomial stands in for the configured surrogate: it is fitted in milliseconds, provides what every closure
     needs, and is the same on every machine. Closure, loads, boundary conditions and backend are the configured ones.
-
-    Parameters
-    ----------
-    config
-        Configuration of the study.
-    reference
-        Undeformed cell of the study.
     """
 
     def __init__(self, config: RunConfig, reference: CellReference) -> None:
@@ -82,13 +75,7 @@ class MacroExplorer:
 
 
 class VisitedStates(MacroLaw):
-    """A law that records the states at the quadrature points whenever a time step is accepted.
-
-    Parameters
-    ----------
-    law
-        Law that computes the responses.
-    """
+    """Wrapper of a law that records the states at the quadrature points whenever a time step is accepted."""
 
     def __init__(self, law: MacroLaw) -> None:
         self.law = law

@@ -12,7 +12,7 @@ from porocore.report.context import ReportContext, SurrogateSummary
 from porocore.report.dimensional import dimensional_metrics
 from porocore.report.law_differences import law_differences
 from porocore.report.loading_mode import reactions
-from porocore.report.metrics import report_metrics, rms_percent, worst_percent
+from porocore.report.metrics import case_metrics, rms_percent, worst_percent
 from porocore.report.statuses import solved_shares, visited_shares
 from porocore.states import Status
 from porocore.study.stages.results import RunResults
@@ -20,10 +20,8 @@ from porocore.study.stages.results import RunResults
 
 def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, Any]:
     """Return what ``metrics.json`` holds, apart from the times of the stages."""
-    closure, limit = (
-        context.surrogate.closure_error,
-        diffusion_time(results.config.macro, results.coefficients),
-    )
+    closure = context.surrogate.closure_error
+    limit = diffusion_time(results.config.macro, results.coefficients)
     found: dict[str, Any] = {
         "cell": _cell(results),
         "sampling": _sampling(results, context),
@@ -31,12 +29,12 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
         "closure": None if closure is None else closure.for_json(),
         "macro": [
             {
-                **values,
+                **case_metrics(case),
                 "mesh_diffusion_time": limit,
                 "gaps": law_differences(case),
                 "cell_states": visited_shares(case.nonlinear, context.sampling),
             }
-            for values, case in zip(report_metrics(context.cases)["cases"], context.cases, strict=True)
+            for case in context.cases
         ],
     }
     if context.loading_mode.displaced:

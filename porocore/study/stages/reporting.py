@@ -13,7 +13,7 @@ from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages.stage_files import finished, held_out_states
-from porocore.study.stages.stage_times import stage_runs, stage_times, timed
+from porocore.study.stages.stage_times import stage_times, timed
 
 
 def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
@@ -45,7 +45,8 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
         write_report(folder.report, context)
     for warning in all_warnings(context):
         console.warn(warning)
-    metrics["stages"] = stage_times(folder.timings)
-    metrics["stage_runs"] = stage_runs(folder.timings)
+    times = stage_times(folder.timings)
+    metrics["stages"] = {stage: each.seconds for stage, each in times.items()}
+    metrics["stage_runs"] = {stage: each.runs for stage, each in times.items()}
     write_json(folder.metrics, metrics, indent=2, allow_nan=False)
     return folder.report

@@ -20,7 +20,7 @@ from porocore.study.stages.stage_files import (
     load_solution,
     load_surrogate,
 )
-from porocore.study.stages.stage_times import stage_runs, stage_times
+from porocore.study.stages.stage_times import StageTime, stage_times
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +39,8 @@ class RunResults:
         Surrogates by closure: that of ``config``, and those of the other closures that were solved with.
     solutions
         Macro solutions by load and law.
-    timings, runs
-        Seconds by stage, and the number of runs that they are the sum of.
+    timings
+        Times of the stages.
     """
 
     folder: RunFolder
@@ -51,8 +51,7 @@ class RunResults:
     held_out: Dataset
     surrogates: dict[str, Surrogate]
     solutions: dict[float, dict[str, MacroSolution]]
-    timings: dict[str, float]
-    runs: dict[str, int]
+    timings: dict[str, StageTime]
 
     @property
     def all_solutions(self) -> list[MacroSolution]:
@@ -87,5 +86,4 @@ class RunResults:
             surrogates,
             {load: {law: load_solution(folder, law, load) for law in each} for load, each in laws.items()},
             stage_times(folder.timings),
-            stage_runs(folder.timings),
         )

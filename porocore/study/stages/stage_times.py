@@ -6,11 +6,19 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from porocore.core.files.atomic import noted_afterwards
 from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError
+
+
+class StageTime(NamedTuple):
+    """Seconds of a stage, over all runs that worked on it: one, and one more for each time that it was resumed."""
+
+    seconds: float
+    runs: int
 
 
 @contextmanager
@@ -24,48 +32,33 @@ def timed(path: Path, stage: str) -> Iterator[None]:
     RunFolderError
         The disk is full or read-only.
     """
-    record = _record(path)
+    record = stage_times(path)
     began = time.perf_counter()
 
     def note() -> None:
         seconds, runs = record.get(stage, (0.0, 0))
-        record[stage] = seconds + time.perf_counter() - began, runs + 1
-        write_json(path, {name: {"seconds": s, "runs": n} for name, (s, n) in record.items()}, indent=2)
+        record[stage] = StageTime(seconds + time.perf_counter() - began, runs + 1)
+        write_json(path, {name: each._asdict() for name, each in record.items()}, indent=2)
 
     with noted_afterwards(note):
         yield
 
 
-def stage_times(path: Path) -> dict[str, float]:
-    """Return the seconds by stage, over all runs that worked on it; empty before the first.
+def stage_times(path: Path) -> dict[str, StageTime]:
+    """Return the times by stage; empty before the first.
 
     Raises
     ------
     DataError
         The record is damaged.
     """
-    return {stage: seconds for stage, (seconds, _) in _record(path).items()}
-
-
-def stage_runs(path: Path) -> dict[str, int]:
-    """Return the number of runs by stage: one, and one more for each time that it was resumed.
-
-    Raises
-    ------
-    DataError
-        The record is damaged.
-    """
-    return {stage: runs for stage, (_, runs) in _record(path).items()}
-
-
-def _record(path: Path) -> dict[str, tuple[float, int]]:
     if not path.exists():
         return {}
     try:
         record = read_json(path).items()
         # Folders of porocore 0.1 have the seconds alone.
         entries = {s: e if isinstance(e, dict) else {"seconds": e, "runs": 1} for s, e in record}
-        return {str(stage): (float(entry["seconds"]), int(entry["runs"])) for stage, entry in entries.items()}
+        return {str(s): StageTime(float(e["seconds"]), int(e["runs"])) for s, e in entries.items()}
     except (OSError, ValueError, TypeError, AttributeError, KeyError, OverflowError) as error:
         raise DataError(
             f"{path}: not a record of the stages' times ({error}); delete it, it is not needed"

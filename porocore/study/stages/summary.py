@@ -58,8 +58,8 @@ def report_context(results: RunResults) -> ReportContext:
         surrogate=main,
         cases=cases,
         stages=tuple(
-            Stage(name, seconds, f"in {runs} runs" if (runs := results.runs.get(name, 1)) > 1 else "")
-            for name, seconds in results.timings.items()
+            Stage(name, seconds, f"in {runs} runs" if runs > 1 else "")
+            for name, (seconds, runs) in results.timings.items()
         ),
         provenance={**versions(), **reference.mesh, "run identity": config.identity},
         config_text=config.resolved_yaml(),
@@ -101,7 +101,7 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
         description=f"{f'model {model}, ' if model else ''}{closure} closure",
         training_states=int(results.dataset.responses().stable.sum()),
         outputs=output_checks(results.dataset, results.held_out, surrogate),
-        curve=None if table is None else TrainingCurve(table[:, 0], table[:, 1], table[:, 2]),
+        curve=None if table is None else TrainingCurve(*table.T),
         closure_error=_closure_error(config, results.reference, results.dataset),
         closure=closure,
         exact_closure="stress" in CLOSURES[closure].responses,
@@ -110,7 +110,7 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
 
 def direct_costs(results: RunResults) -> tuple[DirectCost, ...]:
     """Return the cost of every solution by direct FE² whose cost was recorded."""
-    timings, found = results.timings, []
+    timings, found = {stage: each.seconds for stage, each in results.timings.items()}, []
     for closure, law, load, work in _recorded(results, results.folder.direct_work, direct_law):
         seconds = timings.get(f"macro, {law}, load {load:g}")
         if seconds is not None:

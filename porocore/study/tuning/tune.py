@@ -98,19 +98,8 @@ def train_all(
 ) -> list[Result]:
     """Train all candidates that the folder does not hold; return all results, smallest network first.
 
-    Parameters
-    ----------
-    config
-        Configuration of the run or with another surrogate; its options apply except ``hidden`` and ``activation``.
-    workers
-        Number of processes, one thread each.
-    on_result
-        Called with the number of results and the latest one, first for those that the folder holds.
-
-    Raises
-    ------
-    RunFolderError, DataError
-        Sampling is not finished or gave too few states, or the folder cannot be written.
+    See :func:`tune`; ``on_result`` is called with the number of results and the latest one, first for those that the
+    folder holds. The workers have one thread each.
     """
     # No candidate may leave out the states that it flags.
     data = replace(training_set(folder, config), tolerance=None)

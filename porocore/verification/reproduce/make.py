@@ -101,7 +101,7 @@ def write_pages(results: Results, figures: Sequence[PaperFigure], command: str) 
     _ = results.as_stated, results.calls
     with timed(results.timings, "claims"):
         found = {key: check_claims(claims, results) for key, claims in CLAIMS.items()}
-    timings = stage_times(results.timings)
+    timings = {stage: each.seconds for stage, each in stage_times(results.timings).items()}
     record, page = results.folder / RECORD, results.folder / "index.html"
     rows = {key: [asdict(row) for row in part] for key, part in found.items()}
     write_json(record, read_json(record) | {"claims": rows}, indent=1, ensure_ascii=False)
