@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -204,7 +205,7 @@ def _body(config: RunConfig) -> Iterator[str]:
     macro, mesh = config.macro, place(config)
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     units = config.result_units
-    length, time = units.factor("displacement"), units.factor("time")
+    length = units.factor("displacement")
     sizes = " × ".join(f"{(b - a) * length:.4g}" for a, b in zip(low, high, strict=True))
     name_of_length = f" {units.name('displacement')}" if units.given else ""
     yield (
@@ -218,11 +219,10 @@ def _body(config: RunConfig) -> Iterator[str]:
     for name, at in macro.probes.items():
         yield f"  probe {name} at {', '.join(f'{x * length:.4g}' for x in at)}{name_of_length}"
     loads = ", ".join(f"{load:g}" for load in macro.loads)
-    name_of_time = f" {units.name('time')}" if units.given else ""
     steps = "steps chosen by their error, at most" if macro.time.tolerance else "in steps of"
     yield (
-        f"solutions: loads {loads}, each with the cell's law and linearly, up to t = {macro.time.end * time:.4g}"
-        f"{name_of_time}, {steps} {macro.time.step * time:.4g}{name_of_time}"
+        f"solutions: loads {loads}, each with the cell's law and linearly, "
+        f"up to t = {_with_unit(macro.time.end, 'time', units)}, {steps} {_with_unit(macro.time.step, 'time', units)}"
     )
 
 
@@ -250,11 +250,7 @@ def _said(boundary: Boundary | None, units: ResultUnits) -> str:
 
 def _value(value: Value, quantity: str, units: ResultUnits) -> str:
     """Return a prescribed value, or its function of time, in the units of the configuration."""
-
-    def at(number: float, of: str) -> str:
-        unit = f" {units.name(of)}" if units.given and number else ""
-        return f"{number * units.factor(of):.4g}{unit}"
-
+    at = partial(_with_unit, units=units)
     if not isinstance(value, TimeFunction):
         return at(value, quantity)
     if value.ramp is not None and value.until is not None:
@@ -267,15 +263,19 @@ def _value(value: Value, quantity: str, units: ResultUnits) -> str:
     return f"({'; '.join(points)})"
 
 
+def _with_unit(number: float, quantity: str, units: ResultUnits) -> str:
+    unit = f" {units.name(quantity)}" if units.given and number else ""
+    return f"{number * units.factor(quantity):.4g}{unit}"
+
+
 def _late(config: RunConfig) -> Iterator[str]:
     """Yield notes of functions of time that go on after the end of the run, as a missing unit may cause."""
     end, units = config.macro.time.end, config.result_units
-    unit = f" {units.name('time')}" if units.given else ""
-    shown, factor = f"{end * units.factor('time'):.4g}{unit}", units.factor("time")
     for name, boundary in config.macro.boundary.items():
         last = max((max(course.corners, default=0.0) for course in boundary.time_functions), default=0.0)
         if last > end:
+            last_time, end_time = (_with_unit(t, "time", units) for t in (last, end))
             yield (
-                f"the function of time on the surface {name} goes on until t = {last * factor:.4g}{unit}, beyond the "
-                f"end, {shown}, and is cut there; check macro.time.end and the unit of the time"
+                f"the function of time on the surface {name} goes on until t = {last_time}, beyond the "
+                f"end, {end_time}, and is cut there; check macro.time.end and the unit of the time"
             )

@@ -134,27 +134,21 @@ def macro_laws(
     """Return the laws of a run by name; processes that a law needs end with ``stack``."""
     reference = load_reference(folder, config)
     laws: dict[str, RunLaw] = {}
-    for kind in dict.fromkeys(kinds):
+    for kind, name in zip(dict.fromkeys(kinds), law_names(config, kinds, direct_closure), strict=True):
         if kind == "surrogate":
-            law = ClosedLaw(
-                load_surrogate(folder, config),
-                reference.closure(config.closure, config.cell.solid, config.conductivity),
-                identity=config.stages.training,
-            )
-            laws[config.closure] = RunLaw(law)
+            closure = reference.closure(config.closure, config.cell.solid, config.conductivity)
+            surrogate = load_surrogate(folder, config)
+            laws[name] = RunLaw(ClosedLaw(surrogate, closure, identity=config.stages.training))
         elif kind == "linear":
-            laws[LINEAR] = RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
+            laws[name] = RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
         elif kind == "fallback":
-            name = fallback_law(config.closure)
             laws[name] = _learning(folder, config, stack, reference, name)
         else:
             rest = reference.resting(config.conductivity)
             identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
             cells = DirectCellLaw(stack.enter_context(_pool(config)), rest, identity)
-            name = direct_law(direct_closure)
             closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
-            closed = ClosedLaw(cells, closure, name=name)
-            laws[name] = RunLaw(closed, cells, folder.direct_work)
+            laws[name] = RunLaw(ClosedLaw(cells, closure, name=name), cells, folder.direct_work)
     return laws
 
 

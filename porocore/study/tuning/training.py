@@ -70,13 +70,8 @@ def held_out_errors(predicted: CellResponse, truth: CellResponse, data: Training
 
     Only those components of the stress count that do work on the sampled inputs; the others are not learned.
     """
-    inside = (
-        np.ones(len(truth), dtype=bool)
-        if predicted.outside_training_range is None
-        else ~predicted.outside_training_range
-    )
-    if not inside.any():
-        inside[:] = True
+    beyond = predicted.outside_training_range
+    inside = np.ones(len(truth), dtype=bool) if beyond is None or beyond.all() else ~beyond
     moved = [column for column in data.inputs.columns if column < 9]
     errors = {}
     for name in ("mean_grad", "stress", "fluid_volume"):
