@@ -36,13 +36,7 @@ def environment(*packages: str) -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {
-        "number": number,
-        "plain": plain,
-        "percent": percent,
-        "duration": duration,
-        "difference": difference,
-    }
+    made.filters |= {each.__name__: each for each in (number, plain, percent, duration, difference)}
     return made
 
 

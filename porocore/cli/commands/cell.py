@@ -155,11 +155,9 @@ def parse_grad_u(text: str) -> list[list[float]]:
     """
     try:
         rows = [[float(word) for word in row.replace(",", " ").split()] for row in text.split(";")]
-    except ValueError as error:
-        rows = []
-        reason = str(error)
-    else:
         reason = f"rows of {', '.join(str(len(row)) for row in rows)}"
+    except ValueError as error:
+        rows, reason = [], str(error)
     if [len(row) for row in rows] != [3, 3, 3] or not all(math.isfinite(x) for row in rows for x in row):
         raise ConfigurationError(
             f"--grad-u: expected nine finite numbers as 'a b c; d e f; g h i', got {echo(text)} ({cut(reason)})"

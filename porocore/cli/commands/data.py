@@ -241,13 +241,10 @@ def _as_text(facts: dict[str, Any], whole: bool) -> str:
     from porocore.core.console import duration
 
     megabytes = facts["bytes"] / 1e6
+    statuses = [f"{count} {name.replace('_', ' ')}" for name, count in facts["statuses"].items()]
     lines = [
         f"{facts['path']}: {facts['states']} states, {megabytes:.3g} MB, identity {facts['identity']}",
-        "  statuses: "
-        + (
-            ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in facts["statuses"].items())
-            or "none"
-        ),
+        f"  statuses: {', '.join(statuses) or 'none'}",
     ]
     for name, told in facts["inputs"].items():
         low, high = told["range"]
