@@ -141,28 +141,17 @@ class Solved:
         coordinates: dict[str, Any] = {"time": self._variable(("time",), history.time, "time", "time")}
         places = {name: values[:, :3] for name, values in s.probes.items()}
         pressures = {name: values[:, 3] for name, values in s.probes.items()}
-        for name, dims, members, quantity, words in (
-            (
-                "probe_displacement",
-                ("time", "probe", "component"),
-                places,
-                "displacement",
-                "displacement of the probe",
-            ),
-            ("probe_pressure", ("time", "probe"), pressures, "pressure", "pore pressure at the probe"),
-            (
-                "reaction",
-                ("time", "surface", "component"),
-                s.reactions,
-                "force",
-                "force on the body at the surface",
-            ),
-            ("inflow", ("time", "drain"), s.inflow, "flow", "fluid that enters through the surface"),
+        for name, kind, members, quantity, words in (
+            ("probe_displacement", "probe", places, "displacement", "displacement of the probe"),
+            ("probe_pressure", "probe", pressures, "pressure", "pore pressure at the probe"),
+            ("reaction", "surface", s.reactions, "force", "force on the body at the surface"),
+            ("inflow", "drain", s.inflow, "flow", "fluid that enters through the surface"),
         ):
             if members:
-                coordinates |= {dims[1]: list(members)}
-                coordinates |= {"component": list(COMPONENTS)} if "component" in dims else {}
                 values = np.stack(list(members.values()), axis=1)
+                dims = ("time", kind, "component")[: values.ndim]
+                coordinates |= {kind: list(members)}
+                coordinates |= {"component": list(COMPONENTS)} if "component" in dims else {}
                 found[name] = self._variable(dims, values, quantity, words)
         return xarray.Dataset(
             found, coordinates, {"law": s.law, "load": s.load, "backend": s.backend, "source": "porocore"}
