@@ -8,8 +8,15 @@ from typing import Annotated
 
 import typer
 
-#: Laws of the body that ``--law`` takes.
-LawName = StrEnum("LawName", ["surrogate", "linear", "direct"])
+
+class LawName(StrEnum):
+    """Laws of the body that ``--law`` takes."""
+
+    surrogate = "surrogate"
+    linear = "linear"
+    direct = "direct"
+
+
 #: Reactions of a macro run to leaving the sampled range.
 FallbackName = StrEnum("FallbackName", ["none", "direct"])
 #: Places where cells are solved.

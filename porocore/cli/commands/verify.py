@@ -80,7 +80,8 @@ def _print(rows: Sequence[CaseResult]) -> None:
     table = plain_table(headings, range(4, 10))
     for row in rows:
         verdict = "[green]pass[/green]" if row.passed else "[red]FAIL[/red]"
-        cells = (Text(row.reason), *["–"] * 5) if row.check is None else _cells(row.check)
+        absent: tuple[Any, ...] = (Text(row.reason), *["–"] * 5)
+        cells = absent if row.check is None else _cells(row.check)
         table.add_row(row.case, row.item, row.backend, *cells, verdict)
     shown.print(table)
     for name in dict.fromkeys(row.case for row in rows if row.case):

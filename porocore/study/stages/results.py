@@ -54,6 +54,11 @@ class RunResults:
     timings: dict[str, StageTime]
 
     @property
+    def seconds(self) -> dict[str, float]:
+        """Seconds by stage."""
+        return {stage: each.seconds for stage, each in self.timings.items()}
+
+    @property
     def all_solutions(self) -> list[MacroSolution]:
         """Solutions, load by load: with the shown closure, linear, others."""
         return [solution for each in self.solutions.values() for solution in each.values()]

@@ -110,7 +110,7 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
 
 def direct_costs(results: RunResults) -> tuple[DirectCost, ...]:
     """Return the cost of every solution by direct FE² whose cost was recorded."""
-    timings, found = {stage: each.seconds for stage, each in results.timings.items()}, []
+    timings, found = results.seconds, []
     for closure, law, load, work in _recorded(results, results.folder.direct_work, direct_law):
         seconds = timings.get(f"macro, {law}, load {load:g}")
         if seconds is not None:

@@ -79,7 +79,7 @@ class Results:
             dataset=results.dataset,
             held_out=results.held_out,
             surrogate=results.surrogates[first.closure],
-            timings=results.timings,
+            timings=results.seconds,
         )
 
     @cached_property
