@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -101,21 +101,3 @@ def atomic_path(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # not only a missing file: the error above is the one to tell
             part.unlink()
-
-
-@contextmanager
-def noted_afterwards(note: Callable[[], None]) -> Iterator[None]:
-    """Call ``note``, which writes a record, after the block, also when the block is interrupted.
-
-    Raises
-    ------
-    RunFolderError
-        The record cannot be written; not where an error of the block is on its way, which is the one to tell.
-    """
-    try:
-        yield
-    except BaseException:
-        with suppress(RunFolderError):
-            note()
-        raise
-    note()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -34,6 +35,7 @@ STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "propo
 MOST_HALVINGS = 1000
 #: A law whose answers moved by more than this is another one; machines differ by round-off only.
 SAME_LAW = 1e-8
+AGAIN = "remove it to start anew"
 
 
 class CheckpointFile:
@@ -46,21 +48,87 @@ class CheckpointFile:
     def load(
         self, stepper: Stepper, control: ErrorControl
     ) -> tuple[Array, LawMemory, HistoryRecorder] | None:
-        """Read the file as :func:`load` does; None if there is none."""
-        if self._path is None or not self._d.communicator.on_root(self._path.exists):
+        """Return unknowns, memory and record, and set ``stepper`` and ``control``; None if there is no file.
+
+        Raises
+        ------
+        DataError
+            The file is truncated or foreign, or belongs to another problem or law.
+        """
+        d, law, path = self._d, self._law, self._path
+        if path is None or not d.communicator.on_root(path.exists):
             return None
-        found = load(self._path, self._owner, stepper, control, self._d, self._law)
+        record = HistoryRecorder(d)
+        whole, memories, rows, profiles, step, rate, before = d.communicator.on_root(
+            partial(self._read, path, record.columns, len(control.scales))
+        )
+        control.length, control.scales = before
+        control.rate = None if rate is None else rate[d.unknowns]
+        for name, value in step.items():
+            setattr(stepper, name, value)
+        known = {name: d.points_from_mesh(values) for name, values in memories.items()}
+        memory = _filled(law.initial(1), known, "memory")
+        answer = law.respond(memory.states, np.zeros((d.n_points, 3)), memory, tangent=False).memory.mean_grad
+        scale = max(float(np.abs(memories["memory/mean_grad"]).max()), 1.0)
+        moved = float(np.abs(answer - memory.mean_grad).max(initial=0.0))
+        if not d.communicator.max(np.inf if np.isnan(moved) else moved) <= SAME_LAW * scale:
+            raise DataError(
+                f"{path}: the law '{law.name}' answers differently from when this was written; {AGAIN}"
+            )
+        record.rows, record.profiles = [tuple(map(float, row)) for row in rows], profiles
         self._written = monotonic()
-        return found
+        return whole[d.unknowns], memory, record
+
+    def _read(self, path: Path, columns: tuple[str, ...], scales: int) -> tuple[Any, ...]:
+        mesh = self._d.mesh
+        with opened(path, "macro checkpoint", AGAIN) as file:
+            if not file.is_of(FORMAT, VERSION):
+                raise DataError(f"{path}: expected a macro checkpoint of version {VERSION}; {AGAIN}")
+            if file.attribute("identity", str) != self._owner:
+                raise DataError(f"{path}: this checkpoint belongs to another macro problem or law; {AGAIN}")
+            whole = file.array("x", mesh.size)
+            memories = {
+                name: file.array(name, mesh.weights.size, *value.shape[1:])
+                for name, value in _arrays(self._law.initial(1), "memory")
+            }
+            rows = file.array("history", "steps", len(columns))
+            if not len(rows):
+                raise ValueError("'history' is empty")
+            rate = file.array("rate", mesh.size) if "rate" in file else None
+            step = _read_stepping(file, float(rows[-1, columns.index("time")]))
+            before = file.attribute("length", float), file.attribute("scales", float, scales)
+            if min(before[0], *before[1]) < 0:
+                raise ValueError("attributes 'length' and 'scales' are those of no step")
+            profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
+            return whole, memories, rows, profiles, step, rate, before
 
     def save_if_due(
         self, stepper: Stepper, control: ErrorControl, x: Array, memory: LawMemory, record: HistoryRecorder
     ) -> None:
-        """Write the state after an accepted step where it is due."""
+        """Write the state after an accepted step where it is due, atomically."""
+        d, path = self._d, self._path
         # The clocks of two processes differ, so one of them decides.
-        if self._path is not None and (self._d.communicator.on_root(self._is_late) or stepper.done):
-            save(self._path, self._owner, stepper, control, self._d, x, memory, record)
-            self._written = monotonic()
+        if path is None or not (d.communicator.on_root(self._is_late) or stepper.done):
+            return
+        arrays = {"x": d.gathered(x)}
+        if control.rate is not None:
+            arrays["rate"] = d.gathered(control.rate)
+        arrays |= {name: d.points_to_mesh(value) for name, value in _arrays(memory, "memory")}
+
+        def write() -> None:
+            with atomic_hdf5(path) as file:
+                file.attrs.update(format=FORMAT, version=VERSION, identity=self._owner)
+                file.attrs.update({name: getattr(stepper, name) for name in STEPPER})
+                file.attrs.update(length=control.length, scales=control.scales)
+                for name, value in arrays.items():
+                    file[name] = value
+                file["history"] = np.array(record.rows)
+                for i, profile in enumerate(record.profiles):
+                    for name in PROFILE:
+                        file[f"profiles/{i}/{file_name(name)}"] = getattr(profile, name)
+
+        d.communicator.on_root(write)
+        self._written = monotonic()
 
     def _is_late(self) -> bool:
         return monotonic() >= self._written + self._seconds
@@ -72,101 +140,8 @@ def identity(problem: MacroProblem, law: MacroLaw) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def save(
-    path: Path,
-    owner: str,
-    stepper: Stepper,
-    control: ErrorControl,
-    d: Discretisation,
-    x: Array,
-    memory: LawMemory,
-    record: HistoryRecorder,
-) -> None:
-    """Write the state after an accepted step, atomically; ``owner`` is :func:`identity`."""
-    whole = d.gathered(x)
-    rate = None if control.rate is None else d.gathered(control.rate)
-    memories = [(name, d.points_to_mesh(value)) for name, value in _arrays(memory, "memory")]
-
-    def write() -> None:
-        with atomic_hdf5(path) as file:
-            file.attrs.update(format=FORMAT, version=VERSION, identity=owner)
-            file.attrs.update({name: getattr(stepper, name) for name in STEPPER})
-            file.attrs.update(length=control.length, scales=control.scales)
-            file["x"] = whole
-            if rate is not None:
-                file["rate"] = rate
-            for name, value in memories:
-                file[name] = value
-            file["history"] = np.array(record.rows)
-            for i, profile in enumerate(record.profiles):
-                for name in PROFILE:
-                    file[f"profiles/{i}/{file_name(name)}"] = getattr(profile, name)
-
-    d.communicator.on_root(write)
-
-
-def load(
-    path: Path, owner: str, stepper: Stepper, control: ErrorControl, d: Discretisation, law: MacroLaw
-) -> tuple[Array, LawMemory, HistoryRecorder]:
-    """Read what :func:`save` wrote: unknowns, memory and record; sets ``stepper`` and ``control``.
-
-    Raises
-    ------
-    DataError
-        The file is truncated or foreign, or belongs to another problem or law.
-    """
-    again = "remove it to start anew"
-    points, record = d.mesh.weights.size, HistoryRecorder(d)
-
-    def read() -> tuple[Any, ...]:
-        with opened(path, "macro checkpoint", again) as file:
-            if not file.is_of(FORMAT, VERSION):
-                raise DataError(f"{path}: expected a macro checkpoint of version {VERSION}; {again}")
-            if file.attribute("identity", str) != owner:
-                raise DataError(f"{path}: this checkpoint belongs to another macro problem or law; {again}")
-            size = d.mesh.size
-            whole = file.array("x", size)
-            memories = {
-                name: file.array(name, points, *value.shape[1:])
-                for name, value in _arrays(law.initial(1), "memory")
-            }
-            rows = file.array("history", "steps", len(record.columns))
-            if not len(rows):
-                raise ValueError("'history' is empty")
-            rate = file.array("rate", size) if "rate" in file else None
-            step = _read_stepping(file, float(rows[-1, record.columns.index("time")]))
-            before = file.attribute("length", float), file.attribute("scales", float, len(control.scales))
-            if min(before[0], *before[1]) < 0:
-                raise ValueError("attributes 'length' and 'scales' are those of no step")
-            profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
-            return whole, memories, rows, profiles, step, rate, before
-
-    whole, memories, rows, profiles, step, rate, (control.length, control.scales) = d.communicator.on_root(
-        read
-    )
-    control.rate = None if rate is None else rate[d.unknowns]
-    for name, value in step.items():
-        setattr(stepper, name, value)
-    memory = _filled(law.initial(1), {name: d.points_from_mesh(v) for name, v in memories.items()}, "memory")
-    answer = law.respond(memory.states, np.zeros((d.n_points, 3)), memory, tangent=False).memory.mean_grad
-    scale = max(float(np.abs(memories["memory/mean_grad"]).max()), 1.0)
-    moved = float(np.abs(answer - memory.mean_grad).max(initial=0.0))
-    if not d.communicator.max(np.inf if np.isnan(moved) else moved) <= SAME_LAW * scale:
-        raise DataError(
-            f"{path}: the law '{law.name}' answers differently from when this was written; {again}"
-        )
-    record.rows, record.profiles = [tuple(map(float, row)) for row in rows], profiles
-    return whole[d.unknowns], memory, record
-
-
 def _read_stepping(file: Contents, last: float) -> dict[str, Any]:
-    """Return what is kept of the time stepping, after a step that ended at ``last``.
-
-    Raises
-    ------
-    ValueError
-        It is no state in which a solve can be: it would end too early, or never.
-    """
+    """Return the time stepping after a step that ended at ``last``; ValueError where it would end early or never."""
     found = {name: file.attribute(name, kind, finite=name != "proposed") for name, kind in STEPPER.items()}
     if found["time"] != last:
         raise ValueError(f"attribute 'time' is {found['time']:g}, but the last step ended at {last:g}")

@@ -1,18 +1,26 @@
-"""Macro solver around the core's time loop, to which a backend adds its discretisation."""
+"""Macro solver whose time loop every backend shares: step, Newton, record, checkpoint."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from porocore.core.echo import echo
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import MacroLaw
+from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import MacroSolution, StepReport
-from porocore.macro.integration.discretisation import Discretisation
-from porocore.macro.integration.time_integration import integrate_in_time
+from porocore.macro.integration.adaptive import ErrorControl, Reached
+from porocore.macro.integration.checkpoint import CheckpointFile
+from porocore.macro.integration.discretisation import Discretisation, StepFailed
+from porocore.macro.integration.newton import newton_step
+from porocore.macro.integration.recorder import HistoryRecorder
+from porocore.macro.integration.stepping import Stepper
+from porocore.states import Array, MacroState
 
 
 class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
@@ -48,11 +56,103 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         checkpoint: Path | None = None,
         on_step: Callable[[StepReport], None] | None = None,
     ) -> MacroSolution:
-        """Solve the problem; see :class:`porocore.MacroSolver`."""
-        return integrate_in_time(
-            prepared,
-            law,
-            checkpoint=checkpoint,
-            on_step=on_step,
-            checkpoint_seconds=self.checkpoint_seconds,
-        )
+        """Run through the time plan of the problem; see :meth:`porocore.MacroSolver.solve`.
+
+        Every process comes back with the whole solution; process 0 alone writes.
+
+        Raises
+        ------
+        SolveError
+            Newton's iteration fails at the smallest step.
+        DataError
+            The checkpoint is damaged, or belongs to another problem or law.
+        """
+        d = prepared
+        problem, saved = d.problem, CheckpointFile(checkpoint, d, law, self.checkpoint_seconds)
+        stepper, control = Stepper(problem.time, problem.corners), ErrorControl()
+        reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
+        x, memory, record = saved.load(stepper, control) or _at_rest(d, law)
+        while not stepper.done:
+            time = stepper.next()
+            dt, amplitudes = time - stepper.time, d.boundary.amplitudes(problem, time)
+            finer = None
+            try:
+                step = newton_step(d, law, memory, x, dt, d.loads(amplitudes), problem.newton)
+                changed = law.before_accept(step.response, memory)
+                if changed is None and reached is not None and control.rate is None:
+                    finer = _halved(d, law, memory, x, stepper.time, time)
+            except StepFailed as failure:
+                stepper.reject(str(failure), partial(_flagged_points, d, law, memory, x))
+                continue
+            if changed is not None:
+                memory = changed
+                continue
+            error = None if reached is None else control.error(d, x, step.x, dt, finer, reached(time))
+            if not stepper.tolerates(error):
+                continue
+            control.accept(x, step.x, dt)
+            x, memory = step.x, step.response.memory
+            record.add_step(step, time, dt, amplitudes)
+            if stepper.is_profile(time):
+                record.add_profile(step, time)
+            stepper.accept(error)
+            if stepper.at_corner:
+                control.reset()
+            saved.save_if_due(stepper, control, x, memory, record)
+            if on_step is not None:
+                settlement = float(record.column("settlement")[-1])
+                on_step(StepReport(time, problem.time.end, step.iterations, settlement))
+        return record.solution(law.name)
+
+
+def _halved(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array, begin: float, end: float) -> Array:
+    """Return the unknowns at ``end`` after two steps of half the length from ``x`` at ``begin``.
+
+    Raises
+    ------
+    StepFailed
+        One of them fails.
+    """
+    dt = (end - begin) / 2
+    for time in (begin + dt, end):
+        loads = d.loads(d.boundary.amplitudes(d.problem, time))
+        step = newton_step(d, law, memory, x, dt, loads, d.problem.newton)
+        x, memory = step.x, step.response.memory
+    return x
+
+
+def _at_rest(d: Discretisation, law: MacroLaw) -> tuple[Array, LawMemory, HistoryRecorder]:
+    """Return the unknowns of the initial state, the law's memory of it, and a recorder that begins with it."""
+    start, mesh, record = d.problem.initial, d.mesh, HistoryRecorder(d)
+    whole = np.concatenate(
+        [(mesh.points @ np.array(start.gradient).T).ravel(), np.full(len(mesh.p_nodes), start.pressure)]
+    )
+    x = d.from_mesh(whole)
+    states, grad_p = d.states(x)
+    response = law.respond(states, grad_p, law.initial(d.n_points), tangent=False)
+    record.add_start(x, response)
+    return x, response.memory, record
+
+
+def _flagged_points(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array) -> str:
+    """Return how many points are flagged at the unknowns ``x``, and why one of them is; empty where none is.
+
+    It is the one with the largest displacement gradient, the same on all processes.
+    """
+    states, grad_p = d.states(x)
+    outside = law.respond(states, grad_p, memory, tangent=False).outside_training_range
+    count, points = (int(n) for n in d.communicator.sum(np.array([outside.sum(), len(outside)])))
+    if not count:
+        return ""
+    size = np.where(outside, np.abs(states.grad_u).max(axis=(1, 2)), -1.0)
+    largest = d.communicator.max(float(size.max(initial=-1.0)))
+    # Of processes that have one as large, the first.
+    own = float(size.max(initial=-1.0)) == largest
+    first = -d.communicator.max(-float(d.communicator.rank) if own else -np.inf)
+    row = np.zeros(10)
+    if first == d.communicator.rank:
+        worst = int(size.argmax())
+        row = np.append(states.grad_u[worst].ravel(), states.p[worst])
+    row = d.communicator.sum(row)
+    (why,) = law.reasons(MacroState.single(row[:9].reshape(3, 3), float(row[9])))
+    return f"; before it {count} of {points} points are flagged" + (why and f", one of them for {why}")

@@ -7,10 +7,9 @@ cell solver itself, the linear limit: whatever predicts the responses of a batch
 
 from porocore.cell.materials.composite import Solid
 from porocore.interfaces.law import CellLaw
-from porocore.macro.laws.adaptive_law import AdaptiveLaw
-from porocore.macro.laws.closed_law import ClosedLaw
 from porocore.macro.laws.closure import Closure
-from porocore.macro.laws.linear_cell import LinearCellLaw, reference_tangents
+from porocore.macro.laws.linear import LinearCellLaw, reference_tangents
+from porocore.macro.laws.macro_law import AdaptiveLaw, ClosedLaw
 from porocore.macro.laws.mean_gradient import MeanGradientClosure
 from porocore.macro.laws.potential import PotentialClosure
 from porocore.macro.laws.pull_back import ConductivityLaw

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from porocore.core.files.totals import Numbers
 from porocore.interfaces.records import SolvedState
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
+from porocore.macro.laws.direct_record import Work
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.candidates import distances
@@ -29,13 +30,11 @@ HOPELESS = 0.15
 
 
 @dataclass
-class AdaptiveSurrogateWork:
+class AdaptiveSurrogateWork(Work):
     """Work of an adaptive surrogate.
 
     Attributes
     ----------
-    counts
-        Cells solved, by status.
     reused
         Cells that an earlier process had solved.
     refits
@@ -44,43 +43,33 @@ class AdaptiveSurrogateWork:
         Spent in the solves (added up over the processes) and in the fits [s].
     """
 
-    counts: Counter[Status] = field(default_factory=Counter)
     reused: int = 0
     refits: int = 0
     solve_seconds: float = 0.0
     fit_seconds: float = 0.0
 
     @property
-    def solved(self) -> int:
-        """Number of cells that were solved."""
-        return self.counts.total()
+    def learned(self) -> int:
+        """Number of solved cells that were learned from."""
+        return sum(n for status, n in self.counts.items() if status.stable)
 
     def in_words(self) -> str:
         """Return the work in a sentence."""
-        numbers = self.numbers()
         return (
-            f"{self.solved} cells outside the sampled range solved ({numbers['failed']:.0f} without solution, "
-            f"{numbers['learned']:.0f} learned from), {self.reused} known from before, {self.refits} fits"
+            f"{self.solves} cells outside the sampled range solved ({self.failed} without solution, "
+            f"{self.learned} learned from), {self.reused} known from before, {self.refits} fits"
         )
 
-    def numbers(self) -> dict[str, float]:
-        """Return the counts and seconds by name, for the record of a solution."""
-        failed = sum(n for status, n in self.counts.items() if not status.has_values)
-        learned = sum(n for status, n in self.counts.items() if status.stable)
-        return {
-            "solves": self.solved,
-            "failed": failed,
-            "learned": learned,
-            "refits": self.refits,
-            "solve_seconds": self.solve_seconds,
-            "fit_seconds": self.fit_seconds,
-        }
+    def numbers(self) -> Numbers:
+        """Return the counts and seconds of this process."""
+        names = ("solves", "failed", "learned", "refits", "solve_seconds", "fit_seconds")
+        return {name: getattr(self, name) for name in names}
 
 
 class AdaptiveSurrogate:
     """Surrogate that is refitted to cells solved where a macro run leaves its training range.
 
-    It is a :class:`~porocore.macro.laws.adaptive_law.SurrogateRefinement`.
+    It is a :class:`~porocore.macro.laws.macro_law.SurrogateRefinement`.
 
     Parameters
     ----------
@@ -193,7 +182,7 @@ class AdaptiveSurrogate:
         status = Status(int(outcome.response.status[0]))
         self.work.counts[status] += 1
         self.work.solve_seconds += outcome.seconds
-        self.on_work(f"{self.work.solved} cells outside the sampled range solved")
+        self.on_work(f"{self.work.solves} cells outside the sampled range solved")
 
     def _learned(self) -> int:
         return int(self.dataset.responses().stable.sum()) if len(self.dataset) else 0

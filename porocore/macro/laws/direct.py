@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from porocore.core.files.totals import Numbers
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.law import CellLaw
+from porocore.interfaces.records import failed_response, flatten_response
+from porocore.macro.laws.direct_record import Work
 from porocore.sampling.execution import CellPool
 from porocore.states import Array, CellResponse, IntArray, MacroState, Status
 
@@ -23,32 +25,19 @@ FARTHEST = 1e3
 
 
 @dataclass
-class DirectWork:
+class DirectWork(Work):
     """Work of a direct law so far.
 
     Attributes
     ----------
     points
         Responses given to quadrature points.
-    counts
-        Cells solved, by how their solution ended.
     seconds
-        Spent in these solves, added up over the processes [s].
+        Spent in the solves, added up over the processes [s].
     """
 
     points: int = 0
-    counts: Counter[Status] = field(default_factory=Counter)
     seconds: float = 0.0
-
-    @property
-    def solves(self) -> int:
-        """Number of cells solved."""
-        return self.counts.total()
-
-    @property
-    def failed(self) -> int:
-        """Number of solved cells without values."""
-        return sum(n for status, n in self.counts.items() if not status.has_values)
 
     def in_words(self) -> str:
         """Return the work in a sentence."""
@@ -57,8 +46,8 @@ class DirectWork:
             f"processes together, for {self.points} responses"
         )
 
-    def numbers(self) -> dict[str, float]:
-        """Return the counts and seconds by name, for the record of a solution."""
+    def numbers(self) -> Numbers:
+        """Return counts, seconds, and solves by status."""
         statuses = {status.name: self.counts[status] for status in Status if self.counts[status]}
         return {"points": self.points, "solves": self.solves, "seconds": self.seconds, **statuses}
 
@@ -144,13 +133,14 @@ class DirectCellLaw(CellLaw):
         """Return the responses in the order of ``wanted``; known ones are not solved again."""
         found: dict[bytes, _Solved] = {}
         ahead: list[tuple[bytes, IntArray, bytes]] = []
+        names = flatten_response(self._rest.response)
         for key, (place, start) in wanted.items():
             if key in self._known:
                 found[key] = self._known[key]
             elif not place.any():
                 found[key] = self._rest
             elif np.abs(place).max() > FARTHEST / GRID:
-                found[key] = _Solved(_missing(self._rest.response), None)
+                found[key] = _Solved(failed_response(Status.inverted, names=names), None)
             else:
                 ahead.append((key, place, start))
         self._solve(ahead, found)
@@ -211,19 +201,3 @@ def _moved(response: CellResponse, states: MacroState, solved: Array) -> CellRes
 
 def _lean(response: CellResponse) -> CellResponse:
     return replace(response, extrema=None, outside_training_range=None)
-
-
-def _missing(like: CellResponse) -> CellResponse:
-    """Return a row without values."""
-    assert like.tangent is not None
-    empty = {
-        name: None if value is None else np.full_like(value, np.nan)
-        for name, value in vars(like).items()
-        if name not in ("status", "tangent", "extrema", "outside_training_range")
-    }
-    tangent = {
-        name: None if value is None else np.full_like(value, np.nan)
-        for name, value in vars(like.tangent).items()
-    }
-    status = np.array([int(Status.inverted)])
-    return CellResponse(**empty, status=status, tangent=type(like.tangent)(**tangent))  # type: ignore[arg-type]

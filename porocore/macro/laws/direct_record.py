@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from porocore.core.files.atomic import noted_afterwards
-from porocore.core.files.plain_data import write_json
-from porocore.core.files.reading import read_json
-from porocore.errors import DataError
-
-#: By name of the solution: points, solves, seconds, and solves by status.
-DirectRecords = dict[str, dict[str, float]]
+from porocore.core.files.totals import Numbers, added_up, read_totals
+from porocore.states import Status
 
 
-class Work(Protocol):
-    """Work done so far."""
+@dataclass
+class Work(ABC):
+    """Work done so far.
 
-    def numbers(self) -> dict[str, float]:
-        """Return counts and seconds by name; none ever falls."""
+    Attributes
+    ----------
+    counts
+        Cells solved, by how their solution ended.
+    """
 
+    counts: Counter[Status] = field(default_factory=Counter)
+
+    @property
+    def solves(self) -> int:
+        """Number of cells solved."""
+        return self.counts.total()
+
+    @property
+    def failed(self) -> int:
+        """Number of solved cells without values."""
+        return sum(n for status, n in self.counts.items() if not status.has_values)
+
+    @abstractmethod
+    def numbers(self) -> Numbers:
+        """Return counts and seconds by name, for the record of a solution; none ever falls."""
+
+    @abstractmethod
     def in_words(self) -> str:
         """Return the work in a sentence."""
 
@@ -53,43 +72,28 @@ def cost_recorded(path: Path, solution: str, work: Work) -> Iterator[None]:
     RunFolderError
         The disk is full or read-only.
     """
-    records = direct_records(path)
-    before = work.numbers()
+    records, before = direct_records(path), work.numbers()
 
-    def record() -> None:
-        known = records.get(solution, {})
-        now = work.numbers()
-        gained = {name: value - before.get(name, 0) for name, value in now.items()}
-        records[solution] = {name: known.get(name, 0) + gained.get(name, 0) for name in {**known, **gained}}
-        write_json(path, records, indent=2)
+    def gained() -> Numbers:
+        return {name: value - before.get(name, 0) for name, value in work.numbers().items()}
 
-    with noted_afterwards(record):
+    with added_up(path, records, solution, gained):
         yield
 
 
-def direct_records(path: Path) -> DirectRecords:
-    """Return the recorded costs by solution; empty before the first.
+def direct_records(path: Path) -> dict[str, Numbers]:
+    """Return points, solves, seconds and solves by status of each solution; empty before the first.
 
     Raises
     ------
     DataError
         The record is damaged.
     """
-    if not path.exists():
-        return {}
-    try:
-        records = read_json(path)
-        return {
-            str(solution): {str(name): _number(value) for name, value in record.items()}
-            for solution, record in records.items()
-        }
-    except (OSError, ValueError, TypeError, AttributeError) as error:
-        raise DataError(
-            f"{path}: not a record of direct solves ({error}); delete it, it is not needed"
-        ) from error
+    return read_totals(path, "direct solves", _numbers)
 
 
-def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TypeError(f"expected a number, got {value!r}")
-    return value
+def _numbers(record: Any) -> Numbers:
+    for value in record.values():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise TypeError(f"expected a number, got {value!r}")
+    return dict(record)

@@ -6,12 +6,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from porocore.core.files.atomic import noted_afterwards
-from porocore.core.files.plain_data import write_json
-from porocore.core.files.reading import read_json
-from porocore.errors import DataError
+from porocore.core.files.totals import Numbers, added_up, read_totals
 
 
 class StageTime(NamedTuple):
@@ -32,15 +29,8 @@ def timed(path: Path, stage: str) -> Iterator[None]:
     RunFolderError
         The disk is full or read-only.
     """
-    record = stage_times(path)
-    began = time.perf_counter()
-
-    def note() -> None:
-        seconds, runs = record.get(stage, (0.0, 0))
-        record[stage] = StageTime(seconds + time.perf_counter() - began, runs + 1)
-        write_json(path, {name: each._asdict() for name, each in record.items()}, indent=2)
-
-    with noted_afterwards(note):
+    record, began = _record(path), time.perf_counter()
+    with added_up(path, record, stage, lambda: {"seconds": time.perf_counter() - began, "runs": 1}):
         yield
 
 
@@ -52,14 +42,14 @@ def stage_times(path: Path) -> dict[str, StageTime]:
     DataError
         The record is damaged.
     """
-    if not path.exists():
-        return {}
-    try:
-        record = read_json(path).items()
-        # Folders of porocore 0.1 have the seconds alone.
-        entries = {s: e if isinstance(e, dict) else {"seconds": e, "runs": 1} for s, e in record}
-        return {str(s): StageTime(float(e["seconds"]), int(e["runs"])) for s, e in entries.items()}
-    except (OSError, ValueError, TypeError, AttributeError, KeyError, OverflowError) as error:
-        raise DataError(
-            f"{path}: not a record of the stages' times ({error}); delete it, it is not needed"
-        ) from error
+    return {stage: StageTime(entry["seconds"], int(entry["runs"])) for stage, entry in _record(path).items()}
+
+
+def _record(path: Path) -> dict[str, Numbers]:
+    return read_totals(path, "the stages' times", _numbers)
+
+
+def _numbers(entry: Any) -> Numbers:
+    # Folders of porocore 0.1 have the seconds alone.
+    entry = entry if isinstance(entry, dict) else {"seconds": entry, "runs": 1}
+    return {"seconds": float(entry["seconds"]), "runs": int(entry["runs"])}
