@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from porocore.cell.cell import Cell
 
 
-#: Type of what a solver prepares for one cell.
+#: Type of what a solver prepares for one cell or macro problem.
 Prepared = TypeVar("Prepared", default=Any)
 
 

@@ -7,9 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, get_args
 
-from typing_extensions import TypeVar
-
 from porocore.core.parallel import Communicator
+from porocore.interfaces.cell import Prepared
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.solution import MacroSolution, StepReport
 
@@ -21,8 +20,6 @@ Part = Literal[
     "follower", "plate", "flux", "body_force", "initial", "probes", "surfaces", "tolerance", "load_curve"
 ]
 PARTS: frozenset[Part] = frozenset(get_args(Part))
-#: Type of what a solver prepares for one problem.
-Prepared = TypeVar("Prepared", default=Any)
 
 
 class MacroSolver(ABC, Generic[Prepared]):

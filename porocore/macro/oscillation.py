@@ -48,8 +48,7 @@ def _consolidation(c: LinearCoefficients, normals: Array) -> Array:
     acoustic = np.einsum("ijkl,nj,nl->nik", c.stiffness, normals, normals)
     push = normals @ c.biot
     yielding = np.einsum("ni,ni->n", push, np.linalg.solve(acoustic, push[..., None])[..., 0])
-    speed: Array = np.einsum("ni,ij,nj->n", normals, c.conductivity, normals) / (c.storage + yielding)
-    return speed
+    return np.asarray(np.einsum("ni,ij,nj->n", normals, c.conductivity, normals) / (c.storage + yielding))
 
 
 def unresolved(problem: MacroProblem, limit: float, solution: MacroSolution) -> str | None:

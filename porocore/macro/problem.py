@@ -73,15 +73,8 @@ class Boundary(StrictModel):
     @property
     def time_functions(self) -> Iterator[TimeFunction]:
         """Time functions among its values."""
-        values = (
-            *self.displacement,
-            self.normal,
-            *self.traction,
-            self.follower,
-            self.plate,
-            self.pressure,
-            self.flux,
-        )
+        forces = (*self.traction, self.follower, self.plate)
+        values = (*self.displacement, self.normal, *forces, self.pressure, self.flux)
         return (value for value in values if isinstance(value, TimeFunction))
 
 

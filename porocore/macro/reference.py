@@ -21,6 +21,8 @@ from porocore.plugins.border import conductivity_of, solution_of
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 
 FORMAT, VERSION = "porocore-reference", 1
+#: Averages of the response in the file.
+AVERAGES = ("mean_grad", "potential", "stress", "fluid_volume")
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +108,7 @@ class CellReference:
             "identity": self.identity,
             "conductivity": self.conductivity.tolist(),
             "mesh": self.mesh,
-            "mean_grad": response.mean_grad.tolist(),
-            "potential": _listed(response.potential),
-            "stress": _listed(response.stress),
-            "fluid_volume": _listed(response.fluid_volume),
+            **{name: _listed(getattr(response, name)) for name in AVERAGES},
             "tangent": {
                 name: value.tolist() for name, value in vars(response.tangent).items() if value is not None
             },
@@ -132,9 +131,8 @@ class CellReference:
                 raise DataError(f"{path}: expected {FORMAT} version {VERSION}; {advice}")
             if document["identity"] != identity:
                 raise DataError(f"{path}: belongs to another cell ({document['identity']}); {advice}")
-            arrays = {name: _array(document[name]) for name in ("potential", "stress", "fluid_volume")}
+            arrays = {name: _array(document[name]) for name in AVERAGES}
             response = CellResponse(
-                mean_grad=np.array(document["mean_grad"]),
                 status=np.array([Status.converged], dtype=np.int64),
                 tangent=CellTangent(**{name: _array(value) for name, value in document["tangent"].items()}),
                 **arrays,

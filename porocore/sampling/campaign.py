@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from types import FrameType
 
 from porocore.errors import DataError, PluginError
-from porocore.interfaces.records import SolvedState
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.plugins.border import CheckedSampler, origin_of
 from porocore.sampling.datasets.dataset import Dataset
@@ -172,18 +171,7 @@ class _Campaign:
 
     def keep(self, outcome: FinishedSolve) -> None:
         request = self.running.pop(outcome.key)
-        state = self.dataset.inputs.scatter(request.x)
-        self.dataset.append(
-            SolvedState(
-                request.key,
-                request.x,
-                state,
-                outcome.response,
-                outcome.seconds,
-                request.start,
-                outcome.field,
-            )
-        )
+        self.dataset.append(outcome.record(self.dataset.inputs, request.x, request.start))
         self.solved += 1
 
     def tell(self, key: str, response: CellResponse) -> None:

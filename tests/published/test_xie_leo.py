@@ -43,11 +43,6 @@ def test_settlement_is_what_the_layer_loses():
     assert LAYER.settlement(1e12) == pytest.approx(LAYER.final_settlement, rel=1e-12)
 
 
-def test_void_ratio_at_the_surface_and_below():
-    assert LAYER.initial_void_ratio(0.0) == 3
-    assert LAYER.initial_void_ratio(10.0) == pytest.approx(3 - 4e-3 * 17.5 * 10)
-
-
 def test_the_law_is_the_papers_in_uniaxial_motion():
     J = np.array([1.2, 1.0, 0.8, 0.6])
     H = np.zeros((4, 3, 3))

@@ -12,7 +12,7 @@ relative to the grains is (k₀ J²/γ_w) (1/J) ∂u/∂a through reference area
     ∂J/∂t = c ∂²J/∂a²   with c = k₀/(m γ_w):
 
 linear diffusion from J = 1 to J = exp(−m q). The void ratio e₀(a), which self-weight makes depend on depth, drops out
-of J, settlement and pressure; it is needed only to tell e.
+of J, settlement and pressure.
 """
 
 from __future__ import annotations
@@ -43,12 +43,6 @@ class XieLeo:
         m [1/kPa].
     unit_weight
         γ_w [kN/m³].
-    preload
-        On the surface before q [kPa].
-    void_ratio
-        e₀ at the surface.
-    specific_gravity
-        Of the grains.
     """
 
     load: float = 100.0
@@ -56,9 +50,6 @@ class XieLeo:
     permeability: float = 1e-9
     compressibility: float = 4e-3
     unit_weight: float = 10.0
-    preload: float = 10.0
-    void_ratio: float = 3.0
-    specific_gravity: float = 2.75
 
     @property
     def final_stretch(self) -> float:
@@ -104,9 +95,3 @@ class XieLeo:
         a = (edges[:-1, None] + (x + 1) / 2 * np.diff(edges)[:, None]).ravel()
         mean = float(np.tile(weights, 40) @ self.pressure(a, t)) / 80
         return 1 - mean / self.load
-
-    def initial_void_ratio(self, depth: npt.ArrayLike) -> Array:
-        """e₀(a) under preload and self-weight."""
-        submerged = self.unit_weight * (self.specific_gravity - 1)
-        ratio: Array = self.void_ratio - self.compressibility * submerged * np.asarray(depth, dtype=float)
-        return ratio

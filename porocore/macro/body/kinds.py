@@ -8,11 +8,7 @@ from functools import lru_cache
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import (
-    Field,
-    Tag,
-    field_validator,
-)
+from pydantic import Field, Tag, field_validator
 
 from porocore.core.files.input_file import FromFile
 from porocore.core.models.bounds import MOST_ELEMENTS

@@ -101,11 +101,7 @@ def _by_gmsh(path: Path, size: float) -> tuple[Array, dict[str, IntArray], dict[
                 faces.setdefault(name, []).extend(
                     number[t.astype(np.int64)].reshape(-1, 6)[:, :3] for t in triangles
                 )
-        used, cells = np.unique(cells, return_inverse=True)
-        again = np.full(len(tags), -1, dtype=np.int64)
-        again[used] = np.arange(len(used))
-        faces = {name: [again[part] for part in parts] for name, parts in faces.items()}
-        return coordinates.reshape(-1, 3)[used], {"tetra10": cells.reshape(-1, 10)}, faces
+        return _used(coordinates.reshape(-1, 3), {"tetra10": cells}, faces)
     except ConfigurationError:
         raise
     except Exception as error:  # gmsh raises plain Exception
@@ -115,13 +111,7 @@ def _by_gmsh(path: Path, size: float) -> tuple[Array, dict[str, IntArray], dict[
 
 
 def _require_few(gmsh: Any, size: float) -> None:
-    """Refuse more elements than memory holds, by the boxes around the volumes.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no volume, or too many elements would fill them.
-    """
+    """Refuse a geometry without a volume, and more elements than memory holds, by the boxes around the volumes."""
     volumes = gmsh.model.getEntities(3)
     if not volumes:
         raise ConfigurationError(
@@ -171,13 +161,7 @@ def _used(
 
 
 def _require_apart(points: Array, path: Path) -> None:
-    """Refuse nodes that are there twice, between which the body would be torn.
-
-    Raises
-    ------
-    ConfigurationError
-        Some are.
-    """
+    """Refuse nodes that are there twice, between which the body would be torn."""
     grain = np.ptp(points, axis=0).max() * SAME if len(points) else 0.0
     if grain > 0 and (twice := len(points) - len(np.unique(np.rint(points / grain), axis=0))):
         raise ConfigurationError(

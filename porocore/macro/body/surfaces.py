@@ -85,17 +85,10 @@ class Facets:
     ----------
     nodes : (f, m)
         Of the displacement; the first ones are the corners.
-    tangents : (f, q, 3, 2)
-        ∂X/∂ξ.
     """
 
     mesh: BodyMesh
     nodes: IntArray
-
-    @property
-    def tangents(self) -> Array:
-        """∂X/∂ξ of the reference configuration."""
-        return self.tangents_of(self.mesh.points)
 
     def tangents_of(self, points: Array) -> Array:
         """(f, q, 3, 2) ∂x/∂ξ where the nodes are at ``points``."""
@@ -105,7 +98,7 @@ class Facets:
     @property
     def normals(self) -> Array:
         """(f, q, 3) outward, of the length of the area that a point stands for on the unit facet."""
-        t = self.tangents
+        t = self.tangents_of(self.mesh.points)
         return np.cross(t[..., 0], t[..., 1])
 
     @property

@@ -191,13 +191,12 @@ class Collector:
 
     def _cartesian_constraints(self, node: int) -> list[Constraint]:
         """Return the prescribed Cartesian components of a node."""
-        found = []
-        for i in range(3):
-            function = self.function[3 * node + i]
-            if function >= 0:
-                factor = float(self.factor[3 * node + i])
-                found.append(Constraint(np.eye(3)[i], int(function), factor, f"macro.boundary: u_{i + 1}"))
-        return found
+        functions, factors = (each[3 * node : 3 * node + 3].tolist() for each in (self.function, self.factor))
+        return [
+            Constraint(np.eye(3)[i], functions[i], factors[i], f"macro.boundary: u_{i + 1}")
+            for i in range(3)
+            if functions[i] >= 0
+        ]
 
     def _pushed(self) -> dict[int, list[int]]:
         """Return the axes along which plates move each node."""

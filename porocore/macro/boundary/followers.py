@@ -40,23 +40,12 @@ def tangent(facets: Facets, u: Array, pressure: float) -> Any:
     reference = facets.mesh.element.facet
     t = facets.tangents_of(facets.mesh.points + u)
     # δ(t1 × t2)_i = ε_ijk (t2_k δt1_j − t1_k δt2_j)
-    by_first = np.einsum("ijk,fqk->fqij", _EPSILON, t[..., 1])
-    by_second = -np.einsum("ijk,fqk->fqij", _EPSILON, t[..., 0])
-    blocks = np.einsum(
-        "q,qa,qb,fqij->faibj",
-        reference.weights,
-        reference.values,
-        reference.gradients[..., 0],
-        by_first,
-        optimize=True,
-    ) + np.einsum(
-        "q,qa,qb,fqij->faibj",
-        reference.weights,
-        reference.values,
-        reference.gradients[..., 1],
-        by_second,
-        optimize=True,
+    slopes = [sign * np.einsum("ijk,fqk->fqij", _EPSILON, t[..., other]) for sign, other in ((1, 1), (-1, 0))]
+    w, N, dN = reference.weights, reference.values, reference.gradients
+    first, second = (
+        np.einsum("q,qa,qb,fqij->faibj", w, N, dN[..., k], slopes[k], optimize=True) for k in (0, 1)
     )
+    blocks = first + second
     dofs = (3 * facets.nodes[:, :, None] + np.arange(3)).reshape(len(facets.nodes), -1)
     m = dofs.shape[1]
     rows, columns = np.repeat(dofs, m, axis=1).ravel(), np.tile(dofs, (1, m)).ravel()

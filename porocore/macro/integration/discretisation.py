@@ -234,8 +234,7 @@ class Discretisation(ABC, Generic[System]):
         for places in self.plates:
             total = self.communicator.sum(float(values[places].sum()))
             values[places[self.leading[places]]] = total
-        found: Array = values[self.leading]
-        return found
+        return np.asarray(values[self.leading])
 
     def _gather(self, forces: Array, volumes: Array) -> Array:
         blocks = np.concatenate([forces, volumes], axis=1)

@@ -20,11 +20,6 @@ PROFILE = tuple(f.name for f in fields(Profile))
 class HistoryRecorder:
     """Recorder of history and profiles, the same on every process.
 
-    Parameters
-    ----------
-    d
-        Of what is recorded.
-
     Attributes
     ----------
     columns

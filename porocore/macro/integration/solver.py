@@ -106,13 +106,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
 
 
 def _halved(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array, begin: float, end: float) -> Array:
-    """Return the unknowns at ``end`` after two steps of half the length from ``x`` at ``begin``.
-
-    Raises
-    ------
-    StepFailed
-        One of them fails.
-    """
+    """Return the unknowns at ``end`` after two steps of half the length from ``x`` at ``begin``."""
     dt = (end - begin) / 2
     for time in (begin + dt, end):
         loads = d.loads(d.boundary.amplitudes(d.problem, time))

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from porocore.core.files.totals import Numbers
-from porocore.interfaces.records import SolvedState
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.macro.laws.direct_record import Work
 from porocore.sampling.datasets.dataset import Dataset
@@ -174,11 +173,7 @@ class AdaptiveSurrogate:
 
     def _take(self) -> None:
         outcome = self.pool.wait()
-        x = self._asked.pop(outcome.key)
-        state = self.dataset.inputs.scatter(x)
-        self.dataset.append(
-            SolvedState(outcome.key, x, state, outcome.response, outcome.seconds, None, outcome.field)
-        )
+        self.dataset.append(outcome.record(self.dataset.inputs, self._asked.pop(outcome.key)))
         status = Status(int(outcome.response.status[0]))
         self.work.counts[status] += 1
         self.work.solve_seconds += outcome.seconds

@@ -104,13 +104,7 @@ class LinearCoefficients:
 
 
 def _of_stress(reference: CellResponse, solid_fraction: float, material: Solid) -> tuple[Array, Array]:
-    """Return C_eff and the Biot tensor of the stress; with several materials from the cell's own tangent at rest.
-
-    Raises
-    ------
-    ValueError
-        The solid has several materials and the response no tangent of the stress.
-    """
+    """Return C_eff and the Biot tensor of the stress; with several materials from the cell's own tangent at rest."""
     if isinstance(material, Composite):
         tangent = reference.tangent
         if tangent is None or tangent.stress_grad_u is None or tangent.stress_p is None:
@@ -133,13 +127,7 @@ class LinearPoroelasticity(MacroLaw):
     def __init__(self, coefficients: LinearCoefficients) -> None:
         self.coefficients = c = coefficients
         self.identity = fingerprint(
-            self.name,
-            c.stiffness,
-            c.biot,
-            c.storage,
-            c.conductivity,
-            c.mean_grad_grad_u,
-            c.mean_grad_p,
+            self.name, c.stiffness, c.biot, c.storage, c.conductivity, c.mean_grad_grad_u, c.mean_grad_p
         )
 
     def initial(self, n: int) -> LawMemory:

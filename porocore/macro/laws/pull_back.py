@@ -141,8 +141,7 @@ class PulledBack:
             v = (R.swapaxes(1, 2) @ pulled)[..., 0]
             by_spin = K @ cross_matrix(v) - cross_matrix(v @ K.T)
             by_F += self.cof.swapaxes(1, 2) @ R @ by_spin @ spin(self._states_of(R), R)
-        flux_F: Array = -by_F / self.J[:, None, None]
-        return flux_F
+        return np.asarray(-by_F / self.J[:, None, None])
 
     def _states_of(self, R: Array) -> Array:
         """Return F̄ (n, 3, 3), and R where there is none."""

@@ -20,8 +20,10 @@ from importlib.metadata import version
 from typing import Any
 
 from porocore import errors
+from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import PorocoreError, UnexpectedError
 from porocore.interfaces.cell import CellField, CellSolver
+from porocore.interfaces.records import SolvedState
 from porocore.plugins.border import solution_of
 from porocore.sampling.execution.threads import THREAD_VARIABLES
 from porocore.states import CellResponse, MacroState
@@ -40,6 +42,10 @@ class FinishedSolve:
     response: CellResponse
     field: CellField | None
     seconds: float
+
+    def record(self, inputs: InputSpace, x: tuple[float, ...], start: str | None = None) -> SolvedState:
+        """Return the solve at ``inputs`` with the values ``x`` for a dataset, begun at the field of ``start``."""
+        return SolvedState(self.key, x, inputs.scatter(x), self.response, self.seconds, start, self.field)
 
 
 @dataclass(frozen=True)

@@ -37,16 +37,7 @@ APART = 0.5
 class LearningSampler(RoundSampler, StudySampler):
     """Rounds that are chosen from the responses so far: the base of :class:`Active` and its kin.
 
-    Parameters
-    ----------
-    inputs, count
-        The box, and the budget of states.
-    initial, usual
-        Size of the first design, and its default.
-    batch
-        States in a round; more where a share :data:`GROWTH` of what is known is more.
-    seed
-        Seed of all random numbers.
+    ``usual`` is the default of ``initial``; the other options are those of :class:`Active`.
     """
 
     _study: StudyFacts | None = None
@@ -71,13 +62,7 @@ class LearningSampler(RoundSampler, StudySampler):
 
     @property
     def study(self) -> StudyFacts:
-        """The study as given to :meth:`inform`.
-
-        Raises
-        ------
-        RuntimeError
-            It was not called.
-        """
+        """The study as given to :meth:`inform`; RuntimeError before that."""
         if self._study is None:
             raise RuntimeError(
                 f"{type(self).__name__} has to know the undeformed cell; call inform before ask"
@@ -89,18 +74,9 @@ class LearningSampler(RoundSampler, StudySampler):
         good = self.stable
         if good.sum() < 2:
             return None
-        rows = [response for response, kept in zip(self.observed, good, strict=True) if kept]
-        states = self.inputs.scatter(from_unit(self.inputs, self.points[good]))
-        study = self.study
-        return TrainingSet(
-            states,
-            CellResponse.concatenate(rows),
-            self.inputs,
-            study.reference,
-            study.identity,
-            {},
-            study.symmetry,
-        )
+        rows = CellResponse.concatenate([self.observed[i] for i in np.flatnonzero(good)])
+        states, study = self.inputs.scatter(from_unit(self.inputs, self.points[good])), self.study
+        return TrainingSet(states, rows, self.inputs, study.reference, study.identity, {}, study.symmetry)
 
     def judge(self, unit: Array) -> Judgement | None:
         """Return the committee's judgement of points (m, d) of the unit box; None with fewer than two known states."""

@@ -27,15 +27,7 @@ def corner_count(d: int) -> int:
 
 
 class SobolStream:
-    """New points of one scrambled Sobol sequence at each call; round-off cannot move them.
-
-    Parameters
-    ----------
-    d
-        Number of inputs.
-    seed
-        Seed of the scrambling.
-    """
+    """New points of one scrambled Sobol sequence of ``d`` inputs at each call; round-off cannot move them."""
 
     def __init__(self, d: int, seed: int) -> None:
         from scipy.stats import qmc  # slow to import

@@ -84,5 +84,4 @@ class RoundSampler(Sampler):
 def from_unit(inputs: InputSpace, unit: Array) -> Array:
     """Return points (n, d) of the unit box in the box of ``inputs``, no digit beyond its bounds."""
     low, high = np.array(inputs.lower), np.array(inputs.upper)
-    scaled: Array = np.clip(low + (high - low) * unit, low, high)
-    return scaled
+    return np.asarray(np.clip(low + (high - low) * unit, low, high))
