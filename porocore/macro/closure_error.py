@@ -40,8 +40,6 @@ def closure_error(closure: Closure, states: MacroState, exact: CellResponse) -> 
 
     Parameters
     ----------
-    closure
-        Of the cell.
     states
         n states that were solved, two different ones at least.
     exact

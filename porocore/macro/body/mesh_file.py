@@ -20,11 +20,11 @@ from porocore.states import Array, IntArray
 KEY = "macro.body.path"
 #: What gmsh meshes itself.
 GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs", ".opt")
-#: Volume and surface elements that are understood: VTK's name in meshio, dimension, corners.
 #: Share of the body's length within which two nodes are at the same place.
 SAME = 1e-10
 #: Commands of a .geo file that run other programs, or take in what its checksum does not cover.
 EXECUTING = re.compile(r"\b(NonBlockingSystemCall|SystemCall|System|Include)\b")
+#: Volume and surface elements that are understood: name in meshio, nodes; name, corners.
 VOLUMES = {"tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron27": 27}
 FACES = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 

@@ -63,9 +63,8 @@ def in_frames(
     unknowns, values = [], []
     for node, constraints in oblique.items():
         frame, rows, prescribed = _frame([*constraints, *others(node)], functions, (kept or {}).get(node, ()))
-        for row in range(3):
-            for column in range(3):
-                rotation[3 * node + row, 3 * node + column] = frame[row, column]
+        own = slice(3 * node, 3 * node + 3)
+        rotation[own, own] = frame
         unknowns += [3 * node + row for row in rows]
         values += prescribed
     order = np.argsort(unknowns)

@@ -28,11 +28,9 @@ def interpolation(mesh: BodyMesh, probes: Mapping[str, tuple[float, float, float
     for number, (name, place) in enumerate(probes.items()):
         cell, xi = _find(mesh, np.array(place), f"macro.probes.{name}")
         values, corner = element.values(xi[None])[0], element.corner_values(xi[None])[0]
-        for node, value in zip(mesh.cells[cell], values, strict=True):
-            for i in range(3):
-                rows[4 * number + i, 3 * node + i] = value
-        for p_place, value in zip(mesh.p_cells[cell], corner, strict=True):
-            rows[4 * number + 3, mesh.n_u + p_place] = value
+        for i in range(3):
+            rows[4 * number + i, 3 * mesh.cells[cell] + i] = values
+        rows[4 * number + 3, mesh.n_u + mesh.p_cells[cell]] = corner
     return rows.tocsr()
 
 

@@ -41,13 +41,10 @@ class SurfaceConditions:
         return np.unique(self.facets.nodes)
 
     def _displacements(self) -> None:
-        directions = [
-            axis
-            for axis, value in zip(np.eye(3), self.boundary.displacement, strict=True)
-            if value is not None
-        ]
+        directions = []
         for i, value in enumerate(self.boundary.displacement):
             if value is not None:
+                directions.append(np.eye(3)[i])
                 self.to.prescribe(3 * self.nodes + i, value, f"u_{i + 1}", self.key)
         if self.boundary.normal is not None:
             directions.append(self._normal(self.boundary.normal))

@@ -25,7 +25,6 @@ from porocore.macro.integration.adaptive import ErrorControl
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.integration.recorder import PROFILE, HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
-from porocore.macro.problem import MacroProblem
 from porocore.states import Array
 
 FORMAT, VERSION = "porocore-macro-checkpoint", 2
@@ -43,7 +42,9 @@ class CheckpointFile:
 
     def __init__(self, path: Path | None, d: Discretisation, law: MacroLaw, seconds: float) -> None:
         self._path, self._d, self._law, self._seconds = path, d, law, seconds
-        self._owner, self._written = identity(d.problem, law), monotonic()
+        # Everything that determines the solution.
+        text = f"{json.dumps(d.problem.specification())}|{law.name}|{law.identity}"
+        self._owner, self._written = hashlib.sha256(text.encode()).hexdigest(), monotonic()
 
     def load(
         self, stepper: Stepper, control: ErrorControl
@@ -132,12 +133,6 @@ class CheckpointFile:
 
     def _is_late(self) -> bool:
         return monotonic() >= self._written + self._seconds
-
-
-def identity(problem: MacroProblem, law: MacroLaw) -> str:
-    """Return a hash of everything that determines the solution."""
-    text = f"{json.dumps(problem.specification())}|{law.name}|{law.identity}"
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _read_stepping(file: Contents, last: float) -> dict[str, Any]:

@@ -258,9 +258,7 @@ class Discretisation(ABC, Generic[System]):
 
     def points_to_mesh(self, values: Array) -> Array:
         """Return values at all quadrature points (all points, ...), from those of this process (points, ...)."""
-        whole = np.zeros((*self.mesh.weights.shape, *values.shape[1:]))
-        whole[self.elements] = self._by_element(values)
-        return np.asarray(self.communicator.sum(whole)).reshape(-1, *values.shape[1:])
+        return self._all_elements(self._by_element(values)).reshape(-1, *values.shape[1:])
 
     def points_from_mesh(self, whole: Array) -> Array:
         """Return the values of this process from those at all quadrature points."""
@@ -275,9 +273,11 @@ class Discretisation(ABC, Generic[System]):
 
     def all_means(self, values: Array) -> Array:
         """Return the means over all elements, in the mesh's order and on every process."""
-        means = self.means(values)
-        whole = np.zeros((len(self.mesh.cells), *means.shape[1:]))
-        whole[self.elements] = means
+        return self._all_elements(self.means(values))
+
+    def _all_elements(self, own: Array) -> Array:
+        whole = np.zeros((len(self.mesh.cells), *own.shape[1:]))
+        whole[self.elements] = own
         return np.asarray(self.communicator.sum(whole))
 
     def _by_element(self, values: Array) -> Array:

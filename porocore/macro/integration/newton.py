@@ -90,10 +90,8 @@ def newton_step(
 
 
 def _refuse_missing_values(d: Discretisation, response: MacroResponse) -> None:
-    parts: list[Any] = [response.stress, response.storage, response.flux]
-    bad = np.zeros(d.n_points, bool)
-    for part in parts:
-        bad |= ~np.isfinite(part.reshape(d.n_points, -1)).all(axis=1)
+    parts = (response.stress, response.storage, response.flux)
+    bad = ~np.all([np.isfinite(part.reshape(d.n_points, -1)).all(axis=1) for part in parts], axis=0)
     count, points = d.communicator.sum(np.array([bad.sum(), len(bad)]))
     if count:
         which = f"{int(count)} of {int(points)} points"

@@ -82,13 +82,7 @@ class LinearCoefficients:
                 )
             )
         return cls(
-            stiffness,
-            (biot + biot.T) / 2,
-            biot_of_stress,
-            storage,
-            np.array(conductivity, dtype=float),
-            M,
-            Q,
+            stiffness, (biot + biot.T) / 2, biot_of_stress, storage, np.array(conductivity, dtype=float), M, Q
         )
 
     @property

@@ -76,12 +76,7 @@ class Dataset:
 
     @classmethod
     def open(
-        cls,
-        path: Path,
-        *,
-        inputs: InputSpace | None = None,
-        identity: str | None = None,
-        sound: bool = True,
+        cls, path: Path, *, inputs: InputSpace | None = None, identity: str | None = None, sound: bool = True
     ) -> Self:
         """Read the file and the parts beside it, also while another process writes; nothing is written.
 

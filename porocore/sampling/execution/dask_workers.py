@@ -38,7 +38,7 @@ class DaskBackend(WorkerBackend):
     Parameters
     ----------
     scheduler
-        Address such as ``tcp://node:8786``; None: a cluster of processes on this machine, which ends with this workers.
+        Address such as ``tcp://node:8786``; None: a cluster of processes on this machine, which ends with them.
     count
         Number of those processes.
 
@@ -68,10 +68,9 @@ class DaskBackend(WorkerBackend):
         self._threads: dict[str, int] = {}
         self._looked = -LOOK_INTERVAL
         self._processes: dict[str, int] = {}
+        # What matters is raised, or a warning of these workers.
         for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]:
-            logging.getLogger(name).setLevel(
-                logging.CRITICAL
-            )  # what matters is raised, or a warning of this workers
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         if scheduler is None:
             # Without dask's setting of malloc, which makes every larger array anew from the system.
             environment = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_VARIABLES, "1")}
