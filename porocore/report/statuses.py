@@ -73,10 +73,10 @@ def visited_sentence(visited: list[dict[str, float]]) -> str:
         return (
             "The solved states of the cell nearest to the states of the body are stable and free of contact."
         )
+    at_end, at_most = ([percent(shares[name], 0) for name in SHARES] for shares in (end, largest))
     return (
-        "Each element of the body has a nearest solved state of the cell. By the statuses of these states, "
-        f"{percent(end['contact'], 0)} of the body is in contact at the end (at most {percent(largest['contact'], 0)} "
-        f"at a time of a profile): the pore wall touches itself. {percent(end['unstable'], 0)} is unstable (at most "
-        f"{percent(largest['unstable'], 0)}), and {percent(end['without_values'], 0)} has no valid data (at most "
-        f"{percent(largest['without_values'], 0)})."
+        "Each element of the body has the status of the nearest solved state of the cell. At the end of the run the "
+        f"pore wall touches itself in {at_end[0]} of the body, {at_end[1]} of the body is unstable, and {at_end[2]} "
+        "has no valid data. The largest shares at the times of the profiles are "
+        f"{at_most[0]}, {at_most[1]} and {at_most[2]}."
     )

@@ -59,7 +59,7 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
             f"Parts of the body are flagged: there the surrogate is not reliable. {flagged_shares(nonlinear)}"
         )
     else:
-        sentences.append("No part of the body is flagged as a state where the surrogate is not reliable.")
+        sentences.append("In no part of the body is the surrogate flagged as unreliable.")
     return sentences
 
 
@@ -123,8 +123,8 @@ def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
 
 #: Transformation of K, by whether it rotates with the solid.
 _TRANSFORMED = {
-    False: "transformed by the mean deformation gradient F̄ of the solid as in the paper, to K_t = F̄⁻¹ K F̄⁻ᵀ",
-    True: "transformed by the mean deformation gradient F̄ = R̄ Ū of the solid and rotates with it, to K_t = Ū⁻¹ K Ū⁻¹",
+    False: "transformed by the mean deformation gradient F̄ of the solid as in the paper: K_t = F̄⁻¹ K F̄⁻ᵀ",
+    True: "transformed by the mean deformation gradient F̄ = R̄ Ū of the solid and rotates with it: K_t = Ū⁻¹ K Ū⁻¹",
 }
 
 
@@ -139,15 +139,15 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
     else:
         turned = cell.law == "piola" and not is_isotropic(cell.linear.conductivity)
         found = (
-            f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}; the figures show K_t. "
-            "The flux through reference area follows K_ref = det F̄ K_t. Compression along an axis raises both "
-            "along this axis, although the pores become narrower. The times to 95 % and 99 % depend on this."
+            f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}. The figures show K_t. "
+            "The flux through reference area follows K_ref = det F̄ K_t. Compression along an axis raises K_t "
+            "and K_ref along this axis, although the pores become narrower. The times to 95 % and 99 % depend on this."
         )
     if not case.nonlinear.profiles:
         return found
     last, rest = case.nonlinear.profiles[-1], number(float(cell.linear.conductivity[1, 1]), 3)
     K_t, K_ref = (
-        " to ".join(number(float(end(K[:, 1, 1])), 3) for end in (np.min, np.max))
+        " to ".join(dict.fromkeys(number(float(end(K[:, 1, 1])), 3) for end in (np.min, np.max)))
         for K in (last.conductivity, last.reference_conductivity)
     )
     return (
