@@ -1,4 +1,4 @@
-"""What all tests share: modules in ``helpers``, and a made-up solution of a consolidating column."""
+"""What all tests share: modules in ``helpers``, a made-up solution of a consolidating column, figures left empty."""
 
 from __future__ import annotations
 
@@ -19,3 +19,11 @@ from made_up_column import make_column
 def column() -> Callable[..., MacroSolution]:
     """Make a column: see :func:`make_column`."""
     return make_column
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave figures empty: drawing takes longer than a small study, and what is on them is tested elsewhere."""
+    from matplotlib.figure import Figure
+
+    monkeypatch.setattr(Figure, "draw", lambda figure, renderer: None)

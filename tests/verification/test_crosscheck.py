@@ -19,9 +19,9 @@ from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.study.config.loading import load_config
 from porocore.study.examples import crosscheck_path
-from porocore.verification.crosscheck import select_backends
+from porocore.verification.crosscheck import compared_states, select_backends
 from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES
-from porocore.verification.crosscheck.compared_states import STATES
+from porocore.verification.crosscheck.compared_states import STATES, solve_samples
 
 pytest.importorskip("skfem")
 
@@ -77,13 +77,29 @@ def run(case, out, *words, fem=(), surrogate=()):
     return ended.value.code or 0, *(stream.getvalue() for stream in streams), document
 
 
+@pytest.fixture(autouse=True, scope="module")
+def solved_once():
+    """The same samples of the same backend are solved by the first that asks for them."""
+    done = {}
+
+    def once(config, backend, console):
+        key = backend, config.stages.sampling, config.sampling.model_dump_json()
+        if key not in done:
+            done[key] = solve_samples(config, backend, console)
+        return done[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compared_states, "solve_samples", once)
+        yield
+
+
 @pytest.fixture
 def case(tmp_path):
     return write_case(tmp_path / "case.yaml")
 
 
 @pytest.fixture
-def crosscheck(case, tmp_path):
+def crosscheck(case, tmp_path, undrawn):
     """Run it with these backends."""
     return lambda *words, **how: run(case, tmp_path / "out", *words, **how)
 
@@ -212,7 +228,7 @@ def test_a_macro_solver_that_is_off_fails(crosscheck):
 
 
 @pytest.mark.slow
-def test_the_conductivity_of_the_deformed_pore_is_compared_too(tmp_path):
+def test_the_conductivity_of_the_deformed_pore_is_compared_too(tmp_path, undrawn):
     """Of the cells, of a surrogate that learns it, and in the flux of the body."""
     case = write_case(tmp_path / "case.yaml", conductivity="deformed", surrogate={"backend": "polynomial"})
     status, _, err, document = run(case, tmp_path / "out", fem=["skfem", "twin"], surrogate=["polynomial"])
@@ -366,7 +382,7 @@ def test_the_packaged_case_is_the_benchmarks_cell():
     assert small.closure == benchmark.closure
 
 
-def test_what_backends_declare_decides_how_closely_they_are_compared(tmp_path):
+def test_what_backends_declare_decides_how_closely_they_are_compared(tmp_path, undrawn):
     """A column of finite volumes and kernels, which approximate and say so: every line passes, none is widened else."""
     settings = yaml.safe_load(write_case(tmp_path / "case.yaml").read_text(encoding="utf-8"))
     settings["macro"]["body"]["elements"] = [1, 10, 1]
@@ -384,7 +400,7 @@ def test_what_backends_declare_decides_how_closely_they_are_compared(tmp_path):
     assert {name: line["tolerance"] for name, line in held_out.items()} == {"cubic": 5e-3, "kernels": 0.03}
 
 
-def test_what_a_backend_does_not_offer_is_a_line_that_says_so(tmp_path):
+def test_what_a_backend_does_not_offer_is_a_line_that_says_so(tmp_path, undrawn):
     """The column of finite volumes on a body with a plate."""
     plate = {"y+": {"plate": 0.01, "pressure": 0}}
     settings = yaml.safe_load(write_case(tmp_path / "case.yaml").read_text(encoding="utf-8"))
