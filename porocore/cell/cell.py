@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
@@ -26,6 +24,7 @@ from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.estimate import require_few
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.meshing.supercell import block
+from porocore.core.files.plain_data import json_hash
 from porocore.core.models.strict import StrictModel
 from porocore.core.tensors.point_group import PointGroup
 from porocore.core.units.dimensions import Dimension, Unit
@@ -171,7 +170,7 @@ class Cell(StrictModel):
     @property
     def identity(self) -> str:
         """Hash of the specification."""
-        return hashlib.sha256(json.dumps(self.specification()).encode()).hexdigest()[:16]
+        return json_hash(self.specification())
 
     def make_mesh(self, phase: Phase, domain: Domain) -> CellMesh:
         """Return the mesh of one phase on the eighth or on the whole cell, the same for every backend.

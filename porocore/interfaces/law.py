@@ -6,7 +6,6 @@ this kind, so one macro code path serves all and each checks the others.
 
 from __future__ import annotations
 
-import hashlib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.files.plain_data import stable_hash
 from porocore.states import Array, CellResponse, MacroState, _Batch
 
 
@@ -140,8 +140,8 @@ class CellLaw(ABC):
 
 def fingerprint(*parts: str | float | Array) -> str:
     """Return the hash of texts, numbers and arrays, for :attr:`MacroLaw.identity`."""
-    digest = hashlib.sha256()
+    hashed: list[str | bytes] = []
     for part in parts:
-        data = part.encode() if isinstance(part, str) else np.ascontiguousarray(part, dtype=float).tobytes()
-        digest.update(f"{type(part).__name__}{len(data)}:".encode() + data)
-    return digest.hexdigest()[:16]
+        data = part.encode() if isinstance(part, str) else np.asarray(part, dtype=float).tobytes()
+        hashed += [f"{type(part).__name__}{len(data)}:", data]
+    return stable_hash(*hashed, length=16)

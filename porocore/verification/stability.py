@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from porocore.cell.equilibrium.solver import EquilibriumCellSolver
 from porocore.cell.stability.line import StabilityLine
 from porocore.cell.stability.map import MapPlan, follow_lines, write_tables
 from porocore.core.files.atomic import atomic_path, new_folder
+from porocore.core.files.plain_data import json_hash
 from porocore.core.inputs.possible_states import require_possible
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.study.config.config import RunConfig
@@ -138,6 +138,6 @@ def _solve(
         on_event(MapProgress(plan.values[line], found, min(expected, line * states + solved), expected))
 
     described = plan.describe()
-    identity = hashlib.sha256(json.dumps([config.stages.cell, described]).encode()).hexdigest()[:16]
+    identity = json_hash([config.stages.cell, described])
     provenance = {"config": config.resolved_yaml(), "plan": json.dumps(described)}
     return follow_lines(solver, prepared, plan, path, identity, provenance, show)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Annotated, Literal
@@ -15,6 +14,7 @@ from porocore.cell.geometry.part import PoreGeometry
 from porocore.cell.meshing.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.meshing.periodicity import facet_classes
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, boundary_facets, with_middles
+from porocore.core.files.plain_data import stable_hash
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Unit
 from porocore.states import Array, IntArray
@@ -133,10 +133,9 @@ class CellMesh:
     @cached_property
     def hash(self) -> str:
         """Hash of points and cells, and of the regions where there are several."""
-        digest = hashlib.sha256(self.points.round(12).tobytes() + self.cells.tobytes())
-        if len(self.region_names) > 1:
-            digest.update(self.regions.tobytes() + "\0".join(self.region_names).encode())
-        return digest.hexdigest()[:16]
+        several = len(self.region_names) > 1
+        regions = (self.regions.tobytes(), "\0".join(self.region_names)) if several else ()
+        return stable_hash(self.points.round(12).tobytes(), self.cells.tobytes(), *regions, length=16)
 
 
 @lru_cache(maxsize=8)

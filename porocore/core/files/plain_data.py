@@ -1,7 +1,8 @@
-"""Results as plain data, and JSON files of them."""
+"""Results as plain data, JSON files of them, and digests."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -34,6 +35,19 @@ def write_json(path: Path, document: Any, **how: Any) -> None:
     """
     with atomic_path(path) as part:
         part.write_text(json.dumps(document, **how) + "\n", encoding="utf-8")
+
+
+def stable_hash(*parts: str | bytes, length: int = 64) -> str:
+    """Return the first digits of the SHA-256 of texts in UTF-8 and of bytes, joined without anything between them."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(part.encode() if isinstance(part, str) else part)
+    return digest.hexdigest()[:length]
+
+
+def json_hash(value: Any, **how: Any) -> str:
+    """Return sixteen digits of the SHA-256 of a value as JSON; ``how`` goes to :func:`json.dumps`."""
+    return stable_hash(json.dumps(value, **how), length=16)
 
 
 def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:

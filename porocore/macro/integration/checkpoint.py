@@ -6,7 +6,6 @@ what another one began: the equations are the same, and so is the solution up to
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import fields, is_dataclass
 from functools import partial
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.core.files.plain_data import stable_hash
 from porocore.core.hdf5 import atomic_hdf5, opened
 from porocore.core.hdf5.contents import Contents, numbered
 from porocore.errors import DataError
@@ -44,7 +44,7 @@ class CheckpointFile:
         self._path, self._d, self._law, self._seconds = path, d, law, seconds
         # Everything that determines the solution.
         text = f"{json.dumps(d.problem.specification())}|{law.name}|{law.identity}"
-        self._owner, self._written = hashlib.sha256(text.encode()).hexdigest(), monotonic()
+        self._owner, self._written = stable_hash(text), monotonic()
 
     def load(
         self, stepper: Stepper, control: ErrorControl

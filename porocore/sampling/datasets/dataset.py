@@ -10,6 +10,7 @@ from typing import Self
 
 import numpy as np
 
+from porocore.core.files.plain_data import stable_hash
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.cell import CellField
@@ -140,7 +141,7 @@ class Dataset:
             if record.key in self._where:
                 raise ValueError(f"state '{record.key}' is in the dataset already")
             provided = check_record(record, self._provided)
-            name = hashlib.sha256(record.key.encode()).hexdigest()[:32]
+            name = stable_hash(record.key, length=32)
             block = Block.from_record(parts_folder(self.path) / f"{name}.h5", record)
             write_block(block.path, Header(self.inputs, self.identity, {}), block, [record.field])
             self._provided = provided

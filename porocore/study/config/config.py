@@ -6,7 +6,6 @@ invalidate the samples.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -17,6 +16,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from porocore.cell.cell import Cell
 from porocore.core.echo import cut, echo, suggestion
+from porocore.core.files.plain_data import json_hash
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.results import OutputUnits, ResultUnits
@@ -215,4 +215,4 @@ def _unfit_closure(closure: str, cell: Cell | None) -> str:
 
 
 def _hash(*parts: Any) -> str:
-    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
+    return json_hash(parts, sort_keys=True, default=str)

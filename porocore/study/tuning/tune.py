@@ -6,7 +6,6 @@ the best is chosen. The run folder keeps finished candidates, so that an interru
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from porocore.core.console import Console
-from porocore.core.files.plain_data import write_json
+from porocore.core.files.plain_data import stable_hash, write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError
 from porocore.sampling.datasets.dataset import Dataset
@@ -153,7 +152,7 @@ def _held_out(folder: RunFolder, config: RunConfig) -> tuple[MacroState, CellRes
 def _place(folder: RunFolder, config: RunConfig, candidate: Candidate) -> Path:
     """Return the file of a candidate; other samples, held-out states or options give another folder."""
     stages = with_options(config, {}).stages
-    identity = hashlib.sha256(f"{stages.training} {stages.test}".encode()).hexdigest()[:12]
+    identity = stable_hash(f"{stages.training} {stages.test}", length=12)
     return folder.path / "tune" / identity / f"{candidate.key}.json"
 
 

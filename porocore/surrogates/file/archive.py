@@ -7,7 +7,6 @@ Reading executes nothing.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from porocore.core.files.plain_data import stable_hash
 from porocore.core.hdf5 import atomic_hdf5, opened
 from porocore.errors import DataError
 from porocore.states import Array
@@ -80,9 +80,7 @@ def read_archive(path: Path, form: str, version: int, advice: str) -> tuple[dict
 
 
 def _checksum(text: str, arrays: dict[str, Array]) -> str:
-    digest = hashlib.sha256(text.encode())
-    for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name], dtype=np.float64)
-        digest.update(f"\0{name}\0{arrays[name].shape}\0".encode())
-        digest.update(array.tobytes())
-    return digest.hexdigest()
+    parts: list[str | bytes] = [text]
+    for name, array in sorted(arrays.items()):
+        parts += [f"\0{name}\0{array.shape}\0", np.asarray(array, dtype=np.float64).tobytes()]
+    return stable_hash(*parts)

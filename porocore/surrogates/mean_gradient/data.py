@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 
 import numpy as np
 
+from porocore.core.files.plain_data import stable_hash
 from porocore.core.inputs.input_space import flatten
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingSet
@@ -79,10 +79,9 @@ class ScaledData:
 
     def fingerprint(self, *settings: str) -> str:
         """Return a hash of the numbers and of ``settings``, by which a checkpoint is recognised."""
-        digest = hashlib.sha256(repr((settings, self.components)).encode())
-        for array in (self.linear, self.output_scale, self.x, self.rest, self.target):
-            digest.update(f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes())
-        return digest.hexdigest()
+        arrays = (self.linear, self.output_scale, self.x, self.rest, self.target)
+        parts = [f"{array.shape}".encode() + array.tobytes() for array in arrays]
+        return stable_hash(repr((settings, self.components)), *parts)
 
 
 def _check(data: TrainingSet) -> None:

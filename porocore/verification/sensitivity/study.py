@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import heapq
-import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +10,7 @@ from typing import Any
 
 from porocore.cell.cell import Cell
 from porocore.core.files.atomic import new_folder
+from porocore.core.files.plain_data import json_hash
 from porocore.core.inputs.possible_states import require_possible
 from porocore.errors import DataError, RunFolderError
 from porocore.macro.laws.pull_back import ConductivityLaw
@@ -206,7 +205,7 @@ def study_identity(
     parts: list[Any] = [cell.model_dump(mode="json"), fem.model_dump(mode="json"), plan.describe()]
     # Without another law the study is what it was before there were several.
     parts += [] if conductivity == "piola-unrotated" else [conductivity]
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+    return json_hash(parts, sort_keys=True)
 
 
 class _Campaign:
