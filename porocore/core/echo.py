@@ -22,6 +22,11 @@ def cut(text: str, most: int = MOST) -> str:
     return line if len(text) <= most and len(line) <= most else f"{line[: most - 1]}…"
 
 
+def shortened(text: str, most: int) -> str:
+    """Return a text as at most ``most`` characters."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
 def echo(value: Any, most: int = MOST) -> str:
     """Return ``value`` as a message repeats it: a text in quotes, anything else as YAML writes it, both cut.
 

@@ -15,6 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from uuid import uuid4
 
+from porocore.core.echo import shortened
 from porocore.errors import UnexpectedError
 
 #: Characters of an exception's own words in the line.
@@ -44,7 +45,7 @@ def describe(error: BaseException) -> str:
     if isinstance(error, UnexpectedError):
         kind = "unexpected"
     words = " ".join(str(error).split())
-    said = f"{kind}: {words if len(words) <= MOST else f'{words[: MOST - 1]}…'}" if words else kind
+    said = f"{kind}: {shortened(words, MOST)}" if words else kind
     try:
         written = f"the whole of it is in {_write(error)}"
     except OSError as fault:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from porocore.core.files.csv_table import write_csv
+from porocore.core.files.plain_data import write_csv
 from porocore.core.units.results import ResultUnits
 from porocore.interfaces.solution import History, MacroSolution, file_name
 from porocore.states import Array

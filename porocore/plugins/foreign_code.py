@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from porocore.core.echo import shortened
 from porocore.errors import PorocoreError
 
 #: Characters of a foreign error that are shown.
@@ -87,7 +88,7 @@ def reason_of(error: BaseException) -> str:
         text = " ".join(str(error).split())
     except Exception:  # noqa: BLE001 - an error that cannot be told is still one
         text = "its message cannot be read"
-    text = text if len(text) <= MOST else f"{text[: MOST - 1]}…"
+    text = shortened(text, MOST)
     # Errors that porocore raises say who is meant.
     return text if isinstance(error, PorocoreError) else f"{type(error).__name__}: {text}".removesuffix(": ")
 

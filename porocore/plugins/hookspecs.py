@@ -13,6 +13,7 @@ from typing import Any
 
 import pluggy
 
+from porocore.core.echo import shortened
 from porocore.errors import PluginError
 from porocore.plugins.kinds import KINDS, PROJECT, PluginKind
 
@@ -125,7 +126,7 @@ def short_repr(value: Any) -> str:
         text = " ".join(repr(value).split())
     except Exception:  # noqa: BLE001 - foreign code
         text = f"an instance of {type(value).__name__}"
-    return text if len(text) <= 80 else f"{text[:79]}…"
+    return shortened(text, 80)
 
 
 def _is_module(name: Any) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from porocore.plugins.discovery import Broken, Offered, Source
@@ -65,36 +65,16 @@ def plugin_rows(offers: Sequence[Offered], broken: Sequence[Broken]) -> list[Plu
         elif offered.missing:
             state, advice = "missing dependency", offered.install
         source, modules = offered.source, tuple(offer.requires)
-        rows.append(
-            PluginRow(
-                kind,
-                offer.name,
-                str(source),
-                state,
-                offer.summary,
-                advice,
-                source,
-                offered.interface,
-                modules,
-                notes_on(source),
-            )
+        row = PluginRow(
+            kind, offer.name, str(source), state, offer.summary, advice, source, offered.interface, modules
         )
+        rows.append(replace(row, notes=notes_on(source)))
     for failed in broken:
-        source = failed.source
-        state = "other interface" if failed.kind else "broken"
-        rows.append(
-            PluginRow(
-                failed.kind,
-                source.entry_point,
-                str(source),
-                state,
-                "",
-                failed.reason,
-                source,
-                failed.interface,
-                notes=notes_on(source),
-            )
+        source, state = failed.source, "other interface" if failed.kind else "broken"
+        row = PluginRow(
+            failed.kind, source.entry_point, str(source), state, "", failed.reason, source, failed.interface
         )
+        rows.append(replace(row, notes=notes_on(source)))
     there = {(offered.kind, offered.offer.name) for offered in offers}
     failing = {(failed.source.distribution, failed.kind) for failed in broken}
     for name, (distribution, kinds) in FIRST_PARTY.items():

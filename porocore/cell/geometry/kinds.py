@@ -17,7 +17,7 @@ from porocore.cell.geometry.spheres import SpherePores
 from porocore.cell.level_sets.tpms import TriplyPeriodic
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.mesh_file import MeshFile
-from porocore.core.models.kinds import by_kind
+from porocore.core.models.strict import by_kind
 
 __all__ = [
     "CylinderArray",

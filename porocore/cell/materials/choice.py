@@ -12,7 +12,7 @@ from porocore.cell.materials.material import Material
 from porocore.cell.materials.mooney_rivlin import MooneyRivlin
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.materials.ogden import Ogden
-from porocore.core.models.kinds import by_kind
+from porocore.core.models.strict import by_kind
 
 DEFAULT = "neo-hookean"
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from porocore.core.tensors.cofactors import cofactor, determinant
-from porocore.core.tensors.symmetric_eigen import symmetric_eigen
+from porocore.core.tensors.symmetric_functions import symmetric_eigen
 from porocore.states import Array
 
 

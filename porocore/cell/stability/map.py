@@ -15,7 +15,7 @@ from porocore.cell.stability.inertia import WAVES
 from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine, follow_line
 from porocore.core.echo import echo
 from porocore.core.fields.check import known_statuses
-from porocore.core.files.csv_table import write_csv
+from porocore.core.files.plain_data import write_csv
 from porocore.core.hdf5 import Contents, Kind, atomic_hdf5, opened
 from porocore.core.hdf5.contents import numbered
 from porocore.core.inputs.input_space import NAMES

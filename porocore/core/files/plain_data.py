@@ -1,11 +1,13 @@
-"""Results as plain data, JSON files of them, and digests."""
+"""Results as plain data, JSON and CSV files of them, and digests."""
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,24 @@ def write_json(path: Path, document: Any, **how: Any) -> None:
     """
     with atomic_path(path) as part:
         part.write_text(json.dumps(document, **how) + "\n", encoding="utf-8")
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
+    """Write one table atomically, floats with eight digits, and return the path.
+
+    Raises
+    ------
+    RunFolderError
+        The disk is full or read-only.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    for row in rows:
+        writer.writerow([f"{x:.8g}" if isinstance(x, float) else x for x in row])
+    with atomic_path(path) as part:
+        part.write_text(text.getvalue(), encoding="utf-8")
+    return path
 
 
 def stable_hash(*parts: str | bytes, length: int = 64) -> str:

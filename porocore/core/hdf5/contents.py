@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from h5py import h5a, h5t
 
+from porocore.core.echo import shortened
 from porocore.core.files.reading import require_ordinary
 from porocore.core.hdf5.guard import require_harmless
 from porocore.core.hdf5.seal import check_ends
@@ -232,8 +233,7 @@ def damaged(path: Path, what: str, error: BaseException, advice: str) -> DataErr
         text = str(error.args[0])
     # HDF5 may speak in several lines.
     reason = " ".join((text or type(error).__name__).split())
-    short = reason if len(reason) <= LONGEST else f"{reason[: LONGEST - 1]}…"
-    return DataError(f"{path}: not a complete {what} ({short}); {advice}")
+    return DataError(f"{path}: not a complete {what} ({shortened(reason, LONGEST)}); {advice}")
 
 
 def numbered(file: Contents, group: str) -> list[str]:

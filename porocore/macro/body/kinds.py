@@ -12,8 +12,7 @@ from pydantic import Field, Tag, field_validator
 
 from porocore.core.files.input_file import FromFile
 from porocore.core.models.bounds import MOST_ELEMENTS
-from porocore.core.models.kinds import by_kind
-from porocore.core.models.strict import StrictModel
+from porocore.core.models.strict import StrictModel, by_kind
 from porocore.core.units.dimensions import Dimension, Unit
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.structured import box, graded, sector

@@ -9,22 +9,13 @@ import numpy as np
 
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.solution import SERIES, History, MacroSolution, Profile
+from porocore.interfaces.solution import PROFILE_SHAPES, SERIES, History, MacroSolution, Profile
 from porocore.plugins.border.origin import described, refuse
 from porocore.plugins.hookspecs import short_repr
 
 if TYPE_CHECKING:
     from porocore.macro.problem import MacroProblem
 
-#: Shape of one row of each field of a profile: at the nodes, and at the elements.
-NODAL: dict[str, tuple[int, ...]] = {"u": (3,), "p": ()}
-PER_ELEMENT: dict[str, tuple[int, ...]] = {
-    **dict.fromkeys(("grad_u", "mean_grad", "deformation", "conductivity", "stress"), (3, 3)),
-    "flux": (3,),
-    **dict.fromkeys(("element_p", "outside_training_range"), ()),
-}
-#: Columns of a row of each series against time.
-WIDTHS: dict[str, tuple[int, ...]] = {"probes": (4,), "reactions": (3,), "inflow": ()}
 #: Share of the end of a run by which round-off may miss it.
 SLACK = 1e-9
 
@@ -71,23 +62,23 @@ def _history_fault(solution: MacroSolution, problem: MacroProblem) -> str:
     time = history.time
     if steps < 2 or time[0] != 0 or (np.diff(time) <= 0).any() or abs(time[-1] - end) > SLACK * end:
         return f"history.time: expected times that grow from 0 to {end:g}, got {short_repr(time.tolist())}"
-    for kind in SERIES:
+    for kind, width in SERIES.items():
         for name, values in getattr(solution, kind).items():
-            if fault := array_fault(f"{kind}/{name}", values, (steps, *WIDTHS[kind])):
+            if fault := array_fault(f"{kind}/{name}", values, (steps, *width)):
                 return fault
     return ""
 
 
 def _profiles_fault(solution: MacroSolution) -> str:
-    counts = {True: len(solution.points), False: len(solution.cells)}
+    counts = {"nodes": len(solution.points), "elements": len(solution.cells)}
     if not solution.profiles:
         return "profiles: expected one at the end at least, got none"
     for i, profile in enumerate(solution.profiles):
         if not isinstance(profile, Profile):
             return f"profiles: expected a Profile, got {short_repr(profile)}"
-        for name, shape in (NODAL | PER_ELEMENT).items():
-            rows = counts[name in NODAL]
-            if fault := array_fault(f"profiles[{i}].{name}", getattr(profile, name), (rows, *shape)):
+        for name, declared in PROFILE_SHAPES.items():
+            shape = tuple(counts[n] if isinstance(n, str) else n for n in declared)
+            if fault := array_fault(f"profiles[{i}].{name}", getattr(profile, name), shape):
                 return fault
     return ""
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from porocore.core.files.atomic import atomic_path
-from porocore.core.files.csv_table import write_csv
+from porocore.core.files.plain_data import write_csv
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.records import flatten_response
 from porocore.sampling.datasets.dataset import Dataset

@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from porocore.core.tensors.symmetric_eigen import symmetric_eigen
+from porocore.core.tensors.symmetric_functions import symmetric_eigen
 from porocore.states import Array
 from porocore.surrogates.stretch import diagonal as diagonal_stretch
 from porocore.surrogates.stretch.components import COMPONENT, PAIRS, PLACES, SHARE

@@ -1,14 +1,4 @@
-"""Laws of cell solvers in contact of the pore surface with itself, as tests that a plugin author subclasses.
-
-.. code-block:: python
-
-    class TestMyCellContact(CellContactSuite):
-        kit_version = "3"
-
-        @classmethod
-        def make_solver(cls):
-            return MyCellSolver()
-"""
+"""Laws of cell solvers in contact of the pore surface with itself, as tests that a plugin author subclasses."""
 
 from __future__ import annotations
 

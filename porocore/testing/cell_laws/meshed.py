@@ -1,14 +1,4 @@
-"""Additional laws of a cell solver on the meshes of porocore: mirrors, statuses of the wall, a known channel.
-
-.. code-block:: python
-
-    class TestMyCellSolver(MeshedCellSuite):
-        kit_version = "3"
-
-        @classmethod
-        def make_solver(cls):
-            return MyCellSolver()
-"""
+"""Additional laws of a cell solver on the meshes of porocore: mirrors, statuses of the wall, a known channel."""
 
 from __future__ import annotations
 

@@ -47,21 +47,7 @@ class Bodies(Solving):
     def test_the_tangent_is_the_derivative_of_the_residual_on_any_body(self, body: Any) -> None:
         """Followers included, at a state without any symmetry."""
         d = self.discretise(self.problem(body, boundary={"y+": {"follower": 0.3}}))
-        rng = np.random.default_rng(0)
-        x, old = 0.02 * rng.standard_normal((2, d.mesh.size))
-        states, _ = d.states(old)
-        memory = NONLINEAR.respond(states, np.zeros((len(states), 3)), NONLINEAR.initial(len(states))).memory
-        loads = d.loads(0.5)
-
-        def residual(x: Any) -> Any:
-            states, grad_p = d.states(x)
-            response = NONLINEAR.respond(states, grad_p, memory)
-            return d.residual(response, 0.3, loads, x).values, response
-
-        tangent = residual(x)[1].tangent
-        direction, h = rng.standard_normal(d.mesh.size), 1e-5
-        slope = (residual(x + h * direction)[0] - residual(x - h * direction)[0]) / (2 * h)
-        system = d.system(tangent, 0.3, d.follower_tangent(x, loads))
+        system, slope, direction = self.tangent_and_slope(d, 0.5)
         found = d.solve(system, slope, direction[d.prescribed])
         state = f"random unknowns of the body '{body['kind']}', along a random direction"
         near(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.problem import MacroProblem
@@ -59,6 +61,28 @@ class Solving(Suite):
         """Return the ``porocore.macro`` discretisation of a new solver; skip the law where it has none."""
         cls.needs_core_mesh()
         return cls.prepare(problem)
+
+    @staticmethod
+    def tangent_and_slope(d: Any, load: float) -> tuple[Any, Any, Any]:
+        """Return the system of the tangent, the slope of the residual along a random direction, and the direction.
+
+        All unknowns are free to move, the law is nonlinear, and the state has no symmetry.
+        """
+        rng = np.random.default_rng(0)
+        x, old = 0.02 * rng.standard_normal((2, d.mesh.size))
+        states, _ = d.states(old)
+        memory = NONLINEAR.respond(states, np.zeros((len(states), 3)), NONLINEAR.initial(len(states))).memory
+        loads = d.loads(load)
+
+        def residual(x: Any) -> Any:
+            states, grad_p = d.states(x)
+            response = NONLINEAR.respond(states, grad_p, memory)
+            return d.residual(response, 0.3, loads, x).values, response
+
+        tangent = residual(x)[1].tangent
+        direction, h = rng.standard_normal(d.mesh.size), 1e-5
+        slope = (residual(x + h * direction)[0] - residual(x - h * direction)[0]) / (2 * h)
+        return d.system(tangent, 0.3, d.follower_tangent(x, loads)), slope, direction
 
     @classmethod
     def needs_core_mesh(cls) -> None:

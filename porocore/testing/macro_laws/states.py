@@ -37,26 +37,14 @@ class KnownStates(Solving):
         """All unknowns free to move, a nonlinear law, a state without any symmetry."""
         problem = confined_column(elements, size=(0.7, 1.1, 0.9))
         d = self.discretise(problem)
-        rng = np.random.default_rng(0)
-        x, old = 0.02 * rng.standard_normal((2, d.mesh.size))
-        states, _ = d.states(old)
-        memory = NONLINEAR.respond(states, np.zeros((len(states), 3)), NONLINEAR.initial(len(states))).memory
-
-        def residual(x: Any) -> Any:
-            states, grad_p = d.states(x)
-            response = NONLINEAR.respond(states, grad_p, memory)
-            return d.residual(response, 0.3, d.loads(-0.2), x).values, response
-
-        tangent = residual(x)[1].tangent
-        direction, h = rng.standard_normal(d.mesh.size), 1e-5
-        slope = (residual(x + h * direction)[0] - residual(x - h * direction)[0]) / (2 * h)
+        system, slope, direction = self.tangent_and_slope(d, -0.2)
         # Solving with the slope gives the direction back, if the tangent is the slope.
-        found = d.solve(d.system(tangent, 0.3), slope, direction[d.prescribed])
+        found = d.solve(system, slope, direction[d.prescribed])
         state = f"random unknowns of {elements} elements, along a random direction"
         near(
             "what the tangent makes of the slope", found, direction, state, within=1e-5 * abs(direction).max()
         )
-        sizes = d.magnitudes(d.system(tangent, 0.3), direction)[d.free]
+        sizes = d.magnitudes(system, direction)[d.free]
         least = (sizes - abs(slope[d.free]) * (1 - 1e-6)).min()
         holds(least >= 0, state, "magnitudes that are no smaller than the sums of what they measure", least)
 

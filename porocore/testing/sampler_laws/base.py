@@ -26,7 +26,14 @@ from porocore.interfaces.sampler import Request, Sampler
 from porocore.testing import elsewhere
 from porocore.testing.compare import global_random_state
 from porocore.testing.expect import holds, options, refused, same
-from porocore.testing.sampler_laws.sampling import FAILED, INPUTS, SamplingRecord, inform, run, solve
+from porocore.testing.sampler_laws.synthetic_sampling import (
+    FAILED,
+    INPUTS,
+    SamplingRecord,
+    inform,
+    run,
+    solve,
+)
 from porocore.testing.suite import Suite
 
 #: Boxes of other numbers of inputs.
@@ -116,7 +123,7 @@ class SamplerSuite(Suite):
 
     def test_another_process_asks_for_the_same_states(self, whole: SamplingRecord, tmp_path: Path) -> None:
         """A process with another PYTHONHASHSEED, such as a resumed run, asks for the same states."""
-        question = "porocore.testing.sampler_laws.sampling:asked"
+        question = "porocore.testing.sampler_laws.synthetic_sampling:requests_of_suite"
         state = "in another process, with another PYTHONHASHSEED"
         rows = elsewhere.ask(type(self), question, state, tmp_path)
         _same_states([Request(key, tuple(x), start) for key, x, start in rows], whole.asked, state)

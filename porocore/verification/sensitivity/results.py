@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.core.files.csv_table import write_csv
+from porocore.core.files.plain_data import write_csv
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.states import Array, CellResponse, IntArray, Status
 from porocore.verification.sensitivity.line import HalfLine

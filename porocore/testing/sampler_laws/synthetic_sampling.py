@@ -45,7 +45,7 @@ def explore(data: TrainingSet, *, elements: int, steps: int) -> Exploration:
     return Exploration(MacroState(H, 0.2 * s * (1 - s) * elements / 20), (reached, 0.05))
 
 
-def asked(suite: Any) -> list[tuple[str, tuple[float, ...], str | None]]:
+def requests_of_suite(suite: Any) -> list[tuple[str, tuple[float, ...], str | None]]:
     """Return key, inputs and start of all that the sampler of a suite asks for, in its order."""
     return [(request.key, request.x, request.start) for request in run(suite.ready()).asked]
 
