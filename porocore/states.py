@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
+from functools import partial
 from typing import Any, Self, TypeAlias
 
 import numpy as np
@@ -128,6 +129,9 @@ class MacroState(_Batch):
         return cls(np.zeros((n, 3, 3)), np.zeros(n))
 
 
+_slope = partial(row, flag="tangent")
+
+
 @documented
 @dataclass(frozen=True, eq=False)
 class CellTangent(_Batch):
@@ -137,29 +141,20 @@ class CellTangent(_Batch):
     """
 
     mean_grad_grad_u: Array | None = field(
-        default=None,
-        metadata=row(3, 3, 3, 3, unit="-", meaning="M_ijkl = ∂<∂u¹_i/∂Y_j>_s / ∂H_kl", flag="tangent"),
+        default=None, metadata=_slope("-", "M_ijkl = ∂<∂u¹_i/∂Y_j>_s / ∂H_kl", 3, 3, 3, 3)
     )
     mean_grad_p: Array | None = field(
-        default=None, metadata=row(3, 3, unit="1/E", meaning="Q_ij = ∂<∂u¹_i/∂Y_j>_s / ∂p", flag="tangent")
+        default=None, metadata=_slope("1/E", "Q_ij = ∂<∂u¹_i/∂Y_j>_s / ∂p", 3, 3)
     )
-    stress_grad_u: Array | None = field(
-        default=None, metadata=row(3, 3, 3, 3, unit="E", meaning="∂P_E,ij / ∂H_kl", flag="tangent")
-    )
-    stress_p: Array | None = field(
-        default=None, metadata=row(3, 3, unit="-", meaning="∂P_E,ij / ∂p", flag="tangent")
-    )
-    fluid_volume_grad_u: Array | None = field(
-        default=None, metadata=row(3, 3, unit="-", meaning="∂φ / ∂H_kl", flag="tangent")
-    )
-    fluid_volume_p: Array | None = field(
-        default=None, metadata=row(unit="1/E", meaning="∂φ / ∂p", flag="tangent")
-    )
+    stress_grad_u: Array | None = field(default=None, metadata=_slope("E", "∂P_E,ij / ∂H_kl", 3, 3, 3, 3))
+    stress_p: Array | None = field(default=None, metadata=_slope("-", "∂P_E,ij / ∂p", 3, 3))
+    fluid_volume_grad_u: Array | None = field(default=None, metadata=_slope("-", "∂φ / ∂H_kl", 3, 3))
+    fluid_volume_p: Array | None = field(default=None, metadata=_slope("1/E", "∂φ / ∂p"))
     conductivity_grad_u: Array | None = field(
-        default=None, metadata=row(3, 3, 3, 3, unit="d²/μ", meaning="∂K_ref,ij / ∂H_kl", flag="surrogate")
+        default=None, metadata=row("d²/μ", "∂K_ref,ij / ∂H_kl", 3, 3, 3, 3, flag="surrogate")
     )
     conductivity_p: Array | None = field(
-        default=None, metadata=row(3, 3, unit="d²/(μ E)", meaning="∂K_ref,ij / ∂p", flag="surrogate")
+        default=None, metadata=row("d²/(μ E)", "∂K_ref,ij / ∂p", 3, 3, flag="surrogate")
     )
 
 
@@ -168,26 +163,21 @@ class CellTangent(_Batch):
 class CellExtrema(_Batch):
     """Extrema over the solid, and signs of instability and contact."""
 
-    grad: Array = field(metadata=row(3, 3, unit="-", meaning="Largest ``|∂u¹_i/∂Y_j|``."))
-    energy: Array = field(metadata=row(unit="E", meaning="Largest Ψ."))
-    energy_mean: Array = field(metadata=row(unit="E", meaning="<Ψ>_s."))
-    min_jacobian: Array = field(metadata=row(unit="-", meaning="Smallest J."))
+    grad: Array = field(metadata=row("-", "Largest ``|∂u¹_i/∂Y_j|``.", 3, 3))
+    energy: Array = field(metadata=row("E", "Largest Ψ."))
+    energy_mean: Array = field(metadata=row("E", "<Ψ>_s."))
+    min_jacobian: Array = field(metadata=row("-", "Smallest J."))
     min_gap: Array = field(
         metadata=row(
-            unit="-",
-            meaning="Smallest relative distance of the wall to its mirror planes; NaN on the whole cell.",
+            "-",
+            "Smallest relative distance of the wall to its mirror planes; NaN on the whole cell.",
             gaps=True,
         )
     )
     negative_pivots: Array = field(
-        metadata=row(
-            unit="-",
-            meaning="Negative pivots of the tangent at the solution; -1 where the solver cannot tell.",
-        )
+        metadata=row("-", "Negative pivots of the tangent at the solution; -1 where the solver cannot tell.")
     )
-    contact_share: Array = field(
-        metadata=row(unit="-", meaning="Share of the undeformed pore wall that is in contact.")
-    )
+    contact_share: Array = field(metadata=row("-", "Share of the undeformed pore wall that is in contact."))
 
 
 @documented
@@ -209,37 +199,33 @@ class CellResponse(_Batch):
 
     mean_grad: Array = field(
         metadata=row(
+            "-",
+            "<∇_Y u¹>_s, an integral over the solid divided by the volume of the whole cell.",
             3,
             3,
-            unit="-",
-            meaning="<∇_Y u¹>_s, an integral over the solid divided by the volume of the whole cell.",
             models=("mlp", "potential"),
         )
     )
     status: IntArray = field(
-        metadata=row(
-            unit="-", meaning=":class:`Status` of each row.", models=("mlp", "potential"), dtype=np.int64
-        )
+        metadata=row("-", ":class:`Status` of each row.", models=("mlp", "potential"), dtype=np.int64)
     )
     potential: Array | None = field(
-        default=None, metadata=row(unit="E", meaning="W(H, p) = <Ψ + pJ>_s − p J₀.", models=("potential",))
+        default=None, metadata=row("E", "W(H, p) = <Ψ + pJ>_s − p J₀.", models=("potential",))
     )
     stress: Array | None = field(
         default=None,
         metadata=row(
+            "E",
+            "Total first Piola–Kirchhoff stress P_E = ∂W/∂H, tension positive.",
             3,
             3,
-            unit="E",
-            meaning="Total first Piola–Kirchhoff stress P_E = ∂W/∂H, tension positive.",
             models=("potential",),
         ),
     )
     fluid_volume: Array | None = field(
         default=None,
         metadata=row(
-            unit="-",
-            meaning="φ = −∂W/∂p, current fluid volume per reference volume of the cell.",
-            models=("potential",),
+            "-", "φ = −∂W/∂p, current fluid volume per reference volume of the cell.", models=("potential",)
         ),
     )
     tangent: CellTangent | None = field(default=None, metadata=rows_of(CellTangent))
@@ -247,8 +233,8 @@ class CellResponse(_Batch):
     outside_training_range: npt.NDArray[np.bool_] | None = field(
         default=None,
         metadata=row(
-            unit="-",
-            meaning="For a surrogate: the state lies outside the range it was trained on.",
+            "-",
+            "For a surrogate: the state lies outside the range it was trained on.",
             flag="surrogate",
             dtype=np.bool_,
         ),
@@ -256,11 +242,11 @@ class CellResponse(_Batch):
     conductivity: Array | None = field(
         default=None,
         metadata=row(
-            3,
-            3,
-            unit="d²/μ",
-            meaning="K_ref of the deformed pore, symmetric: the flux through reference area is −K_ref ∇_X p. NaN where "
+            "d²/μ",
+            "K_ref of the deformed pore, symmetric: the flux through reference area is −K_ref ∇_X p. NaN where "
             "the fluid's mesh cannot follow the wall, as where walls touch, whatever the status.",
+            3,
+            3,
             flag="deformed",
             gaps=True,
         ),
@@ -268,8 +254,8 @@ class CellResponse(_Batch):
     min_fluid_jacobian: Array | None = field(
         default=None,
         metadata=row(
-            unit="-",
-            meaning="Smallest J of the fluid's mesh; conductivity has values where it is positive.",
+            "-",
+            "Smallest J of the fluid's mesh; conductivity has values where it is positive.",
             flag="deformed",
             gaps=True,
         ),

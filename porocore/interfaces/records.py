@@ -12,15 +12,7 @@ from porocore.core.fields.check import response_fault
 from porocore.core.fields.declaration import provided_fields
 from porocore.errors import PluginError
 from porocore.interfaces.cell import CellField
-from porocore.states import (
-    CELL_FIELDS,
-    Array,
-    CellExtrema,
-    CellResponse,
-    CellTangent,
-    MacroState,
-    Status,
-)
+from porocore.states import CELL_FIELDS, Array, CellExtrema, CellResponse, CellTangent, MacroState, Status
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,12 +67,7 @@ def ask(suite: type[Suite], question: str, state: str, folder: Path, **facts: An
 def _origin(suite: type[Suite]) -> dict[str, Any]:
     """Return how another process finds a suite."""
     file = getattr(sys.modules.get(suite.__module__), "__file__", None)
-    return {
-        "recipe": suite.recipe,
-        "module": suite.__module__,
-        "file": file,
-        "name": suite.__qualname__,
-    }
+    return {"recipe": suite.recipe, "module": suite.__module__, "file": file, "name": suite.__qualname__}
 
 
 def _suite(origin: dict[str, Any]) -> type[Suite]:

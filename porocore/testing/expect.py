@@ -18,17 +18,7 @@ LONGEST = 300
 
 
 class Violation(AssertionError):
-    """A law that does not hold.
-
-    Parameters
-    ----------
-    state
-        What was asked, or the circumstances.
-    expected
-        What the law demands.
-    got
-        What came instead.
-    """
+    """A law that does not hold; ``state`` is what was asked, or the circumstances."""
 
     def __init__(self, state: str, expected: str, got: object) -> None:
         text = " ".join(str(got).split())

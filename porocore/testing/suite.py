@@ -47,16 +47,9 @@ class Suite:
 
     @classmethod
     def undefined(cls, arguments: str, example: str, what: str) -> Undefined:
-        """Return the error for a subclass without a function that it must define.
+        """Return the error for a subclass without a function that it must define, such as ``make_solver(cls)``.
 
-        Parameters
-        ----------
-        arguments
-            The function as its first line has it, such as ``make_solver(cls)``.
-        example
-            What it may return.
-        what
-            What that is, in words.
+        ``example`` is what it may return, and ``what`` says so in words.
         """
         return Undefined(
             f"{cls.__name__} does not say what is tested; write in it a function that returns {what}:\n\n"

@@ -9,9 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 BEFORE = "    conductivity: Array | None = field("
-DECLARATION = (
-    '    heat: Array | None = field(default=None, metadata=row(2, unit="E", meaning="Made-up heat."))\n'
-)
+DECLARATION = '    heat: Array | None = field(default=None, metadata=row("E", "Made-up heat.", 2))\n'
 
 spec = importlib.util.find_spec("porocore.states")
 source = Path(spec.origin).read_text(encoding="utf-8")

@@ -52,7 +52,7 @@ def test_a_new_field_is_one_line():
     class Inner:
         """Inner."""
 
-        heat: np.ndarray = field(metadata=row(2, unit="J", meaning="Heat."))
+        heat: np.ndarray = field(metadata=row("J", "Heat.", 2))
 
     @documented
     @dataclass

@@ -53,7 +53,7 @@ class RowField:
         return f"({shape})" + ("" if self.dtype is np.float64 else f" {np.dtype(self.dtype).name}")
 
 
-def row(*shape: int, unit: str, meaning: str, **more: Any) -> dict[str, RowField]:
+def row(unit: str, meaning: str, *shape: int, **more: Any) -> dict[str, RowField]:
     """Return the metadata of a dataclass field that declares it; arguments as of :class:`RowField`."""
     return {_KEY: RowField(shape, unit, meaning, **more)}
 

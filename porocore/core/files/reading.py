@@ -44,9 +44,7 @@ def require_ordinary(path: Path, largest: int | None = None) -> None:
         raise OSError(number, f"expected a file, got {_KINDS.get(kind, 'something else')}", str(path))
     if largest is not None and found.st_size > largest:
         raise OSError(
-            errno.EFBIG,
-            f"expected at most {_size(largest)}, got a file of {_size(found.st_size)}",
-            str(path),
+            errno.EFBIG, f"expected at most {_size(largest)}, got a file of {_size(found.st_size)}", str(path)
         )
 
 

@@ -21,6 +21,7 @@ def first_fault(expression: Expression, points: Array) -> tuple[int, str] | None
     """Return where a formula of one variable has no value for the first time, and why; None if it always has one.
 
     A denominator that changes its sign between two points is zero between them; so is a pole of the tangent found.
+    The place is the index of the point, or of the one behind the zero.
 
     Parameters
     ----------
@@ -28,11 +29,6 @@ def first_fault(expression: Expression, points: Array) -> tuple[int, str] | None
         A formula of one name, or of none.
     points : (n,)
         Ascending values of the variable, dense where it may move.
-
-    Returns
-    -------
-    tuple of int and str, or None
-        Index of the point, or of the one behind the zero, and what the formula does there.
     """
     found = _Faults(len(points))
     functions = {name: _watched(name) for name in FUNCTIONS}

@@ -77,6 +77,5 @@ def _form(value: Any) -> str:
 
 #: A number follows the common ramp of the time plan; a course has its own.
 Value = Annotated[
-    Annotated[float, Tag("number")] | Annotated[TimeFunction, Tag("course")],
-    Discriminator(_form),
+    Annotated[float, Tag("number")] | Annotated[TimeFunction, Tag("course")], Discriminator(_form)
 ]

@@ -54,19 +54,9 @@ def why_impossible(grad_u: npt.ArrayLike, p: float, modulus: float = 1.0) -> str
 
 
 def least_volume(inputs: InputSpace) -> tuple[float, dict[str, float]]:
-    """Return the smallest det F in a box of inputs, and the corner at which it is.
+    """Return the smallest det F in a box of inputs, and the components of H by name at the corner where it is.
 
     det F is linear in every single component of H, so that no point of the box has less than its least corner.
-
-    Parameters
-    ----------
-    inputs
-        The box; p makes no difference.
-
-    Returns
-    -------
-    tuple of float and dict
-        det F, and the components of H there by name.
     """
     moving = [i for i, column in enumerate(inputs.columns) if column < 9]
     corners = np.array(list(itertools.product(*((inputs.lower[i], inputs.upper[i]) for i in moving))))

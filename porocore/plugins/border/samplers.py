@@ -18,15 +18,7 @@ SLACK = 1e-9
 
 
 class CheckedSampler:
-    """A sampler whose requests are checked as they come.
-
-    Parameters
-    ----------
-    sampler
-        Asked and told.
-    inputs
-        The box of which it asks for states.
-    """
+    """A sampler whose requests, for states of the box ``inputs``, are checked as they come."""
 
     def __init__(self, sampler: Sampler, inputs: InputSpace) -> None:
         self.sampler, self.inputs = sampler, inputs

@@ -143,10 +143,7 @@ class Calls(CellSuite):
 
     def test_unknown_options_are_refused(self, solver: CellSolver) -> None:
         with refused(
-            ConfigurationError,
-            TypeError,
-            state=options({"no_such_option": 1}),
-            naming=("no_such_option",),
+            ConfigurationError, TypeError, state=options({"no_such_option": 1}), naming=("no_such_option",)
         ):
             type(solver)(no_such_option=1)
 

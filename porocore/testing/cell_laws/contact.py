@@ -46,10 +46,7 @@ class CellContactSuite(CellSuite):
         for name, load in LOADS.items():
             theta = np.zeros((2, 10))
             theta[:, load] = STEP, -STEP
-            states = MacroState(
-                TOUCHING.grad_u + theta[:, :9].reshape(2, 3, 3),
-                TOUCHING.p + theta[:, 9],
-            )
+            states = MacroState(TOUCHING.grad_u + theta[:, :9].reshape(2, 3, 3), TOUCHING.p + theta[:, 9])
             ends = solver.solve(prepared, states, start=2 * touching.fields, tangent=False).response
             same("status", ends.status, [int(Status.contact)] * 2, f"{IN_CONTACT}, steps of {name}")
             responses = {field: getattr(ends, field) for field in ("potential", "stress", "fluid_volume")}

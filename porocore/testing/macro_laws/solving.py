@@ -16,13 +16,7 @@ from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, li
 LINEAR, NONLINEAR = linear_law(), mean_gradient_law()
 COEFFICIENTS, PHI_S, K = LINEAR.coefficients, SOLID_FRACTION, CONDUCTIVITY
 C22, ALPHA = COEFFICIENTS.stiffness[1, 1, 1, 1], COEFFICIENTS.biot[1, 1]
-SHORT: dict[str, Any] = {
-    "end": 6.0,
-    "step": 0.5,
-    "ramp_increments": 4,
-    "ramp_step": 0.05,
-    "profiles": (1.0,),
-}
+SHORT: dict[str, Any] = {"end": 6.0, "step": 0.5, "ramp_increments": 4, "ramp_step": 0.05, "profiles": (1.0,)}
 SIDES: dict[str, Any] = {face: {"displacement": (0, None, 0)} for face in ("x-", "x+", "z-", "z+")}
 HELD: dict[str, Any] = {"displacement": (0, 0, 0)}
 

@@ -10,21 +10,17 @@ from typing import Any
 import numpy as np
 
 from porocore.core.inputs.input_space import InputSpace
+from porocore.interfaces.records import failed_response
 from porocore.interfaces.sampler import Exploration, Request, Sampler, StudyFacts, StudySampler
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import CellResponse, MacroState, Status
 from porocore.surrogates.polynomial.committee import judge
+from porocore.testing.compare import RESPONSES
 from porocore.testing.synthetic import cell as synthetic_cell
 
-INPUTS = InputSpace(("H22", "p"), (-0.20, -0.02), (0.04, 0.24))
+INPUTS = synthetic_cell.INPUTS
 #: What is answered for a state that has no solution.
-FAILED = CellResponse(
-    mean_grad=np.full((1, 3, 3), np.nan),
-    status=np.array([int(Status.inverted)]),
-    potential=np.full(1, np.nan),
-    stress=np.full((1, 3, 3), np.nan),
-    fluid_volume=np.full(1, np.nan),
-)
+FAILED = failed_response(Status.inverted, names=RESPONSES)
 Answer = Callable[[InputSpace, Request], CellResponse]
 
 
@@ -99,16 +95,7 @@ def run(
 ) -> SamplingRecord:
     """Ask, solve and tell until nothing is left, or ``most`` states were told.
 
-    Parameters
-    ----------
-    sampler
-        A new one.
-    order
-        Seed by which the states that wait are shuffled; None: in the order of asking.
-    inputs
-        Its box.
-    answer
-        What the cell responds.
+    ``order`` is the seed by which the states that wait are shuffled; None: they are told in the order of asking.
     """
     draw, waiting, record = random.Random(order), list[Request](), SamplingRecord()
     solved: set[str] = set()

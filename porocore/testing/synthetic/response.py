@@ -72,15 +72,7 @@ def mean_gradient_law(reference: CellResponse | None = None) -> ClosedLaw:
 
 
 class AlteredLaw(MacroLaw):
-    """A law whose responses are tampered with, to see what becomes of it.
-
-    Parameters
-    ----------
-    law
-        The law that is asked.
-    alter
-        Receives its response, the states and the memory; returns the response to give.
-    """
+    """A law whose responses are tampered with: ``alter`` receives the response, the states and the memory."""
 
     name = "altered"
     identity = "altered"
