@@ -19,18 +19,9 @@ INTERVAL = 15.0
 
 
 class Task:
-    """One task whose total amount of work is known, at least roughly.
+    """One task, such as ``sampling`` in ``states``, whose total amount of work is known, at least roughly.
 
-    Parameters
-    ----------
-    title
-        What is done, such as ``sampling``.
-    unit
-        What is counted, such as ``states``.
-    show
-        Called with share done (0 to 1) and text at every update.
-    clock
-        Seconds.
+    ``show`` is called with share done (0 to 1) and text at every update; ``clock`` returns seconds.
     """
 
     def __init__(
@@ -72,15 +63,7 @@ class Task:
 
 
 class Console:
-    """Notes, warnings and tasks.
-
-    Parameters
-    ----------
-    stream
-        Where to; standard error if None.
-    clock
-        Seconds; another one in tests.
-    """
+    """Notes, warnings and tasks on a stream, by default standard error; ``clock`` returns seconds."""
 
     def __init__(self, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self.stream = sys.stderr if stream is None else stream

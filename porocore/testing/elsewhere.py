@@ -23,18 +23,10 @@ PATIENCE = 300.0
 
 
 def ask(suite: type[Suite], question: str, state: str, folder: Path, **facts: Any) -> Any:
-    """Return what a function answers about a suite in another process.
+    """Return what a function answers about a suite in another process, which works in ``folder``.
 
-    Parameters
-    ----------
-    suite
-        A class at the top of its module, or one with a ``recipe``.
-    question
-        ``module:function``, which gets the suite and ``facts`` and returns what JSON can hold.
-    state
-        For the message where there is no answer.
-    folder
-        In which the process works.
+    The suite is a class at the top of its module, or has a ``recipe``. The question is ``module:function``; it gets
+    the suite and ``facts``, and returns what JSON can hold. ``state`` is for the message where there is no answer.
 
     Raises
     ------

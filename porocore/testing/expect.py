@@ -41,12 +41,7 @@ def holds(condition: object, state: str, expected: str, got: object) -> None:
 def near(what: str, found: Any, expected: Any, state: str, *, rel: float = 0.0, within: float = 0.0) -> None:
     """Raise a :class:`Violation` unless each entry is near the expected one, which is broadcast.
 
-    Parameters
-    ----------
-    what
-        Name of the quantity.
-    rel, within
-        Allowed difference as a share of the expected entry, and absolute; their sum counts.
+    The allowed difference is the sum of ``rel``, a share of the expected entry, and ``within``.
     """
     __tracebackhide__ = True
     a, b = _alike(what, found, expected, state)

@@ -29,9 +29,7 @@ def arrays(response: CellResponse) -> dict[str, Array]:
 def predict(suite: Any, file: str, states: str, answer: str) -> list[str]:
     """Load ``file`` with the suite's surrogate, predict the states of one npz file and write them into another.
 
-    Returns
-    -------
-    What of pickle was called while the file was read.
+    What of pickle was called while the file was read is returned.
     """
     kind = type(suite.make_surrogate())
     with _unpickling() as calls:
