@@ -283,13 +283,6 @@ def test_counts_of_statuses(context, page):
     assert "inverted" not in page.words  # none ended so
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leave out the drawing, which takes seconds, where only words are looked at."""
-    monkeypatch.setattr("porocore.report.figures.svg_bytes", lambda figure: b"<svg/>")
-    monkeypatch.setattr("porocore.report.figures.png_bytes", lambda figure: b"")
-
-
 @pytest.mark.usefixtures("undrawn")
 def test_says_what_the_closure_itself_is_off_by(context, page):
     assert "total stress P_E0.91 %7.5 %" in page.words

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from ctypes.util import find_library
+from functools import partial
 from types import SimpleNamespace
 
 import meshio
@@ -215,7 +216,7 @@ def test_pictures_are_drawn_without_a_display(monkeypatch, tmp_path, capfd):
     from matplotlib.image import imread
 
     monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setattr(pictures, "SIZE", (240, 240))
+    monkeypatch.setattr(pictures, "View", partial(pictures.View, size=(240, 240)))
     found = solve_and_write(LINEAR, FemSettings(), tmp_path, {"H22": -0.1, "p": 0.1}, name="a")
     assert {kind: path.name for kind, path in found.pictures.items()} == {
         "disp": "disp_a.png",

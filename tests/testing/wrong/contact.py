@@ -99,6 +99,7 @@ class TestPromisesContact(Contact):
     """It declares contact and solves without."""
 
     caught_by = "test_says_so"
+    slow = True
 
     class solver_class(Altered):
         def prepare(self, cell, **how):

@@ -269,6 +269,7 @@ class TestOrderOfASet(_Law):
     """Numbers its states in the order of a set."""
 
     caught_by = "test_another_process_asks_for_the_same_states"
+    slow = True
 
     class sampler(Fine):
         def __init__(self, *arguments, **options):
@@ -281,6 +282,7 @@ class TestOrderOfTheInputs(_Law):
     """Draws for the inputs in the order of a set of two names."""
 
     caught_by = "test_another_process_asks_for_the_same_states"
+    slow = True
 
     class sampler(Fine):
         def __init__(self, inputs, **options):

@@ -291,6 +291,7 @@ class TestHoldsAPath(_Law):
 
 class TestNeedsAFileBesideIt(_Law):
     caught_by = "test_a_file_that_was_moved_is_enough"
+    slow = True
 
     class surrogate(Altered):
         def save(self, path):
@@ -307,6 +308,7 @@ class TestPickles(_Law):
     """A file of its own with numbers as a pickle, checked by a sum before it is read."""
 
     caught_by = "test_a_file_that_was_moved_is_enough"
+    slow = True
 
     class surrogate(Altered):
         def save(self, path):
