@@ -236,7 +236,7 @@ def test_every_figure_shows_every_state_and_marks_its_status(study):
     assert names == ["in contact", "unstable", "not solved beyond"]
 
 
-def test_without_peaks_the_largest_values_and_the_energy_are_unknown(study, tmp_path):
+def test_without_peaks_the_largest_values_and_the_energy_are_unknown(study, tmp_path, undrawn):
     """A cell solver need not provide them; all else is there."""
     lines = {
         name: replace(line, response=replace(line.response, extrema=None))

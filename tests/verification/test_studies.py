@@ -44,7 +44,7 @@ def test_a_map_of_impossible_states_is_refused_before_its_folder_is_made(config,
     assert not (tmp_path / "map").exists()
 
 
-def test_a_sensitivity_study_is_made_and_resumed(config, tmp_path):
+def test_a_sensitivity_study_is_made_and_resumed(config, tmp_path, undrawn):
     plan = StudyPlan({"pressure": Sweep(0.0, 0.02, 0.01)})
     told = []
     found = porocore.study_sensitivity(config, tmp_path, plan, workers=1, on_state=told.append)
