@@ -20,8 +20,8 @@ from porocore.interfaces.cell import CellField
 from porocore.interfaces.law import LawMemory
 from porocore.interfaces.records import SolvedState
 from porocore.interfaces.solution import MacroSolution
-from porocore.macro.integration import checkpoint
 from porocore.macro.integration.adaptive import ErrorControl
+from porocore.macro.integration.checkpoint import CheckpointFile
 from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.sampling.datasets.layout import Block, Header, read_block, read_fields, write_block
 from porocore.states import MacroState, Status
@@ -79,9 +79,9 @@ def _discretisation() -> Any:
     """As much of one as a checkpoint asks for."""
     mesh = SimpleNamespace(size=UNKNOWNS, weights=np.ones((1, POINTS)), element=None, n_u=6)
     return SimpleNamespace(
-        communicator=Communicator(), mesh=mesh, problem=SimpleNamespace(probes={}), unknowns=np.arange(UNKNOWNS),
-        boundary=SimpleNamespace(supports={}, drains={}), n_points=POINTS, gathered=np.copy,
-        points_to_mesh=np.copy, points_from_mesh=np.copy,
+        communicator=Communicator(), mesh=mesh, problem=SimpleNamespace(probes={}, specification=dict),
+        unknowns=np.arange(UNKNOWNS), boundary=SimpleNamespace(supports={}, drains={}), n_points=POINTS,
+        gathered=np.copy, points_to_mesh=np.copy, points_from_mesh=np.copy,
     )  # fmt: skip
 
 
@@ -91,12 +91,15 @@ def _at_rest(n: int) -> LawMemory:
 
 #: A law whose answers are in its memory.
 LAW: Any = SimpleNamespace(
-    name="fake", initial=_at_rest, respond=lambda s, g, memory, tangent: SimpleNamespace(memory=memory)
+    name="fake",
+    identity="made-up",
+    initial=_at_rest,
+    respond=lambda s, g, memory, tangent: SimpleNamespace(memory=memory),
 )
 
 
 def _stepper() -> Any:
-    return SimpleNamespace(time=0.5, halvings=1, streak=0, proposed=np.inf)
+    return SimpleNamespace(time=0.5, halvings=1, streak=0, proposed=np.inf, done=True)
 
 
 def write_checkpoint(path: Path) -> None:
@@ -104,12 +107,16 @@ def write_checkpoint(path: Path) -> None:
     steps = HistoryRecorder(d)
     steps.rows, steps.profiles = [(0.5,) * len(steps.columns)] * 2, list(column.profiles)
     control = ErrorControl(np.ones(UNKNOWNS), 0.1, (1.0, 2.0))
-    checkpoint.save(path, "owner", _stepper(), control, d, np.arange(7.0), _at_rest(POINTS), steps)
+    CheckpointFile(path, d, LAW, 0.0).save_if_due(
+        _stepper(), control, np.arange(7.0), _at_rest(POINTS), steps
+    )
 
 
 def read_checkpoint(path: Path) -> Any:
     stepper, control = _stepper(), ErrorControl()
-    x, memory, steps = checkpoint.load(path, "owner", stepper, control, _discretisation(), LAW)
+    found = CheckpointFile(path, _discretisation(), LAW, 0.0).load(stepper, control)
+    assert found is not None
+    x, memory, steps = found
     return vars(stepper), control, x, memory, steps.rows, steps.profiles
 
 

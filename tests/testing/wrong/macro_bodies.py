@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 from porocore.errors import ConfigurationError
-from porocore.macro.integration import checkpoint
+from porocore.macro.integration.checkpoint import CheckpointFile
 from porocore.macro.problem import InitialState
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -131,14 +132,12 @@ class TestForgetsTheRateOfChange(Law):
 
     class solver(Altered):
         def solve(self, prepared, law, **how):
-            def save(path, owner, stepper, control, *rest):
-                write(path, owner, stepper, replace(control, rate=None), *rest)
+            def save(file, stepper, control, *rest):
+                write(file, stepper, replace(control, rate=None), *rest)
 
-            write, checkpoint.save = checkpoint.save, save
-            try:
+            write = CheckpointFile.save_if_due
+            with patch.object(CheckpointFile, "save_if_due", save):
                 return super().solve(prepared, law, **how)
-            finally:
-                checkpoint.save = write
 
 
 class TestTakesAnySurface(Law):
