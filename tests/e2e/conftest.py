@@ -23,7 +23,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def finished(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of one undisturbed 'porocore run'. Not to be changed."""
     out = tmp_path_factory.mktemp("finished") / "run"
-    done = porocore("run", study, "--fem", "skfem", "--surrogate", "torch", "--out", out)
+    done = porocore("run", study, "--fem", "skfem", "--surrogate", "torch", "--out", out, drawn=True)
     assert succeeded(done) == str(out / "report.html")
     return out
 

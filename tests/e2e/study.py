@@ -105,10 +105,10 @@ def write_study(path: Path, changes: dict[str, Any] | None = None, *, base: dict
 
 
 def porocore(
-    *words: object, cwd: Path | None = None, timeout: float = 300
+    *words: object, cwd: Path | None = None, timeout: float = 300, drawn: bool = False
 ) -> subprocess.CompletedProcess[str]:
-    """Run the command to its end."""
-    return _warm().run([str(word) for word in words], cwd, timeout)
+    """Run the command to its end; its figures are empty unless ``drawn``, which takes longer than all the rest."""
+    return _warm().run([str(word) for word in words], cwd, timeout, drawn)
 
 
 @cache

@@ -42,8 +42,10 @@ class WarmCommand:
             text=True,
         )
 
-    def run(self, words: Sequence[str], cwd: Path | None, timeout: float) -> subprocess.CompletedProcess[str]:
-        """Like ``subprocess.run`` with captured streams.
+    def run(
+        self, words: Sequence[str], cwd: Path | None, timeout: float, drawn: bool
+    ) -> subprocess.CompletedProcess[str]:
+        """Like ``subprocess.run`` with captured streams; figures stay empty unless they are to be ``drawn``.
 
         Raises
         ------
@@ -52,7 +54,7 @@ class WarmCommand:
         """
         with TemporaryDirectory() as folder:
             out, err = Path(folder, "out"), Path(folder, "err")
-            order = [list(words), str(cwd or Path.cwd()), str(out), str(err), timeout]
+            order = [list(words), str(cwd or Path.cwd()), str(out), str(err), timeout, drawn]
             assert self._server.stdin is not None
             assert self._server.stdout is not None
             print(json.dumps(order), file=self._server.stdin, flush=True)
@@ -74,14 +76,18 @@ def serve(orders: IO[str], answers: IO[str]) -> None:
         with suppress(ImportError):
             importlib.import_module(name)
 
+    from matplotlib.figure import Figure
+
     def too_late(number: int, frame: object) -> None:
         raise TimeoutError
 
     signal.signal(signal.SIGALRM, too_late)
     for line in orders:
-        words, cwd, out, err, timeout = json.loads(line)
+        words, cwd, out, err, timeout, drawn = json.loads(line)
         child = os.fork()
         if child == 0:
+            if not drawn:
+                Figure.draw = lambda figure, renderer: None  # type: ignore[method-assign]
             command(words, cwd, out, err)
         signal.alarm(int(timeout))
         try:
