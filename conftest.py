@@ -56,11 +56,12 @@ SLOW = (
     f"{_CELL_LAWS}rows_do_not_depend_on_the_batch_or_its_order",
     f"{_CELL_LAWS}derivatives_match_differences[sheared]",
     f"{_CELL_LAWS}eighth_and_whole_cell_agree[stretched]",
-    # test_objectivity turns the same state; the law itself is held in the kit's own tests.
+    # test_objectivity turns the same state; of the turned conductivity of the deformed pore only the slow suite knows.
     "plugins/fem_skfem/tests/test_conformance.py::TestSkfemCellSolver::test_a_rotation_of_the_body_rotates_the_flux",
     "plugins/surrogate_jax/tests/test_conformance.py::TestMlpWithTanh::",
     "plugins/surrogate_jax/tests/test_conformance.py::TestPotentialOnPolynomial::",
-    # Their commands stand on the pages of each subject and in docs/start.md; dask's also in tests/sampling.
+    # The longest pages. Of their commands tune, train, report, schema, reproduce and data stand on no fast page as they
+    # are written here; what they do has fast tests of its own, and so have dask's workers in tests/sampling.
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/tour.md]",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/cluster.md]",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/crosscheck.md]",
