@@ -64,9 +64,9 @@ def unresolved(problem: MacroProblem, limit: float, solution: MacroSolution) -> 
         return None
     load = f"{solution.load:g}".replace("-", "−")
     return (
-        f"Load {load}, law {solution.law}: the largest pressure comes {elapsed:.2g} after the loading began, within "
-        f"the time h²/(6 c_v) = {limit:.2g} in which the elements at the drained surfaces do not resolve it; it may be "
-        "too large by a quarter. Take thinner elements there (grading), a longer ramp, or a longer first step."
+        f"Load {load}, law {solution.law}: the largest pressure comes {elapsed:.2g} after the start of the loading and "
+        "may be too large by a quarter. The elements at the drained surfaces do not resolve the pressure before "
+        f"h²/(6 c_v) = {limit:.2g}. Take thinner elements there (grading), a longer ramp, or a longer first step."
     )
 
 

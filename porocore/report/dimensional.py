@@ -71,7 +71,7 @@ def dimensional_rows(
             rows.append((f"{which} force on {name}, component {force['component']}", "force", force[key]))
     if solution.profiles:
         profile = max(solution.profiles, key=lambda p: float(np.abs(fluid_velocity(p)).max()))
-        name = f"largest relative fluid velocity among the kept times, at t = {plain(profile.time)}"
+        name = f"largest fluid velocity relative to the solid, of all profiles (at t = {plain(profile.time)})"
         rows.append((name, "velocity", float(np.abs(fluid_velocity(profile)).max())))
     return [
         DimensionalRow(

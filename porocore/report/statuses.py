@@ -77,6 +77,6 @@ def visited_sentence(visited: list[dict[str, float]]) -> str:
     return (
         "Each element of the body has the status of the nearest solved state of the cell. At the end of the run the "
         f"pore wall touches itself in {at_end[0]} of the body, {at_end[1]} of the body is unstable, and {at_end[2]} "
-        "has no valid data. The largest shares at the times of the profiles are "
-        f"{at_most[0]}, {at_most[1]} and {at_most[2]}."
+        "has no valid data. Over the times of the profiles, the largest shares are "
+        f"{at_most[0]} in contact, {at_most[1]} unstable and {at_most[2]} without valid data."
     )

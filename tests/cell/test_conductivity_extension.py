@@ -98,5 +98,5 @@ def test_a_wall_that_goes_far_takes_the_inside_along():
 def test_walls_that_do_not_belong_together_are_refused():
     solid, _ = meshes(OrthogonalChannels(radius=0.1, axes="x"), "linear", "eighth")
     _, fluid = meshes(OrthogonalChannels(radius=0.3, axes="z"), "linear", "eighth")
-    with pytest.raises(PorocoreError, match="does not lie on that of the solid"):
+    with pytest.raises(PorocoreError, match="needs the same pore wall in the meshes of solid and fluid"):
         wall_interpolation(solid, fluid)

@@ -184,7 +184,7 @@ def failed_step(reader):
         stepper = Stepper(plan)
         while True:
             stepper.reject(
-                "Newton's iteration stood at 0.3 of the force and volume scale after 12 iterations "
+                "the relative residual of Newton's method was still 0.3 after 12 iterations "
                 "(newton.tolerance = 1e-08)"
             )
 

@@ -253,8 +253,8 @@ def test_a_plate_beside_an_oblique_plane_is_refused_where_they_are_not_at_right_
     problem = MacroProblem.model_validate(WEDGE | {"boundary": faces})
     with pytest.raises(
         ConfigurationError,
-        match=r"boundary.z-: the plate moves as one along z, but macro.boundary.oblique.normal is prescribed on "
-        r"their common edge, along \(.*\), which is not at right angles",
+        match=r"boundary.z-: the plate moves along z, but macro.boundary.oblique.normal prescribes the "
+        r"displacement of the common edge along \(.*\), a direction that is not perpendicular to z",
     ):
         boundary_data(body_mesh(problem), problem)
 

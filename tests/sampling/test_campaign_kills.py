@@ -160,7 +160,7 @@ def test_workers_that_die_over_the_first_state_end_the_run(tmp_path: Path) -> No
     """Then it may not be the state's fault."""
     path, tree = tmp_path / "data.h5", Tree(INPUTS, 4)
     first = tree.requests[0]
-    with pytest.raises(PorocoreError, match=rf"died twice each while solving '{first.key}'.* fewer workers"):
+    with pytest.raises(PorocoreError, match=rf"two workers died on the state '{first.key}'.* fewer workers"):
         sample(path, Fake(die_at=first.x[0]), workers=2, sampler=tree)
     assert len(Dataset.open(path)) == 0
     assert sample(path, sampler=Tree(INPUTS, 4))[1].solved == 4

@@ -177,7 +177,7 @@ GYROID = {"kind": "tpms", "surface": "gyroid", "void_fraction": 0.4}
         # Each size has a mesh of its own; of one size both phases share one.
         (
             {"geometry": GYROID, "mesh": {"size": 0.4, "fluid_size": 0.2, "element": "linear"}},
-            "cell.mesh: the pore wall of the fluid's mesh does not lie on that of the solid's",
+            "cell.mesh: 'conductivity: deformed' needs the same pore wall in the meshes of solid and fluid",
         ),
         ({"supercell": [2, 1, 1]}, "conductivity: the conductivity of the deformed pore is that of one cell"),
     ],

@@ -60,8 +60,8 @@ def check_reference(energy: Array, P: Array, C: Array, hint: Callable[[], str]) 
     values, modes = np.linalg.eigh(kelvin(C))
     if values[0] <= POSITIVE * max(scale, 1e-300):
         share = float(modes[:3, 0].sum() ** 2) / 3
-        of = "a change of volume" if share > 0.5 else "a change of shape"
+        mode = "a change of volume" if share > 0.5 else "a change of shape"
         raise ValueError(
-            f"expected positive initial moduli, got {values[0]:.6g} as the smallest eigenvalue of the elasticity at "
-            f"F = I, of {of}; raise the {'bulk' if share > 0.5 else 'shear'} stiffness"
+            f"expected positive initial moduli, got {values[0]:.6g} for {mode} (smallest eigenvalue of the elasticity "
+            f"tensor at F = I); raise the {'bulk' if share > 0.5 else 'shear'} stiffness"
         )

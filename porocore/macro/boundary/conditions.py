@@ -238,9 +238,9 @@ class Collector:
                 if abs(direction[axis]) > SAME:
                     normal = ", ".join(f"{x:.3g}" for x in direction)
                     raise ConfigurationError(
-                        f"macro.boundary.{name}: the plate moves as one along {'xyz'[axis]}, but {source} is "
-                        f"prescribed on their common edge, along ({normal}), which is not at right angles to that; "
-                        "end the plate before that surface"
+                        f"macro.boundary.{name}: the plate moves along {'xyz'[axis]}, but {source} prescribes the "
+                        f"displacement of the common edge along ({normal}), a direction that is not perpendicular "
+                        f"to {'xyz'[axis]}; end the plate before that surface"
                     )
 
 

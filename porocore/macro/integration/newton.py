@@ -84,8 +84,8 @@ def newton_step(
             x -= d.solve(system, residual.values, -jump, again=iteration > 0)
             x[d.prescribed] = loads.values
     raise StepFailed(
-        f"Newton's iteration stood at {misfits[-1]:.2g} of the force and volume scale after "
-        f"{settings.iterations} iterations (newton.tolerance = {settings.tolerance:g})"
+        f"the relative residual of Newton's method was still {misfits[-1]:.2g} after {settings.iterations} iterations "
+        f"(newton.tolerance = {settings.tolerance:g})"
     )
 
 

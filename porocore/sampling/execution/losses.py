@@ -89,12 +89,13 @@ class Losses:
         if not self.doubtful or not (nothing_else or len(self.doubtful) >= MOST_LOST):
             return []
         lost = " and ".join(repr(task.key) for task in self.doubtful)
+        states = "the state" if len(self.doubtful) == 1 else "each of the states"
         limit = "" if self._limit is None else f", or over {self._limit:g} s (sampling.state_seconds)"
         self.doubtful.clear()
         return [
             PorocoreError(
-                f"workers died twice each while solving {lost}, and no state was solved before (out of memory, "
-                f"killed{limit}); finished states are kept: resume with fewer workers, a coarser mesh"
+                f"two workers died on {states} {lost} before any state was solved (out of memory, killed{limit}); "
+                "finished states are kept: resume with fewer workers, a coarser mesh"
                 f"{'' if self._limit is None else ' or more time'}"
             )
         ]

@@ -66,6 +66,6 @@ def _tell(title: str, summary: CampaignSummary, folder: RunFolder, console: Cons
     console.note(f"{title}: {sum(summary.counts.values())} states: {counts}")
     if lost := summary.counts.get(Status.lost, 0):
         console.warn(
-            f"{title}: {lost} states were lost, each over two workers that died or exceeded the time limit; "
-            f"they count as failed; to try them again: porocore sample {folder.path} --retry-lost"
+            f"{title}: {lost} states were lost: on each, two workers died or exceeded the time limit. Lost states "
+            f"count as failed. To try them again: porocore sample {folder.path} --retry-lost"
         )

@@ -1,4 +1,4 @@
-"""pytest finds the laws where 'porocore plugin check' finds them too."""
+"""The laws of this plugin for pytest; 'porocore plugin check' runs the same laws."""
 
 from porocore_sampler_halton.conformance import TestHaltonSampler
 
