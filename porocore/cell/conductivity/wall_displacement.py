@@ -77,8 +77,8 @@ def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Arra
     least = outside.min(axis=1)
     if not (least < FARTHEST).all():
         raise ConfigurationError(
-            "cell.mesh: 'conductivity: deformed' needs the same pore wall in the meshes of solid and fluid, but the two "
-            "walls differ; give 'size' and 'fluid_size' the same value, or lower the larger one"
+            "cell.mesh: 'conductivity: deformed' needs the same pore wall in the meshes of solid and fluid, but the "
+            "two walls differ; give 'size' and 'fluid_size' the same value, or lower the larger one"
         )
     alike = outside <= (least + ALIKE)[:, None]
     rows = np.nonzero(alike)[0]
