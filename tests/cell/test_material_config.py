@@ -154,7 +154,10 @@ def test_names_of_parameters(tmp_path, parameters, why):
         (expression(SOFT, "{c: -0.2, k: 1}"), "got -0.8 for a change of shape"),
         (expression("c*(I1 - 3) - 2*c*log(J) + k*(J - 1)**1.5"), "not finite in the undeformed solid"),
         (expression("c*(I1 - 3) - 2*c*log(J) + k*log(J - 2)"), "not real|not finite in the undeformed solid"),
-        ("material: {kind: mooney-rivlin, c10: -0.2, c01: 0.1, bulk_modulus: 1}", "got -0.4 for a change of shape"),
+        (
+            "material: {kind: mooney-rivlin, c10: -0.2, c01: 0.1, bulk_modulus: 1}",
+            "got -0.4 for a change of shape",
+        ),
         (
             "material: {kind: ogden, bulk_modulus: 1, terms: [{mu: 1, alpha: -2}]}",
             "raise the shear stiffness",
