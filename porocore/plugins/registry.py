@@ -160,8 +160,8 @@ def _misfit(implementation: Any, interface: type[Any]) -> str:
     """Return why a class is no implementation of an interface; empty if it is one."""
     if not (isinstance(implementation, type) and issubclass(implementation, interface)):
         return f"is no subclass of porocore.{interface.__name__}: {short_repr(implementation)}"
-    missing = getattr(implementation, "__abstractmethods__", ())
-    return f"does not implement {joined(sorted(missing))}" if missing else ""
+    missing = sorted(implementation.__abstractmethods__)
+    return f"does not implement {joined(missing)}" if missing else ""
 
 
 def _interface(kind: Kind) -> type[Any]:
