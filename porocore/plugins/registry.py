@@ -7,6 +7,7 @@ slow to load, missing or broken. A plugin that cannot be used is kept with its r
 from __future__ import annotations
 
 import sys
+from abc import ABCMeta
 from collections.abc import Iterable
 from functools import cache
 from typing import Any
@@ -158,7 +159,7 @@ def _fault(failed: Broken) -> str:
 
 def _misfit(implementation: Any, interface: type[Any]) -> str:
     """Return why a class is no implementation of an interface; empty if it is one."""
-    if not (isinstance(implementation, type) and issubclass(implementation, interface)):
+    if not (isinstance(implementation, ABCMeta) and issubclass(implementation, interface)):
         return f"is no subclass of porocore.{interface.__name__}: {short_repr(implementation)}"
     missing = sorted(implementation.__abstractmethods__)
     return f"does not implement {joined(missing)}" if missing else ""
