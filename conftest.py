@@ -50,7 +50,6 @@ _CELL_LAWS = "plugins/fem_dolfinx/tests/test_conformance.py::TestDolfinxCellSolv
 #: which tests/consistency holds to the first, variants of one model, and what a shorter test looks at, too.
 SLOW = (
     f"{_CELL_LAWS}objectivity",
-    f"{_CELL_LAWS}derivatives_are_the_slopes[sheared]",
     f"{_CELL_LAWS}a_rotation_of_the_body_rotates_the_flux",
     f"{_CELL_LAWS}shear_derivatives_of_a_diagonal_state",
     f"{_CELL_LAWS}rows_do_not_depend_on_the_batch_or_its_order",
@@ -58,6 +57,20 @@ SLOW = (
     f"{_CELL_LAWS}eighth_and_whole_cell_agree[stretched]",
     # The fast suite turns the flux of the undeformed pore, and the state of the deformed one in test_objectivity.
     "plugins/fem_skfem/tests/test_conformance.py::TestSkfemCellSolver::test_a_rotation_of_the_body_rotates_the_flux[d",
+    # One backend of two, one library of two, or one load of several stays in the fast suite.
+    "plugins/fem_dolfinx/tests/test_memory.py::test_preparations_give_back_what_they_take",
+    "plugins/fem_dolfinx/tests/test_macro.py::TestDolfinxMacroSolver::test_a_killed_run_continues_to_the_identical_history",
+    "plugins/fem_dolfinx/tests/test_macro.py::test_a_singular_matrix_ends_in_one_message[field split]",
+    "plugins/fem_dolfinx/tests/test_macro_mpi.py::test_more_processes_than_elements_can_be_shared_among_are_refused",
+    "plugins/fem_skfem/tests/test_cell.py::test_statuses_under_strong_compression[0.0]",
+    "plugins/surrogate_jax/tests/test_conformance.py::TestMlp::test_training_is_seeded",
+    "plugins/surrogate_jax/tests/test_conformance.py::TestPotential::test_training_is_seeded",
+    "tests/combinations/test_combinations.py::test_short_rows[wedge-plate]",
+    "tests/consistency/test_cells.py::test_statuses_agree_under_strong_compression[dolfinx-skfem-frictionless-contact]",
+    "tests/consistency/test_stability.py::test_pivots_and_eigenvalues[dolfinx-skfem-open]",
+    "tests/consistency/test_surrogates.py::test_it_learns_what_it_offers",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-potential ",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-cubic",
     "plugins/surrogate_jax/tests/test_conformance.py::TestMlpWithTanh::",
     "plugins/surrogate_jax/tests/test_conformance.py::TestPotentialOnPolynomial::",
     # The longest pages. Of their commands tune, train, report, schema, reproduce and data stand on no fast page as they
@@ -65,6 +78,10 @@ SLOW = (
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/tour.md]",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/cluster.md]",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/crosscheck.md]",
+    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/cell.md]",
+    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/conductivity.md]",
+    # Their plugins pass their own tests in tests/plugins.
+    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[examples/plugins/",
     "tests/e2e/test_kills.py::test_a_run_killed_in_every_stage_ends_with_the_same_numbers",
 )
 
