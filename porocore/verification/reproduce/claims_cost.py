@@ -6,7 +6,6 @@ import numpy as np
 
 from porocore.macro.body.kinds import make_body
 from porocore.report.format import duration, number, plain
-from porocore.surrogates.portable import ModelSurrogate
 from porocore.verification.reproduce.claims import Claims, Finding
 from porocore.verification.reproduce.column import LARGE, Column
 from porocore.verification.reproduce.study import Results
@@ -19,8 +18,7 @@ CLAIMS = Claims()
 
 @CLAIMS.claim(APPROACH, "three hidden layers of 40 neurons, sigmoid, Adam, mean squared error")
 def _network(results: Results) -> Finding:
-    surrogate = results.column.surrogate
-    settings = surrogate.settings if isinstance(surrogate, ModelSurrogate) else {}
+    settings = getattr(results.column.surrogate, "settings", {})
     hidden, activation = settings.get("hidden"), settings.get("activation")
     same = hidden == [40, 40, 40] and activation == "sigmoid"
     text = f"hidden layers {hidden}, {activation}" if hidden else results.column.context.surrogate.description
