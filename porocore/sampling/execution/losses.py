@@ -99,3 +99,13 @@ class Losses:
                 f"{'' if self._limit is None else ' or more time'}"
             )
         ]
+
+
+def means_death(trouble: BaseException | None) -> bool:
+    """Return whether dask reports a dead worker; its class is not imported for that."""
+    return type(trouble).__name__ == "KilledWorker"
+
+
+def place_of(state: PendingState | None) -> str:
+    """Return where a worker failed, for a message; None: before its first state."""
+    return "while it prepared the cell" if state is None else f"at state '{state.key}'"

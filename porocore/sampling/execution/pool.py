@@ -15,7 +15,8 @@ from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField
 from porocore.sampling.execution import tasks
 from porocore.sampling.execution.choice import ExecutorChoice, check_choice, make_worker_backend
-from porocore.sampling.execution.losses import Losses, PendingState
+from porocore.sampling.execution.losses import Losses, PendingState, means_death, place_of
+from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.sampling.execution.tasks import Factory, Failure, FinishedSolve, Ready, Recipe, Unprepared
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 from porocore.states import CellResponse, MacroState
@@ -51,6 +52,9 @@ class CellPool:
         A response of this cell, as a pattern for those of lost states. By default, that of the first solved state.
     on_warning
         Called with warnings for the user.
+    known
+        Store of solved states of this cell with the same ``tangent`` and ``fields``. A state that it holds is not
+        solved, and every other is added to it.
 
     Raises
     ------
@@ -71,6 +75,7 @@ class CellPool:
         state_seconds: float | None = None,
         like: CellResponse | None = None,
         on_warning: Callable[[str], None] = lambda text: None,
+        known: SolvedStore | None = None,
     ) -> None:
         self.workers = workers
         self._recipe = Recipe(uuid4().hex, factory, args, tangent, fields)
@@ -81,6 +86,7 @@ class CellPool:
         self._finished: deque[FinishedSolve] = deque()
         self._failures: deque[PorocoreError] = deque()
         self._finishing = False
+        self._known = known
         check_choice(executor, workers, scheduler, state_seconds)
         self._make_workers = partial(
             make_worker_backend, executor, workers, scheduler, state_seconds, self._recipe.token
@@ -112,6 +118,8 @@ class CellPool:
     @property
     def has_room(self) -> bool:
         """True if another state can be submitted without waiting long for a worker."""
+        if self._finished or not self.pending:  # no worker is started for states that the store holds
+            return not self._finished
         return self.pending - len(self._losses.doubtful) < self._backend.slots + self._backend.ahead
 
     def submit(self, key: str, state: MacroState, start: CellField | None = None) -> None:
@@ -124,6 +132,9 @@ class CellPool:
         PorocoreError
             The scheduler cannot be reached.
         """
+        if self._known is not None and (known := self._known.find(key, state, start)):
+            self._finish(known)
+            return
         self._waiting.append(PendingState(key, state, start))
         if self._backend.eager:
             self._dispatch()
@@ -152,7 +163,7 @@ class CellPool:
                 self._failures += self._losses.judge(nothing_else=not self._waiting and not self._solving)
             if stop() and not (self._finished or self._failures):
                 return None
-        if self._backend.eager:
+        if self._waiting and self._backend.eager:
             self._dispatch()
         # Good outcomes first, so that nothing that was solved is lost behind an error.
         if not self._finished:
@@ -250,15 +261,15 @@ class CellPool:
 
     def _take(self, future: Future[Any], worker: Worker, task: PendingState | None) -> None:
         trouble = future.exception() if not future.cancelled() else None
-        if future.cancelled() or isinstance(trouble, BrokenExecutor) or _means_death(trouble):
+        if future.cancelled() or isinstance(trouble, BrokenExecutor) or means_death(trouble):
             self._died(worker, task)
             return
         if trouble is not None:
-            self._failures.append(Failure(type(trouble).__name__, str(trouble), "").as_error(_place(task)))
+            self._failures.append(Failure(type(trouble).__name__, str(trouble), "").as_error(place_of(task)))
             return
         result = future.result()
         if isinstance(result, Failure):
-            self._failures.append(result.as_error(_place(task)))
+            self._failures.append(result.as_error(place_of(task)))
         elif isinstance(result, Ready):
             worker.prepared, self._losses.preparations = True, 0
             self._tell(self._backend.check(result))
@@ -267,10 +278,16 @@ class CellPool:
             assert task is not None
             self._waiting.appendleft(task)
         else:
-            self._finished.append(result)
-            if self._losses.like is None:
-                self._losses.like = result.response
-            self._finished += self._losses.take_lost()
+            assert task is not None
+            if self._known is not None:
+                self._known.keep(result, task.state, task.start)
+            self._finish(result)
+
+    def _finish(self, result: FinishedSolve) -> None:
+        self._finished.append(result)
+        if self._losses.like is None:
+            self._losses.like = result.response
+        self._finished += self._losses.take_lost()
 
     def _died(self, worker: Worker, task: PendingState | None) -> None:
         self._backend.lost(worker)
@@ -288,12 +305,3 @@ class CellPool:
             if text not in self._warned:
                 self._warned.add(text)
                 self._warn(text)
-
-
-def _means_death(trouble: BaseException | None) -> bool:
-    """Return whether dask reports a dead worker; its class is not imported for that."""
-    return type(trouble).__name__ == "KilledWorker"
-
-
-def _place(task: PendingState | None) -> str:
-    return "while it prepared the cell" if task is None else f"at state '{task.key}'"
