@@ -67,7 +67,7 @@ class SolvedStore:
             arrays |= {"field/grad_u": field.grad_u, "field/p": np.array(field.p), "field/u": field.u}
             arrays["field/domain"] = np.array(field.domain)
         payload = io.BytesIO()
-        np.savez(payload, allow_pickle=False, **arrays)
+        np.savez(payload, **arrays)
         facts = {"seconds": solve.seconds, "cell": self.identity}
         self.store.keep(STATES, self._hash(state, start), payload.getvalue(), facts)
 
