@@ -1,0 +1,101 @@
+"""The user's store: results that every study on the same cell may use, under hashes of all that they depend on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from platformdirs import user_cache_path
+
+from porocore.cell.cell import Cell
+from porocore.core.files.store import ResultStore
+from porocore.interfaces.cell import CellField
+from porocore.interfaces.records import flatten_response
+from porocore.interfaces.surrogate import TrainingSet
+from porocore.plugins.registry import registry
+from porocore.sampling.execution.solved_store import SolvedStore
+from porocore.states import CellResponse
+
+#: Version of the equations of porocore and of their discretisation: raised with every correction that changes a number
+#: of a cell or of a surrogate, so that no store returns the old one. ``tests/study/test_store.py`` holds it to numbers.
+PHYSICS = 1
+#: Environment variable with the folder of the store, or ``none``.
+VARIABLE, NONE = "POROCORE_STORE", "none"
+#: Packages whose versions change meshes or the last bits of a solution.
+_PACKAGES = ("gmsh", "numpy", "scipy")
+
+
+def user_store() -> ResultStore | None:
+    """Return the store in the user's cache folder, or where ``POROCORE_STORE`` says; None if that says ``none``."""
+    given = os.environ.get(VARIABLE, "")
+    if given == NONE:
+        return None
+    return ResultStore(Path(given) if given else user_cache_path("porocore") / "store")
+
+
+def solved_states(
+    store: ResultStore | None,
+    backend: str,
+    options: dict[str, Any],
+    cell: Cell,
+    conductivity: str = "piola",
+    **results: bool,
+) -> SolvedStore | None:
+    """Return the solved states of a cell in the store; ``results`` are ``tangent`` and ``fields`` of each solve."""
+    if store is None:
+        return None
+    return SolvedStore(store, cell_key(backend, options, cell, conductivity), **results)
+
+
+def cell_key(backend: str, options: dict[str, Any], cell: Cell, conductivity: str) -> str:
+    """Return the hash of all that the responses of a cell depend on, but the state."""
+    solver = code_of(registry().get("cell solver", backend))
+    return _hash(solver, options, cell.specification(), conductivity)
+
+
+def training_key(backend: str, options: dict[str, Any], seed: int, data: TrainingSet) -> str:
+    """Return the hash of all that a trained surrogate depends on."""
+    fitted = code_of(registry().get("surrogate", backend))
+    described = repr((data.inputs, data.identity, data.symmetry, data.tolerance))
+    arrays = [data.states.grad_u, data.states.p, *_arrays(data.responses), *_arrays(data.reference)]
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return _hash(fitted, options, seed, described, digest.hexdigest())
+
+
+def code_of(implementation: type[Any]) -> dict[str, Any]:
+    """Return the versions of porocore and of a plugin, and the hash of the plugin's sources.
+
+    The sources count because a plugin that is being developed changes under one version.
+    """
+    package = implementation.__module__.partition(".")[0]
+    names = ["porocore", *metadata.packages_distributions().get(package, ()), *_PACKAGES]
+    digest = hashlib.sha256()
+    if package != "porocore":
+        file = sys.modules[package].__file__
+        assert file is not None
+        sources = Path(file).parent.rglob("*.py") if Path(file).name == "__init__.py" else [Path(file)]
+        for source in sorted(sources):
+            digest.update(source.read_bytes())
+    return {
+        "class": f"{implementation.__module__}.{implementation.__qualname__}",
+        "physics": PHYSICS,
+        "versions": {name: metadata.version(name) for name in sorted(set(names))},
+        "sources": digest.hexdigest(),
+    }
+
+
+def _arrays(response: CellResponse) -> list[Any]:
+    return [response.status, *flatten_response(response).values()]
+
+
+def _hash(*parts: Any) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:40]
