@@ -10,6 +10,9 @@ import pytest
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Every state that a test asks for is solved, and nothing is put into the store of the user.
+os.environ["POROCORE_STORE"] = "none"
+
 #: Scopes that share what is expensive to set up, or that must not run side by side: each is done by one worker.
 TOGETHER = {
     # Every process in which jax compiles keeps gigabytes; what one test compiles, the next one finds.

@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from platformdirs import user_cache_path
 
 from porocore.cell.cell import Cell
 from porocore.core.files.store import ResultStore
-from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import flatten_response
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.plugins.registry import registry
