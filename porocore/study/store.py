@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import sys
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from porocore.cell.cell import Cell
+from porocore.core.files.atomic import atomic_path
 from porocore.core.files.store import ResultStore
 from porocore.interfaces.records import flatten_response
 from porocore.interfaces.surrogate import TrainingSet
@@ -67,6 +69,48 @@ def training_key(backend: str, options: dict[str, Any], seed: int, data: Trainin
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
     return _hash(fitted, options, seed, described, digest.hexdigest())
+
+
+def fetch_files(store: ResultStore | None, key: str, paths: Mapping[str, Path]) -> float | None:
+    """Write files from the store.
+
+    Parameters
+    ----------
+    store
+        None: there is none.
+    key
+        The hash of all that the files depend on.
+    paths
+        Each file by its kind in the store; only the first must be there.
+
+    Returns
+    -------
+    float or None
+        Seconds that the files had taken; None if the store does not hold the first of them.
+    """
+    (first, main), *others = paths.items()
+    found = None if store is None else store.find(first, key)
+    if store is None or found is None:
+        return None
+    for kind, path in others:
+        if more := store.find(kind, key):
+            _write(path, more.payload)
+    _write(main, found.payload)
+    return float(found.facts["seconds"])
+
+
+def keep_files(store: ResultStore | None, key: str, paths: Mapping[str, Path], seconds: float) -> None:
+    """Keep the files that :func:`fetch_files` writes; those that do not exist are left out."""
+    if store is None:
+        return
+    for kind, path in reversed(paths.items()):
+        if path.exists():
+            store.keep(kind, key, path.read_bytes(), {"seconds": seconds})
+
+
+def _write(path: Path, payload: bytes) -> None:
+    with atomic_path(path) as part:
+        part.write_bytes(payload)
 
 
 def code_of(implementation: type[Any]) -> dict[str, Any]:

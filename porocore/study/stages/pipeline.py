@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from porocore.core.console import Console
+from porocore.core.files.store import ResultStore
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
@@ -23,13 +24,18 @@ __all__ = ["report", "run", "sample", "solve", "solve_cell", "solve_reference", 
 
 
 def run(
-    folder: RunFolder, config: RunConfig, *, console: Console, laws: Sequence[LawKind] = USUAL_LAWS
+    folder: RunFolder,
+    config: RunConfig,
+    *,
+    console: Console,
+    laws: Sequence[LawKind] = USUAL_LAWS,
+    store: ResultStore | None = None,
 ) -> Path:
-    """Run all stages and return the path of the report."""
+    """Run all stages and return the path of the report; what ``store`` holds is not computed again."""
     if not folder.surrogate_of(config).exists():
         registry().get("surrogate", config.surrogate.backend).load_libraries()
-    solve_reference(folder, config, console=console)
-    sample(folder, config, console=console)
-    train(folder, config, console=console)
+    solve_reference(folder, config, console=console, store=store)
+    sample(folder, config, console=console, store=store)
+    train(folder, config, console=console, store=store)
     solve(folder, config, console=console, laws=laws)
     return report(folder, config, console=console)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from porocore.core.console import Console
+from porocore.core.files.store import ResultStore
 from porocore.macro.drainage import undrained
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import conductivity_of, solution_of
@@ -16,16 +18,17 @@ from porocore.study.config.config import RunConfig
 from porocore.study.preflight.symmetry_notes import broken_by_the_mesh
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages.stage_files import load_reference, prepare_cell
-from porocore.study.stages.stage_times import timed
+from porocore.study.stages.stage_times import StageClock, timed
+from porocore.study.store import cell_key, fetch_files, keep_files
 
 
-def solve_reference(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
-    """Solve the undeformed cell unless the folder holds it; tell its properties and what is wrong with them."""
+def solve_reference(
+    folder: RunFolder, config: RunConfig, *, console: Console, store: ResultStore | None = None
+) -> None:
+    """Solve the undeformed cell unless folder or store hold it; tell its properties and what is wrong with them."""
     if not folder.reference.exists():
-        fem, cell = config.fem, config.cell
-        solver, prepared = prepare_cell(fem.backend, fem.options, cell, config.conductivity)
-        with timed(folder.timings, "cell"):
-            CellReference.compute(solver, prepared, cell, config.stages.cell).save(folder.reference)
+        with timed(folder.timings, "cell") as clock:
+            _solve_rest(folder.reference, config, store, clock)
     reference = load_reference(folder, config)
     diagonal = ", ".join(f"{k:.4g}" for k in np.diag(reference.conductivity))
     console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
@@ -34,6 +37,17 @@ def solve_reference(folder: RunFolder, config: RunConfig, *, console: Console) -
         *broken_by_the_mesh(reference.response, config.cell.point_group),
     ):
         console.warn(warning)
+
+
+def _solve_rest(path: Path, config: RunConfig, store: ResultStore | None, clock: StageClock) -> None:
+    fem, cell, files = config.fem, config.cell, {"cells": path}
+    key = "" if store is None else cell_key(fem.backend, fem.options, cell, config.conductivity)
+    if (saved := fetch_files(store, key, files)) is not None:
+        clock.add(saved)
+        return
+    solver, prepared = prepare_cell(fem.backend, fem.options, cell, config.conductivity)
+    CellReference.compute(solver, prepared, cell, config.stages.cell).save(path)
+    keep_files(store, key, files, clock.seconds)
 
 
 def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:

@@ -5,7 +5,8 @@ States that the data sets hold are not solved again.
 
 from __future__ import annotations
 
-from porocore.core.console import Console
+from porocore.core.console import Console, duration
+from porocore.core.files.store import ResultStore
 from porocore.interfaces.sampler import Sampler
 from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
@@ -19,10 +20,18 @@ from porocore.study.run_folder.provenance import versions
 from porocore.study.stages.exploration import inform
 from porocore.study.stages.stage_files import held_out_states, load_reference, prepare_cell
 from porocore.study.stages.stage_times import timed
+from porocore.study.store import solved_states
 
 
-def sample(folder: RunFolder, config: RunConfig, *, console: Console, retry_lost: bool = False) -> None:
-    """Solve the sampler's states and the held-out random states.
+def sample(
+    folder: RunFolder,
+    config: RunConfig,
+    *,
+    console: Console,
+    retry_lost: bool = False,
+    store: ResultStore | None = None,
+) -> None:
+    """Solve the sampler's states and the held-out random states; those that ``store`` holds are taken from there.
 
     With ``retry_lost``, states over which workers died or hung in an earlier session are solved again.
     """
@@ -39,14 +48,26 @@ def sample(folder: RunFolder, config: RunConfig, *, console: Console, retry_lost
         ("held-out states", held_out_states(config), folder.test_dataset, config.stages.test),
     ]
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
-    with CellPool(prepare_cell, arguments, **config.sampling.pool_options(), on_warning=console.warn) as pool:
+    known, options = solved_states(store, *arguments), config.sampling.pool_options()
+    with CellPool(prepare_cell, arguments, **options, on_warning=console.warn, known=known) as pool:
         for title, states, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
             if retry_lost:
                 dataset.drop(dataset.ended(Status.lost))
-            with timed(folder.timings, title):
+            found, saved = (known.found, known.saved) if known else (0, 0.0)
+            with timed(folder.timings, title) as clock:
                 summary = _campaign(title, states, pool, dataset, console)
+                if known:
+                    clock.add((known.saved - saved) / pool.workers)
             _tell(title, summary, folder, console)
+            if known and known.found > found:
+                took = duration(known.saved - saved)
+                console.note(
+                    f"{title}: {known.found - found} states came from the store {known.store.folder}, which saved {took}; "
+                    "all reported times are those without it"
+                )
+    if known and known.store.fault:
+        console.warn(f"{known.store.fault}; the solved states are in the run folder alone")
 
 
 def _campaign(

@@ -18,9 +18,27 @@ class StageTime(NamedTuple):
     runs: int
 
 
+class StageClock:
+    """Clock of a running stage, which counts what stored results had taken as if it were taken now."""
+
+    def __init__(self) -> None:
+        self._began, self._saved = time.perf_counter(), 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Seconds so far, stored results included."""
+        return time.perf_counter() - self._began + self._saved
+
+    def add(self, seconds: float) -> None:
+        """Count the seconds that a result from the store had taken."""
+        self._saved += seconds
+
+
 @contextmanager
-def timed(path: Path, stage: str) -> Iterator[None]:
+def timed(path: Path, stage: str) -> Iterator[StageClock]:
     """Add the block's wall time to what ``stage`` has taken so far, also when the block is interrupted.
+
+    Yields the clock of the block.
 
     Raises
     ------
@@ -29,9 +47,9 @@ def timed(path: Path, stage: str) -> Iterator[None]:
     RunFolderError
         The disk is full or read-only.
     """
-    record, began = _record(path), time.perf_counter()
-    with added_up(path, record, stage, lambda: {"seconds": time.perf_counter() - began, "runs": 1}):
-        yield
+    record, clock = _record(path), StageClock()
+    with added_up(path, record, stage, lambda: {"seconds": clock.seconds, "runs": 1}):
+        yield clock
 
 
 def stage_times(path: Path) -> dict[str, StageTime]:

@@ -9,22 +9,26 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.core.console import Console
+from porocore.core.console import Console, duration
 from porocore.core.files.reading import read_text
+from porocore.core.files.store import ResultStore
 from porocore.errors import DataError, RunFolderError
-from porocore.interfaces.surrogate import Surrogate, TrainingProgress
+from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 from porocore.states import Array
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages.stage_files import load_surrogate, training_set
 from porocore.study.stages.stage_times import timed
+from porocore.study.store import fetch_files, keep_files, training_key
 
 HEADER = "epoch,loss,validation_loss"
 
 
-def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
-    """Fit the surrogate that the closure needs to the stable states, unless the folder holds it."""
+def train(
+    folder: RunFolder, config: RunConfig, *, console: Console, store: ResultStore | None = None
+) -> None:
+    """Fit the surrogate that the closure needs to the stable states, unless folder or store hold it."""
     path = folder.surrogate_of(config)
     if path.exists():
         load_surrogate(folder, config)
@@ -35,7 +39,16 @@ def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
     own = config.surrogate_model == folder.written.surrogate_model
     stage = "training" if own else f"training, {config.surrogate_model}"
     checkpoint = folder.training_checkpoint_of(config)
-    with timed(folder.timings, stage), console.task("training", "epochs") as task:
+    files = {"surrogates": path, "training-curves": folder.training_curve_of(config)}
+    key = "" if store is None else _key(config, data)
+    if not checkpoint.exists():
+        with timed(folder.timings, stage) as clock:
+            if (saved := fetch_files(store, key, files)) is not None:
+                clock.add(saved)
+        if saved is not None and store is not None:
+            console.note(f"training: taken from the store {store.folder}, which saved {duration(saved)}")
+            return
+    with timed(folder.timings, stage) as clock, console.task("training", "epochs") as task:
         curve = TrainingCurveFile(folder.training_curve_of(config))
 
         def show(progress: TrainingProgress) -> None:
@@ -45,7 +58,13 @@ def train(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
 
         surrogate.fit(data, seed=config.surrogate.seed, checkpoint=checkpoint, on_progress=show)
         surrogate.save(path)
+        keep_files(store, key, files, clock.seconds)
     checkpoint.unlink(missing_ok=True)
+
+
+def _key(config: RunConfig, data: TrainingSet) -> str:
+    options = config.surrogate.options | {"model": config.surrogate_model}
+    return training_key(config.surrogate.backend, options, config.surrogate.seed, data)
 
 
 class TrainingCurveFile:
