@@ -40,6 +40,13 @@ def user_store() -> ResultStore | None:
     return ResultStore(Path(given) if given else user_cache_path("porocore") / "store")
 
 
+def chosen_store(store: str | Path | bool) -> ResultStore | None:
+    """Return the store at a path; the user's for True, none for False."""
+    if store is True:
+        return user_store()
+    return None if store is False else ResultStore(Path(store))
+
+
 def solved_states(
     store: ResultStore | None,
     backend: str,
@@ -103,7 +110,7 @@ def keep_files(store: ResultStore | None, key: str, paths: Mapping[str, Path], s
     """Keep the files that :func:`fetch_files` writes; those that do not exist are left out."""
     if store is None:
         return
-    for kind, path in reversed(paths.items()):
+    for kind, path in reversed(list(paths.items())):
         if path.exists():
             store.keep(kind, key, path.read_bytes(), {"seconds": seconds})
 

@@ -25,6 +25,7 @@ from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
 from porocore.study.stages.solving import USUAL_LAWS, LawKind, require_laws
 from porocore.study.stages.stage_files import load_solution, load_surrogate
+from porocore.study.store import chosen_store
 from porocore.study.tuning.candidates import DEPTHS, WIDTHS, candidates
 from porocore.study.tuning.tune import Tuning, tune
 
@@ -64,6 +65,9 @@ class Study:
         The run folder; by default ``runs/NAME`` with the name of the file or example.
     progress
         Show progress on standard error.
+    store
+        Folder of results that studies share; True: that of the user (see :func:`porocore.study.store.user_store`), False:
+        none. What it holds is not computed again.
     **settings
         Sections that are merged into the source, such as ``macro={"loads": [-0.1]}``.
 
@@ -92,11 +96,13 @@ class Study:
         *,
         out: str | Path | None = None,
         progress: bool = True,
+        store: str | Path | bool = True,
         **settings: Any,
     ) -> None:
         name, self.config, self._document = _configured(source, settings)
         self.path = Path("runs") / name if out is None else Path(out)
         self._console = Console(None if progress else io.StringIO())
+        self._store = chosen_store(store)
 
     def __repr__(self) -> str:
         return f"<porocore study '{self.config.title}' in {self.path}>"
@@ -123,8 +129,10 @@ class Study:
     def sample(self, *, retry_lost: bool = False) -> Samples:
         """Solve the cell for the sampled and the held-out states; return the sampled ones."""
         with self.folder as folder, located(self._document):
-            pipeline.solve_reference(folder, self.config, console=self._console)
-            pipeline.sample(folder, self.config, console=self._console, retry_lost=retry_lost)
+            pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
+            pipeline.sample(
+                folder, self.config, console=self._console, retry_lost=retry_lost, store=self._store
+            )
         dataset = Dataset.open(folder.dataset, identity=self.config.stages.sampling)
         return Samples(tuple(self.config.sampling.inputs), dataset.x(), dataset.states(), dataset.responses())
 
@@ -133,7 +141,7 @@ class Study:
         if not self.folder.surrogate_of(self.config).exists():
             self.sample()
         with self.folder as folder:
-            pipeline.train(folder, self.config, console=self._console)
+            pipeline.train(folder, self.config, console=self._console, store=self._store)
         return load_surrogate(folder, self.config)
 
     def tune(

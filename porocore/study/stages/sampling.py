@@ -62,10 +62,7 @@ def sample(
             _tell(title, summary, folder, console)
             if known and known.found > found:
                 took = duration(known.saved - saved)
-                console.note(
-                    f"{title}: {known.found - found} states came from the store {known.store.folder}, which saved {took}; "
-                    "all reported times are those without it"
-                )
+                console.note(f"{title}: {known.found - found} states came from the store, which saved {took}")
     if known and known.store.fault:
         console.warn(f"{known.store.fault}; the solved states are in the run folder alone")
 

@@ -41,13 +41,12 @@ def train(
     checkpoint = folder.training_checkpoint_of(config)
     files = {"surrogates": path, "training-curves": folder.training_curve_of(config)}
     key = "" if store is None else _key(config, data)
-    if not checkpoint.exists():
+    saved = None if checkpoint.exists() else fetch_files(store, key, files)
+    if saved is not None:
         with timed(folder.timings, stage) as clock:
-            if (saved := fetch_files(store, key, files)) is not None:
-                clock.add(saved)
-        if saved is not None and store is not None:
-            console.note(f"training: taken from the store {store.folder}, which saved {duration(saved)}")
-            return
+            clock.add(saved)
+        console.note(f"training: {path.name} came from the store, which saved {duration(saved)}")
+        return
     with timed(folder.timings, stage) as clock, console.task("training", "epochs") as task:
         curve = TrainingCurveFile(folder.training_curve_of(config))
 

@@ -17,7 +17,7 @@ from porocore.study.stages import pipeline
 from porocore.study.stages.figures_of_merit import figures_of_merit
 from porocore.study.stages.results import RunResults
 from porocore.study.stages.stage_files import linear_coefficients, prepare_cell
-from porocore.study.stages.stage_times import timed
+from porocore.study.stages.stage_times import StageClock, timed
 from porocore.study.stages.summary import report_context
 from porocore.verification.local_fields.solve import PAPER_STATES, LocalFields, solve_and_write
 from porocore.verification.reproduce.calls import CallTimes, call_times
@@ -166,5 +166,5 @@ class Results:
                 CellReference.compute(solver, prepared, config.cell, config.stages.cell).save(path)
         return CellReference.load(path, config.stages.cell)
 
-    def _stage(self, name: str) -> AbstractContextManager[None]:
+    def _stage(self, name: str) -> AbstractContextManager[StageClock]:
         return timed(self.timings, name)
