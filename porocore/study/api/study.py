@@ -66,7 +66,7 @@ class Study:
     progress
         Show progress on standard error.
     store
-        Folder of results that studies share; True: that of the user (see :func:`porocore.study.store.user_store`), False:
+        Folder of results that studies share; True: that of the user (``POROCORE_STORE``, or the cache folder), False:
         none. What it holds is not computed again.
     **settings
         Sections that are merged into the source, such as ``macro={"loads": [-0.1]}``.
