@@ -15,6 +15,7 @@ from porocore.core.echo import echo
 from porocore.errors import ConfigurationError, UnexpectedError
 
 if TYPE_CHECKING:
+    from porocore.core.files.store import ResultStore
     from porocore.study.config.config import RunConfig
 
 
@@ -81,6 +82,23 @@ def command_group(what: str, **settings: Any) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
         **settings,
     )
+
+
+def chosen_store(store: Path | None, no_store: bool) -> ResultStore | None:
+    """Return the store of the options ``--store`` and ``--no-store``.
+
+    Raises
+    ------
+    ConfigurationError
+        Both are given, or the path leads to a file.
+    """
+    from porocore.study import store as stores
+
+    if no_store and store is not None:
+        raise ConfigurationError("--store and --no-store exclude each other; leave one out")
+    if store is not None and store.exists() and not store.is_dir():
+        raise ConfigurationError(f"--store {store}: expected a folder, got a file; choose another")
+    return stores.chosen_store(False if no_store else True if store is None else store)
 
 
 def check_workers(workers: int | None) -> None:

@@ -82,6 +82,16 @@ OutOption = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Run folder.", show_default="runs/<name of the configuration>"),
 ]
+StoreOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--store",
+        metavar="DIR",
+        help="Folder of results that studies share; what it holds is not computed again.",
+        show_default="in the user's cache folder",
+    ),
+]
+NoStoreOption = Annotated[bool, typer.Option("--no-store", help="Neither use nor fill the store.")]
 ResumeOption = Annotated[bool, typer.Option("--resume", help="Continue the work that the folder holds.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 

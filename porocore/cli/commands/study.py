@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import command, interruptible, located, read_config
+from porocore.cli.common import chosen_store, command, interruptible, located, read_config
 from porocore.cli.options import (
     ClosureOption,
     ConfigArgument,
@@ -19,10 +19,12 @@ from porocore.cli.options import (
     FemOption,
     LawOption,
     MacroOption,
+    NoStoreOption,
     OutOption,
     ResumeOption,
     RunArgument,
     SchedulerOption,
+    StoreOption,
     SurrogateOption,
 )
 from porocore.core.console import Console
@@ -46,6 +48,8 @@ def run(
     scheduler: SchedulerOption = None,
     out: OutOption = None,
     resume: ResumeOption = False,
+    store: StoreOption = None,
+    no_store: NoStoreOption = False,
 ) -> None:
     """Sample, train, solve and report: a whole study.
 
@@ -58,17 +62,19 @@ def run(
     path, settings = read_config(config, fem, surrogate, closure, macro)
     settings = settings.with_executor(executor, scheduler)
     _check_backends(path, settings, "cell solver", "macro solver", "sampler", "surrogate")
+    kept = chosen_store(store, no_store)
     folder = _claim(path, settings, out, resume)
     again = command(
         "run", config, fem=fem, macro=macro, surrogate=surrogate, closure=closure, executor=executor,
-        scheduler=scheduler, fallback=_unless_none(fallback), out=folder.path, resume=True,
+        scheduler=scheduler, fallback=_unless_none(fallback), out=folder.path, resume=True, store=store,
+        no_store=no_store,
     )  # fmt: skip
     with interruptible(again), located(path), folder:
         from porocore.study.stages import pipeline
         from porocore.study.stages.solving import USUAL_LAWS, with_fallback
 
         laws = with_fallback(USUAL_LAWS, fallback)
-        report_path = pipeline.run(folder, settings, console=Console(), laws=laws)
+        report_path = pipeline.run(folder, settings, console=Console(), laws=laws, store=kept)
     typer.echo(report_path)
 
 
@@ -87,6 +93,8 @@ def sample(
     ] = False,
     out: OutOption = None,
     resume: ResumeOption = False,
+    store: StoreOption = None,
+    no_store: NoStoreOption = False,
 ) -> None:
     """Solve the cell for the sampled states and for the held-out ones.
 
@@ -94,6 +102,7 @@ def sample(
     """
     from porocore.study.run_folder.folder import CONFIG, RunFolder
 
+    kept = chosen_store(store, no_store)
     if target.is_dir():
         if fem is not None or out is not None:
             raise ConfigurationError(
@@ -107,18 +116,27 @@ def sample(
         settings = settings.with_executor(executor, scheduler)
         _check_backends(path, settings, "cell solver", "sampler")
         folder = _claim(path, settings, out, resume)
-    console = Console()
-    again = command("sample", folder.path, executor=executor, scheduler=scheduler)
+    console, again = (
+        Console(),
+        command(
+            "sample", folder.path, executor=executor, scheduler=scheduler, store=store, no_store=no_store
+        ),
+    )
     with interruptible(again), located(path), folder:
         from porocore.study.stages import pipeline
 
-        pipeline.solve_reference(folder, settings, console=console)
-        pipeline.sample(folder, settings, console=console, retry_lost=retry_lost)
+        pipeline.solve_reference(folder, settings, console=console, store=kept)
+        pipeline.sample(folder, settings, console=console, retry_lost=retry_lost, store=kept)
     console.note(f"next: {command('train', folder.path)}")
     typer.echo(folder.dataset)
 
 
-def train(run: RunArgument, closure: ClosureOption = None) -> None:
+def train(
+    run: RunArgument,
+    closure: ClosureOption = None,
+    store: StoreOption = None,
+    no_store: NoStoreOption = False,
+) -> None:
     """Train the surrogate on the sampled states.
 
     Prints the path of the trained surrogate. --closure NAME trains the surrogate of another closure beside that of the
@@ -126,15 +144,15 @@ def train(run: RunArgument, closure: ClosureOption = None) -> None:
     """
     from porocore.study import backends
 
-    folder = _open(run)
+    folder, kept = _open(run), chosen_store(store, no_store)
     folder.require(folder.dataset, "sample")
     config = backends.with_closure(folder.config, closure)
     backends.check("surrogate", config)
     console = Console()
-    with interruptible(command("train", run, closure=closure)), folder:
+    with interruptible(command("train", run, closure=closure, store=store, no_store=no_store)), folder:
         from porocore.study.stages import pipeline
 
-        pipeline.train(folder, config, console=console)
+        pipeline.train(folder, config, console=console, store=kept)
     console.note(f"next: {command('solve', run, closure=closure)}")
     typer.echo(folder.surrogate_of(config))
 
