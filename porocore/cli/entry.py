@@ -14,10 +14,10 @@ from porocore.cli.commands import (
     crosscheck,
     data,
     plugins,
-    reproduce,
     sensitivity,
     stability,
     start,
+    store,
     study,
     tune,
     units,
@@ -68,14 +68,15 @@ _STEPS = (study.sample, study.train, study.solve, study.report, tune.tune)
 _ALONG = (sensitivity.sensitivity, stability.stability)
 _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
     "Your own configuration": (start.init, start.check, start.schema),
-    "A whole study": (study.run, reproduce.reproduce),
+    "A whole study": (study.run, verify.reproduce),
     "A study in steps, each from the files of the one before": _STEPS,
     _LOOK: (*_ALONG, units.units, plugins.plugins, crosscheck.crosscheck, verify.verify),
 }
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
         app.command(rich_help_panel=_panel)(_command)
-for _name, _group in {"cell": cell.cell, "data": data.data, "plugin": plugins.plugin}.items():
+_GROUPS = {"cell": cell.cell, "data": data.data, "store": store.store, "plugin": plugins.plugin}
+for _name, _group in _GROUPS.items():
     app.add_typer(_group, name=_name, rich_help_panel=_LOOK)
 
 

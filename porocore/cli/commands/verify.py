@@ -1,4 +1,4 @@
-"""``porocore verify``: cases with known answers, on every installed finite-element backend."""
+"""``porocore verify`` and ``reproduce``: cases with known answers, and a publication recomputed."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import failed, interruptible
-from porocore.cli.options import SeveralFemOption
+from porocore.cli.common import check_workers, command, failed, interruptible
+from porocore.cli.options import FemOption, ResumeOption, SeveralFemOption, SurrogateOption
 from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
 
@@ -106,3 +106,57 @@ def _cells(check: Check) -> tuple[Any, ...]:
 
 def _value(value: float | None) -> str:
     return "–" if value is None else f"{value:.5g}"
+
+
+def reproduce(
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="dehghani2022.", show_default=False)],
+    figure: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--figure",
+            metavar="N",
+            help="Only this figure, such as 13 or 13a. Repeatable.",
+            show_default="all",
+        ),
+    ] = None,
+    fem: FemOption = None,
+    surrogate: SurrogateOption = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Processes.", show_default="as many as cores")
+    ] = None,
+    pictures: Annotated[
+        bool, typer.Option("--pictures/--no-pictures", help="Draw local fields, which needs pyvista.")
+    ] = True,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder of all results.", show_default="runs/reproduce-PAPER"
+        ),
+    ] = None,
+    resume: ResumeOption = False,
+) -> None:
+    """Recompute all figures, numbers and statements of a publication's numerical part, and compare them.
+
+    Writes figures/*.png, reproduction.md and index.html, and prints the path of the last. With --figure, only what
+    these figures need is computed, and their paths are printed.
+    """
+    check_workers(workers)
+    again = command(
+        "reproduce",
+        paper,
+        figure=figure,
+        fem=fem,
+        surrogate=surrogate,
+        no_pictures=not pictures,
+        out=out,
+        resume=True,
+    )
+    with interruptible(again):
+        from porocore.verification import reproduce as reproduction
+
+        paths = reproduction.reproduce(
+            paper, out, figures=figure, fem=fem, surrogate=surrogate, workers=workers, pictures=pictures,
+            resume=resume, console=Console(),
+        )  # fmt: skip
+    for path in paths:
+        typer.echo(path)
