@@ -79,8 +79,8 @@ def run_campaign(
         The sampler asks for nothing although it is not done.
     """
     with dataset.writing():
-        if pool.like is None and len(dataset):
-            pool.like = dataset.response(dataset.keys[0])
+        if pool.losses.like is None and len(dataset):
+            pool.losses.like = dataset.response(dataset.keys[0])
         campaign = _Campaign(sampler, pool, dataset, on_progress)
         with _deferred_interrupts() as interrupt:
             try:

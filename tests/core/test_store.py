@@ -89,6 +89,18 @@ def test_clear_removes_all_or_what_was_not_used(tmp_path):
     assert store.files() == []
 
 
+def test_files_of_others_in_its_folder_are_left_alone(tmp_path):
+    store = ResultStore(tmp_path)
+    put(store, 1)
+    letters = tmp_path / "letters" / "to" / "mother.txt"
+    letters.parent.mkdir(parents=True)
+    letters.write_text("Dear mother")
+    assert len(store.files()) == 1
+    assert store.check() == []
+    store.clear()
+    assert letters.read_text() == "Dear mother"
+
+
 WRITER = """
 import sys
 from pathlib import Path

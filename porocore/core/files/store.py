@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -28,6 +29,8 @@ _REMAINS = 0.8
 #: A file without an end that is older was left by a process that was killed [s].
 _ABANDONED = 3600.0
 _LOCK = ".lock"
+#: Names of results. Nothing else in the folder is touched.
+_KEY = re.compile("[0-9a-f]{40}")
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,7 @@ class ResultStore:
         return [
             StoredFile(path.parent.parent.name, path, found.st_size, found.st_mtime)
             for path, found in self._walk()
-            if not path.name.startswith(".")
+            if _KEY.fullmatch(path.name) and path.name.startswith(path.parent.name)
         ]
 
     def check(self) -> list[StoredFile]:
@@ -157,7 +160,7 @@ class ResultStore:
             return
         try:
             for path, found in list(self._walk()):
-                if path.name.startswith(".") and time.time() - found.st_mtime > _ABANDONED:
+                if path.suffix == ".part" and time.time() - found.st_mtime > _ABANDONED:
                     path.unlink(missing_ok=True)
             files = sorted(self.files(), key=lambda file: file.used)
             self._bytes = sum(file.bytes for file in files)

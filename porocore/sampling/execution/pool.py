@@ -79,7 +79,9 @@ class CellPool:
     ) -> None:
         self.workers = workers
         self._recipe = Recipe(uuid4().hex, factory, args, tangent, fields)
-        self._limit, self._losses = state_seconds, Losses(like, state_seconds)
+        #: States over which workers died, and a response of this cell as a pattern for them.
+        self.losses = Losses(like, state_seconds)
+        self._limit = state_seconds
         self._warn, self._warned = on_warning, set[str]()
         self._waiting: deque[PendingState] = deque()
         self._running: dict[Future[Any], tuple[Worker, PendingState | None]] = {}
@@ -102,25 +104,16 @@ class CellPool:
         return self._made
 
     @property
-    def like(self) -> CellResponse | None:
-        """Response of this cell as a pattern for those of lost states."""
-        return self._losses.like
-
-    @like.setter
-    def like(self, response: CellResponse) -> None:
-        self._losses.like = response
-
-    @property
     def pending(self) -> int:
         """Number of states submitted and not yet returned by :meth:`wait`."""
-        return len(self._waiting) + len(self._finished) + len(self._losses.doubtful) + self._solving
+        return len(self._waiting) + len(self._finished) + len(self.losses.doubtful) + self._solving
 
     @property
     def has_room(self) -> bool:
         """True if another state can be submitted without waiting long for a worker."""
         if self._finished or not self.pending:  # no worker is started for states that the store holds
             return not self._finished
-        return self.pending - len(self._losses.doubtful) < self._backend.slots + self._backend.ahead
+        return self.pending - len(self.losses.doubtful) < self._backend.slots + self._backend.ahead
 
     def submit(self, key: str, state: MacroState, start: CellField | None = None) -> None:
         """Submit one state (one row) with the field to start from.
@@ -160,7 +153,7 @@ class CellPool:
             self._dispatch()
             self._collect()
             if not self._finished:
-                self._failures += self._losses.judge(nothing_else=not self._waiting and not self._solving)
+                self._failures += self.losses.judge(nothing_else=not self._waiting and not self._solving)
             if stop() and not (self._finished or self._failures):
                 return None
         if self._waiting and self._backend.eager:
@@ -173,7 +166,7 @@ class CellPool:
     def finish_running(self) -> Iterator[FinishedSolve]:
         """Drop the waiting states and yield the finished ones of those that run, leaving out failures."""
         self._waiting.clear()
-        self._losses.doubtful.clear()
+        self.losses.doubtful.clear()
         self._finishing = True
         try:
             while self._solving or self._finished:
@@ -271,7 +264,7 @@ class CellPool:
         if isinstance(result, Failure):
             self._failures.append(result.as_error(place_of(task)))
         elif isinstance(result, Ready):
-            worker.prepared, self._losses.preparations = True, 0
+            worker.prepared, self.losses.preparations = True, 0
             self._tell(self._backend.check(result))
         elif isinstance(result, Unprepared):
             worker.prepared = False
@@ -285,20 +278,20 @@ class CellPool:
 
     def _finish(self, result: FinishedSolve) -> None:
         self._finished.append(result)
-        if self._losses.like is None:
-            self._losses.like = result.response
-        self._finished += self._losses.take_lost()
+        if self.losses.like is None:
+            self.losses.like = result.response
+        self._finished += self.losses.take_lost()
 
     def _died(self, worker: Worker, task: PendingState | None) -> None:
         self._backend.lost(worker)
         if self._finishing:
             return
         if task is None:
-            self._failures += self._losses.preparation_died()
-        elif self._losses.may_be_tried_again(task, worker.host):
+            self._failures += self.losses.preparation_died()
+        elif self.losses.may_be_tried_again(task, worker.host):
             self._waiting.appendleft(task)
         else:
-            self._finished += self._losses.take_lost()
+            self._finished += self.losses.take_lost()
 
     def _tell(self, warnings: list[str]) -> None:
         for text in warnings:
