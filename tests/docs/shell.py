@@ -42,6 +42,8 @@ class Shell:
             "PATH": f"{clone.bin}:{Path(sys.executable).parent}:{os.environ['PATH']}",
             "PYTHONPATH": str(clone.site),
             "PYTHONDONTWRITEBYTECODE": "1",
+            # A store of the page's own, since its reader has one.
+            "POROCORE_STORE": str(folder / ".store"),
         }
         self._background: list[subprocess.Popen[bytes]] = []
 
