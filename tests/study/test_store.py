@@ -102,3 +102,25 @@ def test_corrected_numbers_come_with_another_version_of_the_physics():
     numbers = [cell.conductivity[0, 0], found.potential[0], found.stress[0, 1, 1], found.fluid_volume[0]]
     assert store.PHYSICS == 1
     assert numbers == pytest.approx([1.9734102, -0.0082828034, -0.069604406, 0.35706115], rel=1e-7)
+
+
+def test_single_states_from_python_are_solved_once(monkeypatch, tmp_path):
+    pytest.importorskip("porocore_fem_skfem")
+    import porocore
+    from porocore.study.api import cells
+
+    solved = []
+    solve = cells.solution_of
+    monkeypatch.setattr(cells, "solution_of", lambda *a, **k: solved.append(len(a[2])) or solve(*a, **k))
+    H = np.zeros((3, 3, 3))
+    H[:, 1, 1] = [-0.02, -0.04, -0.06]
+    cell = porocore.CellProblem(COARSE, store=tmp_path)
+    two = cell.response(H[:2], p=0.01)
+    three = porocore.CellProblem(COARSE, store=tmp_path).response(H, p=0.01)
+    assert solved == [2, 1]
+    np.testing.assert_array_equal(three.stress[:2], two.stress)
+    np.testing.assert_array_equal(three.tangent.stress_grad_u[:2], two.tangent.stress_grad_u)
+    assert cell.response(H[:2], p=0.01, tangent=False).tangent is None
+    assert solved == [2, 1, 2]
+    porocore.CellProblem(COARSE, store=False).response(H[0])
+    assert solved[-1] == 1

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from porocore.plugins.registry import registry
 from porocore.states import Array, CellResponse, MacroState
 from porocore.study.config.loading import cell_from
 from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.store import chosen_store, solved_states
 
 
 class CellProblem:
@@ -27,6 +29,8 @@ class CellProblem:
         The section ``cell`` of a configuration, as :class:`porocore.Cell` or nested settings.
     fem
         Name of the backend.
+    store
+        Folder of results that studies share; True: that of the user, False: none. A state that it holds is not solved.
     **options
         Options of the backend's cell solver.
 
@@ -49,12 +53,18 @@ class CellProblem:
     """
 
     def __init__(
-        self, cell: Cell | Mapping[str, Any] | None = None, *, fem: str = "skfem", **options: Any
+        self,
+        cell: Cell | Mapping[str, Any] | None = None,
+        *,
+        fem: str = "skfem",
+        store: str | Path | bool = True,
+        **options: Any,
     ) -> None:
         self.cell = cell if isinstance(cell, Cell) else cell_from(cell or {})
         registry().find("cell solver", fem)
         self._solver: CellSolver
         self._solver, self._prepared = prepare_cell(fem, options, self.cell)
+        self._known = partial(solved_states, chosen_store(store), fem, options, self.cell, fields=False)
 
     @cached_property
     def porosity(self) -> float:
@@ -94,4 +104,9 @@ class CellProblem:
         H = H[None] if H.ndim == 2 else H
         pressures = np.broadcast_to(np.asarray(p, dtype=float), H.shape[:1]).copy()
         states = MacroState(H, pressures)
+        known = self._known(tangent=tangent)
+        solve = partial(self._solve, tangent=tangent)
+        return solve(states) if known is None else known.responses(states, solve)
+
+    def _solve(self, states: MacroState, tangent: bool) -> CellResponse:
         return solution_of(self._solver, self._prepared, states, tangent=tangent).response
