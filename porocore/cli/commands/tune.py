@@ -65,11 +65,13 @@ def tune(
     console = Console()
     with interruptible(again), folder:
         from porocore.study.stages import pipeline
+        from porocore.study.store import user_store
         from porocore.study.tuning import tune as tuning
 
         if not target.is_dir():
-            pipeline.solve_reference(folder, folder.config, console=console)
-            pipeline.sample(folder, folder.config, console=console)
+            store = user_store()
+            pipeline.solve_reference(folder, folder.config, console=console, store=store)
+            pipeline.sample(folder, folder.config, console=console, store=store)
         found = tuning.tune(folder, config, grid, console=console, margin=margin / 100, workers=workers)
     _print(console, config, found, margin)
 
