@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_disconnected
-from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.mesh import CellMesh, make_mesh
 from porocore.cell.meshing.shape_functions import EDGES, FACETS
 from porocore.cell.meshing.tetrahedra import least_stretch, volume
 from porocore.states import Array, IntArray
@@ -93,11 +94,19 @@ def measure_mesh_quality(cell: Cell) -> MeshQuality:
         cell.geometry.porosity,
         of_solid,
         of_fluid,
-        # Where the sizes differ each phase has its own mesh, so faces are checked phase by phase.
-        unmatched(solid) + unmatched(fluid),
+        sum(unmatched(both) for both in _sizes(single)),
         cell.geometry.disconnected or why_disconnected(of_solid.pieces if of_solid else ()),
         blocked(of_fluid.pieces if of_fluid else ()),
     )
+
+
+def _sizes(cell: Cell) -> list[list[CellMesh]]:
+    """Return the meshes of both phases for each size that the cell's mesh has."""
+    sizes = {cell.mesh.size, cell.mesh.fluid_size}
+    settings = [cell.mesh.model_copy(update={"size": size, "fluid_size": size}) for size in sorted(sizes)]
+    return [
+        [make_mesh(cell.geometry, one, phase, "whole") for phase in ("solid", "fluid")] for one in settings
+    ]
 
 
 def _phase(mesh: CellMesh) -> PhaseQuality | None:
@@ -127,13 +136,20 @@ def dihedral_angles(points: Array, cells: IntArray) -> Array:
     return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))))
 
 
-def unmatched(mesh: CellMesh) -> int:
-    """Return the number of facets on the faces of a whole cell without a partner on the opposite face.
+def unmatched(meshes: Sequence[CellMesh]) -> int:
+    """Return the number of facets on the faces of the whole cell without a partner on the opposite face.
 
-    A wall that lies in a face counts too: the other phase is on the other side.
+    ``meshes`` are those of both phases, of one size: where the wall lies in a face, the partner is of the other phase.
     """
-    corners = mesh.points[mesh.wall[:, :3]]
-    return int((np.abs(corners) == 0.5).all(axis=1).any(axis=1).sum())
+    facets = np.concatenate([mesh.points[mesh.boundary] for mesh in meshes])
+    alone = 0
+    for axis in range(3):
+        on_face = (np.abs(facets[:, :, axis]) == 0.5).all(axis=1)
+        places = np.delete(facets[on_face], axis, axis=2)
+        nodes = np.unique(places.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(places.shape[:2])
+        _, count = np.unique(np.sort(nodes, axis=1), axis=0, return_counts=True)
+        alone += int((count == 1).sum())
+    return alone
 
 
 def quality_lines(quality: MeshQuality) -> list[str]:

@@ -42,6 +42,8 @@ def _curved(
 ) -> Array:
     n = len(mesh.points)
     on_wall = _wall_edges(mesh, edges)
+    if lattice.periodic:
+        on_wall = _with_images(points[n:], on_wall, lattice)
     straight = points[n:][on_wall]
     low, high = lattice.low, lattice.high
     wrapped = np.where(straight == high, low, straight) if lattice.periodic else straight
@@ -68,6 +70,19 @@ def _curved(
         if not len(spoiled):
             return curved
         kept[spoiled] = False
+
+
+def _with_images(middles: Array, chosen: IntArray, lattice: Lattice) -> IntArray:
+    """Return the chosen rows of ``middles`` (E, 3) and all their periodic images.
+
+    Beside the sides of the box an edge may belong to the wall while its image lies within one phase.
+    """
+    side = np.flatnonzero(((middles == lattice.low) | (middles == lattice.high)).any(axis=1))
+    wrapped = np.where(middles[side] == lattice.high, lattice.low, middles[side])
+    _, image = np.unique(wrapped, axis=0, return_inverse=True)
+    image = image.reshape(-1)
+    of_chosen = image[np.isin(side, chosen)]
+    return np.union1d(chosen, side[np.isin(image, of_chosen)])
 
 
 def _wall_edges(mesh: TwoPhases, edges: IntArray) -> IntArray:

@@ -93,9 +93,13 @@ def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int6
 
 
 def _depth(corners: Array, points: Array) -> npt.NDArray[np.float64]:
-    """Return the smallest barycentric coordinate of each point (n, 3) in its tetrahedron (n, 4, 3)."""
+    """Return the smallest barycentric coordinate of each point (n, 3) in its tetrahedron (n, 4, 3).
+
+    It is −1 for a tetrahedron that is flat or turned inside out.
+    """
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-    flat = np.abs(np.linalg.det(edges)) < 1e-14
+    # A curved tetrahedron may be sound where one of the straight ones that divide it is turned inside out.
+    flat = np.linalg.det(edges) < 1e-14
     edges[flat] = np.eye(3)
     inner = np.linalg.solve(edges, (points - corners[:, 0])[:, :, None])[:, :, 0]
     depth: npt.NDArray[np.float64] = np.minimum(inner.min(axis=1), 1 - inner.sum(axis=1))

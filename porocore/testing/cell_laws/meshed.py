@@ -1,4 +1,4 @@
-"""Additional laws of a cell solver on the meshes of porocore: mirrors, statuses of the wall, a known channel."""
+"""Additional laws of a cell solver on porocore's meshes: mirrors, statuses of the wall, known and open cells."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.interfaces.cell import CellSolver
 from porocore.states import MacroState, Status
 from porocore.testing.cell_laws.base import CellSolverSuite
+from porocore.testing.cell_laws.open_cells import OpenCells
 from porocore.testing.cell_laws.suite import RESPONSES, STATES, state_label
 from porocore.testing.expect import holds, near, require, state_text
 
 
-class MeshedCellSuite(CellSolverSuite):
+class MeshedCellSuite(OpenCells, CellSolverSuite):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``."""
 
     def test_cubic_symmetry(self, solver: CellSolver, prepared: Any) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from porocore.core.tensors.polar import polar_rotation
+from porocore.interfaces.records import failed_response
 from porocore.states import Status
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -87,6 +88,19 @@ class TestDoesNotSeeTheOverlap(Meshed):
         def alter(self, response, cell):
             status = np.where(response.status == Status.overlap, Status.not_converged, response.status)
             return replace(response, status=status)
+
+
+class TestTakesACurvedWallForAnOverlap(Meshed):
+    """By its corners alone, as if the wall between them had bulged into the pore."""
+
+    caught_by = "test_a_strain_of_one_percent_is_no_overlap"
+    slow = True
+
+    class solver_class(Altered):
+        def alter(self, response, cell):
+            if cell.geometry.unfolding != "whole":
+                return response
+            return failed_response(Status.overlap, tangent=response.tangent is not None)
 
 
 class TestOneFailureFailsAll(Meshed):
