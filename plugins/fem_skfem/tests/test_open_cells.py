@@ -12,7 +12,7 @@ from porocore.testing.cell_laws.open_cells import image_cell
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 SURFACES = [
-    {"surface": surface, "solid": solid, "void_fraction": 0.5}
+    {"surface": surface, "solid": solid, "void_fraction": 0.3}
     for surface in ("gyroid", "diamond", "schwarz-p")
     for solid in ("network", "sheet")
 ]
