@@ -65,6 +65,8 @@ class MeshQuality:
         Reason why the solid has no stiffness; empty if it has.
     blocked
         Axes out of "xyz" along which nothing can flow.
+    notes
+        Remarks of the geometry, such as what was removed from an image.
     """
 
     description: str
@@ -75,6 +77,7 @@ class MeshQuality:
     unmatched: int
     disconnected: str
     blocked: str
+    notes: tuple[str, ...]
 
 
 def measure_mesh_quality(cell: Cell) -> MeshQuality:
@@ -97,6 +100,7 @@ def measure_mesh_quality(cell: Cell) -> MeshQuality:
         sum(unmatched(both) for both in _sizes(single)),
         cell.geometry.disconnected or why_disconnected(of_solid.pieces if of_solid else ()),
         blocked(of_fluid.pieces if of_fluid else ()),
+        cell.geometry.notes,
     )
 
 
@@ -154,7 +158,7 @@ def unmatched(meshes: Sequence[CellMesh]) -> int:
 
 def quality_lines(quality: MeshQuality) -> list[str]:
     """Return the mesh quality as lines of text."""
-    lines = [f"geometry: {quality.description}"]
+    lines = [f"geometry: {quality.description}", *(f"geometry: {note}" for note in quality.notes)]
     part = {"wedge": "a 48th", "eighth": "an eighth", "whole": "the whole cell"}[quality.unfolding]
     mesh = f", of the mesh {quality.fluid.share:.6g}" if quality.fluid else ""
     lines.append(f"porosity: {quality.porosity:.6g}{mesh}")

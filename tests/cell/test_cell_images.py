@@ -1,10 +1,13 @@
-"""Meshes of random images: opposite faces match, with the nodes between corners too."""
+"""Images: opposite faces of their meshes match; parts of them; what is removed from them, and what is said of it."""
 
+import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.mesh_quality import measure_mesh_quality, unmatched
+from porocore.cell.geometry.kinds import Voxels
+from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
+from porocore.errors import ConfigurationError
 from porocore.testing.cell_laws.open_cells import image_cell
 
 
@@ -21,3 +24,84 @@ def test_the_quality_of_a_sound_image_names_no_facet(tmp_path):
         geometry=image_cell(tmp_path / "image.npy", 0, 16), mesh=MeshSettings(size=0.25, fluid_size=0.2)
     )
     assert measure_mesh_quality(cell).unmatched == 0
+
+
+def spoilt():
+    """Bars of 16³ voxels with a grain of 3³ in the pore, another one across two faces, and closed pores of 1 and 5."""
+    solid = np.zeros((16,) * 3, dtype=bool)
+    solid[5:11, 5:11] = solid[5:11, :, 5:11] = solid[:, 5:11, 5:11] = True
+    solid[1:4, 1:4, 1:4] = True
+    solid[[0, 15], 12, 12] = True
+    solid[8, 8, 8] = solid[8, 8, 1:6] = False
+    return solid
+
+
+def image(path, values, **keys):
+    np.save(path, values)
+    return Voxels(
+        kind="voxels", path=str(path), **{"pore": 0, "repeat": "periodic", "smoothing": 0.5, **keys}
+    )
+
+
+def test_grains_that_float_and_closed_pores_are_removed_and_named(tmp_path):
+    path, solid = tmp_path / "image.npy", spoilt()
+    kept = image(path, solid)
+    np.testing.assert_array_equal(kept.solid, solid)
+    assert len(kept.notes) == 1
+    assert "2 grains (27, 2 voxels) of the solid without contact to the rest" in kept.notes[0]
+    assert "cell.geometry.drop_grains: true" in kept.notes[0]
+    cleaned = image(path, solid, drop_grains=True, fill_pores=4)
+    expected = solid.copy()
+    expected[1:4, 1:4, 1:4] = expected[[0, 15], 12, 12] = False
+    expected[8, 8, 8] = True
+    np.testing.assert_array_equal(cleaned.solid, expected)
+    assert cleaned.notes == (
+        "2 grains (27, 2 voxels) of the solid dropped, 0.708 % of the image",
+        "1 pore (1 voxels) filled, 0.0244 % of the image",
+    )
+    assert cleaned.porosity == 1 - expected.mean()
+
+
+def test_pieces_join_across_the_sides_of_a_periodic_image_only(tmp_path):
+    """Two slabs at opposite sides are one piece of a periodic cell; between mirrors one of them floats."""
+    solid = np.zeros((8,) * 3, dtype=bool)
+    solid[:2] = solid[6:] = True
+    path = tmp_path / "image.npy"
+    assert image(path, solid).notes == ()
+    (note,) = image(path, solid, repeat="mirror").notes
+    assert "1 grain (128 voxels)" in note
+
+
+def test_check_says_what_was_removed(tmp_path):
+    geometry = image(tmp_path / "image.npy", spoilt(), drop_grains=True)
+    quality = measure_mesh_quality(Cell(geometry=geometry, mesh=MeshSettings(size=0.25, fluid_size=0.25)))
+    assert quality_lines(quality)[1] == f"geometry: {geometry.notes[0]}"
+    assert not quality.disconnected
+
+
+def test_a_part_of_an_image(tmp_path):
+    values = np.random.default_rng(0).integers(0, 2, (6, 9, 12))
+    part = image(tmp_path / "image.npy", values, crop=((1, 6), (0, 5), (7, 12)))
+    np.testing.assert_array_equal(part.solid, values[1:6, :5, 7:] != 0)
+
+
+@pytest.mark.parametrize(
+    ("crop", "message"),
+    [
+        (
+            None,
+            r"got the shape \(6, 9, 12\); cell.geometry.crop: \[\[0, 6\], \[1, 7\], \[3, 9\]\] takes the middle",
+        ),
+        (
+            ((0, 7), (0, 7), (0, 7)),
+            r"a first voxel and a larger end within .*got the shape \(6, 9, 12\) and the part",
+        ),
+        (((3, 3), (0, 4), (0, 4)), "a first voxel and a larger end"),
+        (((0, 5), (0, 4), (0, 4)), r"got a part of the shape \(5, 4, 4\)"),
+        (((0, 3), (0, 3), (0, 3)), "a cube of 4 to 400 voxels.*take a larger one"),
+    ],
+)
+def test_parts_that_are_refused(tmp_path, crop, message):
+    geometry = image(tmp_path / "image.npy", np.zeros((6, 9, 12), dtype=bool), crop=crop)
+    with pytest.raises(ConfigurationError, match=message):
+        _ = geometry.porosity

@@ -43,6 +43,11 @@ class PoreGeometry(StrictModel, ABC):
         """Short description, such as ``spheres of radius 0.4 on a cubic lattice``."""
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks about the pores that a user should read before anything is solved."""
+        return ()
+
+    @property
     def point_group(self) -> PointGroup:
         """Point group of the pores: the operations of the cube that, with some shift, map them onto themselves.
 

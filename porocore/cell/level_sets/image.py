@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
@@ -11,26 +12,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from porocore.cell.level_sets.cleaning import Mask
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
-Mask = npt.NDArray[np.bool_]
+Crop = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 #: Limits on the voxels along an edge of the image.
 SMALLEST, LARGEST = 4, 400
+#: Limit on the voxels of an image of which a part is used.
+MOST = 1_000_000_000
 #: Voxels along an edge above which the share below a level is computed from one point a voxel instead of eight.
 MANY = 96
 TIFF = (".tif", ".tiff")
 
 
-def read_image(path: Path) -> npt.NDArray[np.integer[Any]]:
-    """Return the values of the voxels, with indices along x, y and z.
+def read_image(path: Path, crop: Crop | None = None) -> npt.NDArray[np.integer[Any]]:
+    """Return the values of the voxels, with indices along x, y and z, of a part of the image or of all of it.
 
     A .npy file holds this array; the pages of a TIFF stack lie along z, its rows along y and its columns along x.
 
     Raises
     ------
     ConfigurationError
-        The file is no image of three equal lengths with whole numbers, or tifffile is missing.
+        The file is no image with whole numbers, the part is no cube within it, or tifffile is missing.
     """
     suffix = path.suffix.lower()
     if suffix not in (".npy", *TIFF):
@@ -41,7 +45,7 @@ def read_image(path: Path) -> npt.NDArray[np.integer[Any]]:
             "image as .npy"
         )
     try:
-        found = _read_npy(path) if suffix == ".npy" else _read_tiff(path)
+        found = _read_npy(path, crop) if suffix == ".npy" else _read_tiff(path, crop)
     except ConfigurationError:
         raise
     except Exception as error:  # readers raise any kind of error on a damaged file
@@ -50,7 +54,7 @@ def read_image(path: Path) -> npt.NDArray[np.integer[Any]]:
     return found.astype(np.int64) if found.dtype == bool else found
 
 
-def _read_npy(path: Path) -> npt.NDArray[Any]:
+def _read_npy(path: Path, crop: Crop | None) -> npt.NDArray[Any]:
     """Read an array after a check of its header."""
     npy: Any = np.lib.format
     with path.open("rb") as file:
@@ -60,32 +64,53 @@ def _read_npy(path: Path) -> npt.NDArray[Any]:
         first = version == (1, 0)
         read = npy.read_array_header_1_0 if first else npy.read_array_header_2_0
         shape, _, dtype = read(file)
-    _check(path, shape, dtype)
-    return np.asarray(np.load(path, allow_pickle=False))
+    _check(path, shape, dtype, crop)
+    return np.asarray(_part(np.load(path, mmap_mode="r", allow_pickle=False), crop))
 
 
-def _read_tiff(path: Path) -> npt.NDArray[Any]:
+def _read_tiff(path: Path, crop: Crop | None) -> npt.NDArray[Any]:
     """Read the first series of pages, z leading, after a check of its header."""
     import tifffile
 
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # its messages are also raised
     with tifffile.TiffFile(path) as file:
         series = file.series[0]
-        _check(path, series.shape, series.dtype)
-        return np.asarray(series.asarray()).T
+        _check(path, series.shape[::-1], series.dtype, crop)
+        return np.asarray(_part(np.asarray(series.asarray()).T, crop))
 
 
-def _check(path: Path, shape: tuple[int, ...], dtype: Any) -> None:
-    """Refuse an image that is no segmented cube, before it is read."""
+def _part(image: npt.NDArray[Any], crop: Crop | None) -> npt.NDArray[Any]:
+    return image if crop is None else image[tuple(slice(first, end) for first, end in crop)]
+
+
+def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None) -> None:
+    """Refuse an image of which the part that is used is no segmented cube, before it is read."""
     if dtype is None or not (np.issubdtype(dtype, np.bool_) or np.issubdtype(dtype, np.integer)):
         raise ConfigurationError(
             f"{path}: expected a segmented image, of whole numbers or of true and false, got values of the type "
             f"{dtype}; segment it first"
         )
-    if len(shape) != 3 or len(set(shape)) > 1 or not SMALLEST <= shape[0] <= LARGEST:
+    got = f"got the shape {str(tuple(shape))[:80]}"
+    if len(shape) != 3 or math.prod(shape) > MOST:
         raise ConfigurationError(
-            f"{path}: expected a cube of {SMALLEST} to {LARGEST} voxels along each edge, got the shape "
-            f"{str(tuple(shape))[:80]}; crop it"
+            f"{path}: expected an image in three dimensions of at most {MOST:,} voxels, {got}"
+        )
+    if crop is not None:
+        if any(not first < end <= length for (first, end), length in zip(crop, shape, strict=True)):
+            raise ConfigurationError(
+                f"cell.geometry.crop: expected along each axis a first voxel and a larger end within {path}, {got} and "
+                f"the part {[list(span) for span in crop]}"
+            )
+        shape = tuple(end - first for first, end in crop)
+        got = f"got a part of the shape {shape}"
+    if len(set(shape)) > 1 or not SMALLEST <= shape[0] <= LARGEST:
+        low = tuple((length - min(shape)) // 2 for length in shape)
+        part = [[first, first + min(min(shape), LARGEST)] for first in low]
+        advice = (
+            f"cell.geometry.crop: {part} takes the middle" if min(shape) >= SMALLEST else "take a larger one"
+        )
+        raise ConfigurationError(
+            f"{path}: expected a cube of {SMALLEST} to {LARGEST} voxels along each edge, {got}; {advice}"
         )
 
 

@@ -10,13 +10,17 @@ import numpy as np
 from pydantic import Field
 
 from porocore.cell.geometry.part import Unfolding
-from porocore.cell.level_sets.image import Mask, SmoothImage, read_image
+from porocore.cell.level_sets.cleaning import Cleaned, Mask, clean
+from porocore.cell.level_sets.image import SmoothImage, read_image
 from porocore.cell.level_sets.level_set import LevelSetGeometry
 from porocore.cell.symmetry.point_set import group_of_voxels
 from porocore.core.files.input_file import FromFile
 from porocore.core.tensors.point_group import PointGroup
 from porocore.core.units.dimensions import Unit
 from porocore.errors import ConfigurationError
+
+#: First place of a part, and the place after its last.
+Span = tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=1)]]
 
 
 class Voxels(FromFile, LevelSetGeometry):
@@ -32,19 +36,30 @@ class Voxels(FromFile, LevelSetGeometry):
     """Value of the voxels in the pores; all others are solid."""
     repeat: Literal["mirror", "periodic"] = "mirror"
     """``mirror``: the image is the eighth of the cell, ``periodic``: it is the whole cell."""
+    crop: Annotated[tuple[Span, Span, Span] | None, Unit("voxels")] = None
+    """First voxel of the part that is used, and the one after its last, along x, y and z; null: all of the image."""
+    drop_grains: bool = False
+    """True: pieces of the solid apart from its largest one become pores."""
+    fill_pores: Annotated[int, Field(ge=0), Unit("voxels")] = 0
+    """Pieces of the pores of at most so many voxels become solid."""
     smoothing: Annotated[float, Field(ge=0, le=10), Unit("voxels")] = 1.0
     """Standard deviation of the Gaussian that smooths the steps of the voxels."""
 
     @property
     def solid(self) -> Mask:
-        """True for solid voxels, (n, n, n).
+        """True for solid voxels, (n, n, n), after cropping and cleaning.
 
         Raises
         ------
         ConfigurationError
             The file is no segmented image, has changed, or has one phase only.
         """
-        return _solid(self)
+        return _cleaned(self).solid
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What cleaning has removed, and grains that float."""
+        return _cleaned(self).notes
 
     @property
     def porosity(self) -> float:
@@ -70,19 +85,25 @@ class Voxels(FromFile, LevelSetGeometry):
 
 
 @lru_cache(maxsize=2)
-def _solid(geometry: Voxels) -> Mask:
+def _cleaned(geometry: Voxels) -> Cleaned:
     path = geometry.checked("cell.geometry")
-    image = read_image(path)
-    solid: Mask = image != geometry.pore
-    if solid.all() or not solid.any():
+    image = read_image(path, geometry.crop)
+    found = clean(
+        image != geometry.pore,
+        periodic=geometry.repeat == "periodic",
+        drop_grains=geometry.drop_grains,
+        fill_pores=geometry.fill_pores,
+    )
+    if found.solid.all() or not found.solid.any():
         values, counts = np.unique(image, return_counts=True)
         shown = ", ".join(f"{v} ({c:,})" for v, c in list(zip(values, counts, strict=True))[:8])
-        what = "no voxel" if solid.all() else "every voxel"
+        what = "no voxel" if found.solid.all() else "every voxel"
+        cleaned = ", and small pores were filled" if found.filled else ""
         raise ConfigurationError(
-            f"cell.geometry.pore: {what} of {path} has the value {geometry.pore}; its values are {shown}"
+            f"cell.geometry.pore: {what} of {path} has the value {geometry.pore}{cleaned}; its values are {shown}"
         )
-    solid.setflags(write=False)
-    return solid
+    found.solid.setflags(write=False)
+    return found
 
 
 @lru_cache(maxsize=2)
