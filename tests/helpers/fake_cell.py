@@ -160,10 +160,12 @@ class Tree(Sampler):
 
 
 if __name__ == "__main__":
+    import fake_cell  # workers import this module, and nothing of a script
+
     path, log, workers, sleep, *more = sys.argv[1:]
     executor, count = more[0] if more else "auto", int(more[1]) if len(more) > 1 else 0
     dataset = Dataset.create_or_open(Path(path), inputs=INPUTS, identity=IDENTITY)
-    fake = Fake(sleep=float(sleep), log=log)
+    fake = fake_cell.Fake(sleep=float(sleep), log=log)
     sampler = Tree(INPUTS, count) if count else DensitySweep(INPUTS, **OPTIONS)
-    with CellPool(make, (fake,), workers=int(workers), executor=executor) as pool:
+    with CellPool(fake_cell.make, (fake,), workers=int(workers), executor=executor) as pool:
         run_campaign(sampler, pool, dataset)

@@ -11,7 +11,7 @@ import os
 import signal
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any
@@ -21,7 +21,12 @@ from porocore.errors import PluginError, PorocoreError
 from porocore.sampling.execution.address import check_reachable
 from porocore.sampling.execution.futures import ExecutorWorker
 from porocore.sampling.execution.tasks import Ready
-from porocore.sampling.execution.threads import THREAD_VARIABLES, interrupts_blocked, one_thread
+from porocore.sampling.execution.threads import (
+    THREAD_VARIABLES,
+    interrupts_blocked,
+    one_thread,
+    script_left_out,
+)
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 #: Seconds between two queries of the workers.
@@ -61,6 +66,7 @@ class DaskBackend(WorkerBackend):
                 "'porocore[dask]'"
             ) from error
         self._cluster: Any = None
+        self._script_left_out = ExitStack()
         self._address = scheduler or ""
         self._count = count
         super().__init__()
@@ -72,17 +78,7 @@ class DaskBackend(WorkerBackend):
         for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         if scheduler is None:
-            # Without dask's setting of malloc, which makes every larger array anew from the system.
-            environment = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_VARIABLES, "1")}
-            settings = import_module("dask").config.set(environment)
-            with settings, one_thread(), interrupts_blocked():
-                self._cluster = distributed.LocalCluster(
-                    n_workers=count,
-                    threads_per_worker=1,
-                    memory_limit=0,
-                    dashboard_address="127.0.0.1:0",
-                    silence_logs=logging.CRITICAL,
-                )
+            self._cluster = self._start_cluster(distributed, count)
             self._address = self._cluster.scheduler_address
         else:
             check_reachable(scheduler)
@@ -101,6 +97,24 @@ class DaskBackend(WorkerBackend):
         except BaseException:
             self.close()
             raise
+
+    def _start_cluster(self, distributed: Any, count: int) -> Any:
+        """Return a cluster of processes on this machine."""
+        # Without dask's setting of malloc, which makes every larger array anew from the system.
+        environment = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_VARIABLES, "1")}
+        settings = import_module("dask").config.set(environment)
+        with ExitStack() as stack, settings, one_thread(), interrupts_blocked():
+            stack.enter_context(script_left_out())
+            cluster = distributed.LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                memory_limit=0,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+            # Until the cluster is closed: a dead worker is started again at any time.
+            self._script_left_out = stack.pop_all()
+        return cluster
 
     @property
     def warnings(self) -> list[str]:
@@ -158,6 +172,7 @@ class DaskBackend(WorkerBackend):
         if self._cluster is not None:
             with suppress(Exception):
                 self._cluster.close(timeout=FAREWELL)
+        self._script_left_out.close()
 
     def abort(self) -> None:
         """Leave without waiting for running solves; on a scheduler of the user they go on and are dropped."""

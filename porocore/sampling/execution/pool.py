@@ -36,7 +36,7 @@ class CellPool:
     ----------
     factory, args
         ``factory(*args)`` returns the solver and the prepared cell in each worker. Both must be picklable: ``factory``
-        is a function at the top level of a module.
+        is a function at the top level of a module that can be imported; workers do not see the script that runs.
     workers
         Number of processes.
     tangent, fields

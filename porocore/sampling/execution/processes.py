@@ -11,7 +11,12 @@ from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from porocore.sampling.execution.threads import interrupts_blocked, one_thread
+from porocore.sampling.execution.threads import (
+    interrupts_blocked,
+    one_thread,
+    require_children,
+    script_left_out,
+)
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 
@@ -55,8 +60,9 @@ class _Process(Worker):
     def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
         if self._process is not None:
             return self._executor.submit(call, *args)
+        require_children()
         others = set(active_children())
-        with one_thread(), interrupts_blocked():
+        with one_thread(), interrupts_blocked(), script_left_out():
             future = self._executor.submit(call, *args)
         self._process = next(iter(set(active_children()) - others), None)
         return future

@@ -1,12 +1,17 @@
-"""Environment of worker processes: one thread for each numerical library, and no Ctrl-C."""
+"""Environment of worker processes: one thread for each numerical library, no Ctrl-C, and not the user's script."""
 
 from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
+from importlib.machinery import ModuleSpec
+from multiprocessing import current_process, resource_tracker
+from threading import Lock
+
+from porocore.errors import PorocoreError
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 
@@ -36,3 +41,50 @@ def interrupts_blocked() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def require_children() -> None:
+    """Refuse to start workers in a process that may not have any.
+
+    Raises
+    ------
+    PorocoreError
+        This process is a worker of ``multiprocessing.Pool``.
+    """
+    if current_process().daemon:
+        raise PorocoreError(
+            "this process is a worker of multiprocessing.Pool and may not start workers of its own; use one worker "
+            "(sampling.workers: 1), or concurrent.futures.ProcessPoolExecutor in the place of the Pool"
+        )
+
+
+class _Script:
+    """Script, module or standard input that this process was started with, as its children are told of it."""
+
+    def __init__(self) -> None:
+        self._lock, self._blocks = Lock(), 0
+        self._spec: ModuleSpec | None = None
+
+    @contextmanager
+    def left_out(self) -> Iterator[None]:
+        """Keep processes that are started during the block from running the script again.
+
+        A spawned process imports the script of its parent, to find there what it is to call. Workers call functions
+        of porocore only, and a script without ``if __name__ == "__main__"`` would begin its study anew in each.
+        """
+        main = sys.modules["__main__"]
+        with self._lock:
+            if not self._blocks:
+                # Children import no module of this name: that of a package runs unconditionally.
+                self._spec, main.__spec__ = main.__spec__, ModuleSpec("__main__", None)
+            self._blocks += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._blocks -= 1
+                if not self._blocks:
+                    main.__spec__ = self._spec
+
+
+script_left_out = _Script().left_out

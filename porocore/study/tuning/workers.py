@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -12,7 +11,7 @@ from multiprocessing import active_children, get_context
 from typing import Any
 
 from porocore.errors import PorocoreError
-from porocore.sampling.execution import THREAD_VARIABLES, end_with_parent
+from porocore.sampling.execution import end_with_parent, one_thread, require_children, script_left_out
 
 #: Key, and a function at the top level of a module with its first arguments.
 Task = tuple[str, tuple[Callable[..., Any], tuple[Any, ...]]]
@@ -29,19 +28,19 @@ def run_tasks(tasks: list[Task], shared: tuple[Any, ...], workers: int) -> Itera
     Raises
     ------
     PorocoreError
-        A worker died; an exception of a task is raised as it is.
+        A worker died, or this process may not have workers; an exception of a task is raised as it is.
     """
     workers = min(workers, len(tasks))
     if workers <= 1:
         for key, (function, arguments) in tasks:
             yield key, function(*arguments, *shared)
         return
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    require_children()
     others = set(active_children())
     executor = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_start, initargs=(shared,))
     try:
-        os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))  # read by libraries as workers start
-        futures = {executor.submit(_call, function, arguments): key for key, (function, arguments) in tasks}
+        with one_thread(), script_left_out():  # a worker starts as its task is submitted
+            futures = {executor.submit(_call, function, arguments): key for key, (function, arguments) in tasks}
         for future in as_completed(futures):
             yield futures[future], future.result()
     except BrokenProcessPool as error:
@@ -49,11 +48,6 @@ def run_tasks(tasks: list[Task], shared: tuple[Any, ...], workers: int) -> Itera
             "a worker process ended without a message; if memory ran out, use fewer with --workers"
         ) from error
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
         executor.shutdown(wait=False, cancel_futures=True)
         for process in set(active_children()) - others:
             process.terminate()
