@@ -44,7 +44,7 @@ Examples:
 * `porocore run` – the benchmark of Dehghani & Zilian, into runs/dehghani2022
 * `porocore init` – configurations to start from
 * `porocore run my.yaml --out runs/mine` – your own study; `--resume` continues it
-* `porocore cell my.yaml --grad-u "0 0 0; 0 -0.1 0; 0 0 0" --p 0.05` – one state of the cell
+* `porocore cell my.yaml --at H22=-0.1,p=0.05` – one state of the cell
 """
 
 

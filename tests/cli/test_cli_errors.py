@@ -14,7 +14,7 @@ import pytest
 import porocore
 import porocore.study.stages
 from porocore.cli import main
-from porocore.cli.commands.cell import as_text, parse_grad_u
+from porocore.cli.commands.cell import as_text
 from porocore.errors import ConfigurationError, SolveError
 from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
@@ -325,14 +325,6 @@ def test_cell_for_reading_leaves_out_what_is_too_long():
     assert "mean_grad_grad_u" not in as_text(
         {"tangent": {"mean_grad_grad_u": np.zeros((3, 3, 3, 3)).tolist(), "fluid_volume_p": 1.0}}
     )
-
-
-@pytest.mark.parametrize(
-    "text", ["", "1 2 3", "1 2 3; 4 5 6; 7 8", "1 2 3; 4 5 6; 7 8 x", "1 2 3; 4 5 6; 7 8 nan"]
-)
-def test_a_malformed_gradient_is_refused(text):
-    with pytest.raises(ConfigurationError, match="expected nine finite numbers"):
-        parse_grad_u(text)
 
 
 def test_help_is_fast_and_version_is_that_of_the_package(porocore_command):

@@ -1,4 +1,4 @@
-"""A script without ``if __name__ == "__main__"`` has workers, however Python starts processes and is given the script."""
+"""A script without ``if __name__ == "__main__"`` has workers, however Python starts processes and gets the script."""
 
 from __future__ import annotations
 

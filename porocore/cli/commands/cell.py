@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -12,11 +11,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from porocore.cli.common import command_group, interruptible, located, parse_inputs, read_config
+from porocore.cli.common import command_group, interruptible, located, read_config
 from porocore.cli.options import ConfigArgument, FemOption, JsonOption
-from porocore.core.echo import cut, echo
+from porocore.cli.states import STATE_HELP, AtOption, GradUOption, PressureOption, read_state
 from porocore.core.files.plain_data import json_ready
-from porocore.errors import ConfigurationError
 
 #: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
 ZERO = 1e-12
@@ -35,7 +33,7 @@ class _StateByDefault(TyperGroup):
 
 
 cell = command_group(
-    "Solve one state of the cell (state, the default), write its local fields, or show its pores.",
+    f"Solve one state of the cell (state, the default), write its local fields, or show its pores.\n\n{STATE_HELP}",
     cls=_StateByDefault,
 )
 
@@ -43,61 +41,53 @@ cell = command_group(
 @cell.command()
 def state(
     config: ConfigArgument = None,
+    at: AtOption = None,
+    grad_u: GradUOption = None,
+    p: PressureOption = None,
     fem: FemOption = None,
-    grad_u: Annotated[
-        str,
-        typer.Option(
-            "--grad-u", metavar='"a b c; d e f; g h i"', help="H = grad u, row by row, H_ij = du_i/dX_j."
-        ),
-    ] = "0 0 0; 0 0 0; 0 0 0",
-    p: Annotated[float, typer.Option("--p", help="Pore pressure, positive in compression, E = 1.")] = 0.0,
     as_json: JsonOption = False,
 ) -> None:
-    """Solve the cell for one macroscopic state.
+    """Solve the cell for one macroscopic state, by default at rest.
 
     Prints porosity, conductivity and the responses of the cell with their derivatives, those of fourth order
     with --json only. The status of a state without solution tells why there is none; its responses are null in the
     JSON object.
     """
-    from porocore.core.inputs.possible_states import require_possible
-
     path, settings = read_config(config, fem)
-    H = parse_grad_u(grad_u)
-    if not math.isfinite(p):
-        raise ConfigurationError(f"--p: expected a finite number, got {p}")
-    require_possible(H, p, settings.cell.modulus, "--grad-u and --p")
+    found = read_state(at, grad_u, p, settings.cell.modulus, {})
     with interruptible(), located(path):
+        from porocore.core.inputs.input_space import NAMES
         from porocore.study.stages import pipeline
 
-        result = json_ready(pipeline.solve_cell(settings, H, p))
+        row = [found.get(name, 0.0) for name in NAMES]
+        result = json_ready(pipeline.solve_cell(settings, [row[:3], row[3:6], row[6:9]], row[9]))
     typer.echo(json.dumps(result, allow_nan=False) if as_json else as_text(result))
 
 
 @cell.command()
 def fields(
     config: ConfigArgument = None,
-    at: Annotated[
-        str,
-        typer.Option("--at", metavar="NAME=VALUE,…", help="State: H11 … H33 and p that are not zero."),
-    ] = "H22=-0.1",
+    at: AtOption = None,
+    grad_u: GradUOption = None,
+    p: PressureOption = None,
     fem: FemOption = None,
     no_pictures: NoPicturesOption = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of file and pictures.")] = Path(
         "runs/fields"
     ),
 ) -> None:
-    """Solve one state and write its local fields.
+    """Solve one state, by default H22=-0.1, and write its local fields.
 
     Writes a .vtu file of the whole cell for ParaView with the micro displacement, F, J, the strain energy density and
     stresses. Draws the micro displacement on the deformed cell and the strain energy density on the undeformed one.
     Pictures need pyvista (pip install 'porocore[pictures]') and no display.
     """
     path, settings = read_config(config, fem)
-    asked = parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at)
+    asked = read_state(at, grad_u, p, settings.cell.modulus, {"H22": -0.1})
     with interruptible(), located(path):
         from porocore.verification.local_fields.solve import write_local_fields
 
-        found = write_local_fields(settings, out, asked, name=at, pictures=not no_pictures)
+        found = write_local_fields(settings, out, asked, pictures=not no_pictures)
     from porocore.states import Status
 
     typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")
@@ -143,26 +133,6 @@ def show(
     if not as_json:
         for file in written:
             typer.echo(file)
-
-
-def parse_grad_u(text: str) -> list[list[float]]:
-    """Return the three rows of a text such as ``"a b c; d e f; g h i"``; commas may stand for spaces.
-
-    Raises
-    ------
-    ConfigurationError
-        The text is not nine finite numbers in three rows.
-    """
-    try:
-        rows = [[float(word) for word in row.replace(",", " ").split()] for row in text.split(";")]
-        reason = f"rows of {', '.join(str(len(row)) for row in rows)}"
-    except ValueError as error:
-        rows, reason = [], str(error)
-    if [len(row) for row in rows] != [3, 3, 3] or not all(math.isfinite(x) for row in rows for x in row):
-        raise ConfigurationError(
-            f"--grad-u: expected nine finite numbers as 'a b c; d e f; g h i', got {echo(text)} ({cut(reason)})"
-        )
-    return rows
 
 
 def as_text(result: Mapping[str, Any]) -> str:

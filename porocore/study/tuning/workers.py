@@ -40,7 +40,9 @@ def run_tasks(tasks: list[Task], shared: tuple[Any, ...], workers: int) -> Itera
     executor = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_start, initargs=(shared,))
     try:
         with one_thread(), script_left_out():  # a worker starts as its task is submitted
-            futures = {executor.submit(_call, function, arguments): key for key, (function, arguments) in tasks}
+            futures = {
+                executor.submit(_call, function, arguments): key for key, (function, arguments) in tasks
+            }
         for future in as_completed(futures):
             yield futures[future], future.result()
     except BrokenProcessPool as error:

@@ -1,0 +1,111 @@
+"""One way to give a state: ``--at``, ``--grad-u`` and ``--p`` of all commands that solve one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated
+
+import typer
+
+from porocore.cli.common import parse_inputs
+from porocore.core.echo import cut, did_you_mean, echo
+from porocore.errors import ConfigurationError
+
+#: How the help of a group tells it.
+STATE_HELP = (
+    "A state is H = grad u (H_ij = du_i/dX_j) and the pore pressure p, by name as `--at H22=-0.1,p=0.05`, or H row by "
+    'row as `--grad-u "0 0 0; 0 -0.1 0; 0 0 0" --p 0.05`. What is not given is 0.'
+)
+AtOption = Annotated[
+    str | None,
+    typer.Option(
+        "--at",
+        metavar="NAME=VALUE,…",
+        help="State: those of H11 … H33 and p that are not zero.",
+        show_default=False,
+    ),
+]
+GradUOption = Annotated[
+    str | None,
+    typer.Option(
+        "--grad-u",
+        metavar='"a b c; d e f; g h i"',
+        help="H = grad u, row by row, H_ij = du_i/dX_j.",
+        show_default=False,
+    ),
+]
+PressureOption = Annotated[
+    float | None,
+    typer.Option("--p", help="Pore pressure, positive in compression, E = 1.", show_default=False),
+]
+
+
+def read_state(
+    at: str | None, grad_u: str | None, p: float | None, modulus: float, usual: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the components of a state by name, without those that are zero; ``usual`` if no option is given.
+
+    Parameters
+    ----------
+    at, grad_u, p
+        The options.
+    modulus
+        Young's modulus of the stiffest solid [E].
+
+    Raises
+    ------
+    ConfigurationError
+        An option cannot be read, a component is given twice, or no cell can be in the state.
+    """
+    from porocore.core.inputs.input_space import NAMES
+    from porocore.core.inputs.possible_states import require_possible
+
+    given = {"--at": at, "--grad-u": grad_u, "--p": p}
+    options = [option for option, value in given.items() if value is not None]
+    if not options:
+        return dict(usual)
+    found = {} if at is None else parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at)
+    for name, value in found.items():
+        if name not in NAMES:
+            question = did_you_mean(name, NAMES, cutoff=0.5)
+            raise ConfigurationError(
+                f"--at: expected finite values of some of {', '.join(NAMES)}, got {cut(name)} = {value:g}"
+                + (f"; {question}" if question else "")
+            )
+    if grad_u is not None:
+        if twice := [name for name in found if name != "p"]:
+            raise ConfigurationError(f"--grad-u: --at gives {twice[0]}, too; leave out one of the two")
+        rows = parse_grad_u(grad_u)
+        found |= dict(zip(NAMES, (x for row in rows for x in row), strict=False))
+    if p is not None:
+        if "p" in found:
+            raise ConfigurationError("--p: --at gives p, too; leave out one of the two")
+        if not math.isfinite(p):
+            raise ConfigurationError(f"--p: expected a finite number, got {p}")
+        found["p"] = p
+    row = [found.get(name, 0.0) for name in NAMES]
+    require_possible(row[:9], row[9], modulus, " and ".join(options))
+    return {name: value for name, value in found.items() if value}
+
+
+def parse_grad_u(text: str) -> list[list[float]]:
+    """Return the three rows of a text such as ``"a b c; d e f; g h i"``; commas may stand for spaces.
+
+    Raises
+    ------
+    ConfigurationError
+        The text is not nine finite numbers in three rows.
+    """
+    try:
+        rows = [[float(word) for word in row.replace(",", " ").split()] for row in text.split(";")]
+        reason = f"rows of {', '.join(str(len(row)) for row in rows)}"
+    except ValueError as error:
+        rows, reason = [], str(error)
+    if [len(row) for row in rows] == [3, 3, 3] and not all(math.isfinite(x) for row in rows for x in row):
+        reason = "not all are finite"
+    elif [len(row) for row in rows] == [3, 3, 3]:
+        return rows
+    raise ConfigurationError(
+        f"--grad-u: expected nine finite numbers as 'a b c; d e f; g h i', got {echo(text)} ({cut(reason)})"
+    )
