@@ -1,7 +1,8 @@
 """Two-scale finite-strain poroelasticity with surrogate models of the cell problem and exchangeable solvers.
 
-This is the public interface: ``Study`` and ``CellProblem`` for whoever computes, and what a plugin needs, besides
-``porocore.testing``. Names are imported when they are first used, so that ``import porocore`` costs nothing.
+This is the public interface: ``Study`` and ``CellProblem`` for whoever computes, ``Law`` for solvers of one's own, and
+what a plugin needs, besides ``porocore.testing``. ``dir(porocore)`` shows all names, docs/reference/names.md has them
+in groups. Names are imported when they are first used, so that ``import porocore`` costs nothing.
 """
 
 from __future__ import annotations
@@ -42,6 +43,9 @@ if TYPE_CHECKING:
     from porocore.interfaces.surrogate import Surrogate as Surrogate
     from porocore.interfaces.surrogate import TrainingProgress as TrainingProgress
     from porocore.interfaces.surrogate import TrainingSet as TrainingSet
+    from porocore.macro.laws.point_law import Law as Law
+    from porocore.macro.laws.point_law import LawResponse as LawResponse
+    from porocore.macro.laws.point_law import LawTangent as LawTangent
     from porocore.macro.problem import MacroProblem as MacroProblem
     from porocore.plugins.hookspecs import Offer as Offer
     from porocore.plugins.hookspecs import hookimpl as hookimpl
@@ -87,6 +91,7 @@ _HOMES = {
     "porocore.interfaces.surrogate": ["Surrogate", "TrainingProgress", "TrainingSet"],
     "porocore.interfaces.law": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
     "porocore.cell.materials.neo_hookean": ["NeoHookean"],
+    "porocore.macro.laws.point_law": ["Law", "LawResponse", "LawTangent"],
     "porocore.macro.problem": ["MacroProblem"],
     "porocore.interfaces.records": ["failed_response"],
     "porocore.core.inputs.sampled_range": ["SampledRange"],
@@ -115,4 +120,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*globals(), *__all__, "__version__"]
+    return [*__all__, "__version__"]

@@ -25,7 +25,7 @@ from porocore.cell.meshing.estimate import require_few
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.meshing.supercell import block
 from porocore.core.files.plain_data import json_hash
-from porocore.core.models.strict import StrictModel
+from porocore.core.models.strict import CalledByUsers, StrictModel
 from porocore.core.tensors.point_group import PointGroup
 from porocore.core.units.dimensions import Dimension, Unit
 from porocore.errors import ConfigurationError
@@ -35,7 +35,7 @@ Cells = Annotated[int, Field(ge=1, le=8)]
 Region = Annotated[str, BeforeValidator(lambda name: str(name) if isinstance(name, int) else name)]
 
 
-class Cell(StrictModel):
+class Cell(StrictModel, metaclass=CalledByUsers):
     """Configuration of a cell: all that determines its cell problems."""
 
     geometry: Geometry = OrthogonalChannels()

@@ -7,6 +7,7 @@ this kind, so one macro code path serves all and each checks the others.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -103,6 +104,12 @@ class MacroLaw(ABC):
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
     ) -> MacroResponse:
         """Return the response at n points; ``grad_p`` is ∇_X p (n, 3)."""
+
+    def respond_to_each(
+        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
+    ) -> list[MacroResponse]:
+        """Return the responses at the same n points to several gradients of the pressure, each (n, 3)."""
+        return [self.respond(states, grad_p, memory, tangent=tangent) for grad_p in gradients]
 
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """Return None to accept a converged step, or a new memory to solve it again.

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,33 @@ def assert_same_results_of_all_loads(folder, finished):
         np.testing.assert_allclose(
             here.history.settlement, there.history.settlement, rtol=ROUND_OFF, err_msg=path.name
         )
+
+
+@pytest.mark.parametrize("kind", ["surrogate", "linear"])
+def test_the_law_is_that_of_the_solved_body(study, a_copy, kind):
+    """The drained column is uniform in each element, so that its means are those of its points."""
+    own = porocore.Study(study, out=a_copy(), progress=False)
+    laws = own.solve()[LOADS[0]]
+    profile = (laws.linear if kind == "linear" else laws.nonlinear).profile()
+    found = own.law(kind).response(profile.grad_u, profile.element_p)
+    np.testing.assert_allclose(found.stress[:, 1, 1], profile.stress[:, 1, 1], rtol=1e-3)
+    K_ref = profile.conductivity if kind == "linear" else profile.reference_conductivity
+    np.testing.assert_allclose(found.conductivity, K_ref, rtol=1e-3, atol=1e-3)
+    assert not found.outside_training_range.any()
+
+
+def test_a_solver_of_ones_own_gives_the_settlement_of_the_body(study, a_copy, capsys):
+    sys.path.insert(0, str(ROOT / "examples"))
+    try:
+        from own_column import compare
+    finally:
+        sys.path.pop(0)
+    own = porocore.Study(study, out=a_copy(), progress=False)
+    for kind in ("surrogate", "linear"):
+        here, there = compare(own, LOADS[0], kind)
+        np.testing.assert_allclose(here, there, rtol=0, atol=0.02 * there[-1])
+        assert here[-1] == pytest.approx(there[-1], rel=2e-3)
+    assert "settlement" in capsys.readouterr().out
 
 
 def test_a_folder_of_another_study_is_refused(finished, tmp_path, monkeypatch):

@@ -8,11 +8,12 @@ import numpy as np
 from pydantic import Field
 
 from porocore.cell.materials.material import Material
+from porocore.core.models.strict import CalledByUsers
 from porocore.core.tensors.cofactors import cofactor, determinant
 from porocore.states import Array, IntArray
 
 
-class NeoHookean(Material):
+class NeoHookean(Material, metaclass=CalledByUsers):
     """Compressible neo-Hookean solid with E = 1.
 
     Ψ = μ/2 (tr FᵀF − 3) − μ ln J + λ/2 (ln J)², μ = 1/(2(1+ν)), λ = ν/((1+ν)(1−2ν))

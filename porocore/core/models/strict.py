@@ -2,15 +2,78 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel, ConfigDict, Discriminator
+from pydantic import BaseModel, ConfigDict, Discriminator, ValidationError
+from pydantic_core import ErrorDetails
+
+from porocore.core.echo import did_you_mean, echo
+from porocore.core.files.yaml_document import dotted
+from porocore.errors import ConfigurationError
 
 
 class StrictModel(BaseModel):
     """Immutable model that refuses unknown keys and numbers that are not finite."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+if TYPE_CHECKING:
+    # The constructors of models are known of pydantic's own metaclass only.
+    from pydantic._internal._model_construction import ModelMetaclass as CalledByUsers
+else:
+
+    class CalledByUsers(type(BaseModel)):
+        """Metaclass of models that users call themselves: a fault is one message and no error of pydantic.
+
+        Sections of a file are not called, so that their faults are told with their lines.
+        """
+
+        def __call__(cls, *args: Any, **settings: Any) -> Any:
+            """Return the model.
+
+            Raises
+            ------
+            ConfigurationError
+                A setting is unknown or faulty.
+            """
+            try:
+                return super().__call__(*args, **settings)
+            except ValidationError as error:
+                found: dict[str, str] = {}
+                for fault in error.errors():
+                    found.setdefault(_place(settings, fault["loc"]) or cls.__name__, _fault(fault))
+                raise ConfigurationError("\n".join(f"{at}: {text}" for at, text in found.items())) from error
+
+
+def _place(settings: Any, location: tuple[int | str, ...]) -> str:
+    """Return the dotted key of a fault, without the branches of unions that pydantic names behind a key."""
+    kept = []
+    for i, part in enumerate(location):
+        here = part in settings if isinstance(settings, Mapping) else isinstance(part, int)
+        if here or i == len(location) - 1:
+            kept.append(str(part))
+            settings = settings[part] if here and isinstance(settings, Mapping) else None
+    return dotted(tuple(kept))
+
+
+def _fault(error: ErrorDetails) -> str:
+    kind, message, value = error["type"], error["msg"], error["input"]
+    if kind == "extra_forbidden":
+        return "unknown key; remove it"
+    if kind == "missing":
+        return f"missing; got {echo(value)}"
+    if kind == "value_error":
+        return message.removeprefix("Value error, ")
+    if kind == "union_tag_invalid":
+        kinds = [name.strip("' ") for name in error["ctx"]["expected_tags"].split(",")]
+        question = did_you_mean(str(error["ctx"]["tag"]), kinds)
+        return f"expected a kind of {', '.join(kinds)}, got {echo(value)}" + (
+            f"; {question}" if question else ""
+        )
+    expected = message.removeprefix("Input should be ").partition(", unable to parse")[0]
+    return f"expected {expected}, got {echo(value)}"
 
 
 def by_kind(base: type[BaseModel], default: str) -> Discriminator:

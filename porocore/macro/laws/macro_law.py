@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -53,11 +54,19 @@ class ClosedLaw(MacroLaw):
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
     ) -> MacroResponse:
         """See :class:`MacroLaw`; NaN where the cell law has no values."""
+        return self.respond_to_each(states, [grad_p], memory, tangent=tangent)[0]
+
+    def respond_to_each(
+        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
+    ) -> list[MacroResponse]:
+        """See :class:`MacroLaw`; the cell law is asked once."""
         # Newton's iteration may ask for anything; what is not finite is for the macro solver to refuse.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             found = self.cell_law.predict_from(memory.states, states, tangent=tangent)
             cell = check_prediction(self.cell_law, found, states)
-            return self.closure.respond(states, cell, grad_p, memory, tangent=tangent)
+            return [
+                self.closure.respond(states, cell, grad_p, memory, tangent=tangent) for grad_p in gradients
+            ]
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return the reasons that the cell law knows; see :class:`MacroLaw`."""

@@ -7,10 +7,12 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
 from porocore.cell.cell import Cell
+from porocore.core.echo import echo
+from porocore.core.inputs.given_states import given_states
+from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.plugins.registry import registry
@@ -47,7 +49,7 @@ class CellProblem:
     >>> cell = CellProblem({"mesh": {"size": 0.5, "fluid_size": 0.5}}, fem="skfem")
     >>> round(cell.porosity, 4)
     0.4123
-    >>> response = cell.response(np.diag([0.0, -0.1, 0.0]), p=0.05)
+    >>> response = cell.response([[0, 0, 0], [0, -0.1, 0], [0, 0, 0]], p=0.05)
     >>> response.stress[0].diagonal().round(3)
     array([-0.048, -0.088, -0.048])
     """
@@ -60,6 +62,12 @@ class CellProblem:
         store: str | Path | bool = True,
         **options: Any,
     ) -> None:
+        if cell is not None and not isinstance(cell, Cell | Mapping):
+            raise ConfigurationError(
+                f"cell: expected a porocore.Cell, or settings as in the section 'cell' of a file, got {echo(cell)}"
+            )
+        if not isinstance(fem, str):
+            raise ConfigurationError(f"fem: expected the name of a backend, such as 'skfem', got {echo(fem)}")
         self.cell = cell if isinstance(cell, Cell) else cell_from(cell or {})
         registry().find("cell solver", fem)
         self._solver: CellSolver
@@ -97,13 +105,12 @@ class CellProblem:
 
         Raises
         ------
-        ValueError
-            The shapes do not belong together.
+        ConfigurationError
+            The shapes do not belong together, or a number is not finite.
         """
-        H = np.asarray(grad_u, dtype=float)
-        H = H[None] if H.ndim == 2 else H
-        pressures = np.broadcast_to(np.asarray(p, dtype=float), H.shape[:1]).copy()
-        states = MacroState(H, pressures)
+        states = given_states(grad_u, p)
+        if not len(states):
+            raise ConfigurationError("grad_u: expected at least one state, got none")
         known = self._known(tangent=tangent)
         solve = partial(self._solve, tangent=tangent)
         return solve(states) if known is None else known.responses(states, solve)

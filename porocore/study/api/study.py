@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from porocore.core.console import Console
+from porocore.core.echo import did_you_mean, echo
 from porocore.core.files.plain_data import merged
 from porocore.core.files.yaml_document import YamlDocument
+from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
+from porocore.macro.laws.point_law import Law
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, CellResponse, MacroState
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
@@ -23,8 +27,8 @@ from porocore.study.examples import examples
 from porocore.study.preflight.checks import check_backends, outline
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
-from porocore.study.stages.solving import USUAL_LAWS, LawKind, require_laws
-from porocore.study.stages.stage_files import load_solution, load_surrogate
+from porocore.study.stages.solving import USUAL_LAWS, LawKind, macro_laws, require_laws
+from porocore.study.stages.stage_files import load_reference, load_solution, load_surrogate
 from porocore.study.store import chosen_store
 from porocore.study.tuning.candidates import DEPTHS, WIDTHS, candidates
 from porocore.study.tuning.tune import Tuning, tune
@@ -99,6 +103,8 @@ class Study:
         store: str | Path | bool = True,
         **settings: Any,
     ) -> None:
+        if out is not None and not isinstance(out, str | Path):
+            raise ConfigurationError(f"out: expected the path of a folder, got {echo(out)}")
         name, self.config, self._document = _configured(source, settings)
         self.path = Path("runs") / name if out is None else Path(out)
         self._console = Console(None if progress else io.StringIO())
@@ -197,6 +203,32 @@ class Study:
             }
         )
 
+    def law(self, kind: Literal["surrogate", "linear"] = "surrogate") -> Law:
+        """Return the macroscopic law of the study as a function of the state, for a solver of one's own.
+
+        Parameters
+        ----------
+        kind
+            ``surrogate``: the trained surrogate with the closure of the configuration; ``linear``: linear
+            poroelasticity of the same cell.
+
+        Examples
+        --------
+        ``study.law().response(grad_u, p)`` has stress, fluid volume, conductivity, flag, and exact derivatives by
+        (H, p) of n states; see :class:`porocore.Law`.
+        """
+        if kind not in ("surrogate", "linear"):
+            raise ConfigurationError(
+                f"kind: expected 'surrogate' or 'linear', got {echo(kind)}; porocore.CellProblem solves the cell itself"
+            )
+        if kind == "surrogate" and not self.folder.surrogate_of(self.config).exists():
+            self.train()
+        with self.folder as folder, ExitStack() as stack:
+            if not folder.reference.exists():
+                pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
+            (run,) = macro_laws(folder, self.config, stack, (kind,)).values()
+            return Law(run.law, load_reference(folder, self.config).porosity)
+
     def report(self) -> Path:
         """Write the report, and return the path of the page."""
         self.solve()
@@ -208,6 +240,11 @@ def _configured(
     source: str | Path | Mapping[str, Any] | RunConfig | None, settings: dict[str, Any]
 ) -> tuple[str, RunConfig, YamlDocument]:
     """Return a name for the folder, the configuration, and the document that it was read from."""
+    if not isinstance(source, str | Path | Mapping | RunConfig | None):
+        raise ConfigurationError(
+            "source: expected the path of a configuration, the name of an example or nested settings, got "
+            + echo(source)
+        )
     if not isinstance(source, str | Path):
         base = source.model_dump() if isinstance(source, RunConfig) else source or {}
         document = YamlDocument.of(merged(base, settings), Path.cwd())
@@ -220,6 +257,8 @@ def _configured(
     known = examples()
     if not path.exists() and path.name.removesuffix(".yaml") in known and path.parent == Path("."):
         path = known[path.name.removesuffix(".yaml")].path
+    elif not path.suffix and not path.exists() and (question := did_you_mean(path.name, known)):
+        raise ConfigurationError(f"{path}: no such file, and no example of this name; {question}")
     document = YamlDocument.read(path)
     if settings:
         document = YamlDocument.of(merged(document.data, settings), document.folder)
