@@ -21,7 +21,9 @@ class StrictModel(BaseModel):
 
 if TYPE_CHECKING:
     # The constructors of models are known of pydantic's own metaclass only.
-    from pydantic._internal._model_construction import ModelMetaclass as CalledByUsers
+    from pydantic._internal._model_construction import ModelMetaclass
+
+    CalledByUsers = ModelMetaclass
 else:
 
     class CalledByUsers(type(BaseModel)):
