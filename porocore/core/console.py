@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import sys
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from operator import itemgetter
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
@@ -16,50 +18,130 @@ if TYPE_CHECKING:
 
 #: Seconds between two plain lines of one task.
 INTERVAL = 15.0
+#: Columns of a line.
+WIDTH = 80
+#: Width of the bar.
+BAR = 10
+#: A time left is shown after so many seconds and reports, if the whole time has been estimated alike, within this factor,
+#: over the later half of the time so far.
+FIRST_SHOWN, REPORTS, ALIKE = 2.0, 4, 2.0
+#: Shortest task [s] whose last line judges the first estimate.
+JUDGED = 20.0
+
+
+class Pace:
+    """Estimate of the time that is left, from the pace of the later half of the work.
+
+    Parameters
+    ----------
+    now
+        Time at the beginning [s].
+    """
+
+    def __init__(self, now: float) -> None:
+        self.begun = now
+        #: Time and work at each report; what the first one finds done, in a resumed run, is none.
+        self._known: list[tuple[float, float]] = []
+        #: Time, and the whole time as it was estimated then.
+        self._estimates: list[tuple[float, float]] = []
+
+    def left(self, now: float, done: float, left: float) -> float | None:
+        """Return the seconds left after a report of work done and left; None before they mean something."""
+        if not self._known or done > self._known[-1][1]:
+            self._known.append((now, done))
+        if len(self._known) < 2 or left <= 0:
+            return None
+        first, (end, reached) = self._known[0][1], self._known[-1]
+        k = bisect_left(self._known, first + (reached - first) / 2, key=itemgetter(1))
+        start, before = self._known[min(k, len(self._known) - 2)]
+        seconds = left * (end - start) / (reached - before)
+        self._estimates.append((now, now - self.begun + seconds))
+        return seconds if self._agrees(now) else None
+
+    def _agrees(self, now: float) -> bool:
+        """Return whether the estimates of the later half of the time are alike."""
+        if len(self._known) < REPORTS or now - self.begun < FIRST_SHOWN:
+            return False
+        later = self._estimates[bisect_left(self._estimates, (self.begun + now) / 2, key=itemgetter(0)) :]
+        whole = [seconds for _, seconds in later]
+        return len(whole) > 1 and max(whole) <= ALIKE * min(whole)
 
 
 class Task:
     """One task, such as ``sampling`` in ``states``, whose total amount of work is known, at least roughly.
 
-    ``show`` is called with share done (0 to 1) and text at every update; ``clock`` returns seconds.
+    Attributes
+    ----------
+    begins
+        What stands before the amount, such as ``t = ``.
+    left
+        Seconds left, as the last report estimated them; None: that means nothing yet.
     """
 
     def __init__(
-        self, title: str, unit: str, show: Callable[[float, str], None], clock: Callable[[], float]
+        self, title: str, unit: str, begins: str, show: Callable[[float], None], clock: Callable[[], float]
     ) -> None:
-        self.title, self.unit = title, unit
+        self.title, self.unit, self.begins = title, unit, begins
         self._show, self._clock = show, clock
-        self._begun: tuple[float, float] | None = None
-        self.text = ""
+        self._pace = Pace(clock())
+        self._first: float | None = None
+        self._parts, self._detail = ["nothing to do"], ""
+        self.left: float | None = None
 
-    def update(self, done: float, total: float, *, failed: int = 0, detail: str = "") -> None:
+    def update(
+        self,
+        done: float,
+        total: float,
+        *,
+        failed: int = 0,
+        detail: str = "",
+        work: tuple[float, float] | None = None,
+    ) -> None:
         """Report where the work stands.
 
         Parameters
         ----------
         done, total
-            In units of the task. What the first report finds done, in a resumed run, does not count for the
-            rate.
+            In units of the task.
         failed
             How many of those done failed.
         detail
-            Anything else, such as the present loss.
+            Anything else, such as the present loss; left out where a line is too short for it.
+        work
+            Work that is done and work that is left, in any unit, from whose pace the time left is estimated; by default
+            those in units of the task. What the first report finds done, in a resumed run, does not count.
         """
         now = self._clock()
-        if self._begun is None:
-            self._begun = (now, done)
-        elapsed, progressed = now - self._begun[0], done - self._begun[1]
-        parts = [f"{done:g} of {total:g} {self.unit}"]
+        self.left = self._pace.left(now, *(work or (done, total - done)))
+        if self._first is None and self.left is not None:
+            self._first = now + self.left
+        self._parts, self._detail = [f"{self.begins}{done:g} of {total:g} {self.unit}".rstrip()], detail
         if failed:
-            parts.append(f"{failed} failed")
-        if detail:
-            parts.append(detail)
-        if elapsed > 0 and progressed > 0 and done < total:
-            rate = progressed / elapsed
-            per_second = f"{rate:.2g}/s" if rate >= 0.5 else f"{60 * rate:.2g}/min"
-            parts += [per_second, f"about {duration((total - done) / rate)} left"]
-        self.text = ", ".join(parts)
-        self._show(min(1.0, done / total) if total > 0 else 1.0, self.text)
+            self._parts.append(f"{failed} failed")
+        self._show(min(1.0, done / total) if total > 0 else 1.0)
+
+    def text(self, room: int) -> str:
+        """Return what the last report said, in a line of ``room`` characters."""
+        ends = [] if self.left is None else [f"{roughly(self.left)} left"]
+        return self._fitting(room, ", ".join(ends), ", ")
+
+    def summary(self, room: int) -> str:
+        """Return what the last report said and how long the task took, with the error of the first estimate."""
+        now = self._clock()
+        seconds, ends = now - self._pace.begun, ""
+        if self._first is not None and seconds >= JUDGED:
+            share = round(100 * (self._first - now) / seconds)
+            ends = f", first estimated {abs(share)} % {'more' if share > 0 else 'less'}"
+        return self._fitting(room, f"took {duration(seconds)}{ends}", "; ")
+
+    def _fitting(self, room: int, ends: str, before: str) -> str:
+        """Return as much of the last report as fits, and how it ends."""
+        text = ""
+        for parts in ([*self._parts, self._detail], self._parts, self._parts[:1]):
+            text = before.join(part for part in (", ".join(filter(None, parts)), ends) if part)
+            if len(text) <= room:
+                break
+        return text
 
 
 class Console:
@@ -82,42 +164,45 @@ class Console:
         self.note(f"warning: {text}")
 
     @contextmanager
-    def task(self, title: str, unit: str) -> Iterator[Task]:
-        """Show the progress of a task while the block runs, and its duration at the end."""
-        begun = self.clock()
+    def task(self, title: str, unit: str, begins: str = "") -> Iterator[Task]:
+        """Show the progress of a task while the block runs, and its duration at the end; see :class:`Task`."""
         with self._bar(title) if self.stream.isatty() else self._lines(title) as show:
-            task = Task(title, unit, show, self.clock)
+            task = Task(title, unit, begins, lambda share: show(share, task), self.clock)
             yield task
-        self.note(f"{title}: {task.text or 'nothing to do'}; took {duration(self.clock() - begun)}")
+        self.note(f"{title}: {task.summary(WIDTH - len(title) - 2)}")
 
     @contextmanager
-    def _lines(self, title: str) -> Iterator[Callable[[float, str], None]]:
+    def _lines(self, title: str) -> Iterator[Callable[[float, Task], None]]:
         last = self.clock()
 
-        def show(share: float, text: str) -> None:
+        def show(share: float, task: Task) -> None:
             nonlocal last
             if share < 1 and self.clock() - last >= INTERVAL:
                 last = self.clock()
-                self.note(f"{title}: {text}")
+                self.note(f"{title}: {task.text(WIDTH - len(title) - 2)}")
 
         yield show
 
     @contextmanager
-    def _bar(self, title: str) -> Iterator[Callable[[float, str], None]]:
+    def _bar(self, title: str) -> Iterator[Callable[[float, Task], None]]:
         from rich.console import Console as RichConsole
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
         columns = (
             TextColumn("{task.description}"),
-            BarColumn(bar_width=24),
+            BarColumn(bar_width=BAR),
             TaskProgressColumn(),
             TextColumn("{task.fields[text]}", markup=False),
         )
+        # Between the columns is a space each, and the share takes four.
+        rest = len(title) + BAR + 4 + 3
         with Progress(*columns, console=RichConsole(file=self.stream), transient=True) as live:
             bar: TaskID = live.add_task(title, total=1.0, text="")
             self._live = live
             try:
-                yield lambda share, text: live.update(bar, completed=share, text=text)
+                yield lambda share, task: live.update(
+                    bar, completed=share, text=task.text(live.console.width - rest)
+                )
             finally:
                 self._live = None
 
@@ -130,3 +215,10 @@ def duration(seconds: float) -> str:
     if minutes < 60:
         return f"{minutes} min {rest:02d} s"
     return f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def roughly(seconds: float) -> str:
+    """Return an estimated duration as text, with as many digits as it deserves: ``40 s``, ``3 min`` or ``2.5 h``."""
+    if seconds < 90:
+        return f"{round(seconds) if seconds < 20 else 10 * round(seconds / 10)} s"
+    return f"{round(seconds / 60)} min" if seconds < 5400 else f"{seconds / 3600:.2g} h"

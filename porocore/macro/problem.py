@@ -221,11 +221,16 @@ class MacroSetup(StrictModel):
         return all(face.normal == 0 or face.displacement["xyz".index(name[0])] == 0 for name, face in sides)
 
     @property
+    def time_functions(self) -> tuple[TimeFunction, ...]:
+        """Time functions among the prescribed values."""
+        functions = [function for boundary in self.boundary.values() for function in boundary.time_functions]
+        return (*functions, *(value for value in self.body_force if isinstance(value, TimeFunction)))
+
+    @property
     def corners(self) -> tuple[float, ...]:
         """Times at which a prescribed value has a kink."""
-        functions = [function for boundary in self.boundary.values() for function in boundary.time_functions]
-        functions += [value for value in self.body_force if isinstance(value, TimeFunction)]
-        times = {t for function in functions for t in function.corners} | {t for t, _ in self.time.load_curve}
+        times = {t for function in self.time_functions for t in function.corners}
+        times |= {t for t, _ in self.time.load_curve}
         return tuple(sorted(t for t in times if 0 < t <= self.time.end))
 
     def specification(self) -> dict[str, Any]:

@@ -89,8 +89,12 @@ class Stepper:
     @property
     def at_corner(self) -> bool:
         """True if a load has a kink at the present time, so that rates are not continuous."""
-        kinks = (0.0, self._ramp_end, *(time for time, _ in self.plan.load_curve), *self.corners)
-        return any(abs(self.time - t) <= SAME * self.plan.ramp_step for t in kinks)
+        return any(abs(self.time - t) <= SAME * self.plan.ramp_step for t in self.kinks)
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Times at which a load has a kink, in no order."""
+        return (0.0, self._ramp_end, *(time for time, _ in self.plan.load_curve), *self.corners)
 
     def is_profile(self, time: float) -> bool:
         """Tell whether ``time``, from :meth:`next`, is a profile time or the end, where fields are kept."""
