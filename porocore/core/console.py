@@ -22,8 +22,8 @@ INTERVAL = 15.0
 WIDTH = 80
 #: Width of the bar.
 BAR = 10
-#: A time left is shown after so many seconds and reports, if the whole time has been estimated alike, within this factor,
-#: over the later half of the time so far.
+#: A time left is shown after so many seconds and reports, if the whole time has been estimated alike, within this
+#: factor, over the later half of the time so far.
 FIRST_SHOWN, REPORTS, ALIKE = 2.0, 4, 2.0
 #: Shortest task [s] whose last line judges the first estimate.
 JUDGED = 20.0
@@ -122,17 +122,17 @@ class Task:
 
     def text(self, room: int) -> str:
         """Return what the last report said, in a line of ``room`` characters."""
-        ends = [] if self.left is None else [f"{roughly(self.left)} left"]
-        return self._fitting(room, ", ".join(ends), ", ")
+        return self._fitting(room, "" if self.left is None else f"{roughly(self.left)} left", ", ")
 
     def summary(self, room: int) -> str:
         """Return what the last report said and how long the task took, with the error of the first estimate."""
         now = self._clock()
-        seconds, ends = now - self._pace.begun, ""
+        seconds, judged = now - self._pace.begun, ""
         if self._first is not None and seconds >= JUDGED:
             share = round(100 * (self._first - now) / seconds)
-            ends = f", first estimated {abs(share)} % {'more' if share > 0 else 'less'}"
-        return self._fitting(room, f"took {duration(seconds)}{ends}", "; ")
+            judged = f", first estimated {abs(share)} % {'more' if share > 0 else 'less'}"
+        text = self._fitting(room, f"took {duration(seconds)}{judged}", "; ")
+        return text if len(text) <= room else self._fitting(room, f"took {duration(seconds)}", "; ")
 
     def _fitting(self, room: int, ends: str, before: str) -> str:
         """Return as much of the last report as fits, and how it ends."""

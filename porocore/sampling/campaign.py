@@ -16,6 +16,7 @@ from porocore.interfaces.sampler import Request, Sampler
 from porocore.plugins.border import CheckedSampler, origin_of
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool, FinishedSolve
+from porocore.sampling.forecast import StateForecast
 from porocore.states import CellResponse, Status
 
 
@@ -29,10 +30,8 @@ class CampaignProgress:
     expected: int
     #: Known states without values.
     failed: int
-    #: States solved per second of this run [1/s]; 0 until the first is solved.
-    rate: float
-    #: Estimate of what is left [s]; None until there is a rate.
-    remaining: float | None
+    #: Work done and left, in units of what a state near rest costs.
+    work: tuple[float, float]
     #: Interrupted: running solves are finished and kept; a second interrupt stops at once.
     stopping: bool = False
 
@@ -121,6 +120,7 @@ class _Campaign:
         self.running: dict[str, Request] = {}
         self.counts: Counter[Status] = Counter()
         self.solved = self.reused = 0
+        self.forecast = StateForecast(dataset.inputs)
 
     def run(self, interrupt: threading.Event) -> None:
         self.ask()
@@ -134,8 +134,7 @@ class _Campaign:
             outcome = self.pool.wait_unless(interrupt.is_set)
             if outcome is None:
                 continue
-            self.keep(outcome)
-            self.tell(outcome.key, outcome.response)
+            self.tell(self.keep(outcome), outcome.response)
             self.ask()
             self.report(stopping=interrupt.is_set())
         if not self.sampler.done:
@@ -157,7 +156,7 @@ class _Campaign:
                         "asked for: it was sampled with other settings; choose another --out"
                     )
                 self.reused += 1
-                self.tell(request.key, self.dataset.response(request.key))
+                self.tell(request, self.dataset.response(request.key))
 
     def submit(self, request: Request) -> None:
         if request.start is not None and request.start not in self.dataset:
@@ -169,14 +168,16 @@ class _Campaign:
         self.running[request.key] = request
         self.pool.submit(request.key, self.dataset.inputs.scatter(request.x), start)
 
-    def keep(self, outcome: FinishedSolve) -> None:
+    def keep(self, outcome: FinishedSolve) -> Request:
         request = self.running.pop(outcome.key)
         self.dataset.append(outcome.record(self.dataset.inputs, request.x, request.start))
         self.solved += 1
+        return request
 
-    def tell(self, key: str, response: CellResponse) -> None:
+    def tell(self, request: Request, response: CellResponse) -> None:
         self.counts[Status(int(response.status[0]))] += 1
-        self.sampler.tell(key, response)
+        self.sampler.tell(request.key, response)
+        self.forecast.add(request.x, self.sampler.expected, outward=request.start is not None)
 
     def finish_running(self) -> None:
         for outcome in self.pool.finish_running():
@@ -187,10 +188,8 @@ class _Campaign:
             return
         done = self.counts.total()
         expected = max(self.sampler.expected, done)
-        rate = self.solved / max(time.perf_counter() - self.began, 1e-9)
         failed = sum(n for status, n in self.counts.items() if not status.has_values)
-        remaining = (expected - done) / rate if rate > 0 else None
-        self.on_progress(CampaignProgress(done, expected, failed, rate, remaining, stopping))
+        self.on_progress(CampaignProgress(done, expected, failed, self.forecast.work, stopping))
 
     def summary(self) -> CampaignSummary:
         counts = {status: self.counts[status] for status in Status if self.counts[status]}

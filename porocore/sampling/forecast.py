@@ -7,8 +7,8 @@ import numpy as np
 from porocore.core.inputs.input_space import InputSpace
 from porocore.states import Array
 
-#: A state at the edge of the box costs so many times as much more than one at rest: it takes more steps of the load, and
-#: walls of pores come into contact.
+#: A state at the edge of the box costs so many times as much more than one at rest: it takes more steps of the load,
+#: and walls of pores come into contact.
 FARTHER = 3.0
 #: States of the box from which the cost of its mean state is told.
 POINTS = 512
@@ -31,25 +31,25 @@ class StateForecast:
         self._mean = float(self._cost(cloud).mean())
         self._outward = False
         self._foreseen: list[int] = []
-        #: Work that is done.
-        self.done = 0.0
+        self._done = 0.0
 
     def add(self, x: tuple[float, ...], expected: int, *, outward: bool) -> None:
         """Take a state that is known, and how many the sampler foresees in all; ``outward``: it began from another."""
         self._outward |= outward
         self._foreseen.append(expected)
-        self.done += float(self._cost(np.array([x]))[0])
+        self._done += float(self._cost(np.array([x]))[0])
 
-    def left(self) -> float:
-        """Return the work that is left."""
+    @property
+    def work(self) -> tuple[float, float]:
+        """Work that is done, and work that is left."""
         count = len(self._foreseen)
         if not count:
-            return 0.0
+            return 0.0, 1.0
         half, expected = count // 2, self._foreseen[-1]
         added = max(expected - self._foreseen[half], 0) / max(count - 1 - half, 1)
-        alike = max(expected - count, 0) * self.done / count
-        left = max(expected * self._mean - self.done, alike) if self._outward and alike else alike
-        return left / (1 - min(added, MOST_ADDED))
+        alike = max(expected - count, 0) * self._done / count
+        left = max(expected * self._mean - self._done, alike) if self._outward and alike else alike
+        return self._done, left / (1 - min(added, MOST_ADDED))
 
     def _cost(self, x: Array) -> Array:
         """Return the cost of states, (n,)."""

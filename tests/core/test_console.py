@@ -1,10 +1,11 @@
 """The progress display, on a terminal and elsewhere."""
 
 import io
+import re
 
 import pytest
 
-from porocore.core.console import INTERVAL, Console, duration
+from porocore.core.console import INTERVAL, Console, duration, roughly
 
 
 class Clock:
@@ -20,27 +21,89 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_plain_lines_come_now_and_then_and_tell_rate_failures_and_rest():
+def test_plain_lines_come_now_and_then_and_tell_failures_and_rest():
     stream, clock = io.StringIO(), Clock()
     with Console(stream, clock).task("sampling", "states") as task:
         for done in range(0, 101):
             clock.now = done * 2.0
             task.update(done, 100, failed=done // 50)
     lines = stream.getvalue().splitlines()
-    assert lines[0] == "sampling: 8 of 100 states, 0.5/s, about 3 min 04 s left"
-    assert lines[-1] == "sampling: 100 of 100 states, 2 failed; took 3 min 20 s"
+    assert lines[0] == "sampling: 8 of 100 states, 3 min left"
+    assert lines[-1] == "sampling: 100 of 100 states, 2 failed; took 3 min 20 s, first estimated 0 % less"
     assert len(lines) - 1 == 200 // 16
     assert INTERVAL == 15
 
 
-def test_what_a_resumed_run_found_done_does_not_count_for_the_rate():
+def test_what_a_resumed_run_found_done_does_not_count_for_the_pace():
     stream, clock = io.StringIO(), Clock()
     with Console(stream, clock).task("sampling", "states") as task:
-        task.update(900, 1000)
-        clock.now = 20.0
-        task.update(910, 1000, detail="slow ones")
-    assert stream.getvalue().splitlines()[0] == (
-        "sampling: 910 of 1000 states, slow ones, 0.5/s, about 3 min 00 s left"
+        for done in range(900, 911):
+            clock.now = (done - 900) * 2.0
+            task.update(done, 1000, detail="slow ones")
+        assert task.left == pytest.approx(180)
+    assert stream.getvalue().splitlines()[0] == "sampling: 908 of 1000 states, slow ones, 3 min left"
+
+
+def test_nothing_is_estimated_before_it_means_something():
+    clock = Clock()
+    with Console(io.StringIO(), clock).task("solving", "steps") as task:
+        # Steps that become four times as long each time foretell nothing.
+        for done in range(1, 8):
+            clock.now = 4.0**done
+            task.update(done, 20)
+            assert task.left is None
+        for done in range(8, 15):
+            clock.now += 4.0**7
+            task.update(done, 20)
+        assert task.left == pytest.approx(6 * 4.0**7)
+
+
+def test_a_slow_start_and_a_burst_of_several_workers_do_not_mislead():
+    clock = Clock()
+    with Console(io.StringIO(), clock).task("sampling", "states") as task:
+        for pair in range(1, 11):
+            for nth in range(2):
+                # Two workers make ready for 50 s and then solve two states at once in 10 s.
+                clock.now = 40.0 + 10.0 * pair + 0.1 * nth
+                task.update(2 * pair - 1 + nth, 60)
+                if task.left is not None:
+                    assert task.left == pytest.approx((60 - 2 * pair) * 5.0, rel=0.5)
+        assert task.left == pytest.approx(200, rel=0.15)
+
+
+def test_the_time_left_follows_the_work_that_is_told():
+    clock = Clock()
+    with Console(io.StringIO(), clock).task("body", "s", "t = ") as task:
+        for step in range(1, 11):
+            clock.now = float(step)
+            task.update(0.01 * step, 100, work=(step, 30 - step))
+        assert task.left == pytest.approx(20)
+        assert task.text(80) == "t = 0.1 of 100 s, 20 s left"
+
+
+@pytest.mark.parametrize("stream", [io.StringIO, Terminal])
+def test_lines_fit_into_80_columns(stream, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    written, clock = stream(), Clock()
+    with Console(written, clock).task("direct-mean-gradient, load -0.125", "s", "t = ") as task:
+        for step in range(1, 200):
+            clock.now += 20.0
+            task.update(1234.56 * step, 1234567, failed=3, detail="settlement 0.123456 mm and more beside")
+            assert len(task.text(45)) <= 45
+    lines = written.getvalue().replace("\r", "\n").splitlines()
+    assert len(lines) >= 5
+    plain = [re.sub("\x1b[^A-Za-z]*[A-Za-z]", "", line) for line in lines]
+    assert max(map(len, plain)) <= 80
+
+
+def test_the_last_line_judges_the_first_estimate():
+    stream, clock = io.StringIO(), Clock()
+    with Console(stream, clock).task("training", "epochs") as task:
+        for done in range(1, 101):
+            clock.now += 1.0 if done < 50 else 3.0
+            task.update(done, 100)
+    assert stream.getvalue().splitlines()[-1] == (
+        "training: 100 of 100 epochs; took 3 min 22 s, first estimated 50 % less"
     )
 
 
@@ -72,3 +135,10 @@ def test_the_bar_ends_with_the_block_when_that_fails():
 )
 def test_durations(seconds, text):
     assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(3.4, "3 s"), (47, "50 s"), (95, "2 min"), (3000, "50 min"), (5500, "1.5 h")]
+)
+def test_estimates_have_no_digits_that_they_do_not_deserve(seconds, text):
+    assert roughly(seconds) == text

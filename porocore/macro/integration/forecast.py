@@ -9,12 +9,14 @@ from dataclasses import dataclass, field
 from porocore.macro.integration.stepping import GROW, SAME, Stepper
 from porocore.macro.problem import MacroProblem
 
-#: While loads rest, steps h grow with the time s since the last kink of a load like s^RESTING: the front of the pressure
-#: moves with √s, and the error of a step goes with h² s^(−3/2). Under a ramp it goes with h² s^(−1/2).
+#: While loads rest, steps h grow with the time s since the last kink of a load like s^RESTING: the front of the
+#: pressure moves with √s, and the error of a step goes with h² s^(−3/2). Under a ramp it goes with h² s^(−1/2).
 RESTING, RAMPED = 0.75, 0.25
-#: Later pressures decay like exp(−s/τ), and steps grow like exp(s/2τ). Before that is seen, the time up to the next kink
-#: is taken to be so many τ, and it is seen after this share of it.
+#: Later pressures decay like exp(−s/τ), and steps grow like exp(s/2τ). Before that is seen, the time up to the next
+#: kink is taken to be so many τ, and it is seen after this share of it.
 DECAY_TIMES, SEEN = 3.0, 0.1
+#: A growth beyond this is that of a decay, whenever it is seen.
+DECAYING = 1.0
 #: Fewest steps, and the ratio of their times, that tell a growth of their own.
 TOLD_BY, RATIO = 8, 3.0
 #: Steps after a kink before their length says something.
@@ -69,9 +71,9 @@ class Stretch:
 class StepForecast:
     """Forecast of the number of steps that remain of a problem's time plan, whatever solver takes them.
 
-    Steps of equal length are counted. Steps that their error decides are played through: they go on to grow as they have
-    grown since the last kink of the loads. After a kink that is still to come they are taken to be those of the stretch
-    between two kinks that is likest in duration.
+    Steps of equal length are counted. Steps that their error decides are played through: they go on to grow as they
+    have grown since the last kink of the loads. After a kink that is still to come they are taken to be those of the
+    stretch between two kinks that is likest in duration.
     """
 
     def __init__(self, problem: MacroProblem) -> None:
@@ -81,6 +83,7 @@ class StepForecast:
         self._first = Stretch(0.0, [plan.ramp_step], [plan.ramp_step])
         self._stretches: list[Stretch] = []
         self._time: float | None = None
+        self._count = 0
 
     def add(self, time: float) -> None:
         """Take the end of an accepted step; the first of a resumed solve says no more than where it stands."""
@@ -92,8 +95,14 @@ class StepForecast:
         if not self._stretches or self._stretches[-1].begin != begin:
             self._stretches.append(Stretch(begin))
         if time > before:
+            self._count += 1
             self._stretches[-1].since.append(time - begin)
             self._stretches[-1].lengths.append(time - before)
+
+    @property
+    def work(self) -> tuple[float, float]:
+        """Numbers of steps that were taken and that are still to come."""
+        return self._count, self.remaining()
 
     def remaining(self) -> float:
         """Return the number of steps that are still to come."""
@@ -141,7 +150,9 @@ class StepForecast:
         if any(value(begin) != value(end) for value in (self._problem.ramp, *(f.at for f in functions))):
             return Growth(RAMPED if slope is None else min(slope, 1.0), 0.0)
         rate = DECAY_TIMES / 2 / (end - begin)
-        if present is not None and slope is not None and present.since[-1] > SEEN * (end - begin):
+        if present is None or slope is None:
+            return Growth(RESTING, rate)
+        if slope > DECAYING or present.since[-1] > SEEN * (end - begin):
             middle = (present.since[-1] * present.since[len(present.since) // 2 - 1]) ** 0.5
             rate = max(rate, (slope - RESTING) / middle)
         return Growth(RESTING, rate)

@@ -74,7 +74,9 @@ def _campaign(
 
         def show(progress: CampaignProgress) -> None:
             detail = "stopping after the running solves" if progress.stopping else ""
-            task.update(progress.done, progress.expected, failed=progress.failed, detail=detail)
+            task.update(
+                progress.done, progress.expected, failed=progress.failed, detail=detail, work=progress.work
+            )
 
         return run_campaign(sampler, pool, dataset, on_progress=show)
 

@@ -5,24 +5,27 @@ Existing solutions stay; an interrupted solve continues from its checkpoint.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from porocore.core.console import Console
 from porocore.core.echo import echo, suggestion
+from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import StepReport
+from porocore.macro.integration.forecast import StepForecast
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw
 from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
 from porocore.macro.laws.direct import DirectCellLaw
 from porocore.macro.laws.direct_record import SolvesCells, cost_recorded
 from porocore.macro.laws.linear import LinearPoroelasticity
+from porocore.macro.problem import MacroProblem
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import body_solution_of
 from porocore.sampling.datasets.dataset import Dataset
@@ -209,19 +212,9 @@ def _solve_load(
         with (
             communicator.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
             run.cost_recorded(path.stem),
-            console.task(f"column, {name}, load {load:g}", "time") as task,
+            body_progress(console, f"{name}, load {load:g}", problem, config.result_units) as (show, say),
         ):
-            reached = [0.0, config.macro.time.end]
-
-            def show(step: StepReport, task: Any = task, reached: list[float] = reached) -> None:
-                reached[:] = round(step.time, 6), step.end
-                task.update(*reached, detail=f"settlement {step.settlement:.4g}")
-
             if run.cells is not None:
-
-                def say(text: str, task: Any = task, reached: list[float] = reached) -> None:
-                    task.update(*reached, detail=text)
-
                 run.cells.on_work = say
             solution = body_solution_of(
                 solver, prepared, run.law, problem, checkpoint=checkpoint, on_step=show
@@ -231,6 +224,28 @@ def _solve_load(
         if run.cells is not None:
             console.note(f"{path.stem}: {run.cells.work.in_words()}")
         communicator.on_root(partial(checkpoint.unlink, missing_ok=True))
+
+
+@contextmanager
+def body_progress(
+    console: Console, title: str, problem: MacroProblem, units: ResultUnits
+) -> Iterator[tuple[Callable[[StepReport], None], Callable[[str], None]]]:
+    """Show the progress of a macro solve; yield what to call after each step, and with the work between two steps."""
+    time, length = units.factor("time"), units.factor("displacement")
+    unit, of_length = (f" {units.name(kind)}" if units.given else "" for kind in ("time", "displacement"))
+    forecast, reached, work = StepForecast(problem), 0.0, (0.0, 1.0)
+
+    def update(detail: str) -> None:
+        task.update(float(f"{time * reached:.6g}"), time * problem.time.end, detail=detail, work=work)
+
+    def show(step: StepReport) -> None:
+        nonlocal reached, work
+        forecast.add(step.time)
+        reached, work = step.time, forecast.work
+        update(f"settlement {length * step.settlement:.4g}{of_length}")
+
+    with console.task(title, unit.strip(), "t = ") as task:
+        yield show, update
 
 
 def _is_solved(folder: RunFolder, law: str, load: float, backend: str | None, console: Console) -> bool:

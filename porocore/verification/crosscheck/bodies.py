@@ -12,6 +12,7 @@ from porocore.core.console import Console
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import MacroSolution, StepReport
+from porocore.macro.integration.forecast import StepForecast
 from porocore.macro.laws import ClosedLaw
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.plugins.border import body_solution_of
@@ -87,10 +88,12 @@ def run_body(config: RunConfig, backend: str, name: str, law: MacroLaw, console:
     missing = lacking(kind, problem)
     if missing:
         return BodyRun(backend, name, None, 0.0, lacks=missing, solver=kind)
-    with console.task(f"body, {name}, {backend}", "time") as task:
+    forecast = StepForecast(problem)
+    with console.task(f"body, {name}, {backend}", "", "t = ") as task:
 
         def show(step: StepReport) -> None:
-            task.update(round(step.time, 6), step.end)
+            forecast.add(step.time)
+            task.update(round(step.time, 6), step.end, work=forecast.work)
 
         def solve() -> MacroSolution:
             solver: MacroSolver = make_backend("macro solver", settings)
