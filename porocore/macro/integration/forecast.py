@@ -56,7 +56,7 @@ class Stretch:
             return self.lengths[min(max(k, SETTLED - 1), len(self.since) - 1)]
         longer = (max(since, last) / last) ** growth.power * math.exp(min(growth.rate * (since - last), 50.0))
         # The last one may have been cut at a stop.
-        return max(self.lengths[-2:]) * longer
+        return float(max(self.lengths[-2:]) * longer)
 
     @property
     def slope(self) -> float | None:
