@@ -133,7 +133,7 @@ def test_one_process_prints_and_the_folder_is_left_tidy(one_and_two):
     for folder, done in ((one, first), (two, second)):
         assert [os.path.basename(line) for line in done.stdout.splitlines()] == NAMES
         assert done.stderr.count("next: porocore report") == 1
-        assert len(re.findall(rf"^column, linear, load {LOAD:g}: .* took ", done.stderr, re.M)) == 1
+        assert len(re.findall(rf"^linear, load {LOAD:g}: .* took ", done.stderr, re.M)) == 1
         assert not list((folder / "checkpoints").iterdir())
         assert not [path for path in folder.rglob("*") if path.name.endswith(".part")]
 
