@@ -61,6 +61,10 @@ class Boundary(StrictModel):
             raise ValueError(
                 "a surface has both a plate, which is pushed, and a normal displacement; keep one"
             )
+        if self.plate is not None and (self.follower != 0 or any(t != 0 for t in self.traction)):
+            raise ValueError(
+                "a surface has both a plate, which is pushed by a force alone, and a traction or a follower; keep one"
+            )
         if self.pressure is not None and self.flux != 0:
             raise ValueError("a surface has both a pressure and a flux; keep one")
         return self

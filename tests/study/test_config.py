@@ -214,6 +214,14 @@ def test_the_macroscale_may_have_a_backend_of_its_own(edit):
         ),
         ("range: [-0.02, 0.24]", "range: [0, 1, 2]", "sampling.inputs.p.range", ["a list of 2 entries"]),
         ("    H22:", "    H44:", "sampling.inputs.H44", ["unknown key", "H11, H12"]),
+        ("  loads:", "  layers: 3\n  loads:", "macro.layers", ["all of a body has one cell", "cell.materials"]),
+        ("  loads:", "  indenter: 3\n  loads:", "macro.indenter", ["'macro.surfaces:'", "brain-indentation"]),
+        ("radius: 0.25", "fibres: 1", "cell.geometry.fibres", ["kind: holzapfel-gasser-ogden"]),
+        ("  loads:", "  temperature: 3\n  loads:", "macro.temperature", ["isothermal"]),
+        ("  loads:", "  gravity: 9.81\n  loads:", "macro.gravity", ["macro.body_force: [0, "]),
+        ("  loads:", "  end: 3\n  loads:", "macro.end", ["unknown key; it belongs under 'macro.time:'"]),
+        ("  loads:", "  viscosity: 3\n  loads:", "macro.viscosity", ["it belongs under 'cell:'"]),
+        ("loads: [-0.2, -0.01]", "loads: [yes]", "macro.loads.0", ["got true (so YAML reads yes"]),
         ("workers: auto", "workers: 0", "sampling.workers", ["'auto' or a", "1 <= workers", "got 0"]),
         ("workers: auto", "wrokers: auto", "sampling.wrokers", ["did you mean 'workers'?"]),
         (
@@ -245,6 +253,17 @@ def test_the_macroscale_may_have_a_backend_of_its_own(edit):
 def test_a_fault_names_file_line_key_expectation_and_value(edit, old, new, key, parts):
     line, source, last_key = fault(edit((old, new)), f" {key}: ", *parts)
     assert f"{last_key}:" in source, f"{line!r} points at {source!r}"
+
+
+def test_an_entry_that_is_refused_is_one_fault(edit):
+    with pytest.raises(ConfigurationError) as error:
+        load_config(edit(("loads: [-0.2, -0.01]", "loads: ['2 kPa']")))
+    assert len(str(error.value).splitlines()) == 1
+    assert "macro.loads.0: expected a number, got '2 kPa'; a load multiplies" in str(error.value)
+
+
+def test_a_plate_bears_its_force_alone(edit):
+    fault(edit(("    y+: {", "    y+: {plate: 1, follower: 1, ")), "macro.boundary.y+: ", "both a plate", "keep one")
 
 
 def test_a_missing_key_points_at_the_section_that_lacks_it(edit):

@@ -14,13 +14,17 @@ from porocore.core.echo import cut, did_you_mean, echo
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.walk import bare, is_section, is_union
 from porocore.errors import ConfigurationError
+from porocore.study.config.instead import belongs_to, instead_of
 
 #: Reason of a bound, by dotted key.
 WHY = {
     "cell.geometry.radius": "at 0.5 a pore or an obstacle would touch its image in the next cell",
     "cell.material.poisson_ratio": "0.5 is an incompressible solid, which this formulation cannot take",
     "sampling.workers": "'auto' is one worker for each processor core",
+    "macro.loads": "a load multiplies every prescribed value, so with values under 'macro.boundary:' it is [1]",
 }
+#: So similar to a key is a slip of the pen, whatever else it may mean.
+SLIP = 0.8
 #: Keys of sections that have other keys for each ``kind``.
 OF_KINDS = ("geometry", "material", "body")
 #: Mappings whose values are such sections.
@@ -36,9 +40,19 @@ def faults(
 ) -> list[tuple[Location, str]]:
     """Return one text for each faulty key: ``dotted.key: expected ..., got ...; what to do``."""
     grouped: dict[Location, list[ErrorDetails]] = {}
+    errors = list(errors)
     for error in errors:
+        if error["type"] == "too_short" and any(_is_below(other, error) for other in errors):
+            # Entries are missing only because they are refused.
+            continue
         grouped.setdefault(_document_location(document, error), []).append(error)
     return [(at, _text(document, at, group, root)) for at, group in grouped.items()]
+
+
+def _is_below(error: ErrorDetails, whole: ErrorDetails) -> bool:
+    """Return True if an error is of a part of what another is of."""
+    n = len(whole["loc"])
+    return len(error["loc"]) > n and error["loc"][:n] == whole["loc"]
 
 
 def with_lines(document: YamlDocument, text: str) -> str:
@@ -69,7 +83,8 @@ def located(document: YamlDocument) -> Iterator[None]:
 def unexpected(location: Location, expected: str, got: Any) -> str:
     """Return ``dotted.key: expected ..., got ...``, with the reason of the bound if it is known."""
     key = dotted(location)
-    why = f"; {WHY[key]}" if key in WHY else ""
+    reason = WHY.get(key) or (WHY.get(dotted(location[:-1])) if location[-1].isdigit() else None)
+    why = f"; {reason}" if reason else ""
     return f"{key}: expected {expected}, got {echo(got)}{why}"
 
 
@@ -91,7 +106,9 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
     kind = error["type"]
     place = _with_tags(at, error)
     if kind == "extra_forbidden":
-        return f"{key}: unknown key; {_other_keys(place, root)}"
+        # Of a section with kinds the keys of another kind are no advice.
+        advice = instead_of(at[-1]) or ("" if len(place) > len(at) else belongs_to(at[-1], root))
+        return f"{key}: unknown key; {_other_keys(place, root, advice)}"
     if error["loc"] and error["loc"][-1] == "[key]":
         names = _options(_hint(root, at[:-1])[0], keys=True)
         return f"{key}: unknown key; {_nearest(at[-1], names)}"
@@ -246,11 +263,13 @@ def _options(annotation: Any, keys: bool = False) -> list[str]:
     return found
 
 
-def _other_keys(at: Location, root: type[BaseModel]) -> str:
+def _other_keys(at: Location, root: type[BaseModel], advice: str) -> str:
+    """Return the ``advice`` on an unknown key, or the keys that there are where it is empty or one is as good as it."""
     branches = _branches(_hint(root, at[:-1])[0])
-    return _nearest(
-        at[-1], [name for branch in branches if is_section(branch) for name in branch.model_fields]
-    )
+    names = [name for branch in branches if is_section(branch) for name in branch.model_fields]
+    if advice and not did_you_mean(at[-1], names, cutoff=SLIP):
+        return advice
+    return _nearest(at[-1], names)
 
 
 def _nearest(name: str, names: list[str]) -> str:
