@@ -15,6 +15,8 @@ from porocore.states import Array
 #: A run whose settlement still moves by more than this share of its final value in the last tenth of the time
 #: has not reached the steady state.
 STEADY_TOLERANCE = 1e-3
+#: A share of the body that is flagged but is 0.0 % in words is none.
+LEAST_FLAGGED = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +180,11 @@ def case_metrics(case: LoadCase) -> dict[str, Any]:
     }
 
 
+def is_flagged(metrics: dict[str, Any]) -> bool:
+    """Return True if a share of the body worth a word is flagged at some time."""
+    return bool(metrics["flagged_largest"] >= LEAST_FLAGGED)
+
+
 def flagged_shares(metrics: dict[str, Any]) -> str:
     """Return the flagged share of the body over time in words."""
     largest, mean, end = (percent(metrics[f"flagged_{name}"]) for name in ("largest", "time_mean", "end"))
@@ -196,11 +203,14 @@ def case_warnings(metrics: dict[str, Any], where: str = "") -> list[str]:
     """
     load, found = f"{metrics['load']:g}".replace("-", "−"), []
     flagged = metrics["nonlinear"]
-    if flagged["flagged_largest"] > 0:
+    if is_flagged(flagged):
+        where = where or (
+            f"No kept time shows where: add {flagged['flagged_first_time']:.3g} to macro.time.profiles."
+        )
         found.append(
             f"Load {load}: parts of the body are flagged. There the estimated error of the surrogate exceeds "
             f"surrogate.tolerance, or no cell was solved for a similar state. {flagged_shares(flagged)}"
-            f"{where and ' ' + where}"
+            f" {where}"
         )
     for kind in ("nonlinear", "linear"):
         drift = metrics[kind]["steady_drift"]

@@ -10,7 +10,7 @@ import numpy as np
 from porocore.macro.laws.pull_back import is_isotropic
 from porocore.report.context import CellSummary, Published, ReportContext, SurrogateSummary
 from porocore.report.format import NONE, difference, number, plain
-from porocore.report.metrics import LoadCase, case_metrics, case_warnings, flagged_shares
+from porocore.report.metrics import LoadCase, case_metrics, case_warnings, flagged_shares, is_flagged
 from porocore.states import Status
 
 #: What each status means, in plain words.
@@ -54,7 +54,7 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
             f"t = {number(linear['time_to_95_percent'], 3)} and {number(linear['time_to_99_percent'], 3)}. "
             f"The nonlinear time to 99 % is {difference(metrics['time_to_99_percent_ratio'], 'shorter', 'longer')}."
         )
-    if nonlinear["flagged_largest"] > 0:
+    if is_flagged(nonlinear):
         sentences.append(
             f"Parts of the body are flagged: there the surrogate is not reliable. {flagged_shares(nonlinear)}"
         )

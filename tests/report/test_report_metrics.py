@@ -98,6 +98,16 @@ def test_warns_of_flagged_states_only(column):
     assert "at the end of the run it is 100.0 %" in warning
 
 
+def test_a_share_that_is_zero_in_words_is_no_warning(column):
+    solution, linear = column(beyond=None), column(law="linear", beyond=None)
+    for share, warns in ((4e-4, 0), (6e-4, 1)):
+        outside = np.where(solution.history.time > 50, share, 0.0)
+        found = replace(solution, history=replace(solution.history, outside_training_range=outside))
+        said = case_warnings(case_metrics(LoadCase(found, linear)))
+        assert len(said) == warns
+    assert said[0].endswith("No kept time shows where: add 50.5 to macro.time.profiles.")
+
+
 def test_two_solutions_of_different_loads_are_no_case(column):
     with pytest.raises(ValueError, match=r"one load, got -0\.2 and -0\.01"):
         LoadCase(column(), column(load=-0.01))

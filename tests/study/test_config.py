@@ -214,7 +214,12 @@ def test_the_macroscale_may_have_a_backend_of_its_own(edit):
         ),
         ("range: [-0.02, 0.24]", "range: [0, 1, 2]", "sampling.inputs.p.range", ["a list of 2 entries"]),
         ("    H22:", "    H44:", "sampling.inputs.H44", ["unknown key", "H11, H12"]),
-        ("  loads:", "  layers: 3\n  loads:", "macro.layers", ["all of a body has one cell", "cell.materials"]),
+        (
+            "  loads:",
+            "  layers: 3\n  loads:",
+            "macro.layers",
+            ["all of a body has one cell", "cell.materials"],
+        ),
         ("  loads:", "  indenter: 3\n  loads:", "macro.indenter", ["'macro.surfaces:'", "brain-indentation"]),
         ("radius: 0.25", "fibres: 1", "cell.geometry.fibres", ["kind: holzapfel-gasser-ogden"]),
         ("  loads:", "  temperature: 3\n  loads:", "macro.temperature", ["isothermal"]),
@@ -263,7 +268,12 @@ def test_an_entry_that_is_refused_is_one_fault(edit):
 
 
 def test_a_plate_bears_its_force_alone(edit):
-    fault(edit(("    y+: {", "    y+: {plate: 1, follower: 1, ")), "macro.boundary.y+: ", "both a plate", "keep one")
+    fault(
+        edit(("    y+: {", "    y+: {plate: 1, follower: 1, ")),
+        "macro.boundary.y+: ",
+        "both a plate",
+        "keep one",
+    )
 
 
 def test_a_missing_key_points_at_the_section_that_lacks_it(edit):

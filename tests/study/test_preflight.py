@@ -17,7 +17,8 @@ from porocore.macro.problem import TimePlan
 from porocore.plugins import registry
 from porocore.study import backends
 from porocore.study.config.loading import load_config
-from porocore.study.preflight.checks import check_backends, check_sampling, outline
+from porocore.study.preflight.checks import check_backends, check_sampling, outline, place
+from porocore.study.preflight.reach_notes import prescribed_reach
 
 
 def test_check_tells_what_a_run_would_do():
@@ -196,3 +197,38 @@ def test_check_passes_meshes_of_one_size_whose_fluid_follows(tmp_path):
     mesh = {"size": 0.4, "fluid_size": 0.4, "element": "linear"}
     path = study_of(tmp_path, cell={"geometry": GYROID, "mesh": mesh}, conductivity="deformed")
     assert "no faults" in invoke("check", path).stdout
+
+
+@pytest.mark.parametrize("model", ["mean-gradient", "potential"])
+def test_check_compares_what_is_prescribed_with_the_sampled_ranges(tmp_path, model):
+    """Of a block of height 2 that is pressed by 8 %, and sheared by 5 %."""
+    inputs = {"H11": {"range": [-0.05, 0.05]}, "H22": {"range": [-0.05, 0.02]}, "p": {"range": [-0.1, 0.1]}}
+    pressed = {"displacement": [{"ramp": 0.1, "until": 1}, {"ramp": -0.16, "until": 1}, 0], "pressure": 0.2}
+    path = study_of(
+        tmp_path,
+        closure=model,
+        sampling__inputs=inputs,
+        macro__body={"kind": "box", "size": [1, 2, 1], "elements": [1, 2, 1]},
+        macro__surfaces={},
+        macro__probes={},
+        macro__boundary={"y-": {"displacement": [0, 0, 0]}, "y+": pressed},
+        macro__loads=[1],
+    )
+    config = load_config(path)
+    (note,) = prescribed_reach(config, place(config))
+    assert "H12 = 0.05 between the surfaces y- and y+ at t = 1 under the load 1 (not sampled)" in note
+    assert "H22 = −0.08 between the surfaces y- and y+" in note
+    assert "(sampled in [−0.05, 0.02])" in note
+    assert "p = 0.2 on the surface y+" in note
+    for line in ("H12: {range: [0, 0.055]}", "H22: {range: [-0.09, 0.02]}", "p: {range: [-0.1, 0.23]}"):
+        assert line in note
+    inputs |= {"H12": {"range": [0, 0.06]}, "H22": {"range": [-0.09, 0.02]}, "p": {"range": [-0.1, 0.3]}}
+    wider = study_of(
+        tmp_path,
+        **{
+            "closure": model,
+            "sampling__inputs": inputs,
+            "macro__boundary": config.macro.model_dump()["boundary"],
+        },
+    )
+    assert not prescribed_reach(load_config(wider), place(config))

@@ -11,7 +11,7 @@ from flag_studies import FOUR, SEVEN, assert_follows, held_out
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.core.tensors.point_group import TRIVIAL
 from porocore.states import MacroState
-from porocore.study.stages.summary import flagged_place
+from porocore.study.reach import flagged_place
 from porocore.surrogates.error_estimate.models import with_mean_gradient_error
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.mean_gradient.model import AnchoredModel
@@ -154,8 +154,30 @@ def test_it_says_where_in_the_body():
     surrogate = PolynomialSurrogate().fit(training("four"), seed=0)
     early, late = Profile(1.0, [0.0, 0.5], [0, -0.16]), Profile(2.0, [0.0, 1.0], [0, -0.2])
     said = flagged_place(Solution(early, late, Profile(3.0, [0.25, 0.0], [0, 0])), surrogate)
-    assert said.startswith(
-        "An example is the element at (1, 3, 0) at t = 2: H22 = −0.2, beyond [−0.15, 0.1], where the est"
+    assert said == (
+        "Beyond what was sampled: H22 = −0.2 at (1, 3, 0) at t = 2 (sampled in [−0.15, 0.1]). "
+        "Write under 'sampling.inputs:' H22: {range: [-0.23, 0.1]}."
     )
+    within = Solution(Profile(1.0, [0.0, 0.5], [0, -0.14]))
+    said = flagged_place(within, surrogate)
+    assert said.startswith(
+        "An example is the element at (1, 3, 0) at t = 1: H22 = −0.14 in [−0.15, 0.1], where"
+    )
+    assert said.endswith("raise sampling.options.count.")
     assert flagged_place(Solution(Profile(1.0, [0.0, 0.0], [0, 0])), surrogate) == ""
     assert flagged_place(Solution(), surrogate) == ""
+
+
+def test_it_names_a_component_that_was_not_sampled():
+    surrogate = PolynomialSurrogate().fit(training("four"), seed=0)
+    turned, both = Profile(1.0, [0.0, 1.0], [0, 0]), Profile(2.0, [0.0, 1.0], [0, -0.2])
+    turned.grad_u[1] = [[np.cos(0.3) - 1, -np.sin(0.3), 0], [np.sin(0.3), np.cos(0.3) - 1, 0], [0, 0, 0]]
+    both.grad_u[1, 1, 2] = 0.016
+    said = flagged_place(Solution(both), surrogate)
+    assert said.startswith(
+        "Beyond what was sampled: H23 = 0.016 at (1, 3, 0) at t = 2 (not sampled); H22 = −0.2"
+    )
+    assert said.endswith(" H23: {range: [0, 0.018]}, H22: {range: [-0.23, 0.1]}.")
+    assert "H21 = 0.296" in flagged_place(Solution(turned), surrogate)
+    # A law that does not change when the body turns has nothing against it.
+    assert "Beyond" not in flagged_place(Solution(turned), surrogate, objective=True)

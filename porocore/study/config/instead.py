@@ -43,8 +43,8 @@ INSTEAD = {
     "volume; the fluid feels no gravity",
     r"(density|rho|mass|inertia|acceleration)": "there is no inertia, so no density; a weight is 'macro.body_force:'",
     r"(permeability|conductivity_tensor|hydraulic_conductivity|k)": _OF_THE_CELL,
-    r"(porosity|void_ratio|pore_size|pore_diameter)": "it follows from cell.geometry, which 'porocore check' tells; the "
-    "pore size in metres is 'scales.pore:'",
+    r"(porosity|void_ratio|pore_size|pore_diameter)": "it follows from cell.geometry, which 'porocore check' tells; "
+    "the pore size in metres is 'scales.pore:'",
     r"(e|youngs?_modulus|elastic_modulus|stiffness|bulk_modulus|shear_modulus|lame)": _MODULUS,
     r"(force|forces|stress|load|loading|pressure_load)": _FORCE,
     r"(strain|compression|stretch)": _STRAIN,
@@ -52,10 +52,11 @@ INSTEAD = {
     "components",
     r"(visco|viscoelastic.*|relaxation|creep|prony|plastic.*|yield.*|damage|fracture|growth|swelling|osmo.*|fixed_charge.*|"
     r"saturation|electric.*|chemical.*)": _NOT_MODELLED,
-    r"(initial_(pressure|state|stress|conditions?))": "a body begins as 'macro.initial:' says, with pressure and gradient",
+    r"(initial_(pressure|state|stress|conditions?))": "a body begins with the pressure and the gradient of "
+    "'macro.initial:'",
     r"(dt|time_step|timestep|t_end|duration)": "the time plan is 'macro.time:', with step and end",
-    r"(units?)": "a unit is written behind its number, such as 3 mm, once 'scales:' is given at the top level; those of "
-    "results are 'output_units:'",
+    r"(units?)": "a unit is written behind its number, such as 3 mm, once 'scales:' is given at the top level; the "
+    "units of results are 'output_units:'",
     r"(bcs?|boundary_conditions?|supports?|drainage)": "boundary conditions are 'macro.boundary:', by surface",
     r"(time_functions?|amplitude|curve|cycles?)": "a prescribed value may be a function of time: {table: ...}, {ramp: "
     "..., until: ...} or {expression: ...}; macro.time.load_curve is one for all",

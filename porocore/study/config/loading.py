@@ -74,7 +74,10 @@ def validated(document: YamlDocument) -> RunConfig:
         found += _unknown_surfaces(config.macro)
     # No setting of porocore is true or false, but pydantic would take 'yes' for 1.
     found += [
-        (at, f"{dotted(at)}: expected a number, got {echo(value)} (so YAML reads yes, no, on and off); write a number")
+        (
+            at,
+            f"{dotted(at)}: expected a number, got {echo(value)} (so YAML reads yes, no, on and off); write a number",
+        )
         for at, value in _leaves(document.data)
         if isinstance(value, bool) and "options" not in at and at not in dict(found)
     ]

@@ -27,6 +27,7 @@ from porocore.plugins.kinds import KINDS, Kind
 from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
+from porocore.study.preflight.reach_notes import prescribed_reach
 from porocore.study.preflight.symmetry_notes import uncovered
 from porocore.study.preflight.time_functions import check_time_functions
 from porocore.study.preflight.workload import Workload, require_memory
@@ -169,6 +170,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     nodes = quality.solid.nodes if quality.solid else 0
     yield f"work: {Workload.of(config, expected, len(place(config).cells), nodes).as_line()}"
     yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))
+    yield from (f"note: {warning}" for warning in prescribed_reach(config, place(config)))
     yield from (f"note: {warning}" for warning in _late(config))
     # K is not known yet, but along which axes it is positive.
     percolates = np.diag([float(axis not in quality.blocked) for axis in "xyz"])
