@@ -50,13 +50,13 @@ class Reach:
 
     def in_words(self, units: ResultUnits) -> str:
         """Return what is reached and what was sampled."""
-        if self.sampled is None:
-            known = "not sampled"
-        else:
-            known = f"sampled in [{', '.join(written(self.name, end, units) for end in self.sampled)}]"
-        return f"{self.name} = {written(self.name, self.value, units)} {self.where} ({known})".translate(
-            MINUS
-        )
+        known = "not sampled"
+        if self.sampled is not None:
+            ends = ", ".join(written(self.name, end, units) for end in self.sampled)
+            known = f"sampled in [{ends}]".translate(MINUS)
+        value = written(self.name, self.value, units).translate(MINUS)
+        # Not in the place: a surface may be called y-.
+        return f"{self.name} = {value} {self.where} ({known})"
 
     def line(self, units: ResultUnits) -> str:
         """Return the line of the configuration that samples it."""

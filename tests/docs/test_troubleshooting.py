@@ -167,7 +167,8 @@ def outside(reader):
     nonlinear = {**shares, "flagged_first_time": 0.2, "flagged_all_time": None, "steady_drift": 0.02}
     found = case_warnings(
         {"load": -0.2, "nonlinear": nonlinear, "linear": {"steady_drift": None}},
-        "An example is the element at (0, 0, 0) at t = 1.",
+        "Beyond what was sampled: H22 = −0.2 at (0, 0, 0) at t = 1 (sampled in [−0.1, 0]). Write under "
+        "'sampling.inputs:' H22: {range: [-0.23, 0]}.",
     )
     return [f"warning: {text}" for text in found]
 

@@ -204,17 +204,15 @@ def test_check_compares_what_is_prescribed_with_the_sampled_ranges(tmp_path, mod
     """Of a block of height 2 that is pressed by 8 %, and sheared by 5 %."""
     inputs = {"H11": {"range": [-0.05, 0.05]}, "H22": {"range": [-0.05, 0.02]}, "p": {"range": [-0.1, 0.1]}}
     pressed = {"displacement": [{"ramp": 0.1, "until": 1}, {"ramp": -0.16, "until": 1}, 0], "pressure": 0.2}
-    path = study_of(
-        tmp_path,
-        closure=model,
-        sampling__inputs=inputs,
-        macro__body={"kind": "box", "size": [1, 2, 1], "elements": [1, 2, 1]},
-        macro__surfaces={},
-        macro__probes={},
-        macro__boundary={"y-": {"displacement": [0, 0, 0]}, "y+": pressed},
-        macro__loads=[1],
-    )
-    config = load_config(path)
+    settings = {
+        "closure": model,
+        "macro__body": {"kind": "box", "size": [1, 2, 1], "elements": [1, 2, 1]},
+        "macro__surfaces": {},
+        "macro__probes": {},
+        "macro__boundary": {"y-": {"displacement": [0, 0, 0]}, "y+": pressed},
+        "macro__loads": [1],
+    }
+    config = load_config(study_of(tmp_path, sampling__inputs=inputs, **settings))
     (note,) = prescribed_reach(config, place(config))
     assert "H12 = 0.05 between the surfaces y- and y+ at t = 1 under the load 1 (not sampled)" in note
     assert "H22 = −0.08 between the surfaces y- and y+" in note
@@ -223,12 +221,5 @@ def test_check_compares_what_is_prescribed_with_the_sampled_ranges(tmp_path, mod
     for line in ("H12: {range: [0, 0.055]}", "H22: {range: [-0.09, 0.02]}", "p: {range: [-0.1, 0.23]}"):
         assert line in note
     inputs |= {"H12": {"range": [0, 0.06]}, "H22": {"range": [-0.09, 0.02]}, "p": {"range": [-0.1, 0.3]}}
-    wider = study_of(
-        tmp_path,
-        **{
-            "closure": model,
-            "sampling__inputs": inputs,
-            "macro__boundary": config.macro.model_dump()["boundary"],
-        },
-    )
-    assert not prescribed_reach(load_config(wider), place(config))
+    wider = load_config(study_of(tmp_path, sampling__inputs=inputs, **settings))
+    assert not prescribed_reach(wider, place(wider))

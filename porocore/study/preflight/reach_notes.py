@@ -17,16 +17,17 @@ from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.problem import Boundary
 from porocore.states import Array, MacroState
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.time_functions import run_times
 from porocore.study.reach import advice, beyond
 
 #: A surface is across an axis if its nodes differ by less than this share of the body along it.
 FLAT = 1e-6
+#: Times at which prescribed values are looked at, beside those of their kinks.
+TIMES = 200
 
 
 def prescribed_reach(config: RunConfig, mesh: BodyMesh) -> list[str]:
-    """Return a note of the components that what is prescribed takes out of the sampled ranges; none if there are none."""
-    inputs, times = config.sampling.input_space(), run_times(config.macro)
+    """Return a note of the components that what is prescribed takes out of the sampled ranges, none without such."""
+    inputs, times = config.sampling.input_space(), _times(config)
     units, rows, where = config.result_units, [], []
     for load in config.macro.loads:
         for column, values, said in _known(config, mesh, times):
@@ -46,6 +47,13 @@ def prescribed_reach(config: RunConfig, mesh: BodyMesh) -> list[str]:
     if not reached:
         return []
     return [f"what is prescribed leaves the sampled ranges, on average or more: {advice(reached, units)}"]
+
+
+def _times(config: RunConfig) -> Array:
+    """Return times of a run (n,), with all kinks of what is prescribed."""
+    plan = config.macro.time
+    kinks = [*config.macro.corners, plan.ramp_increments * plan.ramp_step]
+    return np.asarray(np.unique(np.concatenate([kinks, np.linspace(0, plan.end, TIMES + 1)])))
 
 
 def _known(config: RunConfig, mesh: BodyMesh, times: Array) -> Iterator[tuple[int, Array, str]]:
@@ -78,7 +86,7 @@ def _faces(config: RunConfig, mesh: BodyMesh) -> list[tuple[str, int, float, Arr
         boundary = config.macro.boundary.get(name)
         if boundary is None:
             continue
-        points = mesh.points[np.unique(facets.nodes)]
+        points = mesh.points[np.unique(facets)]
         low, high = points.min(axis=0), points.max(axis=0)
         for j in np.flatnonzero(high - low < FLAT * size):
             found.append((name, int(j), float(low[j]), low, high, boundary))
