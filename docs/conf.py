@@ -22,18 +22,20 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "signatures",
     "commands",
+    "equations",
     "front_page",
     "laws",
+    "notebooks",
 ]
 
 root_doc = "docs/index"
 include_patterns = [
     "docs/*.md",
     "docs/*/*.md",
+    "docs/*.ipynb",
     "CHANGELOG.md",
     "CONTRIBUTING.md",
     "README.md",
@@ -49,6 +51,10 @@ exclude_patterns = [".*", "build", "dist", "runs", "porocore", "**/.*", "**/node
 myst_enable_extensions = ["amsmath", "dollarmath"]
 # As on GitHub: a heading can be linked to by its words.
 myst_heading_anchors = 4
+
+# ---- Equations ----------------------------------------------------------------------------------
+
+html_math_renderer = "mathml"
 
 # ---- API ----------------------------------------------------------------------------------------
 

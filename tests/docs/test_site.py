@@ -74,8 +74,49 @@ def test_links_to_files_lead_to_the_files(site):
 
 def test_equations_and_tables_are_rendered(site):
     page = (site / "docs/theory.html").read_text(encoding="utf-8")
-    assert page.count('class="math notranslate') > 10
-    assert "$$" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+    assert page.count('<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">') > 10
+    shown = re.sub(r"<(script|math).*?</\1>", "", page, flags=re.DOTALL)
+    assert "$$" not in shown
+    assert "\\mathrm" not in shown
+
+
+def test_nothing_is_fetched_from_a_network(site):
+    """What a browser loads without being asked; a link that a reader follows may lead anywhere."""
+    for path in [*site.rglob("*.html"), *site.rglob("*.css")]:
+        assert not list(fetched(path.read_text(encoding="utf-8"))), path
+    scripts = "".join(path.read_text(encoding="utf-8") for path in site.rglob("*.js"))
+    assert not re.search(r"\b(import|fetch|importScripts)\(\s*[\"'](https?:)?//", scripts)
+
+
+def fetched(text):
+    """Addresses on other machines that a page or a style sheet loads."""
+    tags = re.findall(r"<(?:script|img|iframe|source|video|audio|embed|link)\b[^>]*>", text)
+    loaded = [
+        address for tag in tags for address in re.findall(r"\b(?:src|srcset|href|data)=\"([^\"]*)\"", tag)
+    ]
+    loaded += re.findall(r"(?:@import\s+|url\()\s*[\"']?([^\"')\s]+)", text)
+    return (address for address in loaded if re.match(r"(?:https?:)?//", address))
+
+
+def test_an_address_on_another_machine_is_found():
+    seen = '<script defer src="https://cdn.example.org/a.js"></script> @import "//fonts.example.org/b"; url(c.png)'
+    assert list(fetched(seen)) == ["https://cdn.example.org/a.js", "//fonts.example.org/b"]
+
+
+def test_the_notebook_is_a_page_with_its_outputs(site):
+    page = (site / "docs/notebook.html").read_text(encoding="utf-8")
+    assert "<h1>A first study in a notebook" in page
+    assert 'src="data:image/png;base64,' in page
+    assert "settlement 0.0" in text_of(site, "docs/notebook.html")
+
+
+def test_the_front_page_says_what_it_is_for_and_what_it_cannot_do(site):
+    page = (site / "docs/index.html").read_text(encoding="utf-8")
+    headings = re.findall(r"<h2>(.*?)<a", page)
+    assert headings[:4] == ["What it is for", "What it cannot do", "How to get it", "How to cite"]
+    pictures = re.findall(r'<img[^>]*src="([^"]+)"', page)
+    assert sum("example-" in picture for picture in pictures) >= 3
+    assert all((site / "docs" / picture).is_file() for picture in pictures)
 
 
 def test_every_law_of_the_kit_is_in_the_reference(site):
