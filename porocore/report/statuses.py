@@ -70,9 +70,7 @@ def visited_sentence(visited: list[dict[str, float]]) -> str:
     end = visited[-1]
     largest = {name: max(at[name] for at in visited) for name in SHARES}
     if not any(largest.values()):
-        return (
-            "The solved states of the cell nearest to the states of the body are stable and free of contact."
-        )
+        return "For each element of the body, the nearest solved state of the cell is stable and free of contact."
     at_end, at_most = ([percent(shares[name], 0) for name in SHARES] for shares in (end, largest))
     return (
         "Each element of the body has the status of the nearest solved state of the cell. At the end of the run the "
