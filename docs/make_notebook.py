@@ -9,7 +9,6 @@ import base64
 import contextlib
 import io
 import json
-import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -55,7 +54,7 @@ def main() -> None:
         done = {cell["id"]: cell for cell in executed(notebook)}
     notebook["cells"] = [done.get(cell["id"], cell) for cell in notebook["cells"]]
     text = json.dumps(notebook, indent=1, ensure_ascii=False)
-    NOTEBOOK.write_text(text + os.linesep, encoding="utf-8")
+    NOTEBOOK.write_text(text + "\n", encoding="utf-8")
     print(NOTEBOOK)
 
 
