@@ -69,7 +69,10 @@ def test_of_the_body_by_volume(column):
     assert first["contact"] == pytest.approx(0.1)
     assert {second[name] for name in SHARES} == {0.0}
     assert "70 %" in visited_sentence([first, second])
-    assert "are stable and free of contact" in visited_sentence([second])
+    assert (
+        "each element of the body, the nearest solved state of the cell is stable and free of contact"
+        in visited_sentence([second])
+    )
     assert json.loads(json.dumps([first, second], allow_nan=False)) == [first, second]
 
 
