@@ -30,7 +30,7 @@ from porocore.study.config.config import RunConfig
 from porocore.study.preflight.reach_notes import prescribed_reach
 from porocore.study.preflight.symmetry_notes import uncovered
 from porocore.study.preflight.time_functions import check_time_functions
-from porocore.study.preflight.workload import Workload, require_memory
+from porocore.study.preflight.workload import Workload, require_memory, share_solved, slow_states
 
 #: Points of a table that are shown.
 MOST_POINTS = 4
@@ -169,6 +169,8 @@ def outline(config: RunConfig) -> Iterator[str]:
     expected = backends.make_backend("sampler", config).expected
     nodes = quality.solid.nodes if quality.solid else 0
     yield f"work: {Workload.of(config, expected, len(place(config).cells), nodes).as_line()}"
+    if slow := slow_states(nodes * share_solved(config), config.cell.mesh.size):
+        yield f"note: {slow}"
     yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))
     yield from (f"note: {warning}" for warning in prescribed_reach(config, place(config)))
     yield from (f"note: {warning}" for warning in _late(config))

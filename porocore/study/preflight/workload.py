@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 
@@ -9,9 +10,14 @@ from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
 
-#: Memory of one process that solves cells [bytes], shared pages counted once: 0.27 GB in the benchmark with either
-#: finite-element backend. Finer meshes take more: 0.65 GB at half the mesh size.
-PROCESS = 2.7e8
+#: Memory of one process that solves cells [bytes], shared pages counted once: in the benchmark with either
+#: finite-element backend; of the libraries alone; for each node of the solid that is solved. The last is the largest of
+#: 0.68 GB at 12,017 nodes, 1.58 GB at 42,164 and 3.7 GB at 102,597 (images, scikit-fem).
+PROCESS, LIBRARIES, SOLID_NODE = 2.7e8, 2e8, 4e4
+#: Nodes for each tetrahedron of first and of second order; measured 0.2 and 1.5 to 1.7 on images.
+NODES_OF_TETRAHEDRON = {"linear": 0.22, "quadratic-straight": 1.6, "quadratic-curved": 1.6}
+#: Largest number of nodes of the solid for which the time of a state was measured, and that time on one quiet core [s].
+TIMED, SECONDS = 12_000, 10
 #: Bytes of a solved state with its derivatives, and of each node of its field.
 STATE, NODE = 4_000, 24
 #: Numbers of one time step in a history, and of one quadrature point in a kept field.
@@ -38,6 +44,8 @@ class Workload:
         Elements of the body, and times at which fields are kept.
     nodes
         Nodes of the cell's solid.
+    process
+        Memory of one process that solves cells [bytes].
     """
 
     states: int
@@ -47,6 +55,7 @@ class Workload:
     elements: int
     profiles: int
     nodes: int
+    process: float = PROCESS
 
     @classmethod
     def of(cls, config: RunConfig, states: int, elements: int, nodes: int) -> Workload:
@@ -61,6 +70,7 @@ class Workload:
             elements,
             len(time.profiles) + 1,
             nodes,
+            process_memory(nodes * share_solved(config)),
         )
 
     @property
@@ -72,7 +82,7 @@ class Workload:
     @property
     def memory(self) -> float:
         """Approximate memory of all processes that solve cells [bytes]."""
-        return max(1, self.workers) * PROCESS
+        return max(1, self.workers) * self.process
 
     def as_line(self) -> str:
         """Return the counts for reading."""
@@ -90,21 +100,61 @@ def workers_here(config: RunConfig) -> int:
     return 1 if sampling.executor == "serial" else sampling.worker_count()
 
 
+def share_solved(config: RunConfig) -> float:
+    """Return the largest share of the cell that is solved for any state: an eighth, or the whole."""
+    sheared = any(name[0] == "H" and name[1] != name[2] for name in config.sampling.inputs)
+    return 1 / 8 if config.cell.mirrored and not sheared else 1.0
+
+
+def expected_nodes(config: RunConfig) -> float:
+    """Return the approximate number of nodes of the solid that is solved, without meshing it."""
+    cell = config.cell
+    tetrahedra = cell.geometry.elements(cell.mesh.size) * (1 - cell.geometry.porosity)
+    nodes = tetrahedra * math.prod(cell.supercell) * NODES_OF_TETRAHEDRON[cell.mesh.element]
+    return nodes * share_solved(config)
+
+
+def process_memory(nodes: float) -> float:
+    """Return the memory of one process that solves a solid of so many nodes [bytes]."""
+    return max(PROCESS, LIBRARIES + SOLID_NODE * nodes)
+
+
 def require_memory(config: RunConfig) -> None:
-    """Refuse more processes than this machine has memory for.
+    """Refuse processes that this machine has too little memory for.
 
     Raises
     ------
     ConfigurationError
-        The processes are too many.
+        The mesh of the cell is too fine, or the processes are too many.
     """
     workers, there = workers_here(config), memory_here()
-    if there is not None and workers > 1 and workers * PROCESS > there:
+    if there is None or workers == 0:
+        return
+    nodes, size = expected_nodes(config), config.cell.mesh.size
+    process = process_memory(nodes)
+    if process > there:
+        larger = size * (SOLID_NODE * nodes / max(there - LIBRARIES, LIBRARIES)) ** (1 / 3)
         raise ConfigurationError(
-            f"sampling.workers: {workers} processes need some {workers * PROCESS / 1e9:.3g} GB of memory, "
-            f"{PROCESS / 1e9:g} GB each, but this machine has {there / 1e9:.3g} GB; take at most "
-            f"{max(1, int(there / PROCESS))}"
+            f"cell.mesh.size: at {size:g} the solid has about {nodes:,.0f} nodes, and solving it needs some "
+            f"{process / 1e9:.3g} GB of memory, but this machine has {there / 1e9:.3g} GB; take {larger:.2g} or more"
         )
+    if workers > 1 and workers * process > there:
+        raise ConfigurationError(
+            f"sampling.workers: {workers} processes need some {workers * process / 1e9:.3g} GB of memory, "
+            f"{process / 1e9:.2g} GB each, but this machine has {there / 1e9:.3g} GB; take at most "
+            f"{max(1, int(there / process))}"
+        )
+
+
+def slow_states(nodes: float, size: float) -> str:
+    """Return a note on a solid for which the time of a state was not measured; empty for a smaller one."""
+    if nodes <= TIMED:
+        return ""
+    larger = size * (nodes / TIMED) ** (1 / 3)
+    return (
+        f"{nodes:,.0f} nodes of the solid are solved at a time; {TIMED:,} take some {SECONDS} s a state on one core, "
+        f"more were not measured and may take many minutes; cell.mesh.size: {larger:.2g} has about {TIMED:,}"
+    )
 
 
 def require_states(config: RunConfig, expected: int) -> None:
