@@ -14,8 +14,8 @@ from porocore.study.config.config import RunConfig
 #: finite-element backend; of the libraries alone; for each node of the solid that is solved. The last is the largest of
 #: 0.68 GB at 12,017 nodes, 1.58 GB at 42,164 and 3.7 GB at 102,597 (images, scikit-fem).
 PROCESS, LIBRARIES, SOLID_NODE = 2.7e8, 2e8, 4e4
-#: Nodes for each tetrahedron that a geometry expects; measured 1.7 to 2.4 of second order on images of sizes 0.047 to 0.1,
-#: since more tetrahedra are made at the wall.
+#: Nodes for each tetrahedron that a geometry expects; measured 1.7 to 2.4 of second order on images, since
+#: more tetrahedra are made at the wall.
 NODES_OF_TETRAHEDRON = {"linear": 0.27, "quadratic-straight": 2.0, "quadratic-curved": 2.0}
 #: Largest number of nodes of the solid for which the time of a state was measured, and that time on one quiet core [s].
 TIMED, SECONDS = 12_000, 10
