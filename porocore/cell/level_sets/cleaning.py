@@ -36,7 +36,7 @@ class Cleaned:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """What was removed, and what floats."""
+        """Sentences on what was removed and on grains that float."""
         share = 100 / self.solid.size
         notes = []
         if self.grains:

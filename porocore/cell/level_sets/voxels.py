@@ -58,7 +58,7 @@ class Voxels(FromFile, LevelSetGeometry):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What cleaning has removed, and grains that float."""
+        """Sentences on what cleaning removed, and on grains that float."""
         return _cleaned(self).notes
 
     @property
