@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 import shlex
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,11 +14,15 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 
 from porocore.core.echo import echo
+from porocore.core.parallel import launched
 from porocore.errors import ConfigurationError, UnexpectedError
 
 if TYPE_CHECKING:
     from porocore.core.files.store import ResultStore
     from porocore.study.config.config import RunConfig
+
+#: Exit status after Ctrl-C.
+INTERRUPTED = 130
 
 
 class Interrupted(Exception):
@@ -25,13 +31,27 @@ class Interrupted(Exception):
 
 @contextmanager
 def interruptible(advice: str = "") -> Iterator[None]:
-    """Turn Ctrl-C into :class:`Interrupted`; typer would end silently, as it would at the end of a stream."""
+    """Acknowledge Ctrl-C and turn it into :class:`Interrupted`; typer would end silently, as at the end of a stream."""
+    from porocore.sampling.execution.interrupts import listening
+
+    message = f"interrupted; continue with: {advice}" if advice else "interrupted"
+
+    def say(text: str) -> None:
+        if launched()[0] == 0:
+            print(text, file=sys.stderr, flush=True)
+
+    def end() -> None:
+        # The bar of a terminal hides the cursor.
+        say(f"\x1b[?25h\n{message}" if sys.stderr.isatty() else message)
+        os._exit(INTERRUPTED)
+
     try:
-        yield
+        with listening(say, end):
+            yield
     except EOFError as error:
         raise UnexpectedError(f"EOFError: {error}") from error
     except KeyboardInterrupt as error:
-        raise Interrupted(f"interrupted; continue with: {advice}" if advice else "interrupted") from error
+        raise Interrupted(message) from error
 
 
 @contextmanager

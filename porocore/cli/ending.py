@@ -15,12 +15,12 @@ from typing import NoReturn
 
 import typer
 
-from porocore.cli.common import Interrupted
+from porocore.cli.common import INTERRUPTED, Interrupted
 from porocore.core import unexpected
 from porocore.core.parallel import launched, let_the_first_speak
 from porocore.errors import PorocoreError, UnexpectedError
 
-REFUSED, UNEXPECTED, INTERRUPTED = 2, 70, 130
+REFUSED, UNEXPECTED = 2, 70
 #: Lines of a message, and characters of a line, that are shown.
 MOST_LINES, LONGEST_LINE = 30, 600
 _ROOM = "make room and continue with --resume"

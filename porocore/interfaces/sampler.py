@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -108,6 +109,27 @@ class Judge(Protocol):
         """Return the judgement of the ``candidates``, (m), by members that learned ``responses`` from ``data``."""
 
 
+class Remember(Protocol):
+    """Keeps the decisions of a sampler beside its data set, so that a resumed sampling does not come to them again."""
+
+    def __call__(self, grounds: str, decide: Callable[[], Any]) -> Any:
+        """Return the decision that was made on these grounds; where there is none, make it and keep it.
+
+        Parameters
+        ----------
+        grounds
+            All that the decision depends on, such as a hash of the responses so far; the options of the sampler and the
+            study need not be named.
+        decide
+            Makes the decision: numbers, texts, lists and dictionaries of them, as in JSON. Numbers are finite.
+        """
+
+
+def make_anew(grounds: str, decide: Callable[[], Any]) -> Any:
+    """Return the decision of ``decide``; nothing is kept."""
+    return decide()
+
+
 @dataclass(frozen=True, eq=False)
 class StudyFacts:
     """Study that a sampler samples for, as far as a sampler may know it.
@@ -126,6 +148,8 @@ class StudyFacts:
         Asks a committee of surrogates about states that are not solved yet.
     symmetry
         Point group of the cell, see :class:`~porocore.interfaces.surrogate.TrainingSet`.
+    remember
+        Keeps decisions that take time, for a sampling that is resumed.
     """
 
     reference: CellResponse
@@ -134,6 +158,7 @@ class StudyFacts:
     explore: Explore
     judge: Judge
     symmetry: PointGroup = TRIVIAL
+    remember: Remember = make_anew
 
 
 class StudySampler(Sampler):

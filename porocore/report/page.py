@@ -6,6 +6,7 @@ import base64
 from dataclasses import dataclass
 
 import jinja2
+import markupsafe
 from matplotlib.figure import Figure
 
 from porocore.report.figures.style import png_bytes, svg_bytes
@@ -38,6 +39,17 @@ def environment(*packages: str) -> jinja2.Environment:
     )
     made.filters |= {each.__name__: each for each in (number, plain, percent, duration, difference)}
     return made
+
+
+def retitled(page: str, heading: tuple[str, str], configuration: tuple[str, str]) -> str | None:
+    """Return the page of a run with another heading and configuration, each before and after; None if it has others."""
+    title = ("<title>{} – porocore report</title>", heading)
+    for form, (before, after) in (title, ("<h1>{}</h1>", heading), ("<pre>{}</pre>", configuration)):
+        old, new = (form.format(markupsafe.escape(text)) for text in (before, after))
+        if page.count(old) != 1:
+            return None
+        page = page.replace(old, new)
+    return page
 
 
 def svg_picture(figure: Figure, text: str) -> Picture:

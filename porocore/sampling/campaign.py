@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import signal
+import math
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from types import FrameType
 
 from porocore.errors import DataError, PluginError
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.plugins.border import CheckedSampler, origin_of
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool, FinishedSolve
+from porocore.sampling.execution.interrupts import GRACE, finishing
 from porocore.sampling.forecast import StateForecast
 from porocore.states import CellResponse, Status
+
+#: Done after Ctrl-C before a campaign ends.
+FINISHED_FIRST = f"states that end within {GRACE:g} s"
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def run_campaign(
     RunFolderError
         Another process is writing the dataset, or the disk is full.
     KeyboardInterrupt
-        The same, after Ctrl-C; a second Ctrl-C does not wait.
+        After Ctrl-C. What ends within some seconds is kept; a second Ctrl-C does not wait.
     DataError
         The dataset holds a state of that key at other inputs.
     PluginError
@@ -81,14 +83,14 @@ def run_campaign(
         if pool.losses.like is None and len(dataset):
             pool.losses.like = dataset.response(dataset.keys[0])
         campaign = _Campaign(sampler, pool, dataset, on_progress)
-        with _deferred_interrupts() as interrupt:
+        with finishing(FINISHED_FIRST) as interrupt:
             try:
                 campaign.run(interrupt)
             except Exception:
                 campaign.finish_running()
                 raise
             if interrupt.is_set():
-                campaign.finish_running()
+                campaign.finish_running(GRACE)
                 raise KeyboardInterrupt
         dataset.consolidate()
     return campaign.summary()
@@ -179,8 +181,8 @@ class _Campaign:
         self.sampler.tell(request.key, response)
         self.forecast.add(request.x, self.sampler.expected, outward=request.start is not None)
 
-    def finish_running(self) -> None:
-        for outcome in self.pool.finish_running():
+    def finish_running(self, within: float = math.inf) -> None:
+        for outcome in self.pool.finish_running(time.monotonic() + within):
             self.keep(outcome)
 
     def report(self, *, stopping: bool) -> None:
@@ -194,26 +196,3 @@ class _Campaign:
     def summary(self) -> CampaignSummary:
         counts = {status: self.counts[status] for status in Status if self.counts[status]}
         return CampaignSummary(self.solved, self.reused, counts, time.perf_counter() - self.began)
-
-
-@contextmanager
-def _deferred_interrupts() -> Iterator[threading.Event]:
-    """Record the first Ctrl-C instead of raising it at an arbitrary place; a second one raises.
-
-    Outside the main thread, where signals do not arrive, nothing changes.
-    """
-    noted = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield noted
-        return
-
-    def note(number: int, frame: FrameType | None) -> None:
-        if noted.is_set():
-            raise KeyboardInterrupt
-        noted.set()
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield noted
-    finally:
-        signal.signal(signal.SIGINT, before)

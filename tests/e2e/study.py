@@ -136,11 +136,11 @@ def message(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def fingerprint(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file but the lock and the record of times, which are no results."""
+    """SHA-256 of every file but the lock and the records of times, which are no results."""
     return {
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name not in (".lock", "timings.json")
+        if path.is_file() and path.name not in (".lock", "timings.json", "finished.json")
     }
 
 

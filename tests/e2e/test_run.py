@@ -1,5 +1,6 @@
 """A whole run ends well and leaves everything that it should; so do its steps, with the same numbers."""
 
+import html
 import json
 import re
 from pathlib import Path
@@ -35,6 +36,7 @@ def test_a_run_leaves_every_file(finished):
         "checkpoints",
         "config.yaml",
         "fields",
+        "finished.json",
         "histories",
         "metrics.json",
         "report.html",
@@ -121,6 +123,38 @@ def test_the_last_step_gives_the_figures_and_pages_of_the_run(a_copy, finished):
     left, expected = fingerprint(run), fingerprint(finished)
     assert left.keys() == expected.keys()
     assert {name for name in left if left[name] != expected[name]} <= {"metrics.json", "report.html"}
+
+
+def test_a_finished_run_is_resumed_without_work(a_copy, study, tmp_path):
+    run = a_copy()
+    before, times = fingerprint(run), (run / "timings.json").read_bytes()
+    done = porocore("run", study, "--out", run, "--resume")
+    assert succeeded(done) == str(run / "report.html")
+    assert done.stderr.splitlines()[-1].startswith("the run is finished; ")
+    assert "took" not in done.stderr
+    assert fingerprint(run) == before
+    # Another title is written into the page, and nothing else is done; nor with the next.
+    page = (run / "report.html").read_text(encoding="utf-8")
+    for title in ("Another & better", "A small study"):
+        named = write_study(tmp_path / "named.yaml", {"title": title})
+        done = porocore("run", named, "--out", run, "--resume")
+        assert "the run is finished; " in succeeded(done) + done.stderr
+        now = (run / "report.html").read_text(encoding="utf-8")
+        assert f"<h1>{html.escape(title)}</h1>" in now
+        changed = {name for name, digest in fingerprint(run).items() if before[name] != digest}
+        assert changed == ({"report.html"} if title.startswith("Another") else set())
+    assert now == page
+    assert (run / "timings.json").read_bytes() == times
+
+
+def test_a_run_with_a_changed_file_is_not_taken_as_finished(a_copy, study):
+    run = a_copy()
+    (run / "histories" / "linear_load-0.04.csv").unlink()
+    done = porocore("run", study, "--out", run, "--resume")
+    assert succeeded(done) == str(run / "report.html")
+    assert "the run is finished" not in done.stderr
+    assert (run / "histories" / "linear_load-0.04.csv").exists()
+    assert "the run is finished" in porocore("run", study, "--out", run, "--resume").stderr
 
 
 def test_a_finished_step_is_not_done_again(a_copy):

@@ -19,6 +19,7 @@ from fake_cell import INPUTS, Fake, Tree
 from porocore.errors import PorocoreError
 from porocore.sampling.campaign import CampaignProgress
 from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution.interrupts import GRACE
 from porocore.states import Status
 
 
@@ -103,6 +104,24 @@ def test_a_second_ctrl_c_does_not_wait(tmp_path: Path, workers: int) -> None:
         process.kill()
     assert time.monotonic() - began < 20
     assert gone({int(pid) for pid, _, _ in solves(log)})
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_one_ctrl_c_gives_up_states_that_take_long(tmp_path: Path, workers: int) -> None:
+    path, log = tmp_path / "data.h5", tmp_path / "log"
+    command = [sys.executable, SCRIPT, str(path), str(log), str(workers), "60"]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    while not solves(log) and process.poll() is None:
+        time.sleep(0.01)
+    began = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    try:
+        assert process.wait(timeout=30) == -signal.SIGINT
+    finally:
+        process.kill()
+    assert time.monotonic() - began >= GRACE
+    assert gone({int(pid) for pid, _, _ in solves(log)})
+    assert len(Dataset.open(path)) == 0
 
 
 def test_an_interrupt_is_reported_and_the_handler_is_put_back(tmp_path: Path) -> None:

@@ -163,13 +163,13 @@ class CellPool:
             raise self._failures.popleft()
         return self._finished.popleft()
 
-    def finish_running(self) -> Iterator[FinishedSolve]:
-        """Drop the waiting states and yield the finished ones of those that run, leaving out failures."""
+    def finish_running(self, until: float = float("inf")) -> Iterator[FinishedSolve]:
+        """Drop the waiting states and yield those that run and end until a monotonic time, leaving out failures."""
         self._waiting.clear()
         self.losses.doubtful.clear()
         self._finishing = True
         try:
-            while self._solving or self._finished:
+            while self._finished or (self._solving and time.monotonic() < until):
                 while self._finished:
                     yield self._finished.popleft()
                 if self._solving:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+from abc import abstractmethod
 from math import ceil
 from typing import Any
 
@@ -9,7 +11,8 @@ import numpy as np
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.models.bounds import LARGEST_SEED
-from porocore.interfaces.sampler import Judgement, StudyFacts, StudySampler
+from porocore.interfaces.records import flatten_response
+from porocore.interfaces.sampler import Judgement, StudyFacts, StudySampler, make_anew
 from porocore.interfaces.surrogate import TrainingSet, least_states
 from porocore.sampling.samplers.candidates import (
     MOST_CORNER_INPUTS,
@@ -51,6 +54,39 @@ class LearningSampler(RoundSampler, StudySampler):
         self.initial = usual if initial is None else whole("sampling.options.initial", initial, 2)
         self.batch = whole("sampling.options.batch", batch, 1)
         self.seed = whole("sampling.options.seed", seed, 0, LARGEST_SEED)
+
+    @abstractmethod
+    def choose_round(self, room: int) -> Array:
+        """Return at most ``room`` points (m, d) of the unit box, chosen by what is known; none ends the sampling."""
+
+    @abstractmethod
+    def notes(self) -> Any:
+        """Return what :meth:`choose_round` has left for the next round, as plain data."""
+
+    @abstractmethod
+    def recall(self, notes: Any) -> None:
+        """Take the :meth:`notes` of a round that was chosen earlier."""
+
+    def next_round(self, room: int) -> Array:
+        """Return the round that was chosen earlier for the same responses; choose it where there is none."""
+        remember = make_anew if self._study is None else self._study.remember
+
+        def choose() -> dict[str, Any]:
+            return {"points": self.choose_round(room).tolist(), "notes": self.notes()}
+
+        chosen = remember(self._grounds(room), choose)
+        self.recall(chosen["notes"])
+        return np.array(chosen["points"], dtype=float).reshape(-1, len(self.inputs))
+
+    def _grounds(self, room: int) -> str:
+        """Return a hash of what a round depends on: the states so far and their responses."""
+        found = hashlib.sha256(f"{type(self).__qualname__} {room} {len(self.points)}".encode())
+        found.update(self.points.tobytes())
+        for response in self.observed:
+            found.update(f"{int(response.status[0])}".encode())
+            for name, values in flatten_response(response).items():
+                found.update(name.encode() + values.tobytes())
+        return found.hexdigest()
 
     def round_size(self, room: int) -> int:
         """Return the size of the next round."""
@@ -157,7 +193,7 @@ class Active(LearningSampler):
         self.candidates = whole("sampling.options.candidates", candidates, 2)
         self._stream = SobolStream(d, self.seed)
 
-    def next_round(self, room: int) -> Array:
+    def choose_round(self, room: int) -> Array:
         """Return the design, or the most valuable of the next candidates."""
         if not len(self.points):
             d, first = len(self.inputs), min(self.initial, room)
@@ -174,3 +210,11 @@ class Active(LearningSampler):
         apart = APART * spacing(len(self.points) + size, len(self.inputs))
         chosen = most_worth(unit, judgement, reachable, self.points, size, apart)
         return unit[chosen or spread_out(unit, reachable.astype(float), self.points, size)]
+
+    def notes(self) -> int:
+        """Return the number of candidates so far."""
+        return self._stream.taken
+
+    def recall(self, notes: int) -> None:
+        """Take the number of candidates so far."""
+        self._stream.taken = notes

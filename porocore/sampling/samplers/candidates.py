@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import ceil
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,20 +28,33 @@ def corner_count(d: int) -> int:
 
 
 class SobolStream:
-    """New points of one scrambled Sobol sequence of ``d`` inputs at each call; round-off cannot move them."""
+    """New points of one scrambled Sobol sequence of ``d`` inputs at each call; round-off cannot move them.
+
+    Attributes
+    ----------
+    taken
+        Number of points that were taken; where it is raised, points are passed over.
+    """
 
     def __init__(self, d: int, seed: int) -> None:
-        from scipy.stats import qmc  # slow to import
-
-        self._sequence = qmc.Sobol(d, seed=seed)
-        self._ready: Array = np.empty((0, d))
+        self.taken = 0
+        self._d, self._seed = d, seed
+        self._sequence: Any = None
+        #: Points that were drawn, the first of them with this index.
+        self._ready, self._first = np.empty((0, d)), 0
 
     def take(self, count: int) -> Array:
         """Return the next points (count, d) in the unit box."""
-        while len(self._ready) < count:
+        if self._sequence is None:
+            from scipy.stats import qmc  # slow to import
+
+            self._sequence = qmc.Sobol(self._d, seed=self._seed)
+        begin = self.taken - self._first
+        while len(self._ready) < begin + count:
             # In powers of two a Sobol sequence is balanced.
             self._ready = np.concatenate([self._ready, self._sequence.random(2**BLOCK)])
-        points, self._ready = self._ready[:count], self._ready[count:]
+        points, self._ready = self._ready[begin : begin + count], self._ready[begin + count :]
+        self.taken = self._first = self.taken + count
         return points
 
 

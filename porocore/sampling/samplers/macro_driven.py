@@ -87,7 +87,7 @@ class MacroDriven(LearningSampler):
         #: Results of the macro runs after each round.
         self.results: list[Array] = []
 
-    def next_round(self, room: int) -> Array:
+    def choose_round(self, room: int) -> Array:
         """Return the design, or the most informative of the visited states."""
         d = len(self.inputs)
         if not len(self.points):
@@ -117,6 +117,14 @@ class MacroDriven(LearningSampler):
             judgement.take(candidate)
         known = np.concatenate([self.points, visited[far]])
         return visited[far + most_worth(visited, judgement, allowed, known, size - len(far), apart)]
+
+    def notes(self) -> list[list[float | None]]:
+        """Return the results of the macro runs, None for those that are not known."""
+        return [[value if np.isfinite(value) else None for value in found.tolist()] for found in self.results]
+
+    def recall(self, notes: list[list[float | None]]) -> None:
+        """Take the results of the macro runs."""
+        self.results = [np.array(found, dtype=float) for found in notes]
 
     @property
     def converged(self) -> bool:

@@ -25,6 +25,8 @@ class RunFiles:
         keeps the solutions of each, and one surrogate for each model.
     reference, dataset, test_dataset
         The undeformed cell, and the data sets of the states to learn from and of the held-out ones.
+    decisions
+        Decisions of a sampler that explores, for a sampling that is resumed.
     direct_work, fallback, fallback_work
         Record of the cells that direct FE² has solved; data set of the states that solves with a fallback needed
         outside the sampled range, and the record of their cells.
@@ -39,6 +41,7 @@ class RunFiles:
         self.config = self.written = config
         self.reference = path / "cell.json"
         self.dataset, self.test_dataset = path / "samples.h5", path / "test.h5"
+        self.decisions = path / "decisions.json"
         self.direct_work = path / "direct.json"
         self.fallback, self.fallback_work = path / "fallback.h5", path / "fallback.json"
         self.fields, self.metrics, self.report = path / "fields", path / "metrics.json", path / "report.html"

@@ -23,6 +23,7 @@ from porocore.errors import RunFolderError
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig, differences
 from porocore.study.config.loading import load_config
+from porocore.study.run_folder.decisions import DecisionRecord
 from porocore.study.run_folder.files import RunFiles
 from porocore.study.run_folder.provenance import versions
 
@@ -159,6 +160,10 @@ class RunFolder(RunFiles):
         if not file.exists():
             raise RunFolderError(f"{file} is missing; make it first: porocore {command} {self.path}")
         return file
+
+    def remembered(self) -> DecisionRecord:
+        """Return the decisions of the run's sampler so far."""
+        return DecisionRecord(self.decisions, self.written.identity)
 
     def _check_same(self, held: RunFolder, resume: bool) -> None:
         same = with_closure(held.config, self.config.closure)

@@ -7,7 +7,14 @@ import numpy as np
 from porocore.errors import SolveError
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.sampler import Exploration, Sampler, StudyFacts, StudySampler
+from porocore.interfaces.sampler import (
+    Exploration,
+    Remember,
+    Sampler,
+    StudyFacts,
+    StudySampler,
+    make_anew,
+)
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.laws import CLOSURES, ClosedLaw
 from porocore.macro.problem import MacroProblem
@@ -20,14 +27,16 @@ from porocore.surrogates.polynomial.committee import judge
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 
 
-def inform(sampler: Sampler, config: RunConfig, reference: CellReference) -> None:
-    """Give a sampler the facts of the study if it takes them."""
+def inform(
+    sampler: Sampler, config: RunConfig, reference: CellReference, remember: Remember = make_anew
+) -> None:
+    """Give a sampler the facts of the study if it takes them; ``remember`` keeps its decisions."""
     if isinstance(sampler, StudySampler):
         needed = CLOSURES[config.closure].responses
         explorer = MacroExplorer(config, reference)
         symmetry = config.cell.point_group
         rest = reference.resting(config.conductivity)
-        sampler.inform(StudyFacts(rest, config.stages.cell, needed, explorer, judge, symmetry))
+        sampler.inform(StudyFacts(rest, config.stages.cell, needed, explorer, judge, symmetry, remember))
 
 
 class MacroExplorer:

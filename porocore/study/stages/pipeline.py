@@ -15,9 +15,9 @@ from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages.reference import solve_cell, solve_reference
-from porocore.study.stages.reporting import report
+from porocore.study.stages.reporting import kept_report, report
 from porocore.study.stages.sampling import sample
-from porocore.study.stages.solving import USUAL_LAWS, LawKind, solve
+from porocore.study.stages.solving import USUAL_LAWS, LawKind, law_names, solve
 from porocore.study.stages.training import train
 
 __all__ = ["report", "run", "sample", "solve", "solve_cell", "solve_reference", "train"]
@@ -31,7 +31,14 @@ def run(
     laws: Sequence[LawKind] = USUAL_LAWS,
     store: ResultStore | None = None,
 ) -> Path:
-    """Run all stages and return the path of the report; what ``store`` holds is not computed again."""
+    """Run all stages and return the path of the report.
+
+    What is finished and has not changed since stays, and what ``store`` holds is not computed again.
+    """
+    solutions = folder.solutions(*law_names(config, laws, config.closure))
+    if all(path.exists() for path in solutions) and kept_report(folder, config, console=console):
+        console.note(f"the run is finished; to write its report again: porocore report {folder.path}")
+        return folder.report
     if not folder.surrogate_of(config).exists():
         registry().get("surrogate", config.surrogate.backend).load_libraries()
     solve_reference(folder, config, console=console, store=store)

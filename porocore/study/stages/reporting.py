@@ -1,16 +1,19 @@
 """The report stage: figures of merit, histories, the files for ParaView and the page.
 
-Nothing is resumed; every report writes all of them.
+Every report writes all of them. A run that is resumed keeps them while the files of its folder are the same.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from porocore.core.console import Console
+from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import write_json
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
+from porocore.study.run_folder.finished import FinishedRun
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages.stage_files import finished, held_out_states
 from porocore.study.stages.stage_times import stage_times, timed
@@ -30,10 +33,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     from porocore.study.stages.summary import report_context
 
     finished(folder, folder.test_dataset, config.stages.test, held_out_states(config))
-    shown = with_closure(folder.written, folder.shown_closure)
-    config = shown.model_copy(
-        update={name: getattr(config, name) for name in ("title", "scales", "output_units", "scenarios")}
-    )
+    config = _shown(folder, config)
     with timed(folder.timings, "report"):
         results = RunResults.load(folder, config)
         for solution in results.all_solutions:
@@ -43,10 +43,44 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
         context = report_context(results)
         metrics = figures_of_merit(results, context)
         write_report(folder.report, context)
-    for warning in all_warnings(context):
+    warnings = tuple(all_warnings(context))
+    for warning in warnings:
         console.warn(warning)
     times = stage_times(folder.timings)
     metrics["stages"] = {stage: each.seconds for stage, each in times.items()}
     metrics["stage_runs"] = {stage: each.runs for stage, each in times.items()}
     write_json(folder.metrics, metrics, indent=2, allow_nan=False)
+    FinishedRun(config.title, context.title, config.resolved_yaml(), warnings).keep(folder.path)
     return folder.report
+
+
+def kept_report(folder: RunFolder, config: RunConfig, *, console: Console) -> bool:
+    """Return whether the report is of the present files and settings; a changed title is written into the page."""
+    from porocore.report.page import retitled
+
+    found = FinishedRun.find(folder.path)
+    shown = _shown(folder, config)
+    if found is None or not folder.report.is_file():
+        return False
+    if shown.model_copy(update={"title": found.title}).resolved_yaml() != found.configuration:
+        return False
+    heading, text = shown.title or folder.path.name, shown.resolved_yaml()
+    if (heading, text) != (found.heading, found.configuration):
+        page = folder.report.read_text(encoding="utf-8")
+        page_now = retitled(page, (found.heading, heading), (found.configuration, text))
+        if page_now is None:
+            return False
+        with atomic_path(folder.report) as part:
+            part.write_text(page_now, encoding="utf-8")
+        replace(found, title=shown.title, heading=heading, configuration=text).keep(folder.path)
+    for warning in found.warnings:
+        console.warn(warning)
+    return True
+
+
+def _shown(folder: RunFolder, config: RunConfig) -> RunConfig:
+    """Return the run with the closure that is shown, and what ``config`` may say otherwise of a run that continues."""
+    shown = with_closure(folder.written, folder.shown_closure)
+    return shown.model_copy(
+        update={name: getattr(config, name) for name in ("title", "scales", "output_units", "scenarios")}
+    )

@@ -11,6 +11,7 @@ from porocore.interfaces.sampler import Sampler
 from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
+from porocore.sampling.execution.interrupts import listening
 from porocore.states import Status
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
@@ -41,7 +42,7 @@ def sample(
     sampler: Sampler = make_backend("sampler", config)
     reference = load_reference(folder, config)
     # Another closure than the one that the run began with learns from the same states.
-    inform(sampler, folder.written, reference)
+    inform(sampler, folder.written, reference, folder.remembered())
     provenance = {"config": config.resolved_yaml(), **versions(), **reference.mesh}
     stages = [
         ("sampling", sampler, folder.dataset, config.stages.sampling),
@@ -49,7 +50,10 @@ def sample(
     ]
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     known, options = solved_states(store, *arguments), config.sampling.pool_options()
-    with CellPool(prepare_cell, arguments, **options, on_warning=console.warn, known=known) as pool:
+    with (
+        listening(console.note),
+        CellPool(prepare_cell, arguments, **options, on_warning=console.warn, known=known) as pool,
+    ):
         for title, states, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
             if retry_lost:
@@ -73,7 +77,7 @@ def _campaign(
     with console.task(title, "states") as task:
 
         def show(progress: CampaignProgress) -> None:
-            detail = "stopping after the running solves" if progress.stopping else ""
+            detail = "stopping" if progress.stopping else ""
             task.update(
                 progress.done, progress.expected, failed=progress.failed, detail=detail, work=progress.work
             )

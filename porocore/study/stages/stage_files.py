@@ -124,7 +124,7 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
     """
     sampler: Sampler = make_backend("sampler", config)
     reference = load_reference(folder, config)
-    inform(sampler, folder.written, reference)
+    inform(sampler, folder.written, reference, folder.remembered())
     dataset = finished(folder, folder.dataset, config.stages.sampling, sampler)
     responses = dataset.responses()
     good = np.flatnonzero(responses.stable)

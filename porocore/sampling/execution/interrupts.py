@@ -1,0 +1,142 @@
+"""Ctrl-C: acknowledged at once, also while the main thread is in a library, and never lost.
+
+A thread hears of it as the system does. The first one raises KeyboardInterrupt, or where a block finishes something
+first, is noted; if the block has not ended some seconds later, it is raised again. A second one raises too, and if that
+does not end the block at once, ends the process where it stands: all files are written whole or not at all.
+"""
+
+from __future__ import annotations
+
+import select
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+#: Seconds in which running work may be finished after Ctrl-C.
+GRACE = 4.0
+#: Seconds after the first Ctrl-C until it is raised in a block that has neither finished its work nor ended.
+PATIENCE = GRACE + 0.5
+#: Seconds after which a Ctrl-C that has not ended the block is acknowledged.
+SOON = 0.3
+#: Seconds after a second Ctrl-C in which the block may end.
+LAST = 1.0
+_NOTHING = "ending the present step"
+
+
+class _Listener:
+    """Thread that hears of Ctrl-C during a block, and the handler of the main thread.
+
+    Attributes
+    ----------
+    finishing
+        What is finished before the block ends, innermost last, and the events that note a Ctrl-C.
+    """
+
+    def __init__(self, say: Callable[[str], None], end: Callable[[], None]) -> None:
+        self._say, self._end = say, end
+        self.finishing: list[tuple[str, threading.Event]] = []
+        self._heard = self._taken = 0
+        self._late, self._own = False, 0
+        self._near, self._far = socket.socketpair()
+        self._near.setblocking(False)
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+
+    def open(self) -> None:
+        """Begin to listen; only in the main thread."""
+        self._wakeup = signal.set_wakeup_fd(self._near.fileno(), warn_on_full_buffer=False)
+        self._before = signal.signal(signal.SIGINT, self._take)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Put everything back as it was."""
+        signal.signal(signal.SIGINT, self._before)
+        signal.set_wakeup_fd(self._wakeup)
+        self._near.close()  # which ends the thread
+        self._thread.join(LAST)
+        self._far.close()
+
+    def _take(self, number: int, frame: FrameType | None) -> None:
+        self._taken += 1
+        if self.finishing and not self._late and max(self._taken, self._heard) == 1:
+            self.finishing[-1][1].set()
+            return
+        raise KeyboardInterrupt
+
+    def _listen(self) -> None:
+        #: Times at which something is to be done, the next one first.
+        due: list[tuple[float, Callable[[], None]]] = []
+        while True:
+            wait = max(0.0, due[0][0] - time.monotonic()) if due else None
+            if not select.select([self._far], [], [], wait)[0]:
+                due.pop(0)[1]()
+            elif not (news := self._far.recv(64)):
+                return
+            elif self._own:
+                self._own -= 1
+            elif signal.SIGINT in news:
+                now = time.monotonic()
+                self._heard += 1
+                if self._heard == 1:
+                    soon = now if self.finishing else now + SOON
+                    due = [(soon, self._acknowledge), (now + PATIENCE, self._again)]
+                else:
+                    due = [(now + LAST, self._end)]
+
+    def _acknowledge(self) -> None:
+        what = self.finishing[-1][0] if self.finishing else _NOTHING
+        with suppress(OSError, ValueError):  # nobody listens
+            self._say(f"Ctrl-C: {what} first; Ctrl-C again ends at once")
+
+    def _again(self) -> None:
+        # Elsewhere it has been raised, and the block may be cleaning up.
+        if self.finishing:
+            self._late, self._own = True, 1
+            if sys.platform == "win32":
+                signal.raise_signal(signal.SIGINT)
+            else:  # which also wakes the main thread
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+
+_active: list[_Listener] = []
+
+
+@contextmanager
+def listening(say: Callable[[str], None], end: Callable[[], None] = lambda: None) -> Iterator[None]:
+    """Acknowledge Ctrl-C during the block with one line to ``say``; call ``end`` if a second one does not end it.
+
+    Outside the main thread, where signals do not arrive, where Ctrl-C is ignored, and within another such block nothing
+    changes.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    if not main or _active or signal.getsignal(signal.SIGINT) in (signal.SIG_IGN, None):
+        yield
+        return
+    listener = _Listener(say, end)
+    listener.open()
+    _active.append(listener)
+    try:
+        yield
+    finally:
+        _active.remove(listener)
+        listener.close()
+
+
+@contextmanager
+def finishing(what: str) -> Iterator[threading.Event]:
+    """Note the first Ctrl-C of the block, which ``what`` says it finishes, in the event; a second one raises."""
+    noted = threading.Event()
+    with listening(lambda text: None):
+        if not _active or threading.current_thread() is not threading.main_thread():
+            yield noted
+            return
+        entry = (what, noted)
+        _active[0].finishing.append(entry)
+        try:
+            yield noted
+        finally:
+            _active[0].finishing.remove(entry)

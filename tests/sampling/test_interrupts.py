@@ -1,0 +1,150 @@
+"""Ctrl-C: acknowledged whatever the process does, raised in the end, and a second one ends it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from porocore.sampling.execution.interrupts import GRACE, LAST, PATIENCE, SOON, finishing, listening
+
+PROGRAM = """
+import hashlib, sys, time
+from porocore.cli.common import interruptible
+from porocore.cli.ending import ending
+from porocore.sampling.execution.interrupts import finishing
+
+def native():  # minutes in one call of a library
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2_000_000_000)
+
+def python():
+    while True:
+        time.sleep(0.01)
+
+def notices():
+    with finishing("what runs") as noted:
+        while not noted.is_set():
+            time.sleep(0.01)
+        print("finished", flush=True)
+        raise KeyboardInterrupt
+
+def ignores():
+    with finishing("what runs"):
+        python()
+
+with ending(), interruptible("porocore go on"):
+    print("ready", flush=True)
+    globals()[sys.argv[1]]()
+"""
+#: For a machine with much else to do [s].
+LONG = 30.0
+
+
+class Program:
+    """It is at work when this is made."""
+
+    def __init__(self, what: str) -> None:
+        command = [sys.executable, "-c", PROGRAM, what]
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
+        )
+        assert self.process.stdout is not None
+        assert self.process.stdout.readline() == "ready\n"
+        time.sleep(0.1)
+
+    def interrupt(self) -> None:
+        self.process.send_signal(signal.SIGINT)
+
+    def line(self) -> str:
+        assert self.process.stderr is not None
+        return self.process.stderr.readline().strip()
+
+    def end(self) -> tuple[int, str]:
+        """Return status and last line."""
+        try:
+            _, error = self.process.communicate(timeout=LONG)
+        finally:
+            self.process.kill()
+        assert "Traceback" not in error
+        return self.process.returncode, error.splitlines()[-1] if error else ""
+
+
+END = (130, "interrupted; continue with: porocore go on")
+
+
+def test_the_promised_times() -> None:
+    assert SOON < 1
+    assert GRACE < PATIENCE < 5
+    assert LAST <= 1
+
+
+def test_python_ends_at_the_first() -> None:
+    program = Program("python")
+    program.interrupt()
+    assert program.end() == END
+
+
+def test_what_runs_is_finished_and_said_so_before() -> None:
+    program = Program("notices")
+    program.interrupt()
+    assert program.line() == "Ctrl-C: what runs first; Ctrl-C again ends at once"
+    assert program.end() == END
+
+
+def test_what_does_not_finish_is_ended() -> None:
+    program, began = Program("ignores"), time.monotonic()
+    program.interrupt()
+    assert program.line().startswith("Ctrl-C: what runs first")
+    assert time.monotonic() - began < PATIENCE
+    assert program.end() == END
+    assert time.monotonic() - began >= PATIENCE
+
+
+def test_a_library_at_work_is_no_hindrance() -> None:
+    """The first is acknowledged meanwhile; the second ends the process in the middle of it."""
+    program = Program("native")
+    program.interrupt()
+    assert program.line() == "Ctrl-C: ending the present step first; Ctrl-C again ends at once"
+    assert program.process.poll() is None
+    program.interrupt()
+    assert program.end() == END
+
+
+def test_a_second_one_does_not_wait_for_what_runs() -> None:
+    program = Program("ignores")
+    program.interrupt()
+    program.line()
+    began = time.monotonic()
+    program.interrupt()
+    assert program.end() == END
+    assert time.monotonic() - began < LONG / 2
+
+
+def test_everything_is_put_back() -> None:
+    before, threads = signal.getsignal(signal.SIGINT), threading.active_count()
+    said: list[str] = []
+    with listening(said.append), finishing("this") as noted:
+        assert signal.getsignal(signal.SIGINT) is not before
+        os.kill(os.getpid(), signal.SIGINT)
+        end = time.monotonic() + LONG
+        while not (said and noted.is_set()) and time.monotonic() < end:
+            time.sleep(0.01)
+    assert said == ["Ctrl-C: this first; Ctrl-C again ends at once"]
+    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.set_wakeup_fd(-1) == -1
+    assert threading.active_count() == threads
+
+
+def test_an_ignored_signal_stays_ignored() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with listening(pytest.fail), finishing("this") as noted:
+            os.kill(os.getpid(), signal.SIGINT)
+            assert not noted.is_set()
+    finally:
+        signal.signal(signal.SIGINT, before)
