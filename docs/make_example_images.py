@@ -37,7 +37,7 @@ def example_picture(folder: RunFolder, name: str) -> Figure:
     which, kinds = SHOWN[name]
     known = {panel.plain for panel in panels(nonlinear)}
     units = config.result_units
-    parts = [body_figure(nonlinear, nonlinear.profiles[which], units)]
+    parts = [body_figure(nonlinear, nonlinear.after_rest[which], units)]
     parts += [series_figure(nonlinear, linear, kind, units) for kind in kinds if kind in known]
     figure = new_figure(12.6, 3.9)
     for axes, part in zip(figure.subplots(1, len(parts)), parts, strict=True):

@@ -25,7 +25,7 @@ def main() -> None:
     )
     print("years   settlement [m]        consolidation by pressure")
     print("        solved   closed form  solved   closed form")
-    for i, profile in enumerate(solution.profiles):
+    for i, profile in enumerate(solution.after_rest):
         settlement = -profile.u[:, 1].min()
         degree = 1 - mean_pressure(solution, i) / layer.load
         print(

@@ -15,7 +15,7 @@ from porocore.errors import DataError
 from porocore.states import Array
 
 #: Fields of a solution that map names to values against time, with the shape of one value.
-SERIES: dict[str, tuple[int, ...]] = {"probes": (4,), "reactions": (3,), "inflow": ()}
+SERIES: dict[str, tuple[int, ...]] = {"probes": (4,), "reactions": (3,), "compression": (), "inflow": ()}
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class History:
     settlement: Array
     #: Largest pore pressure.
     pressure_max: Array
-    #: Drained volume as in the paper: ∫∫ (1/det F̄) ∇·(Ḡw) dV dt.
+    #: Volume of fluid that has left through the boundary, by mass balance: ∫∫ q·N dS dt.
     drained: Array
-    #: Drained volume from the flux through the boundary: ∫∫ q·N dS dt.
-    drained_flux: Array
+    #: The paper's measure of it: ∫∫ (1/det F̄) ∇·(Ḡw) dV dt.
+    drained_paper: Array
     #: Volume share of the points at which the cell law was asked outside its sampled range.
     outside_training_range: Array
     #: Largest deviation of the element means of P_E,22 from their average over the body.
@@ -102,7 +102,10 @@ PROFILE_SHAPES: dict[str, tuple[str | int, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class MacroSolution:
-    """History, profiles at the chosen times and at the end, and the mesh.
+    """History, profiles at rest, at the chosen times and at the end, and the mesh.
+
+    What a macro solver returns is that of the part of a symmetric body that it solves. What a study keeps has the
+    forces and volumes of the whole.
 
     Attributes
     ----------
@@ -121,8 +124,12 @@ class MacroSolution:
     reactions : name → (steps, 3)
         Force on each surface that is held or moved, from outside on the body, in the directions in which it is; see
         ``porocore.macro.boundary.reactions`` for nodes that several of them share.
+    compression : name → (steps,)
+        Force against the outward normal of each of them that is plane, positive in compression; of a study.
     inflow : name → (steps,)
         Rate of fluid that enters through each surface with a prescribed pressure, the mean over the step.
+    copies
+        Parts like the mesh in the whole specimen that forces and volumes are those of.
     """
 
     law: str
@@ -134,13 +141,20 @@ class MacroSolution:
     backend: str = ""
     probes: Mapping[str, Array] = field(default_factory=dict)
     reactions: Mapping[str, Array] = field(default_factory=dict)
+    compression: Mapping[str, Array] = field(default_factory=dict)
     inflow: Mapping[str, Array] = field(default_factory=dict)
+    copies: float = 1.0
+
+    @property
+    def after_rest(self) -> tuple[Profile, ...]:
+        """Profiles without that of the state at rest, t = 0."""
+        return tuple(profile for profile in self.profiles if profile.time > 0)
 
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically."""
         with atomic_hdf5(path) as file:
-            file.attrs.update(format="porocore-solution", version=1, law=self.law, load=self.load)
-            file.attrs["backend"] = self.backend
+            file.attrs.update(format="porocore-solution", version=2, law=self.law, load=self.load)
+            file.attrs.update(backend=self.backend, copies=float(self.copies))
             file["points"], file["cells"] = self.points, self.cells
             for f in fields(History):
                 file[f"history/{file_name(f.name)}"] = getattr(self.history, f.name)
@@ -161,9 +175,9 @@ class MacroSolution:
             The file is truncated or foreign.
         """
         with opened(path, "porocore solution", "delete it and solve again") as file:
-            if not file.is_of("porocore-solution", 1):
+            if not file.is_of("porocore-solution", 2):
                 raise DataError(
-                    f"{path}: expected a porocore solution of version 1; delete it and solve again"
+                    f"{path}: expected a porocore solution of version 2; delete it and solve again"
                 )
             history = {
                 f.name: file.array(f"history/{file_name(f.name)}", "steps", kind="number")
@@ -187,6 +201,7 @@ class MacroSolution:
                     kind: {name: file.array(f"{kind}/{name}", "steps", *width) for name in file.members(kind)}
                     for kind, width in SERIES.items()
                 },
+                copies=file.attribute("copies", float),
             )
 
 

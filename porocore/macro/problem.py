@@ -43,8 +43,8 @@ class Boundary(StrictModel):
     follower: Annotated[Value, Dimension("pressure")] = 0.0
     """Pressure on the deformed surface, along its current inward normal."""
     plate: Annotated[Value | None, Dimension("force")] = None
-    """Force along the surface's axis on a rigid frictionless plate: it moves along that axis as one, as much as the
-    force demands."""
+    """Force along the surface's axis on a rigid frictionless plate, of the whole where the body has symmetry planes: it
+    moves along that axis as one, as much as the force demands."""
     pressure: Annotated[Value | None, Dimension("pressure")] = None
     """Pore pressure; null makes the surface a flux boundary."""
     flux: Annotated[Value, Dimension("velocity")] = 0.0
@@ -239,7 +239,11 @@ class MacroSetup(StrictModel):
 
     def specification(self) -> dict[str, Any]:
         """Return the settings that determine the solution; a file counts by its content, not by its path."""
-        return self.model_dump(exclude={"options": True, "body": {"path"}})
+        said = self.model_dump(exclude={"options": True, "body": {"path"}})
+        if said["body"]["symmetry"] is None:
+            # So it was before there was the key.
+            del said["body"]["symmetry"]
+        return said
 
     def ramp(self, time: float) -> float:
         """Return the share of the load that acts at ``time``."""

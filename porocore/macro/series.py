@@ -17,8 +17,8 @@ HISTORY = {
     "ramp": ("", "share of the load"),
     "settlement": ("displacement", "largest settlement max(-u_2)"),
     "pressure_max": ("pressure", "largest pore pressure"),
-    "drained": ("volume", "drained volume, integral of the divergence of the flux"),
-    "drained_flux": ("volume", "drained volume by the flux through the boundary"),
+    "drained": ("volume", "drained volume, what has left through the boundary"),
+    "drained_paper": ("volume", "the paper's measure of the drained volume"),
     "outside_training_range": ("", "share of the body that is flagged"),
     "stress_spread": ("stress", "largest deviation of P_E,22 from its mean over the body"),
     "iterations": ("", "Newton iterations of the step"),
@@ -41,32 +41,44 @@ class Series:
         In words.
     values : (steps,)
         Dimensionless.
+    sign
+        What a positive value means; empty where that is plain.
     """
 
     name: str
     quantity: str
     long_name: str
     values: Array
+    sign: str = ""
+
+    @property
+    def column(self) -> str:
+        """Name with its sign convention, such as ``plate: force 2 (+ along y)``."""
+        return f"{self.name} ({self.sign})" if self.sign else self.name
 
 
 def all_series(solution: MacroSolution) -> Iterator[Series]:
-    """Yield the history, then probes, reactions and inflows; time comes first."""
+    """Yield the history, then probes, forces and inflows; time comes first."""
     for field in fields(History):
         quantity, words = HISTORY[field.name]
         yield Series(file_name(field.name), quantity, words, getattr(solution.history, field.name))
     for name, values in solution.probes.items():
         for i, (component, quantity) in enumerate(PROBE):
             yield Series(f"{name}: {component}", quantity, f"{component} at the probe {name}", values[:, i])
+    for name, values in solution.compression.items():
+        words = f"compressive force on the surface {name}"
+        yield Series(f"{name}: compressive force", "force", words, values, "+ in compression")
     for name, values in solution.reactions.items():
-        for i in range(3):
+        for i, axis in enumerate("xyz"):
             words = f"force on the body at the surface {name}, component {i + 1}"
-            yield Series(f"{name}: force {i + 1}", "force", words, values[:, i])
+            yield Series(f"{name}: force {i + 1}", "force", words, values[:, i], f"+ along {axis}")
     for name, values in solution.inflow.items():
-        yield Series(f"{name}: inflow", "flow", f"fluid that enters through the surface {name}", values)
+        words = f"fluid that enters through the surface {name}"
+        yield Series(f"{name}: inflow", "flow", words, values, "+ into the body")
 
 
 def write_series(path: Path, solution: MacroSolution, units: ResultUnits) -> Path:
-    """Write all series as one CSV table, a row for each step; the unit stands in brackets behind each name.
+    """Write all series as one CSV table, a row for each step; sign convention and unit stand behind each name.
 
     Raises
     ------
@@ -74,6 +86,8 @@ def write_series(path: Path, solution: MacroSolution, units: ResultUnits) -> Pat
         The file cannot be written.
     """
     columns = list(all_series(solution))
-    header = [f"{c.name} [{units.name(c.quantity) if c.quantity and units.given else '-'}]" for c in columns]
+    header = [
+        f"{c.column} [{units.name(c.quantity) if c.quantity and units.given else '-'}]" for c in columns
+    ]
     values = [c.values * units.factor(c.quantity) for c in columns]
     return write_csv(path, header, ([float(x) for x in row] for row in zip(*values, strict=True)))

@@ -12,7 +12,7 @@ from porocore.core.units.results import ResultUnits
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.series import all_series
 from porocore.report.format import number, plain
-from porocore.report.loading_mode import LoadingMode, reactions
+from porocore.report.loading_mode import LoadingMode, force_name, reactions
 from porocore.states import Array
 
 
@@ -60,15 +60,15 @@ def dimensional_rows(
         ("final settlement", "displacement", found["final_settlement"]),
         ("final settlement, linear", "displacement", metrics["linear"]["final_settlement"]),
         ("largest pore pressure", "pressure", found["max_pressure"]),
-        ("drained volume", "volume", found["drained_flux"]),
+        ("drained volume", "volume", found["drained"]),
         ("95 % of the settlement after", "time", found["time_to_95_percent"]),
         ("99 % of the settlement after", "time", found["time_to_99_percent"]),
         ("99 %, linear", "time", metrics["linear"]["time_to_99_percent"]),
         ("conductivity of the undeformed cell", "conductivity", conductivity),
     ]
     for name, force in (reactions(solution) if loading_mode.displaced else {}).items():
-        for which, key in (("peak", "peak"), ("final", "final")):
-            rows.append((f"{which} force on {name}, component {force['component']}", "force", force[key]))
+        for which in ("peak", "final"):
+            rows.append((f"{which} {force_name(force)} on {name}", "force", force[which]))
     if solution.profiles:
         profile = max(solution.profiles, key=lambda p: float(np.abs(fluid_velocity(p)).max()))
         name = f"largest fluid velocity relative to the solid, of all profiles (at t = {plain(profile.time)})"

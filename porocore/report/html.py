@@ -20,7 +20,7 @@ from porocore.report.format import plain
 from porocore.report.law_differences import COMPARED, law_differences
 from porocore.report.loading_mode import reactions
 from porocore.report.metrics import LoadCase, case_metrics, rms_percent, worst_percent
-from porocore.report.page import Picture, environment, png_picture, svg_picture
+from porocore.report.page import Picture, Pictures, environment
 from porocore.report.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
 from porocore.report.text import (
     MEANINGS,
@@ -29,29 +29,43 @@ from porocore.report.text import (
     case_sentences,
     cell_rows,
     conductivity_sentence,
+    flagged_sentence,
+    force_sentences,
     linear_rows,
+    whole_words,
 )
 from porocore.states import Array, MacroState, Status
 
+#: Pictures that stand in the page alone.
+EMBEDDED = Pictures()
 #: Profiles shown for each load, in order.
 PROFILES = ("p", "settlement", "H22", "mean_grad_22", "mean_grad_11", "K22", "K11")
 
 
-def write_report(path: Path, context: ReportContext) -> None:
+def write_report(path: Path, context: ReportContext, figures_folder: Path | None = None) -> None:
     """Write the page to ``path``, atomically: figures are embedded, nothing is fetched, nothing is executed.
+
+    Parameters
+    ----------
+    path
+        Of the page.
+    context
+        What it shows.
+    figures_folder
+        Where each figure is kept as PNG and SVG; None: nowhere.
 
     Raises
     ------
     RunFolderError
         The file cannot be written.
     """
-    html = render(context)
+    html = render(context, Pictures(figures_folder))
     with atomic_path(path) as part:
         part.write_text(html, encoding="utf-8")
 
 
-def render(context: ReportContext) -> str:
-    """Return the page as text."""
+def render(context: ReportContext, pictures: Pictures = EMBEDDED) -> str:
+    """Return the page as text; ``pictures`` may keep the figures as files."""
     template = environment().get_template("template.html.j2")
     metrics = [case_metrics(case) for case in context.cases]
     published, conductivity = context.published, context.cell.linear.conductivity
@@ -62,7 +76,12 @@ def render(context: ReportContext) -> str:
         warnings=all_warnings(context),
         metrics=metrics,
         sentences=[
-            [*case_sentences(m), visited_sentence(visited_shares(case.nonlinear, context.sampling))]
+            [
+                *force_sentences(case, moved, context.units),
+                *(case_sentences(m) if context.loading_mode.settles else ()),
+                flagged_sentence(m),
+                visited_sentence(visited_shares(case.nonlinear, context.sampling)),
+            ]
             for m, case in zip(metrics, context.cases, strict=True)
         ],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
@@ -75,17 +94,23 @@ def render(context: ReportContext) -> str:
         conductivity=[conductivity_sentence(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
         linear_rows=linear_rows(context.cell),
-        cell_picture=_cell_picture(context),
+        cell_picture=_cell_picture(context, pictures),
         statuses=_statuses(context.sampling),
         solved=solved_sentence(solved_shares(context.sampling)),
         training_states=int(context.sampling.training.sum()),
-        samples=svg_picture(_samples_figure(context), "Sampled states by how their solution ended"),
+        samples=pictures.svg(
+            "samples", _samples_figure(context), "Sampled states by how their solution ended"
+        ),
         surrogates=[
-            _surrogate_parts(surrogate) for surrogate in (context.surrogate, *context.other_surrogates)
+            _surrogate_parts(surrogate, pictures)
+            for surrogate in (context.surrogate, *context.other_surrogates)
         ],
+        whole=whole_words(context.cases[0].nonlinear.copies),
+        force_unit=f" [{context.units.name('force')}]" if context.units.given else "",
+        time_unit=f" [{context.units.name('time')}]" if context.units.given else "",
         differences=[law_differences(case) for case in context.cases],
         compared=COMPARED,
-        cases=[_case_pictures(case, context.units) for case in context.cases],
+        cases=[_case_pictures(case, context.units, pictures, bool(moved)) for case in context.cases],
         total_seconds=sum(stage.seconds for stage in context.stages),
     )
 
@@ -99,15 +124,16 @@ def _forces(case: LoadCase, moved: Sequence[str]) -> list[tuple[str, str, dict[s
     return [(law, name, found[name]) for name in surfaces for law, found in by_law.items() if name in found]
 
 
-def _cell_picture(context: ReportContext) -> Picture | None:
+def _cell_picture(context: ReportContext, pictures: Pictures) -> Picture | None:
     """Return the picture of the cell, as a PNG image, which is smaller than SVG with so many triangles."""
     if context.cell.surface is None:
         return None
-    return png_picture(figures.cell_picture(*context.cell.surface), "The solid of the cell")
+    return pictures.png("cell", figures.cell_picture(*context.cell.surface), "The solid of the cell")
 
 
-def _surrogate_parts(surrogate: SurrogateSummary) -> dict[str, Any]:
+def _surrogate_parts(surrogate: SurrogateSummary, pictures: Pictures) -> dict[str, Any]:
     """Return a surrogate's accuracy and its pictures."""
+    closure = surrogate.closure
     return {
         "summary": surrogate,
         "outputs": [
@@ -115,11 +141,19 @@ def _surrogate_parts(surrogate: SurrogateSummary) -> dict[str, Any]:
             for check in surrogate.outputs
         ],
         "parity": [
-            svg_picture(figures.parity_figure([check]), f"Predicted against solved {check.plain}")
+            pictures.svg(
+                f"{closure}_predicted_{check.plain.replace('⟨∇u¹⟩', 'mean_grad_')}",
+                figures.parity_figure([check]),
+                f"Predicted against solved {check.plain}",
+            )
             for check in surrogate.outputs
         ],
         "training": (
-            svg_picture(figures.training_figure(surrogate.curve), "Training and validation loss")
+            pictures.svg(
+                f"{closure}_training",
+                figures.training_figure(surrogate.curve),
+                "Training and validation loss",
+            )
             if surrogate.curve is not None
             else None
         ),
@@ -159,42 +193,58 @@ def _visited(case: LoadCase, sampling: SamplingSummary) -> list[Array]:
     ]
 
 
-def _case_pictures(case: LoadCase, units: ResultUnits) -> dict[str, list[Picture]]:
+def _case_pictures(
+    case: LoadCase, units: ResultUnits, pictures: Pictures, moved: bool
+) -> dict[str, list[Picture]]:
     """Return profiles along the axis of a column, pictures of any other body."""
-    load = plain(case.load)
+    load, under = plain(case.load), f"load{case.load!r}"
     histories = [
-        svg_picture(
+        pictures.svg(
+            f"history{'_log' if log_time else ''}_{under}",
             figures.history_figure(case.nonlinear, case.linear, *case.others, log_time=log_time, units=units),
             f"Settlement, pore pressure and drained volume against {'logarithmic ' if log_time else ''}time, "
             f"load {load}",
         )
         for log_time in (False, True)
     ]
-    times = ", ".join(f"{time:g}" for time in chosen_times(case.nonlinear))
     column = is_column(case.nonlinear)
     series = [
-        svg_picture(
+        pictures.svg(
+            f"{panel.plain}_{under}",
             figures.series_figure(case.nonlinear, case.linear, panel.plain, units),
             f"{panel.plain}, load {load}",
         )
         for panel in panels(case.nonlinear)
-        if case.nonlinear.probes or not column
+        if case.nonlinear.probes or moved or not column
     ]
+    fields = _column_pictures if column else _body_pictures
     found: dict[str, list[Picture]] = {"histories": histories, "series": series, "bodies": [], "profiles": []}
-    if not column:
-        found["bodies"] = [
-            png_picture(
-                figures.body_figure(case.nonlinear, profile_at(case.nonlinear, time), units),
-                f"The deformed body at t = {time:g}, coloured by its pore pressure, load {load}",
-            )
-            for time in chosen_times(case.nonlinear)
-        ]
-    elif case.nonlinear.profiles:
-        found["profiles"] = [
-            svg_picture(
-                figures.profile_figure(case.nonlinear, case.linear, quantity),
-                f"{figures.PROFILE_FIELDS[quantity].plain} along the column at t = {times}, load {load}",
-            )
-            for quantity in PROFILES
-        ]
+    if case.nonlinear.profiles:
+        found["profiles" if column else "bodies"] = fields(case, units, pictures)
     return found
+
+
+def _body_pictures(case: LoadCase, units: ResultUnits, pictures: Pictures) -> list[Picture]:
+    found = []
+    for time in chosen_times(case.nonlinear):
+        when = f"{time * units.factor('time'):g}{' ' + units.name('time') if units.given else ''}"
+        found.append(
+            pictures.png(
+                f"body_t={when}_load{case.load!r}",
+                figures.body_figure(case.nonlinear, profile_at(case.nonlinear, time), units),
+                f"The deformed body at t = {when}, coloured by its pore pressure, load {plain(case.load)}",
+            )
+        )
+    return found
+
+
+def _column_pictures(case: LoadCase, units: ResultUnits, pictures: Pictures) -> list[Picture]:
+    times = ", ".join(f"{time:g}" for time in chosen_times(case.nonlinear))
+    return [
+        pictures.svg(
+            f"profile_{quantity}_load{case.load!r}",
+            figures.profile_figure(case.nonlinear, case.linear, quantity),
+            f"{figures.PROFILE_FIELDS[quantity].plain} along the column at t = {times}, load {plain(case.load)}",
+        )
+        for quantity in PROFILES
+    ]

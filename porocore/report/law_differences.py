@@ -15,7 +15,7 @@ from porocore.states import Array
 COMPARED = {
     "settlement": "settlement",
     "pressure_max": "largest pore pressure",
-    "drained_flux": "drained volume",
+    "drained": "drained volume",
 }
 SAME_TIME = 1e-9
 

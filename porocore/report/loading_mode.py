@@ -1,4 +1,4 @@
-"""Loading mode of a body, which decides which results are of interest."""
+"""Loading mode of a body, and the forces on a body that is moved, as a testing machine shows them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numpy as np
 from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.problem import Boundary, MacroSetup
+from porocore.report.metrics import STEADY_TOLERANCE, time_to_fraction
+from porocore.states import Array
 
 #: A component of a force below this share of the largest of all surfaces is round-off.
 VISIBLE = 1e-6
@@ -33,6 +35,11 @@ class LoadingMode:
     displaced: tuple[str, ...] = ()
     stressed: bool = True
 
+    @property
+    def settles(self) -> bool:
+        """True if the settlement is a result and not prescribed."""
+        return self.stressed or not self.displaced
+
     @classmethod
     def from_setup(cls, macro: MacroSetup) -> LoadingMode:
         """Return the mode of the boundary conditions that are not zero."""
@@ -54,8 +61,9 @@ def _any(values: Iterable[Value | None]) -> bool:
 def reactions(solution: MacroSolution) -> dict[str, dict[str, Any]]:
     """Return the force on each surface that is held or moved, ready for JSON.
 
-    Of its three components the one that becomes largest, from outside on the body: ``component`` (1 to 3), ``peak``
-    with its sign, ``time_of_peak`` and ``final``, dimensionless. Surfaces on which no force acts are left out.
+    It is that of the whole specimen: ``compressive`` or ``tensile`` on a plane surface that is pressed or pulled, and
+    positive there; otherwise the component that becomes largest, from outside on the body, ``along x`` and so on, with
+    its sign. Surfaces on which no force acts are left out. See :func:`relaxation` for the figures.
     """
     largest = max((float(np.abs(force).max()) for force in solution.reactions.values()), default=0.0)
     found = {}
@@ -65,11 +73,47 @@ def reactions(solution: MacroSolution) -> dict[str, dict[str, Any]]:
             continue
         # Of components that are the same by symmetry always the first.
         i = int(np.argmax(peaks >= (1 - SAME) * peaks.max()))
-        step = int(np.abs(force[:, i]).argmax())
-        found[name] = {
-            "component": i + 1,
-            "peak": float(force[step, i]),
-            "time_of_peak": float(solution.history.time[step]),
-            "final": float(force[-1, i]),
-        }
+        sense, values = f"along {'xyz'[i]}", force[:, i]
+        pressed = solution.compression.get(name)
+        if pressed is not None and np.abs(pressed).max() >= (1 - SAME) * peaks[i]:
+            pulled = pressed[int(np.abs(pressed).argmax())] < 0
+            sense, values = ("tensile", -pressed) if pulled else ("compressive", pressed)
+        found[name] = {"force": sense, **relaxation(solution.history.time, values)}
     return found
+
+
+def force_name(force: dict[str, Any]) -> str:
+    """Return what a force is called: ``compressive force``, ``force along x``."""
+    sense = str(force["force"])
+    return f"force {sense}" if sense.startswith("along") else f"{sense} force"
+
+
+def relaxation(time: Array, force: Array) -> dict[str, Any]:
+    """Return the summary of a force (steps,) that peaks and relaxes, ready for JSON.
+
+    Returns
+    -------
+    dict
+        ``peak`` with its sign, ``time_of_peak``, ``final``; ``drift``, the change over the last tenth of the time as a
+        share of the final force; ``equilibrium``, the final force unless it drifts by more than 0.1 %, then None;
+        ``peak_over_final``; ``relaxed_50_percent`` and ``relaxed_95_percent``, the times from the peak until the force
+        has come so far toward the final one. What is not defined is None.
+    """
+    step = int(np.abs(force).argmax())
+    peak, final, since = float(force[step]), float(force[-1]), time[step:] - time[step]
+    before = float(np.interp(time[-1] - 0.1 * (time[-1] - time[0]), time, force))
+    drift = abs(final - before) / abs(final) if final else None
+    relaxes = abs(peak - final) > SAME * abs(peak)
+    times = [
+        time_to_fraction(since, peak - force[step:], share) if relaxes else None for share in (0.5, 0.95)
+    ]
+    return {
+        "peak": peak,
+        "time_of_peak": float(time[step]),
+        "final": final,
+        "drift": drift,
+        "equilibrium": final if drift is not None and drift <= STEADY_TOLERANCE else None,
+        "peak_over_final": peak / final if final else None,
+        "relaxed_50_percent": times[0],
+        "relaxed_95_percent": times[1],
+    }

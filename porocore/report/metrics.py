@@ -141,7 +141,7 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
         "time_of_max_pressure": float(history.time[int(history.pressure_max.argmax())]),
         "final_pressure": float(history.pressure_max[-1]),
         "drained": float(history.drained[-1]),
-        "drained_flux": float(history.drained_flux[-1]),
+        "drained_paper": float(history.drained_paper[-1]),
         "flagged_end": float(history.outside_training_range[-1]),
         "flagged_largest": float(history.outside_training_range.max()),
         "flagged_time_mean": time_mean(history.time, history.outside_training_range),
@@ -177,6 +177,7 @@ def case_metrics(case: LoadCase) -> dict[str, Any]:
         "time_to_95_percent_ratio": ratio("time_to_95_percent"),
         "time_to_99_percent_ratio": ratio("time_to_99_percent"),
         "drained_ratio": ratio("drained"),
+        "drained_paper_ratio": ratio("drained_paper"),
     }
 
 
@@ -196,10 +197,11 @@ def flagged_shares(metrics: dict[str, Any]) -> str:
     return words + ("." if whole is None else f", and the whole body is flagged at t = {whole:.3g}.")
 
 
-def case_warnings(metrics: dict[str, Any], where: str = "") -> list[str]:
+def case_warnings(metrics: dict[str, Any], where: str = "", *, settles: bool = True) -> list[str]:
     """Return what a reader must know before trusting the case that :func:`case_metrics` describes.
 
-    ``where`` names a flagged element of the body and the component that causes it, if that is known.
+    ``where`` names a flagged element of the body and the component that causes it, if that is known; ``settles`` tells
+    that the settlement is a result.
     """
     load, found = f"{metrics['load']:g}".replace("-", "−"), []
     flagged = metrics["nonlinear"]
@@ -212,7 +214,7 @@ def case_warnings(metrics: dict[str, Any], where: str = "") -> list[str]:
             f"surrogate.tolerance, or no cell was solved for a similar state. {flagged_shares(flagged)}"
             f" {where}"
         )
-    for kind in ("nonlinear", "linear"):
+    for kind in ("nonlinear", "linear") if settles else ():
         drift = metrics[kind]["steady_drift"]
         if drift is not None and drift > STEADY_TOLERANCE:
             found.append(

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import base64
+import re
+import unicodedata
 from dataclasses import dataclass
+from pathlib import Path
 
 import jinja2
 import markupsafe
 from matplotlib.figure import Figure
 
+from porocore.core.files.atomic import atomic_path
 from porocore.report.figures.style import png_bytes, svg_bytes
 from porocore.report.format import difference, duration, number, percent, plain
 
@@ -19,6 +23,42 @@ class Picture:
 
     source: str
     text: str
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Maker of the pictures of a page, which keeps each figure as PNG and SVG too.
+
+    Attributes
+    ----------
+    folder
+        Where the files are written; None: nowhere.
+    """
+
+    folder: Path | None = None
+
+    def svg(self, name: str, figure: Figure, text: str) -> Picture:
+        """Return a figure of lines and markers; its files are called ``name``."""
+        self._keep(name, figure)
+        return svg_picture(figure, text)
+
+    def png(self, name: str, figure: Figure, text: str) -> Picture:
+        """Return a figure with very many parts; its files are called ``name``."""
+        self._keep(name, figure)
+        return png_picture(figure, text)
+
+    def _keep(self, name: str, figure: Figure) -> None:
+        if self.folder is None:
+            return
+        for ending, write in (("png", png_bytes), ("svg", svg_bytes)):
+            with atomic_path(self.folder / f"{file_stem(name)}.{ending}") as part:
+                part.write_bytes(write(figure))
+
+
+def file_stem(name: str) -> str:
+    """Return a name as that of a file: ASCII letters, numbers and signs that no system minds."""
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9._=-]+", "-", plain).strip("-")
 
 
 def environment(*packages: str) -> jinja2.Environment:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from porocore.core.units.results import ResultUnits
 from porocore.macro.laws.pull_back import is_isotropic
 from porocore.report.context import CellSummary, Published, ReportContext, SurrogateSummary
 from porocore.report.format import NONE, difference, number, plain
+from porocore.report.loading_mode import force_name, reactions
 from porocore.report.metrics import LoadCase, case_metrics, case_warnings, flagged_shares, is_flagged
 from porocore.states import Status
 
@@ -54,13 +57,72 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
             f"t = {number(linear['time_to_95_percent'], 3)} and {number(linear['time_to_99_percent'], 3)}. "
             f"The nonlinear time to 99 % is {difference(metrics['time_to_99_percent_ratio'], 'shorter', 'longer')}."
         )
+    return sentences
+
+
+def flagged_sentence(metrics: dict[str, Any]) -> str:
+    """Return the flagged share of a load case in words."""
+    nonlinear = metrics["nonlinear"]
     if is_flagged(nonlinear):
-        sentences.append(
+        return (
             f"Parts of the body are flagged: there the surrogate is not reliable. {flagged_shares(nonlinear)}"
         )
-    else:
-        sentences.append("In no part of the body is the surrogate flagged as unreliable.")
+    return "In no part of the body is the surrogate flagged as unreliable."
+
+
+def whole_words(copies: float) -> str:
+    """Return of which body forces and volumes are, given how many solved parts make it up."""
+    if copies == 1:
+        return "of the body that is solved"
+    shares = {2: "a half", 4: "a quarter", 8: "an eighth"}
+    part = shares.get(round(copies)) if copies == round(copies) else None
+    return f"of the whole body, of which {part or f'one part in {copies:.4g}'} is solved"
+
+
+def force_sentences(case: LoadCase, moved: Sequence[str], units: ResultUnits) -> list[str]:
+    """Return the forces on the surfaces that are moved, in a few sentences."""
+    nonlinear, linear = reactions(case.nonlinear), reactions(case.linear)
+    sentences = []
+    for name in moved:
+        if name in nonlinear:
+            sentences.append(_force_sentence(f"{name} (load {plain(case.load)})", nonlinear[name], units))
+        if name in nonlinear and name in linear:
+            peak, final = (_value(linear[name][key], "force", units) for key in ("peak", "final"))
+            sentences.append(f"With linear poroelasticity it peaks at {peak} and ends at {final}.")
     return sentences
+
+
+def _force_sentence(where: str, force: dict[str, Any], units: ResultUnits) -> str:
+    """Return a summary of :func:`porocore.report.loading_mode.relaxation` in words."""
+    peak, final = (_value(force[key], "force", units) for key in ("peak", "final"))
+    begin = f"The {force_name(force)} on {where} is {peak} at its peak, at t = "
+    begin += _value(force["time_of_peak"], "time", units, 3)
+    if force["relaxed_50_percent"] is None:
+        return f"{begin}, and {final} at the end."
+    half, most = (_value(force[f"relaxed_{n}_percent"], "time", units, 3) for n in (50, 95))
+    settled = "in equilibrium" if force["equilibrium"] is not None else "at the end, still changing"
+    ratio = "" if force["peak_over_final"] is None else f", a ratio of {number(force['peak_over_final'], 3)}"
+    relaxed = f"It has relaxed by 50 % {half} after the peak and by 95 % {most} after it."
+    return f"{begin}, and {final} {settled}{ratio}. {relaxed}"
+
+
+def force_warnings(case: LoadCase, moved: Sequence[str]) -> list[str]:
+    """Return warnings of forces on moved surfaces that still change at the end."""
+    found = []
+    for name, force in reactions(case.nonlinear).items():
+        if name in moved and force["drift"] is not None and force["equilibrium"] is None:
+            found.append(
+                f"Load {plain(case.load)}: the {force_name(force)} on {name} still changed by "
+                f"{100 * force['drift']:.1f} % of its final value in the last tenth of the time, so the final value is "
+                "not that of the equilibrium. Raise the end time."
+            )
+    return found
+
+
+def _value(value: float, quantity: str, units: ResultUnits, digits: int = 4) -> str:
+    """Return a result with its unit."""
+    text = number(value * units.factor(quantity), digits)
+    return f"{text} {units.name(quantity)}" if units.given else text
 
 
 def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[ComparisonRow]:
@@ -173,5 +235,7 @@ def all_warnings(context: ReportContext) -> list[str]:
     """Return the given warnings, then those of the results."""
     found = [*context.warnings, *_unjudged(context.surrogate)]
     for case in context.cases:
-        found += case_warnings(case_metrics(case), case.flagged)
+        moved = context.loading_mode.displaced
+        found += case_warnings(case_metrics(case), case.flagged, settles=context.loading_mode.settles)
+        found += force_warnings(case, moved)
     return found

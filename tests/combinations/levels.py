@@ -53,13 +53,13 @@ FACTORS: dict[str, tuple[str, ...]] = {
     "load": ("traction", "displacement", "follower", "plate", "flux"),
     "time": ("steps", "tolerance", "curve", "function"),
 }
-#: Area of the top of each body.
+#: Area of the top of each body, of the whole one where planes of symmetry cut it.
 TOP = {
     "column": 0.04,
     "box": 0.72,
     "cylinder": np.pi / 4,
-    "quarter": np.pi / 16,
-    "wedge": np.pi / 48,
+    "quarter": np.pi / 4,
+    "wedge": np.pi / 4,
     "file": 0.72,
 }
 #: Of what is sampled; narrow, so that coarse surrogates serve.

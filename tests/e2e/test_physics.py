@@ -60,7 +60,7 @@ def test_the_linear_column_settles_as_its_stiffness_says(metrics, case):
     assert linear["final_settlement"] == pytest.approx(settlement, rel=linear["steady_drift"])
     assert linear["final_settlement"] < settlement
     drained = cell["biot_coefficient"] * settlement * AREA
-    assert linear["drained_flux"] == pytest.approx(drained, rel=linear["steady_drift"])
+    assert linear["drained"] == pytest.approx(drained, rel=linear["steady_drift"])
 
 
 def test_the_steady_state_carries_the_load(metrics, study):

@@ -69,8 +69,8 @@ def test_the_solutions_can_be_looked_at(finished):
     for name, path in series.items():
         solution = MacroSolution.load_file(finished / "solutions" / f"{name}.h5")
         entries = list(ElementTree.parse(path).iter("DataSet"))
-        assert [float(entry.attrib["timestep"]) for entry in entries] == [1, 10, 40, 240]
-        assert [profile.time for profile in solution.profiles] == [1, 10, 40, 240]
+        assert [float(entry.attrib["timestep"]) for entry in entries] == [0, 1, 10, 40, 240]
+        assert [profile.time for profile in solution.profiles] == [0, 1, 10, 40, 240]
         for entry in entries:
             shown.add(entry.attrib["file"])
             piece = next(ElementTree.parse(finished / "fields" / entry.attrib["file"]).iter("Piece"))

@@ -118,13 +118,13 @@ def test_linear_column_follows_the_series(column, T):
     assert history.settlement[at] == pytest.approx(settlement, rel=1e-14)
     assert history.pressure_max[at] == pytest.approx(layer.pressure(0.0, times[T]), rel=0.005)
     drained = 0.01 * layer.biot * layer.final_settlement  # in the end; the cross-section is 0.01
-    assert history.drained_flux[at] == pytest.approx(drained * layer.degree(times[T]), rel=0.005)
+    assert history.drained[at] == pytest.approx(drained * layer.degree(times[T]), rel=0.005)
 
 
 def test_linear_column_starts_undrained(column):
     """At first only the uppermost of the 20 elements has lost pressure."""
     layer, _, solution = column
-    first = solution.profiles[0]
+    first = solution.after_rest[0]
     assert first.time == SUDDEN
     assert first.p[solution.points[:, 1] == 0] == pytest.approx(layer.initial_pressure, rel=1e-6)
     more = solution.history.settlement[1] - layer.immediate_settlement

@@ -32,6 +32,7 @@ from porocore.report.context import (
 from porocore.report.html import render, write_report
 from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import LoadCase, OutputCheck
+from porocore.report.page import file_stem
 from porocore.report.text import all_warnings, conductivity_sentence
 from porocore.states import CellResponse, CellTangent, Status
 from porocore.study.publication import DEHGHANI_ZILIAN
@@ -264,7 +265,7 @@ def test_forces_are_shown_where_a_surface_is_moved(context, unpictured):
     )
     when = f"{case.nonlinear.history.time[3]:.3f}"
     text = Page(render(pushed)).text
-    rows = [text.find(f"{name}nonlinear2−0.8125{when}−0.2500") for name in ("y+", "a")]
+    rows = [text.find(f"{name}nonlinearalong y−0.8125{when}−0.2500 *3.25") for name in ("y+", "a")]
     assert 0 < rows[0] < rows[1], "what is moved comes first"
 
 
@@ -272,8 +273,8 @@ def test_forces_are_shown_where_a_surface_is_moved(context, unpictured):
 def unpictured(undrawn, monkeypatch):
     """Leave out the pictures of the body too, which take the most of the rest."""
     none = {"histories": [], "series": [], "bodies": [], "profiles": []}
-    monkeypatch.setattr("porocore.report.html._case_pictures", lambda case, units: none)
-    monkeypatch.setattr("porocore.report.html._cell_picture", lambda context: None)
+    monkeypatch.setattr("porocore.report.html._case_pictures", lambda *arguments: none)
+    monkeypatch.setattr("porocore.report.html._cell_picture", lambda *arguments: None)
 
 
 def test_counts_of_statuses(context, page):
@@ -311,7 +312,7 @@ def test_is_the_same_bytes_again(context, html):
 def test_written_whole_or_not_at_all(context, html, tmp_path, monkeypatch):
     path = tmp_path / "report.html"
     path.write_text("the old one")
-    monkeypatch.setattr("porocore.report.html.render", lambda context: html)
+    monkeypatch.setattr("porocore.report.html.render", lambda *arguments: html)
     with monkeypatch.context() as patch:
         patch.setattr("porocore.core.files.atomic.os.replace", disk_full)
         with pytest.raises(RunFolderError, match=r"cannot write .*report\.html"):
@@ -320,6 +321,35 @@ def test_written_whole_or_not_at_all(context, html, tmp_path, monkeypatch):
     write_report(path, context)
     assert path.read_text(encoding="utf-8") == html
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_every_figure_of_the_page_is_a_file_too(context, tmp_path):
+    write_report(tmp_path / "report.html", context, tmp_path / "figures")
+    images = Page((tmp_path / "report.html").read_text(encoding="utf-8")).all("img")
+    by_ending = {
+        ending: {path.stem for path in (tmp_path / "figures").glob(f"*.{ending}")}
+        for ending in ("png", "svg")
+    }
+    assert by_ending["png"] == by_ending["svg"]
+    assert len(by_ending["png"]) == len(images)
+    assert {"cell", "samples", "history_load-0.2", "history_log_load-0.2", "profile_p_load-0.2"} <= by_ending[
+        "png"
+    ]
+    assert len(list((tmp_path / "figures").iterdir())) == 2 * len(images)
+
+
+@pytest.mark.parametrize(
+    ("name", "stem"),
+    [
+        ("potential_predicted_K₁₁", "potential_predicted_K11"),
+        ("fluid volume φ", "fluid-volume"),
+        ("body_t=0.2_load-1.0", "body_t=0.2_load-1.0"),
+        ("../a b/c", "..-a-b-c"),
+    ],
+)
+def test_names_of_figures_are_names_of_files(name, stem):
+    assert file_stem(name) == stem
 
 
 def disk_full(*_):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +14,9 @@ from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
 from porocore.macro.problem import Boundary, MacroSetup
 from porocore.report.dimensional import dimensional_rows
-from porocore.report.loading_mode import LoadingMode, reactions
+from porocore.report.loading_mode import LoadingMode, reactions, relaxation
 from porocore.report.metrics import LoadCase, case_metrics
+from porocore.report.text import force_sentences, force_warnings
 
 UNITS = ResultUnits(
     Scales(modulus=2e3, length=0.01, pore=1e-6, viscosity=1e-3), OutputUnits(length="mm", force="mN")
@@ -51,21 +53,32 @@ def plug(column):
     side = np.zeros_like(top)
     side[:, 0], side[:, 1] = 0.1, 1e-3
     return replace(
-        solution, reactions={"y+": top, "y-": -top, "x-": side, "z-": 1e-9 * side, "free": 0 * side}
+        solution,
+        reactions={"y+": top, "y-": -top, "x-": side, "z-": 1e-9 * side, "free": 0 * side},
+        compression={"y+": -top[:, 1], "y-": -top[:, 1]},
     )
 
 
 def test_peak_and_final_force_of_every_surface(plug):
     found = reactions(plug)
     assert found.keys() == {"y+", "y-", "x-"}
+    time = plug.history.time
+    # From 0.8 to 0.015 t of the next step, and then up again to 0.3: in that step it falls by more than 0.95 · 0.5.
+    step, fall = time[4] - time[3], 0.8 - 0.3 * time[4]
     assert found["y+"] == {
-        "component": 2,
-        "peak": -0.8,
-        "time_of_peak": plug.history.time[3],
-        "final": pytest.approx(-0.3),
+        "force": "compressive",
+        "peak": 0.8,
+        "time_of_peak": time[3],
+        "final": pytest.approx(0.3),
+        "drift": pytest.approx(0.0, abs=1e-12),
+        "equilibrium": pytest.approx(0.3),
+        "peak_over_final": pytest.approx(8 / 3),
+        "relaxed_50_percent": pytest.approx(step * 0.25 / fall),
+        "relaxed_95_percent": pytest.approx(step * 0.475 / fall),
     }
     assert found["y-"]["peak"] == 0.8
-    assert (found["x-"]["component"], found["x-"]["peak"], found["x-"]["final"]) == (1, 0.1, 0.1)
+    assert (found["x-"]["force"], found["x-"]["peak"], found["x-"]["final"]) == ("along x", 0.1, 0.1)
+    assert found["x-"]["relaxed_50_percent"] is None
     assert json.loads(json.dumps(found, allow_nan=False)) == found
     assert reactions(replace(plug, reactions={})) == {}
     assert reactions(replace(plug, reactions={"y+": np.zeros((len(plug.history.time), 3))})) == {}
@@ -73,8 +86,8 @@ def test_peak_and_final_force_of_every_surface(plug):
 
 def test_of_components_that_symmetry_makes_the_same_the_first_is_told(plug):
     force = np.ones((len(plug.history.time), 3)) * [0.0, 1.0, 1.0 + 1e-12]
-    assert reactions(replace(plug, reactions={"side": force}))["side"]["component"] == 2
-    assert reactions(replace(plug, reactions={"side": force * [1, 1, 1.1]}))["side"]["component"] == 3
+    assert reactions(replace(plug, reactions={"side": force}))["side"]["force"] == "along y"
+    assert reactions(replace(plug, reactions={"side": force * [1, 1, 1.1]}))["side"]["force"] == "along z"
 
 
 def test_rows_with_units_are_those_of_the_drive(plug, column):
@@ -89,5 +102,50 @@ def test_rows_with_units_are_those_of_the_drive(plug, column):
     assert not [name for name in stressed if "force" in name]
     assert "load times E" not in moved
     # E L² = 0.2 N.
-    assert moved["peak force on y+, component 2"] == "−160 mN"
-    assert moved["final force on y+, component 2"] == "−60.0 mN"
+    assert moved["peak compressive force on y+"] == "160 mN"
+    assert moved["final compressive force on y+"] == "60.0 mN"
+
+
+def test_a_pulled_surface_bears_a_tensile_force(plug):
+    pulled = replace(
+        plug,
+        reactions={name: -force for name, force in plug.reactions.items()},
+        compression={name: -force for name, force in plug.compression.items()},
+    )
+    found = reactions(pulled)["y+"]
+    assert (found["force"], found["peak"], found["final"]) == ("tensile", 0.8, pytest.approx(0.3))
+
+
+def test_times_of_an_exponential_relaxation():
+    time = np.linspace(0, 30, 3001)
+    force = np.where(time < 1, time * 5, 2 + 3 * np.exp(-(time - 1)))
+    found = relaxation(time, force)
+    assert (found["peak"], found["time_of_peak"]) == (pytest.approx(5.0), pytest.approx(1.0))
+    assert found["peak_over_final"] == pytest.approx(2.5)
+    assert found["relaxed_50_percent"] == pytest.approx(math.log(2), rel=1e-3)
+    assert found["relaxed_95_percent"] == pytest.approx(math.log(20), rel=1e-3)
+    assert found["equilibrium"] == pytest.approx(2.0)
+    # Ended before it has relaxed, it has no equilibrium force.
+    early = relaxation(time[:200], force[:200])
+    assert early["equilibrium"] is None
+    assert early["drift"] > 0.01
+    # A force that is zero has no ratio, and one that only grows does not relax.
+    assert relaxation(time, 0 * time)["peak_over_final"] is None
+    assert relaxation(time, time)["relaxed_50_percent"] is None
+
+
+def test_a_run_under_prescribed_displacement_is_told_by_its_force(plug, column):
+    case = LoadCase(plug, replace(plug, law="linear"))
+    first, second = force_sentences(case, ("y+",), UNITS)
+    assert first.startswith("The compressive force on y+ (load −0.2) is 160.0 mN at its peak, at t = ")
+    assert "60.00 mN in equilibrium, a ratio of 2.67" in first
+    assert "95 %" in first
+    assert second == "With linear poroelasticity it peaks at 160.0 mN and ends at 60.00 mN."
+    assert force_warnings(case, ("y+",)) == []
+    force = 0.3 + 0.5 * np.exp(-plug.history.time / 50)
+    early = LoadCase(
+        replace(plug, compression={"y+": force}, reactions={"y+": np.outer(force, [0, -1, 0])}), plug
+    )
+    (warning,) = force_warnings(early, ("y+",))
+    assert "still changed by" in warning
+    assert force_sentences(LoadCase(column(), column()), ("y+",), UNITS) == []

@@ -77,6 +77,32 @@ def test_check_notes_drained_surfaces_that_no_pore_leads_to(tmp_path):
     assert "note: the cell conducts no fluid along y (K_22 = 0)" in invoke("check", path).stdout
 
 
+@pytest.mark.parametrize(
+    ("kind", "planes", "said"),
+    [
+        ("quarter-cylinder", ("x-", "z-"), "a quarter is solved (symmetry planes x- and z-)"),
+        ("wedge", ("oblique", "z-"), "one part in 24 is solved (symmetry planes z- and oblique)"),
+    ],
+)
+def test_check_says_of_which_body_the_numbers_are(kind, planes, said, tmp_path):
+    body = {"kind": kind, "radius": 1, "height": 1, "elements": [1, 1, 1]}
+    faces = {name: {"normal": 0} for name in (*planes, "y-")} | {"y+": {"plate": -0.1, "pressure": 0}}
+    settings = {"macro__body": body, "macro__boundary": faces, "macro__surfaces": {}, "macro__probes": {}}
+    done = invoke("check", study_of(tmp_path, **settings))
+    assert done.exception is None, done.output
+    assert f"forces and volumes are of the whole body, of which {said}" in done.stdout
+    note = "note: the cell, of the point group m-3m, is not its own mirror image at 'oblique'"
+    assert (note in done.stdout) == (kind == "wedge")
+
+
+def test_symmetry_planes_are_checked_before_a_run(tmp_path):
+    done = invoke("check", study_of(tmp_path, **{"macro__boundary__x-": {"normal": 0, "pressure": 0}}))
+    assert isinstance(done.exception, ConfigurationError)
+    assert "macro.body.symmetry: 'x-' is no symmetry plane, because it lets fluid through" in str(
+        done.exception
+    )
+
+
 def test_default_profile_times_beyond_the_end_are_left_out():
     assert TimePlan().profiles == (1.0, 10.0, 40.0)
     assert TimePlan(end=10).profiles == (1.0, 10.0)

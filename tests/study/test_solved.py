@@ -1,6 +1,7 @@
 """Macro solutions from Python: arrays, xarray and pyvista, with units and without; figures and tables with units."""
 
 import sys
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -28,14 +29,13 @@ UNITS = ResultUnits(
 @pytest.fixture
 def solution(column):
     """A column with a probe, a reaction and an inflow."""
-    from dataclasses import replace
-
     found = column(elements=(1, 4, 1))
     steps = np.arange(len(found.history.time), dtype=float)
     return replace(
         found,
         probes={"tip": np.outer(steps, [0, -1, 0, 0.5])},
         reactions={"y-": np.outer(steps, [0, 3, 0])},
+        compression={"y-": 3 * steps},
         inflow={"y+": -steps},
     )
 
@@ -52,11 +52,37 @@ def test_the_flag_keeps_its_name_in_files(solution, tmp_path):
     assert "outside" in {each.name for each in all_series(solution)}
 
 
+def test_the_whole_specimen_is_kept_in_files(solution, tmp_path):
+    replace(solution, copies=4.0).save(tmp_path / "s.h5")
+    read = type(solution).load_file(tmp_path / "s.h5")
+    assert read.copies == 4
+    np.testing.assert_array_equal(read.compression["y-"], solution.compression["y-"])
+
+
+def test_columns_say_what_is_positive(solution):
+    columns = {each.column for each in all_series(solution)}
+    assert {
+        "y-: compressive force (+ in compression)",
+        "y-: force 2 (+ along y)",
+        "y+: inflow (+ into the body)",
+        "settlement",
+    } <= columns
+    compressed = Solved(solution)
+    np.testing.assert_array_equal(compressed.compression["y-"], solution.compression["y-"])
+    assert compressed.forces["y-"]["force"] == "compressive"
+
+
 def test_a_solution_as_a_dataset(solution):
     pytest.importorskip("xarray")
     plain, dimensional = Solved(solution).to_xarray(), Solved(solution, UNITS).to_xarray()
     steps = len(solution.history.time)
-    assert dict(plain.sizes) == {"time": steps, "probe": 1, "component": 3, "surface": 1, "drain": 1}
+    assert dict(plain.sizes) == {
+        "time": steps,
+        "probe": 1,
+        "component": 3,
+        "surface": 1,
+        "drain": 1,
+    }
     assert plain.probe_displacement.sel(probe="tip", component="y").values[2] == -2
     assert plain.probe_pressure.sel(probe="tip").values[2] == 1
     assert {v.attrs["units"] for v in plain.variables.values() if "units" in v.attrs} == {"1"}
@@ -64,8 +90,9 @@ def test_a_solution_as_a_dataset(solution):
         ("settlement", "mm", "displacement"),
         ("probe_pressure", "kPa", "pressure"),
         ("reaction", "mN", "force"),
+        ("compression", "mN", "force"),
         ("inflow", "mm³/h", "flow"),
-        ("drained_flux", "mm³", "volume"),
+        ("drained", "mm³", "volume"),
         ("ramp", "1", ""),
         ("time", "h", "time"),
     ):
@@ -117,7 +144,10 @@ def test_figures_and_metrics_have_the_units(solution):
     np.testing.assert_allclose(curve.get_ydata(), 10 * solution.history.settlement)
     np.testing.assert_allclose(curve.get_xdata(), solution.history.time * UNITS.factor("time"))
     axes = series_figure(solution, solution, "forces of held or moved surfaces", UNITS).axes[0]
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time $t$ [h]", "force on the body [mN]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (
+        "time $t$ [h]",
+        "compressive force [mN]\n(positive in compression)",
+    )
     np.testing.assert_allclose(axes.lines[0].get_ydata(), 200 * solution.reactions["y-"][:, 1])
     body = body_figure(solution, solution.profiles[0], UNITS)
     assert body.axes[0].get_zlabel() == "$x_2$ [mm]"

@@ -118,7 +118,7 @@ def test_a_checkpoint_is_continued_by_any_backend_on_any_number_of_processes(
         mine, theirs = getattr(found.history, field.name), getattr(whole.history, field.name)
         scale = abs(theirs).max() if field.name != "stress_spread" else 0.1
         np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9 * scale, err_msg=field.name)
-    assert len(found.profiles) == len(whole.profiles) == 4
+    assert len(found.profiles) == len(whole.profiles) == 5
     for one, other in zip(found.profiles, whole.profiles, strict=True):
         for field in fields(Profile):
             mine, theirs = getattr(one, field.name), getattr(other, field.name)

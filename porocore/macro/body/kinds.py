@@ -31,6 +31,16 @@ class Body(StrictModel, ABC):
 
     #: Names of its surfaces, where the kind alone decides them.
     surfaces: ClassVar[tuple[str, ...]] = ()
+    #: Those of them at which the kind is cut out of a whole.
+    cuts: ClassVar[tuple[str, ...]] = ()
+    symmetry: tuple[str, ...] | None = None
+    """Surfaces that are symmetry planes: the body stands for a whole that is mirrored there, and forces and volumes are
+    those of the whole; null: the planes of a quarter-cylinder or a wedge that have ``normal: 0`` alone; []: none."""
+
+    @property
+    def symmetry_planes(self) -> tuple[str, ...]:
+        """Surfaces that may be symmetry planes."""
+        return self.cuts if self.symmetry is None else self.symmetry
 
     @field_validator("elements", check_fields=False)
     @classmethod
@@ -109,6 +119,7 @@ class QuarterCylinder(_Round):
     """The part x, z ≥ 0 of a cylinder; surfaces x-, z- (the symmetry planes), y-, y+, side."""
 
     surfaces = ("y-", "y+", "side", "z-", "x-")
+    cuts = ("x-", "z-")
     kind: Literal["quarter-cylinder"]
     """The part x, z ≥ 0 of a cylinder."""
 
@@ -122,6 +133,7 @@ class Wedge(_Round):
     """A sector of a cylinder from z = 0 to an oblique plane; surfaces z-, oblique, y-, y+, side."""
 
     surfaces = ("y-", "y+", "side", "z-", "oblique")
+    cuts = ("z-", "oblique")
     kind: Literal["wedge"]
     """A sector of a cylinder, from the plane z = 0 to an oblique one."""
     elements: tuple[Count, Count, Count] = (8, 8, 1)

@@ -54,6 +54,7 @@ class HistoryRecorder:
         start |= self._extremes(whole)
         sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains))
         self.rows.append((*(start[name] for name in HISTORY), *(self._probe @ whole), *sums))
+        self.add_profile(x, response, 0.0)
 
     def add_step(self, step: Step, time: float, dt: float, amplitudes: Array) -> None:
         """Add an accepted step that ended at ``time``."""
@@ -68,8 +69,8 @@ class HistoryRecorder:
         row = {
             "time": time,
             "ramp": d.problem.ramp(time),
-            "drained": last["drained"] + squeezed,
-            "drained_flux": last["drained_flux"] + outflow,
+            "drained_paper": last["drained_paper"] + squeezed,
+            "drained": last["drained"] + outflow,
             "outside_training_range": _outside(d, response),
             "stress_spread": _spread(d, response),
             "iterations": float(step.iterations),
@@ -91,12 +92,12 @@ class HistoryRecorder:
 
     def _extremes(self, x: Array) -> dict[str, float]:
         n_u = self.d.mesh.n_u
-        return {"settlement": float((-x[1:n_u:3]).max()), "pressure_max": float(x[n_u:].max())}
+        # No −0 at rest.
+        return {"settlement": float((-x[1:n_u:3]).max()) + 0.0, "pressure_max": float(x[n_u:].max())}
 
-    def add_profile(self, step: Step, time: float) -> None:
+    def add_profile(self, unknowns: Array, response: MacroResponse, time: float) -> None:
         """Add the fields at ``time``: nodal values, and means over the elements."""
-        d, response = self.d, step.response
-        x = d.to_mesh(step.x)
+        d, x = self.d, self.d.to_mesh(unknowns)
         states = response.memory.states
         self.profiles.append(
             Profile(

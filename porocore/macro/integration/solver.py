@@ -94,7 +94,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             x, memory = step.x, step.response.memory
             record.add_step(step, time, dt, amplitudes)
             if stepper.is_profile(time):
-                record.add_profile(step, time)
+                record.add_profile(step.x, step.response, time)
             stepper.accept(error)
             if stepper.at_corner:
                 control.reset()

@@ -49,7 +49,8 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
         if len(polygons) < 8000
         else {"edgecolors": "none"}
     )
-    axes.add_collection3d(Poly3DCollection(polygons, facecolors=colours.to_rgba(values), **lines))
+    surface = Poly3DCollection(polygons, facecolors=colours.to_rgba(values), rasterized=True, **lines)
+    axes.add_collection3d(surface)
     first, last = places.min(axis=0), places.max(axis=0)
     for axis, (a, b) in zip("xyz", zip(first, last, strict=True), strict=True):
         getattr(axes, f"set_{axis}lim")(a, b)

@@ -48,7 +48,12 @@ def cell_picture(points: Array, cells: IntArray) -> Figure:
         colours = np.array(colour) * bright[rows, None]
         axes.add_collection3d(
             Poly3DCollection(
-                triangles[rows], facecolors=colours, edgecolors=colours, linewidths=0.3, zorder=level
+                triangles[rows],
+                facecolors=colours,
+                edgecolors=colours,
+                linewidths=0.3,
+                zorder=level,
+                rasterized=True,
             )
         )
     low, high = points.min(axis=0), points.max(axis=0)

@@ -55,8 +55,8 @@ def history_figure(
     Returns
     -------
     Figure
-        Three panels above each other: largest settlement, largest pore pressure, drained volume (the paper's
-        measure solid or dashed, the flux through the boundary dotted).
+        Three panels above each other: largest settlement, largest pore pressure, drained volume (what
+        has left through the boundary solid or dashed, the paper's measure dotted).
     """
     units = units or ResultUnits()
     t, length, stress, volume = (
@@ -71,7 +71,9 @@ def history_figure(
         settlement.plot(time, history.settlement[first:] * length, color=colour, ls=style, label=label)
         pressure.plot(time, history.pressure_max[first:] * stress, color=colour, ls=style)
         drained.plot(time, history.drained[first:] * volume, color=colour, ls=style)
-        drained.plot(time, history.drained_flux[first:] * volume, color=colour, ls=DOTTED, lw=2.4, alpha=0.75)
+        drained.plot(
+            time, history.drained_paper[first:] * volume, color=colour, ls=DOTTED, lw=2.4, alpha=0.75
+        )
         for share, marker in MARKS:
             _mark(settlement, history.time * t, history.settlement * length, share, marker, colour)
     _shared_legend(settlement)
@@ -105,7 +107,7 @@ def _curves(
 
 def _shared_legend(axes: Axes) -> None:
     """Add empty grey curves, whose legend explains the strokes and markers that all laws share."""
-    axes.plot([], [], color="0.35", ls=DOTTED, lw=2.4, label="drained, by boundary flux")
+    axes.plot([], [], color="0.35", ls=DOTTED, lw=2.4, label="drained, the paper's measure")
     for share, marker in MARKS:
         axes.plot([], [], color="0.35", ls="", marker=marker, ms=5, label=f"{100 * share:.0f} % of final")
 

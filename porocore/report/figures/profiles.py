@@ -204,8 +204,8 @@ def is_column(solution: MacroSolution) -> bool:
 
 
 def chosen_times(solution: MacroSolution) -> tuple[float, ...]:
-    """Return the times of the profiles, without the last one if there are others; six at most."""
-    times = tuple(profile.time for profile in solution.profiles)
+    """Return the times of the profiles after rest, without the last one if there are others; six at most."""
+    times = tuple(profile.time for profile in solution.after_rest)
     return times[: max(1, len(times) - 1)][: len(TIME_COLOURS)]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -38,30 +38,65 @@ class Panel:
         In words.
     curves
         Name of each, and its values.
+    sign
+        What is positive, where that is a convention.
     """
 
     label: str
     quantity: str
     plain: str
     curves: dict[str, Array]
+    sign: str = ""
 
 
 def panels(solution: MacroSolution) -> Iterator[Panel]:
-    """Yield panels of pressures and displacements of probes, reactions and inflows, as far as there are any."""
-    probes, reactions = solution.probes, solution.reactions
+    """Yield panels of pressures and displacements of probes, forces and inflows, as far as there are any."""
+    probes = solution.probes
     displacements = {f"{name} $u_{i + 1}$": v[:, i] for name, v in probes.items() for i in range(3)}
-    forces = {f"{name} $R_{i + 1}$": v[:, i] for name, v in reactions.items() for i in range(3)}
-    pressures = {n: v[:, 3] for n, v in probes.items()}
-    for label, quantity, plain, curves in (
-        ("pore pressure $p$", "pressure", "pressure at the probes", pressures),
-        ("displacement", "displacement", "displacement of the probes", displacements),
-        ("force on the body", "force", "forces of held or moved surfaces", forces),
-        ("inflow of fluid", "flow", "inflow through surfaces of given pressure", dict(solution.inflow)),
+    pressures, forces = {n: v[:, 3] for n, v in probes.items()}, "forces of held or moved surfaces"
+    for panels_of_kind in (
+        [Panel("pore pressure $p$", "pressure", "pressure at the probes", pressures)],
+        [Panel("displacement", "displacement", "displacement of the probes", displacements)],
+        [
+            Panel(
+                "compressive force", "force", forces, dict(solution.compression), "positive in compression"
+            ),
+            Panel(
+                "force on the body", "force", f"other {forces}", _others(solution), "positive along the axis"
+            ),
+        ],
+        [
+            Panel(
+                "inflow of fluid",
+                "flow",
+                "inflow through surfaces of given pressure",
+                dict(solution.inflow),
+                "positive into the body",
+            )
+        ],
     ):
-        largest = max((float(np.abs(v).max()) for v in curves.values()), default=0.0)
-        kept = {name: v for name, v in curves.items() if np.abs(v).max() > VISIBLE * largest}
-        if kept:
-            yield Panel(label, quantity, plain, kept)
+        sizes = [np.abs(v).max() for panel in panels_of_kind for v in panel.curves.values()]
+        largest = max(map(float, sizes), default=0.0)
+        for panel in panels_of_kind:
+            kept = {name: v for name, v in panel.curves.items() if np.abs(v).max() > VISIBLE * largest}
+            if kept:
+                yield replace(panel, curves=kept)
+
+
+def _others(solution: MacroSolution) -> dict[str, Array]:
+    """Return the components of the forces that are not the compressive force on the same surface."""
+    found = {}
+    for name, force in solution.reactions.items():
+        pressed = solution.compression.get(name)
+        for i, axis in enumerate("xyz"):
+            values = force[:, i]
+            if pressed is None or not _same(np.abs(values), np.abs(pressed)):
+                found[f"{name}, along {axis}"] = values
+    return found
+
+
+def _same(one: Array, other: Array) -> bool:
+    return bool(np.abs(one - other).max() <= VISIBLE * np.abs(other).max())
 
 
 @styled
@@ -75,14 +110,21 @@ def series_figure(
     figure = new_figure(5.4, 3.6)
     axes = figure.add_subplot()
     t, factor = units.factor("time"), units.factor(panel.quantity)
-    for i, (name, values) in enumerate(panel.curves.items()):
+    drawn: dict[str, list[str]] = {}
+    for name, values in panel.curves.items():
+        # Of curves that cover each other, such as the forces at both ends of a column, one is drawn.
+        same = next((other for other in drawn if _same(values, panel.curves[other])), name)
+        drawn.setdefault(same, []).append(name)
+    for i, (name, names) in enumerate(drawn.items()):
         colour = TIME_COLOURS[i % len(TIME_COLOURS)]
-        axes.plot(nonlinear.history.time * t, values * factor, color=colour, label=name)
+        values = panel.curves[name]
+        axes.plot(nonlinear.history.time * t, values * factor, color=colour, label=" and ".join(names))
         if name in others:
             axes.plot(linear.history.time * t, others[name] * factor, color=colour, ls=DASHED, lw=1.3)
     axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
     axes.set_xlabel(axis_label("time $t$", "time", units))
-    axes.set_ylabel(axis_label(panel.label, panel.quantity, units))
+    sign = f"\n({panel.sign})" if panel.sign else ""
+    axes.set_ylabel(axis_label(panel.label, panel.quantity, units) + sign)
     axes.margins(x=0.01)
     legend_above(figure, axes, columns=3)
     return figure

@@ -103,7 +103,8 @@ def lighter(colour: str, share: float = 0.62) -> tuple[float, float, float]:
 def svg_bytes(figure: Figure) -> bytes:
     """Return the figure as an SVG document; text is drawn as paths, so that it looks the same everywhere."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    # The resolution is that of parts which are drawn as an image.
+    figure.savefig(buffer, format="svg", dpi=160, metadata={"Date": None, "Creator": None})
     return buffer.getvalue()
 
 

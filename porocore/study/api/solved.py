@@ -12,6 +12,7 @@ from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.solution import MacroSolution, Profile, file_name
 from porocore.macro.series import HISTORY
+from porocore.report.loading_mode import reactions
 from porocore.states import Array
 from porocore.study.run_folder.files import LINEAR
 
@@ -74,7 +75,7 @@ class Solved:
     @property
     def drained(self) -> Array:
         """Volume of fluid that has left through the boundary, (steps,)."""
-        return self.solution.history.drained_flux
+        return self.solution.history.drained
 
     @property
     def probes(self) -> Mapping[str, Array]:
@@ -83,8 +84,18 @@ class Solved:
 
     @property
     def reactions(self) -> Mapping[str, Array]:
-        """Force on the body, (steps, 3), by surface."""
+        """Force on the whole body, (steps, 3), positive along the axes, by surface."""
         return self.solution.reactions
+
+    @property
+    def compression(self) -> Mapping[str, Array]:
+        """Compressive force on the whole body, (steps,), by plane surface; negative in tension."""
+        return self.solution.compression
+
+    @property
+    def forces(self) -> dict[str, dict[str, Any]]:
+        """Peak, end and relaxation of the force on each surface, as in ``metrics.json``."""
+        return reactions(self.solution)
 
     @property
     def inflow(self) -> Mapping[str, Array]:
@@ -120,8 +131,8 @@ class Solved:
         """Return history, probes, reactions and inflow against time, in the units of the study.
 
         Every variable has the attributes ``units`` (``1`` where it is dimensionless) and ``long_name``. Probes have the
-        dimensions (time, probe) and for displacements a component, reactions (time, surface, component), inflow
-        (time, drain).
+        dimensions (time, probe) and for displacements a component, reactions (time, surface, component), compression
+        (time, surface), NaN where the surface is not plane, inflow (time, drain).
 
         Raises
         ------
@@ -141,11 +152,20 @@ class Solved:
         coordinates: dict[str, Any] = {"time": self._variable(("time",), history.time, "time", "time")}
         places = {name: values[:, :3] for name, values in s.probes.items()}
         pressures = {name: values[:, 3] for name, values in s.probes.items()}
+        no_plane = np.full(len(history.time), np.nan)
+        pressed = {name: s.compression.get(name, no_plane) for name in s.reactions}
         for name, kind, members, quantity, words in (
             ("probe_displacement", "probe", places, "displacement", "displacement of the probe"),
             ("probe_pressure", "probe", pressures, "pressure", "pore pressure at the probe"),
-            ("reaction", "surface", s.reactions, "force", "force on the body at the surface"),
-            ("inflow", "drain", s.inflow, "flow", "fluid that enters through the surface"),
+            (
+                "reaction",
+                "surface",
+                s.reactions,
+                "force",
+                "force on the body at the surface, positive along the axis",
+            ),
+            ("compression", "surface", pressed, "force", "compressive force, positive in compression"),
+            ("inflow", "drain", s.inflow, "flow", "fluid through the surface, positive into the body"),
         ):
             if members:
                 values = np.stack(list(members.values()), axis=1)

@@ -11,6 +11,7 @@ from porocore.core.inputs.input_space import InputSpace
 from porocore.core.models.bounds import LARGEST_NUMBER, LARGEST_SEED, MOST_STATES, MOST_WORKERS
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import ByKey, Carried, Dimension, Unit
+from porocore.macro.boundary.symmetry import part_problem
 from porocore.macro.problem import MacroProblem, MacroSetup
 from porocore.sampling.execution.choice import ExecutorName, contradiction
 
@@ -154,5 +155,6 @@ class MacroSettings(MacroSetup):
         return {name: value for name, value in said.items() if name != "backend" or value is not None}
 
     def problem(self, load: float) -> MacroProblem:
-        """Return the problem under one load."""
-        return MacroProblem(load=load, **{name: getattr(self, name) for name in MacroSetup.model_fields})
+        """Return the problem under one load, of the part of a symmetric body that is solved."""
+        whole = MacroProblem(load=load, **{name: getattr(self, name) for name in MacroSetup.model_fields})
+        return part_problem(whole)

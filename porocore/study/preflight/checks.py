@@ -20,15 +20,17 @@ from porocore.interfaces.surrogate import MORE_STATES, least_states
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.probes import interpolation
+from porocore.macro.boundary.symmetry import Symmetry
 from porocore.macro.drainage import undrained
 from porocore.macro.problem import Boundary, MacroProblem, body_mesh
 from porocore.plugins import registry
 from porocore.plugins.kinds import KINDS, Kind
+from porocore.report.text import whole_words
 from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.reach_notes import prescribed_reach
-from porocore.study.preflight.symmetry_notes import uncovered
+from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import check_time_functions
 from porocore.study.preflight.workload import Workload, require_memory, share_solved, slow_states
 
@@ -137,6 +139,7 @@ def place(config: RunConfig) -> BodyMesh:
     mesh = body_mesh(problem)
     boundary_data(mesh, problem)
     interpolation(mesh, problem.probes)
+    Symmetry.of(problem)
     return mesh
 
 
@@ -173,6 +176,8 @@ def outline(config: RunConfig) -> Iterator[str]:
         yield f"note: {slow}"
     yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))
     yield from (f"note: {warning}" for warning in prescribed_reach(config, place(config)))
+    planes = Symmetry.of(config.macro).normals
+    yield from (f"note: {warning}" for warning in unmirrored(planes, config.cell.point_group))
     yield from (f"note: {warning}" for warning in _late(config))
     # K is not known yet, but along which axes it is positive.
     percolates = np.diag([float(axis not in quality.blocked) for axis in "xyz"])
@@ -216,6 +221,10 @@ def _body(config: RunConfig) -> Iterator[str]:
         f"body: {macro.body.kind}, {sizes}{name_of_length}, {len(mesh.cells)} {mesh.element.shape} elements, "
         f"{mesh.size} unknowns"
     )
+    symmetry = Symmetry.of(macro)
+    if symmetry.normals:
+        planes = " and ".join(symmetry.normals)
+        yield f"  forces and volumes are {whole_words(symmetry.copies)} (symmetry planes {planes})"
     for name, facets in mesh.surfaces.items():
         said = _said(macro.boundary.get(name), units)
         count = f"{len(facets)} {'facet' if len(facets) == 1 else 'facets'}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from porocore.core.inputs.input_space import InputSpace
@@ -14,6 +16,8 @@ from porocore.surrogates.symmetry import acting_across, on_places
 
 #: Largest asymmetry of the stiffness at rest without a warning.
 LARGEST_DEFECT = 0.02
+#: Entries of a mirror closer than this to a whole number are one.
+SAME = 1e-6
 #: States in the box of the inputs that show which variables they move.
 STATES = 16
 
@@ -50,6 +54,30 @@ def uncovered(inputs: InputSpace, group: PointGroup) -> list[str]:
 def _transposed(shears: list[str]) -> str:
     """Return H21 for H12, and so on; the stretch of a cell is the same."""
     return " and ".join(f"H{name[2]}{name[1]}" for name in shears)
+
+
+def unmirrored(planes: Mapping[str, Array], group: PointGroup) -> list[str]:
+    """Return a note of symmetry planes of the body at which a cell of this group is not mirrored to itself.
+
+    Parameters
+    ----------
+    planes
+        Normals (3,) by name.
+    group
+        Point group of the cell.
+    """
+    mirrors = {name: np.eye(3) - 2 * np.outer(normal, normal) for name, normal in planes.items()}
+    names = [
+        f"'{name}'"
+        for name, Q in mirrors.items()
+        if np.abs(Q - np.rint(Q)).max() > SAME or np.rint(Q).astype(int) not in group
+    ]
+    if not names:
+        return []
+    return [
+        f"the cell, of the point group {group.name}, is not its own mirror image at {' and '.join(names)}: behind "
+        "such a plane the whole body is made of mirrored cells; solve the whole body if it is not"
+    ]
 
 
 def defect(stiffness: Array, group: PointGroup) -> float:

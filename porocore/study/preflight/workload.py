@@ -69,7 +69,7 @@ class Workload:
             steps,
             2 * len(config.macro.loads),
             elements,
-            len(time.profiles) + 1,
+            len(time.profiles) + 2,
             nodes,
             process_memory(nodes * share_solved(config)),
         )

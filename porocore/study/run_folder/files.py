@@ -30,8 +30,8 @@ class RunFiles:
     direct_work, fallback, fallback_work
         Record of the cells that direct FE² has solved; data set of the states that solves with a fallback needed
         outside the sampled range, and the record of their cells.
-    fields, metrics, report
-        Folder of the files for ParaView, figures of merit, and page of the report.
+    fields, figures, metrics, report
+        Folders of the files for ParaView and of the report's figures, figures of merit, and page of the report.
     timings
         Record of the seconds that each stage took.
     """
@@ -44,7 +44,8 @@ class RunFiles:
         self.decisions = path / "decisions.json"
         self.direct_work = path / "direct.json"
         self.fallback, self.fallback_work = path / "fallback.h5", path / "fallback.json"
-        self.fields, self.metrics, self.report = path / "fields", path / "metrics.json", path / "report.html"
+        self.fields, self.figures = path / "fields", path / "figures"
+        self.metrics, self.report = path / "metrics.json", path / "report.html"
         self.timings = path / "timings.json"
         self._lock: int | None = None
 

@@ -20,7 +20,7 @@ from porocore.study.stages.stage_times import stage_times, timed
 
 
 def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
-    """Write metrics.json, histories as tables, the files for ParaView and the page; return the page's path.
+    """Write metrics.json, histories as tables, files for ParaView, figures and the page; return the page's path.
 
     The report shows the closure that the run began with, and solutions of other laws beside it.
     """
@@ -42,7 +42,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
             write_series(folder.history(law, load), solution, config.result_units)
         context = report_context(results)
         metrics = figures_of_merit(results, context)
-        write_report(folder.report, context)
+        write_report(folder.report, context, folder.figures)
     warnings = tuple(all_warnings(context))
     for warning in warnings:
         console.warn(warning)

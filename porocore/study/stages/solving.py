@@ -19,6 +19,7 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import StepReport
+from porocore.macro.boundary.symmetry import whole_specimen
 from porocore.macro.integration.forecast import StepForecast
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw
 from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
@@ -219,6 +220,7 @@ def _solve_load(
             solution = body_solution_of(
                 solver, prepared, run.law, problem, checkpoint=checkpoint, on_step=show
             )
+            solution = whole_specimen(solution, problem)
             solution = replace(solution, backend=backend or config.macro_backend)
             communicator.on_root(partial(solution.save, path))
         if run.cells is not None:

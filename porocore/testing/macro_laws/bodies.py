@@ -102,7 +102,7 @@ class Bodies(Solving):
         found = solution.reactions["y-"][:, 1]
         near("the reaction of y-", found[1:], -down[1:], state, rel=self.within(1e-9))
         entered = (np.diff(t) * solution.inflow["y+"][1:]).sum()
-        near("drained_flux", solution.history.drained_flux[-1], -entered, state, rel=self.within(1e-9))
+        near("drained", solution.history.drained[-1], -entered, state, rel=self.within(1e-9))
         holds(set(solution.inflow) == {"y+"}, state, "an inflow of y+ alone", sorted(solution.inflow))
 
     def test_probes_say_what_the_fields_say(self, either: Any) -> None:
@@ -177,7 +177,7 @@ class Bodies(Solving):
         for tolerance in (1e-2, 1e-3):
             found = settle(step=0.5, tolerance=tolerance)
             errors.append(
-                abs(found.profiles[0].p - fine.profiles[0].p).max() / fine.history.pressure_max.max()
+                abs(found.after_rest[0].p - fine.after_rest[0].p).max() / fine.history.pressure_max.max()
             )
             counts.append(len(found.history.time))
         state = "time.tolerance = 1e-2 and 1e-3, against steps of 0.004"

@@ -32,7 +32,7 @@ HISTORIES = {
     "settlement": "settlement",
     "pressure_max": "largest pressure",
     "drained": "drained volume",
-    "drained_flux": "drained volume, by flux",
+    "drained_paper": "drained volume, paper's measure",
 }
 #: A value is compared relative to itself, and to this share of the largest of its history where it is smaller.
 SMALLEST_SHARE = 0.01

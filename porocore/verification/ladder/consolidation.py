@@ -58,7 +58,7 @@ def _terzaghi_errors(
     solution = solver.solve(solver.prepare(problem), law)
     middle = (np.arange(cells) + 0.5) / cells
     found = []
-    for time, profile in zip(TERZAGHI, solution.profiles, strict=True):
+    for time, profile in zip(TERZAGHI, solution.after_rest, strict=True):
         pressure = relative_l2(profile.element_p, layer.pressure(middle, time))
         degree = -float(profile.u[:, 1].min()) / layer.final_settlement
         found.append((pressure, abs(degree - float(layer.degree(time)))))
@@ -127,7 +127,7 @@ def _mandel_errors(
     in_middle = solution.cells[:, 26]
     place = solution.points[in_middle]
     found = []
-    for time, profile in zip(MANDEL, solution.profiles, strict=True):
+    for time, profile in zip(MANDEL, solution.after_rest, strict=True):
         u = np.column_stack([block.lateral(place[:, 0], time), block.strain(time) * place[:, 1]])
         pressure = relative_l2(profile.element_p, block.pressure(place[:, 0], time))
         found.append((pressure, relative_l2(profile.u[in_middle][:, :2], u)))

@@ -29,7 +29,7 @@ LOADS = (0.04, 0.02, 0.01, 0.005)
 QUANTITIES = {
     "settlement": "settlement",
     "pressure_max": "largest pressure",
-    "drained_flux": "drained volume",
+    "drained": "drained volume",
 }
 #: Difference between nonlinear and linear at the smallest load, and distance of the order from 1.
 ALLOWED, ALLOWED_ORDER = 0.03, 0.1

@@ -36,7 +36,7 @@ def column(layer: XieLeo, elements: int, steps: int, times: Sequence[float]) -> 
 def mean_pressure(solution: MacroSolution, profile: int) -> float:
     """Mean of p over a, by the trapezoidal rule: between the corners of the elements p is linear."""
     y, first = np.unique(np.round(solution.points[:, 1], 9), return_index=True)
-    p = solution.profiles[profile].p[first]
+    p = solution.after_rest[profile].p[first]
     return float(((p[1:] + p[:-1]) / 2 @ np.diff(y)) / y[-1])
 
 
@@ -65,7 +65,7 @@ def layer_of_clay(solver: MacroSolver, long: bool) -> Sequence[Check]:
     order = observed_order([1 / n for n in runs], errors, exact=0.0)
     last, checks = solutions[-1], []
     for i, (t, (by_settlement, by_pressure, settlement)) in enumerate(PUBLISHED.items()):
-        found = -float(last.profiles[i].u[:, 1].min())
+        found = -float(last.after_rest[i].u[:, 1].min())
         degree = 1 - mean_pressure(last, i) / layer.load
         checks += [
             relative_check(f"U_s, {t:.5g} s", by_settlement, found / layer.final_settlement, ALLOWED),
@@ -73,7 +73,7 @@ def layer_of_clay(solver: MacroSolver, long: bool) -> Sequence[Check]:
             relative_check(f"settlement [m], {t:.5g} s", settlement, found, ALLOWED),
         ]
         depth = layer.height - last.points[:, 1]
-        error = float(np.abs(last.profiles[i].p - layer.pressure(depth, t)).max() / layer.load)
+        error = float(np.abs(last.after_rest[i].p - layer.pressure(depth, t)).max() / layer.load)
         checks.append(Check(f"pressure anywhere, of the load, {t:.5g} s", error, ALLOWED))
     quantity = "settlement from a tenth of the time on, of the last"
     return [*checks, Check(quantity, errors[-1], ALLOWED, order=order)]

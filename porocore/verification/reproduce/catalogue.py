@@ -107,7 +107,7 @@ FIGURES: tuple[PaperFigure, ...] = (
     _column(11, "", "ANN_test", "network against the cell on states that it never saw", "network_test"),
     *_both_loads(13, "T_SettlementMax", "largest settlement against time", "history", "settlement"),
     *_both_loads(14, "T_PorepressureMax", "largest pore pressure against time", "history", "pressure_max"),
-    *_both_loads(15, "T_DrainedFluid", "drained volume against time", "history", "drained"),
+    *_both_loads(15, "T_DrainedFluid", "drained volume against time", "history", "drained_paper"),
     _column(16, "a", "y_K22", "K_t,22 along the column", "conductivity", "22"),
     _column(16, "b", "y_K11", "K_t,11 along the column", "conductivity", "11"),
     *_both_loads(17, "y_Porepressure", "pore pressure along the column", "along_column", "p"),

@@ -150,7 +150,7 @@ def _pressure_sooner(results: Results) -> Finding:
 @CLAIMS.claim("Figures 14b, 15b", "P = −0.01: pressure and drained volume closer to linear than under −0.2")
 def _closer_when_small(results: Results) -> Finding:
     texts, closer = [], []
-    for name, word in (("pressure_max", "pressure"), ("drained", "drained volume")):
+    for name, word in (("pressure_max", "pressure"), ("drained_paper", "drained volume")):
         gaps = []
         for case in (results.column.case(LARGE), results.column.case(SMALL)):
             one, other = getattr(case.nonlinear.history, name), getattr(case.linear.history, name)
@@ -164,7 +164,7 @@ def _closer_when_small(results: Results) -> Finding:
 def _drained_sooner(results: Results) -> Finding:
     case = results.column.case(LARGE)
     nonlinear, linear = (
-        float(np.interp(10, s.history.time, s.history.drained) / s.history.drained[-1])
+        float(np.interp(10, s.history.time, s.history.drained_paper) / s.history.drained_paper[-1])
         for s in (case.nonlinear, case.linear)
     )
     return judge_statement(
@@ -178,9 +178,9 @@ def _drained_less(results: Results) -> Finding:
     figures = results.column.figures_of(LARGE)
     nonlinear, linear = figures["nonlinear"], figures["linear"]
     return judge_statement(
-        figures["drained_ratio"] < 0.95,
-        f"{percent(1 - figures['drained_ratio'])} less by the paper's integral, "
-        f"{percent(1 - nonlinear['drained_flux'] / linear['drained_flux'])} less through the boundary",
+        figures["drained_paper_ratio"] < 0.95,
+        f"{percent(1 - figures['drained_paper_ratio'])} less by the paper's integral, "
+        f"{percent(1 - nonlinear['drained'] / linear['drained'])} less through the boundary",
     )
 
 

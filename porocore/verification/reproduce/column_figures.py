@@ -34,7 +34,7 @@ from porocore.verification.reproduce.study import Results
 HISTORIES = {
     "settlement": r"largest settlement $\max(-u_2)$ [–]",
     "pressure_max": r"largest pore pressure $p\,/E$ [–]",
-    "drained": r"drained volume $\int\!\!\int (1/\det\bar F)\,\nabla\cdot(\bar G w)\,dV\,dt$ [–]",
+    "drained_paper": r"drained volume $\int\!\!\int (1/\det\bar F)\,\nabla\cdot(\bar G w)\,dV\,dt$ [–]",
 }
 
 

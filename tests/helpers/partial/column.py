@@ -42,6 +42,7 @@ class Column:
         below, above = np.maximum(np.arange(n + 1) - 1, 0), np.minimum(np.arange(n + 1), n - 1)
         slope = (pressure[above] - pressure[below]) / self.h
         self.drained = [end.pressure is not None for end in self.ends]
+        self.flux = np.zeros(n + 1)
         mean = (pressure[below] + pressure[above]) / 2
         for face, sign, drained in ((0, 1.0, self.drained[0]), (n, -1.0, self.drained[1])):
             if drained:
@@ -168,7 +169,7 @@ class ColumnMacroSolver(MacroSolver):
             0.0,
             0.0,
         ]
-        rows, profiles = [first], []
+        rows, profiles = [first], [self._profile(column, x, response, 0.0)]
         while not stepper.done:
             time = stepper.next()
             dt = time - stepper.time
@@ -197,8 +198,8 @@ class ColumnMacroSolver(MacroSolver):
             column.problem.ramp(time),
             float(-x[: column.n + 1].min()),
             float(max(*x[column.n + 1 :], *column.ends_of_p(x, time))),
-            last[4] - volume * float((response.storage[cells] / response.volume_ratio[cells]).sum()),
-            last[5] + dt * column.area * float(column.outflow),
+            last[4] + dt * column.area * float(column.outflow),
+            last[5] - volume * float((response.storage[cells] / response.volume_ratio[cells]).sum()),
             float(response.outside_training_range[cells].mean()),
             float(np.abs(stress - stress.mean()).max()),
             float(iterations),

@@ -1,0 +1,219 @@
+"""Symmetry planes of a body: the part that is solved, and the whole specimen that it stands for.
+
+A study speaks of the whole specimen. A macro solver sees the part between the planes: the force on a plate is divided
+among the parts before a solve, and forces and volumes are those of the whole after it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from porocore.core.formulas.time_function import TimeFunction, Value
+from porocore.errors import ConfigurationError
+from porocore.interfaces.solution import MacroSolution
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.surfaces import Facets
+from porocore.macro.problem import Boundary, MacroProblem, MacroSetup, body_mesh
+from porocore.states import Array
+
+#: Cosines and places closer than this, the latter as a share of the body, are the same.
+SAME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceOfWhole:
+    """A named surface of the part, continued across the symmetry planes that it touches.
+
+    Attributes
+    ----------
+    copies
+        Pieces like that of the part.
+    projection : (3, 3)
+        By which the force on a piece becomes the mean of the forces on all pieces.
+    normal : (3,)
+        Outward; None: the whole surface is not plane.
+    """
+
+    copies: float
+    projection: Array
+    normal: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetry:
+    """The symmetry planes of a part.
+
+    Attributes
+    ----------
+    mesh
+        Of the part.
+    normals
+        Outward ones of the planes, by the names of their surfaces.
+    """
+
+    mesh: BodyMesh
+    normals: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, setup: MacroSetup) -> Symmetry:
+        """Return the planes that the user names, else those of the body's kind that slide along themselves.
+
+        Raises
+        ------
+        ConfigurationError
+            A surface that the user names is no symmetry plane, or the planes do not bound one part of a whole.
+        """
+        mesh, body, normals = body_mesh(setup), setup.body, dict[str, Array]()
+        for name in body.symmetry_planes:
+            normal = _normal(Facets(mesh, mesh.surface(name, "macro.body.symmetry")))
+            fault = "is not plane" if normal is None else _fault(setup, mesh, name, normal)
+            if normal is not None and not fault:
+                normals[name] = normal
+            elif body.symmetry is not None:
+                raise ConfigurationError(
+                    f"macro.body.symmetry: '{name}' is no symmetry plane, because it {fault}; give it "
+                    f"'{name}: {{normal: 0}}' alone in macro.boundary, or leave it out here"
+                )
+        _require_one_whole(normals)
+        return cls(mesh, normals)
+
+    @property
+    def copies(self) -> float:
+        """Parts that make up the whole."""
+        return _copies(list(self.normals.values()))
+
+    def surface(self, name: str) -> SurfaceOfWhole:
+        """Return a surface of the whole that is no symmetry plane; one that is not of the mesh is taken as it is."""
+        if name not in self.mesh.surfaces:
+            return SurfaceOfWhole(1.0, np.eye(3), None)
+        normals = [n for plane, n in self.normals.items() if self._touch(name, plane)]
+        # Forces along the normal of a plane and its image cancel.
+        across = np.array(normals).reshape(-1, 3)
+        projection = np.eye(3) - np.linalg.pinv(across) @ across
+        normal = _normal(Facets(self.mesh, self.mesh.surfaces[name]))
+        bent = normal is None or bool((np.abs(across @ normal) > SAME).any())
+        return SurfaceOfWhole(_copies(normals), projection, None if bent else normal)
+
+    def _touch(self, name: str, plane: str) -> bool:
+        return bool(np.isin(self.mesh.surfaces[name], self.mesh.surfaces[plane]).any())
+
+
+def part_problem(problem: MacroProblem) -> MacroProblem:
+    """Return the problem of the part: the force on each plate is that on the part's piece of it."""
+    plates = {name: b for name, b in problem.boundary.items() if b.plate is not None}
+    if not plates or not problem.body.symmetry_planes:
+        return problem
+    symmetry, boundary = Symmetry.of(problem), dict(problem.boundary)
+    for name, face in plates.items():
+        boundary[name] = face.model_copy(update={"plate": _shared(face.plate, symmetry.surface(name).copies)})
+    return problem.model_copy(update={"boundary": boundary})
+
+
+def whole_specimen(solution: MacroSolution, problem: MacroSetup) -> MacroSolution:
+    """Return the solution of a part with the forces and volumes of the whole, and the compressive force on planes.
+
+    Forces on symmetry planes, which are inside the whole, are left out.
+    """
+    symmetry = Symmetry.of(problem)
+    copies, history = symmetry.copies, solution.history
+    reactions, compression = {}, {}
+    for name, force in solution.reactions.items():
+        if name in symmetry.normals:
+            continue
+        surface = symmetry.surface(name)
+        reactions[name] = surface.copies * force @ surface.projection
+        if surface.normal is not None:
+            compression[name] = -reactions[name] @ surface.normal
+    return replace(
+        solution,
+        copies=copies,
+        history=replace(
+            history, drained=copies * history.drained, drained_paper=copies * history.drained_paper
+        ),
+        reactions=reactions,
+        compression=compression,
+        inflow={name: symmetry.surface(name).copies * rate for name, rate in solution.inflow.items()},
+    )
+
+
+def _normal(facets: Facets) -> Array | None:
+    """Return the outward normal of facets; None where they are not plane."""
+    try:
+        return facets.plane("") if len(facets.nodes) else None
+    except ConfigurationError:
+        return None
+
+
+def _fault(setup: MacroSetup, mesh: BodyMesh, name: str, normal: Array) -> str:
+    """Return why a plane surface is no symmetry plane; empty if it is one."""
+    face, depth = setup.boundary.get(name, Boundary()), mesh.points @ normal
+    if face.pressure is not None or face.flux != 0:
+        return "lets fluid through"
+    if any(t != 0 for t in face.traction) or face.follower != 0 or face.plate is not None:
+        return "is loaded"
+    held = [i for i, u in enumerate(face.displacement) if u is not None]
+    along = len(held) == 1 and abs(normal[held[0]]) > 1 - SAME and face.displacement[held[0]] == 0
+    if not along and (face.normal is None or face.normal != 0):
+        return "does not slide along itself"
+    if depth.max() > depth[mesh.surfaces[name][0, 0]] + SAME * np.ptp(depth):
+        return "has parts of the body on both sides"
+    if any(b != 0 and abs(n) > SAME for b, n in zip(setup.body_force, normal, strict=True)):
+        return "bears a body force across it"
+    H = np.array(setup.initial.gradient)
+    shear = (np.eye(3) - np.outer(normal, normal)) @ np.column_stack([H @ normal, H.T @ normal])
+    return "" if np.abs(shear).max() <= SAME * np.abs(H).max() else "is sheared by the initial gradient"
+
+
+def _require_one_whole(normals: dict[str, Array]) -> None:
+    """Refuse planes that do not bound one part of a whole.
+
+    Raises
+    ------
+    ConfigurationError
+        Two face each other, or more than two are oblique to each other.
+    """
+    names = list(normals)
+    for i, one in enumerate(names):
+        for other in names[:i]:
+            if normals[one] @ normals[other] < SAME - 1:
+                raise ConfigurationError(
+                    f"macro.body.symmetry: '{other}' and '{one}' face each other, and images between two mirrors "
+                    "have no end; name one of them"
+                )
+    apart = np.array(_distinct(list(normals.values()))).reshape(-1, 3)
+    if (np.abs(np.triu(apart @ apart.T, 1)) > SAME).sum() > 1:
+        raise ConfigurationError(
+            f"macro.body.symmetry: expected planes at right angles, two of which may be oblique, got "
+            f"{', '.join(names)}; name fewer"
+        )
+
+
+def _distinct(normals: list[Array]) -> list[Array]:
+    """Return the normals, of those that are the same the first."""
+    return [n for i, n in enumerate(normals) if all(n @ other < 1 - SAME for other in normals[:i])]
+
+
+def _copies(normals: list[Array]) -> float:
+    """Return how many images of a part between planes with these outward normals make up the whole."""
+    apart, found = _distinct(normals), 1.0
+    for i, one in enumerate(apart):
+        found *= 2
+        for other in apart[:i]:
+            # Two planes at the angle θ have 2π/θ parts around their common line.
+            found *= math.pi / 2 / math.acos(float(-one @ other))
+    return round(found) if abs(found - round(found)) < SAME else found
+
+
+def _shared(value: Value | None, parts: float) -> Value | None:
+    """Return a value divided by the number of parts."""
+    if not isinstance(value, TimeFunction):
+        return None if value is None else value / parts
+    if value.expression is not None:
+        return value.model_copy(update={"expression": f"({value.expression})/{parts!r}"})
+    if value.ramp is not None:
+        return value.model_copy(update={"ramp": value.ramp / parts})
+    return value.model_copy(update={"table": tuple((time, each / parts) for time, each in value.table)})
