@@ -2,7 +2,7 @@
 
     python benchmarks/clocks.py FOLDER [CASE …]
 
-Twenty coarse variants of the examples, in ``clock_cases.yaml``: bodies, laws, samplers and surrogates of all kinds,
+Twenty coarse variants of the examples, in ``clock_cases.yml``: bodies, laws, samplers and surrogates of all kinds,
 ramps, bends and cycles, steps of equal length and steps by their error. What each task reported is kept in the folder,
 and a case that lies there is not run again. A task counts if it takes at least ``SHORTEST`` seconds.
 """
@@ -79,7 +79,7 @@ def run(case: dict[str, Any]) -> list[dict[str, Any]]:
 
 def main(folder: Path, names: list[str]) -> None:
     """Run the cases, and print a row for each task that was long enough."""
-    cases = yaml.safe_load((HERE / "clock_cases.yaml").read_text(encoding="utf-8"))
+    cases = yaml.safe_load((HERE / "clock_cases.yml").read_text(encoding="utf-8"))
     folder.mkdir(exist_ok=True)
     rows, factors = [], []
     for name in names or cases:
