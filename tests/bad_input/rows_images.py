@@ -69,6 +69,7 @@ def looped() -> bytes:
 
 CANNOT = "not an image that can be read"
 CUBE = "expected a cube of 4 to 400 voxels"
+SOLID = "expected an image in three dimensions"
 TYPE = "expected a segmented image"
 #: Suffix, content, words of the message.
 FAULTS: dict[str, tuple[str, Content, str]] = {
@@ -101,8 +102,8 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "of no voxels": (".npy", npy(np.zeros((0, 0, 0), dtype=int)), CUBE),
     "a number": (".npy", npy(np.array(1)), CUBE),
     "a line": (".npy", npy(np.zeros(8, dtype=int)), CUBE),
-    "a plane": (".npy", npy(HALF[0]), CUBE),
-    "of four dimensions": (".npy", npy(np.stack([HALF, HALF])), CUBE),
+    "a plane": (".npy", npy(HALF[0]), SOLID),
+    "of four dimensions": (".npy", npy(np.stack([HALF, HALF])), SOLID),
     "of unequal sides": (".npy", npy(HALF[:, :6]), CUBE),
     "of 401 voxels": (".npy", declared("(401, 401, 401)"), CUBE),
     "of floats": (".npy", npy(HALF.astype(float)), TYPE),
@@ -118,9 +119,9 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "TIFF, junk": (".tif", bytes(range(256)), CANNOT),
     "TIFF, its beginning only": (".tif", b"II*\0", CANNOT),
     "TIFF, cut short": (".tif", tiff_of(8, 8)[:40], CANNOT),
-    "TIFF of one page": (".tif", tiff(HALF[0]), CUBE),
+    "TIFF of one page": (".tif", tiff(HALF[0]), SOLID),
     "TIFF of floats": (".tif", tiff(HALF.astype(np.float32)), TYPE),
-    "TIFF in colour": (".tif", tiff(np.zeros((8, 8, 8, 3), dtype=np.uint8)), CUBE),
+    "TIFF in colour": (".tif", tiff(np.zeros((8, 8, 8, 3), dtype=np.uint8)), SOLID),
     "TIFF of 10^9 × 10^9": (".tif", tiff_of(10**9, 10**9), CUBE),
     "TIFF of 400 × 400 declared and 8 bytes": (".tif", tiff_of(400, 400, 400), ""),
     "TIFF whose page follows itself": (".tif", looped(), ""),

@@ -36,6 +36,7 @@ def test_a_run_leaves_every_file(finished):
         "checkpoints",
         "config.yaml",
         "fields",
+        "figures",
         "finished.json",
         "histories",
         "metrics.json",

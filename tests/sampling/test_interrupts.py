@@ -19,15 +19,21 @@ from porocore.cli.common import interruptible
 from porocore.cli.ending import ending
 from porocore.sampling.execution.interrupts import finishing
 
+def ready():
+    print("ready", flush=True)
+
 def native():  # minutes in one call of a library
+    ready()
     hashlib.pbkdf2_hmac("sha256", b"", b"", 2_000_000_000)
 
 def python():
+    ready()
     while True:
         time.sleep(0.01)
 
 def notices():
     with finishing("what runs") as noted:
+        ready()
         while not noted.is_set():
             time.sleep(0.01)
         print("finished", flush=True)
@@ -38,7 +44,6 @@ def ignores():
         python()
 
 with ending(), interruptible("porocore go on"):
-    print("ready", flush=True)
     globals()[sys.argv[1]]()
 """
 #: For a machine with much else to do [s].
