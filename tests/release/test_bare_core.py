@@ -57,6 +57,9 @@ COMMANDS = [
     ("data export run --out states.csv", None),
     ("data export run --out states.parquet", "pip install 'porocore[parquet]'"),
     ("data plot run --out states.png", None),
+    ("store list --store kept", None),
+    ("store check --store kept", None),
+    ("store clear --store kept", None),
 ]
 
 
