@@ -36,7 +36,7 @@ def notices():
         ready()
         while not noted.is_set():
             time.sleep(0.01)
-        print("finished", flush=True)
+        sys.stdin.readline()  # the test says when it is finished
         raise KeyboardInterrupt
 
 def ignores():
@@ -56,7 +56,12 @@ class Program:
     def __init__(self, what: str) -> None:
         command = [sys.executable, "-c", PROGRAM, what]
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            bufsize=1,
         )
         assert self.process.stdout is not None
         assert self.process.stdout.readline() == "ready\n"
