@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
 import yaml
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from porocore.cell.cell import Cell
 from porocore.core.echo import cut, echo, suggestion
@@ -33,6 +33,13 @@ from porocore.study.config.sections import (
 )
 
 
+def _printable(text: str) -> str:
+    """Return a text that terminals, HTML and SVG can show; others are refused."""
+    if not all(c.isprintable() or c in "\n\t" for c in text):
+        raise ValueError(f"expected text without control characters, got {echo(text)}; leave them out")
+    return text
+
+
 @dataclass(frozen=True)
 class StageIdentities:
     """Hash for each stage of all settings that its result depends on."""
@@ -47,7 +54,7 @@ class StageIdentities:
 class RunConfig(StrictModel):
     """The settings of a whole study."""
 
-    title: str = ""
+    title: Annotated[str, AfterValidator(_printable)] = ""
     """Heading of the report."""
     cell: Cell = Cell()
     """The periodic cell: pores, solid, fluid and mesh."""

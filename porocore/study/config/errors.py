@@ -31,6 +31,8 @@ OF_KINDS = ("geometry", "material", "body")
 OF_KINDS_BY_NAME = ("materials",)
 #: Keys that name a file.
 FILES = ("cell.geometry.path", "macro.body.path")
+#: A section of more keys than these is not described by them.
+MOST_KEYS = 8
 #: Names that pydantic adds behind the key of a value that may be a number or a section.
 FORMS = ("number", "course")
 
@@ -159,7 +161,10 @@ def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
     if kind in ("tuple_type", "list_type"):
         return "a list"
     if kind in ("model_type", "dict_type"):
-        return "a section with keys below it (or leave the whole key out)"
+        sections = [b for b in _branches(_hint(root, at)[0]) if is_section(b)]
+        keys = dict.fromkeys(name for section in sections for name in section.model_fields)
+        named = f" ({', '.join(keys)})" if 0 < len(keys) <= MOST_KEYS else ""
+        return f"a section with keys below it{named} (or leave the whole key out)"
     if kind == "string_too_long":
         return f"text of at most {context['max_length']} characters"
     if kind == "string_type":

@@ -55,6 +55,7 @@ INSTEAD = {
     r"(initial_(pressure|state|stress|conditions?))": "a body begins with the pressure and the gradient of "
     "'macro.initial:'",
     r"(dt|time_step|timestep|t_end|duration)": "the time plan is 'macro.time:', with step and end",
+    r"(file|file_?name|image)": "a file is named by 'path:'",
     r"(units?)": "a unit is written behind its number, such as 3 mm, once 'scales:' is given at the top level; the "
     "units of results are 'output_units:'",
     r"(bcs?|boundary_conditions?|supports?|drainage)": "boundary conditions are 'macro.boundary:', by surface",
