@@ -72,6 +72,7 @@ def test_the_defaults_are_those_of_a_configuration_that_gives_nothing_else():
     given = {
         "sampling": {"inputs": {"p": {"range": [0, 1], "step": 0.1}}},
         "macro": {"boundary": {"y-": {}}, "surfaces": {"part": {"of": "y+", "x": [0, 1]}}, "loads": [1]},
+        "cell": {"viscosity": 0.001},
         "scales": {"modulus": 1, "length": 1, "pore": 1},
         "output_units": {},
     }

@@ -132,6 +132,7 @@ def test_the_study_in_si_units_is_the_same_run(a_copy, tmp_path, capsys):
     folder = a_copy()
     changes = {
         "scales": {"modulus": "2.5 kPa", "length": "10 mm", "pore": "5 um"},
+        "cell.viscosity": "1 mPa s",
         "output_units": {"length": "mm", "stress": "Pa", "time": "min"},
         "sampling.inputs.p": {"range": ["-50 Pa", "0.15 kPa"], "step": "1e-4 MPa"},
         "macro.body.size": ["1 mm", "7.5 cm", 0.1],

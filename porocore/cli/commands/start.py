@@ -72,16 +72,19 @@ def check(
     surrogate: SurrogateOption = None,
     closure: ClosureOption = None,
 ) -> None:
-    """Check a configuration and outline its run; nothing is solved or written.
+    """Check a configuration and outline its run; nothing is written.
 
-    Meshes the cell and the body, and looks for surfaces, boundary conditions, probes and backends.
+    Meshes the cell and the body, and looks for surfaces, boundary conditions, probes and backends. Solves the
+    undeformed cell, unless it is large, and tells what follows from it: moduli, permeability, and the time in which the
+    body consolidates.
     """
+    from porocore.study.preflight.at_rest import at_rest
     from porocore.study.preflight.checks import check_backends, outline
 
     path, settings = read_config(config, fem, surrogate, closure, macro)
     with interruptible(), located(path):
         check_backends(settings)
-        for line in outline(settings):
+        for line in (*outline(settings), *at_rest(settings)):
             typer.echo(line)
     typer.echo(f"no faults; next: {command('run', config)}")
 

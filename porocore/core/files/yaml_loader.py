@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import yaml
@@ -11,6 +12,8 @@ from porocore.core.echo import cut
 #: Bytes of a file; keys, values and sections, with aliases spelt out; sections within sections; characters of a number.
 MOST_BYTES, MOST_NODES, DEEPEST, LONGEST_NUMBER = 1_000_000, 50_000, 30, 60
 TOO_MANY = f"more than {MOST_NODES} keys and values, aliases spelt out"
+#: Written so, a number is hardly meant as YAML reads it: 1:30 is 90, and 010 is 8.
+_OTHER_BASE = re.compile(r"[-+]?(\d[\d_]*(:[\d.]+)+|0[0-7_]+)")
 _NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
@@ -63,9 +66,17 @@ class _BoundedLoader(yaml.SafeLoader):
         if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
             raise _fault(node, f"a number of {len(node.value)} characters; at most {LONGEST_NUMBER} are read")
         try:
-            return super().construct_object(node, deep)
+            found = super().construct_object(node, deep)
         except (ValueError, OverflowError, TypeError) as error:
             raise _fault(node, f"{error} ('{cut(str(node.value))}')") from None
+        if node.tag in _NUMBERS and _OTHER_BASE.fullmatch(node.value):
+            base = 60 if ":" in node.value else 8
+            raise _fault(
+                node,
+                f"'{node.value}' is the number {found:g} to base {base} in YAML, which is hardly meant; "
+                f"write {found:g}, a value with a unit such as 90 min, or text in quotes",
+            )
+        return found
 
 
 def _fault(node: yaml.Node, problem: str) -> Refused:

@@ -27,7 +27,15 @@ EXAMPLES = {
     "flow": "a volume per time, such as 1 mm**3/s",
     "energy-density": "an energy per volume, such as 1 J/m**3",
     "conductivity": "a length squared by a pressure and a time, such as 1 mm**2/(kPa*s)",
+    "permeability": "an area, such as 1 um**2",
+    "diffusivity": "an area per time, such as 1 mm**2/s",
+    "compliance": "one by a pressure, such as 1 1/kPa",
 }
+#: Units that are proposed for those that are not known.
+COMMON = (
+    *("m", "cm", "mm", "um", "nm", "s", "min", "h", "day", "Pa", "kPa", "MPa", "GPa", "bar", "mmHg", "psi"),
+    *("N", "mN", "kN", "Pa*s", "mPa*s", "cP"),
+)
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Characters of a value with its unit.
 LONGEST = 120
@@ -80,8 +88,10 @@ def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
     text = text or unit
     factor, dimensions = _measured(unit)
     if dimensions is None:
+        near = next((known for known in COMMON if known.casefold() == unit.replace(" ", "").casefold()), None)
+        question = "" if near is None else f"; did you mean '{near}'?"
         raise UnitError(
-            f"expected {EXAMPLES[quantity]}, got {echo(text)}; the unit {echo(unit)} is not known"
+            f"expected {EXAMPLES[quantity]}, got {echo(text)}; the unit {echo(unit)} is not known{question}"
         )
     if dimensions != _measured(QUANTITIES[quantity].unit)[1]:
         raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}{_instead(dimensions)}")
@@ -100,7 +110,7 @@ def _instead(dimensions: frozenset[tuple[str, Any]]) -> str:
     for quantity in QUANTITIES:
         if _measured(QUANTITIES[quantity].unit)[1] == dimensions:
             return f", which is {EXAMPLES[quantity].partition(',')[0]}"
-    return ""
+    return ", which is a temperature" if dict(dimensions) == {"[temperature]": 1} else ""
 
 
 @cache
@@ -137,6 +147,8 @@ def _measured(unit: str) -> tuple[Fraction, frozenset[tuple[str, Any]] | None]:
         AssertionError,
     ):
         return Fraction(0), None
-    if offset or not isinstance(quantity.magnitude, Fraction | int):
+    if not isinstance(quantity.magnitude, Fraction | int):
         return Fraction(0), None
+    if offset:  # A temperature, which has no factor; no quantity is one.
+        return Fraction(0), frozenset(quantity.dimensionality.items())
     return Fraction(quantity.magnitude), frozenset(quantity.dimensionality.items())

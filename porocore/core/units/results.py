@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 
 from pydantic import ValidationInfo, field_validator
@@ -58,8 +61,8 @@ class OutputUnits(StrictModel):
 
     def of(self, quantity: str) -> str:
         """Return the unit of a quantity."""
-        name = _FIELD[quantity]
-        given = getattr(self, name)
+        name = _FIELD.get(quantity, quantity)
+        given = getattr(self, name, None)
         if given is not None:
             return str(given)
         volume = self.volume or _power(self.length, 3)
@@ -68,7 +71,10 @@ class OutputUnits(StrictModel):
             "velocity": f"{self.length}/{_group(self.time)}",
             "flow": f"{volume}/{_group(self.time)}",
             "conductivity": f"{_power(self.length, 2)}/({self.stress}*{self.time})",
-        }[name]
+            "diffusivity": f"{_power(self.length, 2)}/{_group(self.time)}",
+            "compliance": f"1/{_group(self.stress)}",
+            "body-force": f"{_group(self.stress)}/{_group(self.length)}",
+        }.get(name) or QUANTITIES[name].unit
 
 
 def _group(unit: str) -> str:
@@ -111,3 +117,31 @@ class ResultUnits:
         if self.scales is None or not quantity:
             return "–"
         return pretty(self.units.of(quantity))
+
+    def text(self, value: float, quantity: str, digits: int = 4) -> str:
+        """Return a dimensionless result with its unit, such as ``1.2 kPa``; the number alone without scales."""
+        number = f"{value * self.factor(quantity):.{digits}g}"
+        return f"{number} {self.name(quantity)}" if self.given and quantity and value else number
+
+    def texts(self, values: Iterable[float], quantity: str, digits: int = 4) -> str:
+        """Return several results in brackets, with their unit once, such as ``(1, 2.5) mm``."""
+        inner = ", ".join(f"{value * self.factor(quantity):.{digits}g}" for value in values)
+        return f"({inner}) {self.name(quantity)}" if self.given and quantity else f"({inner})"
+
+
+_SPOKEN: ContextVar[ResultUnits | None] = ContextVar("units of messages", default=None)
+
+
+@contextmanager
+def speaking(units: ResultUnits) -> Iterator[None]:
+    """Let messages within the block have the units of a study; see :func:`spoken`."""
+    token = _SPOKEN.set(units)
+    try:
+        yield
+    finally:
+        _SPOKEN.reset(token)
+
+
+def spoken() -> ResultUnits:
+    """Return the units in which a message of the study that is worked on gives its values."""
+    return _SPOKEN.get() or ResultUnits()

@@ -119,6 +119,9 @@ QUANTITIES: dict[str, Quantity] = {
     "flow": Quantity("m³/s", "f_c d²/(L μ_c)", lambda s: s.velocity * s.length**2),
     "viscosity": Quantity("Pa s", "μ_c", lambda s: s.viscosity),
     "conductivity": Quantity("m²/(Pa s)", "d²/μ_c", lambda s: s.pore**2 / s.viscosity),
+    "permeability": Quantity("m²", "d²", lambda s: s.pore**2),
+    "diffusivity": Quantity("m²/s", "f_c d²/(L² μ_c)", lambda s: s.length**2 / s.time),
+    "compliance": Quantity("1/Pa", "L²/f_c", lambda s: 1 / s.stress),
     "pore-size": Quantity("m", "d", lambda s: s.pore),
 }
 

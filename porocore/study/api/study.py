@@ -24,6 +24,7 @@ from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
 from porocore.study.config.loading import validated
 from porocore.study.examples import examples
+from porocore.study.preflight.at_rest import at_rest
 from porocore.study.preflight.checks import check_backends, outline
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
@@ -127,10 +128,10 @@ class Study:
         return RunFolder.claim(self.path, self.config, resume=True)
 
     def check(self) -> list[str]:
-        """Check the study without solving, and return an outline of its run, line by line."""
+        """Check the study, and return an outline of its run, line by line; only the undeformed cell is solved."""
         with located(self._document):
             check_backends(self.config)
-            return list(outline(self.config))
+            return [*outline(self.config), *at_rest(self.config)]
 
     def sample(self, *, retry_lost: bool = False) -> Samples:
         """Solve the cell for the sampled and the held-out states; return the sampled ones."""

@@ -21,6 +21,11 @@ from porocore.macro.problem import MacroSetup
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import faults, unexpected
 
+NO_VISCOSITY = (
+    "cell.viscosity: missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is "
+    "water, under 'cell:'"
+)
+
 
 class _OnlyScales(StrictModel):
     scales: Scales
@@ -72,6 +77,8 @@ def validated(document: YamlDocument) -> RunConfig:
                 kind = f"a number up to {LARGEST_NUMBER:g}" if math.isfinite(value) else "a finite number"
                 found.append((at, unexpected(at, kind, value)))
         found += _unknown_surfaces(config.macro)
+        if scales is not None and "viscosity" not in config.cell.model_fields_set:
+            found.append((("cell", "viscosity"), NO_VISCOSITY))
     # No setting of porocore is true or false, but pydantic would take 'yes' for 1.
     found += [
         (

@@ -1,0 +1,129 @@
+"""``porocore check`` on the undeformed cell: moduli, permeability and time of consolidation in the user's units."""
+
+import numpy as np
+import pytest
+from invoked import BENCHMARK
+
+from porocore.core.units.results import OutputUnits, ResultUnits
+from porocore.core.units.scales import Scales
+from porocore.macro.analytic.armstrong import UnconfinedCompression
+from porocore.macro.analytic.mandel import Mandel
+from porocore.macro.analytic.terzaghi import Terzaghi
+from porocore.macro.drainage import drainage_time
+from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.macro.problem import MacroProblem, MacroSetup, TimePlan
+from porocore.plugins import registry
+from porocore.report.metrics import time_to_fraction
+from porocore.study.config.loading import load_config
+from porocore.study.preflight.at_rest import at_rest, cell_lines
+
+POISSON = 0.2
+
+
+def coefficients(K=(2.0, 2.0, 2.0), biot=0.8, storage=0.05):
+    """An isotropic solid with Young's modulus 0.4 and Poisson's ratio 0.2."""
+    shear, lame = 0.4 / 2 / (1 + POISSON), 0.4 * POISSON / (1 + POISSON) / (1 - 2 * POISSON)
+    one = np.eye(3)
+    swap = np.einsum("ik,jl->ijkl", one, one)
+    C = lame * np.einsum("ij,kl->ijkl", one, one) + shear * (swap + swap.swapaxes(2, 3))
+    alpha = biot * one
+    return LinearCoefficients(C, alpha, alpha, storage, np.diag(K), np.zeros((3, 3, 3, 3)), np.zeros((3, 3)))
+
+
+def setup(size, boundary, elements, without="", **more):
+    body = {"kind": "box", "size": list(size), "elements": list(elements)}
+    sides = {side: {"normal": 0} for side in ("x-", "x+", "z-", "z+", "y-") if side != without}
+    return MacroSetup.model_validate({"body": body, "boundary": sides | boundary, **more})
+
+
+COLUMN = setup((0.1, 2.0, 0.1), {"y+": {"traction": [0, -0.01, 0], "pressure": 0}}, (1, 8, 1))
+
+
+def test_a_column_drains_in_the_time_of_terzaghi():
+    c = coefficients((5.0, 2.0, 1.0))
+    time = drainage_time(COLUMN, c)
+    exact = Terzaghi.from_coefficients(c, 2.0, 0.01)
+    first, last = exact.settlement(np.array([1e-9])), exact.settlement(np.array([1e9]))
+    share = (exact.settlement(np.array([time])) - first) / (last - first)
+    assert share.item() == pytest.approx(0.95, abs=1e-4)
+    assert drainage_time(COLUMN, coefficients((5.0, 0.0, 1.0))) is None
+
+
+def test_a_run_drains_in_the_time_that_was_told():
+    c = coefficients()
+    told = drainage_time(COLUMN, c)
+    plan = {
+        "end": 4 * told,
+        "step": told / 200,
+        "ramp_increments": 1,
+        "ramp_step": told / 1000,
+        "profiles": (),
+    }
+    problem = COLUMN.model_copy(update={"time": TimePlan(**plan)}).model_dump()
+    solver = registry.get("macro solver", "skfem")()
+    solution = solver.solve(solver.prepare(MacroProblem.model_validate(problem)), LinearPoroelasticity(c))
+    history = solution.history
+    assert time_to_fraction(history.time, history.drained_flux, 0.95) == pytest.approx(told, rel=0.02)
+
+
+def strip(c, width):
+    """A block between plates that drains to one side."""
+    sides = {"x+": {"pressure": 0}, "y+": {"plate": -0.01}}
+    exact = Mandel(width, 0.01, c.stiffness[0, 0, 1, 1], c.stiffness[0, 1, 0, 1], 0.8, c.storage, 2.0)
+    return setup((width, 0.1, 0.1), sides, (8, 1, 1), without="x+"), lambda t: float(exact.pressure(0.0, t))
+
+
+def cylinder(c, radius):
+    """A cylinder between plates that drains to its mantle."""
+    body = {"kind": "cylinder", "radius": radius, "height": 0.3, "elements": [4, 1, 12]}
+    held = MacroSetup.model_validate({"body": body, "boundary": {"side": {"pressure": 0}}})
+    exact = UnconfinedCompression(radius, -0.01, c.stiffness[0, 0, 1, 1], c.stiffness[0, 1, 0, 1], 2.0)
+    return held, lambda t: float(exact.pressure(0.0, t))
+
+
+@pytest.mark.parametrize(("body", "incompressible"), [(strip, False), (cylinder, True)])
+def test_for_other_bodies_it_is_a_scale(body, incompressible):
+    """The pressure in the middle decays in the closed form at a rate within a factor of two."""
+    c = coefficients(biot=1.0, storage=1e-9) if incompressible else coefficients()
+    held, pressure = body(c, 1.5)
+    told = drainage_time(held, c)
+    decay = np.log(pressure(told) / pressure(2 * told)) / told
+    assert 0.5 < np.log(8 / np.pi**2 / 0.05) / told / decay < 2
+
+
+ODD = OutputUnits(length="um", stress="mmHg", time="h")
+
+
+def test_moduli_and_permeability_are_those_of_the_scales():
+    """Of a psi, an inch's thousandth part and a centipoise, by hand."""
+    scales = Scales(modulus=75 * 6894.757293168, length=1e-3, pore=23e-9, viscosity=1.0)
+    confined, young, flow = cell_lines(coefficients(), 1e-3, ResultUnits(scales, ODD))
+    psi = 75 * 51.71493
+    assert confined.startswith(f"confined modulus {0.4 * 0.8 / 1.2 / 0.6 * psi:.0f} mmHg (0.444 of")
+    assert young == f"Young's modulus {0.4 * psi:.0f} mmHg"
+    assert flow == (
+        "permeability 1.06 · 10⁻¹⁸ m²; of a fluid of 0.001 Pa s: 1.06 · 10⁻¹⁵ m⁴/(N s) = 508 µm²/(mmHg h)"
+    )
+    by_hand = 2 * 23e-9**2 * 133.322387415 * 3600 * 1e12
+    assert round(by_hand) == 508
+    assert list(cell_lines(coefficients((2.0, 1.0, 0.0)), 0.5, ResultUnits())) == [
+        "confined modulus 0.444 E",
+        "Young's modulus 0.400 E",
+        "permeability 1.00, 0.500, 0 along x, y, z d², conductivity K 2.00, 1.00, 0 along x, y, z",
+    ]
+
+
+def test_a_pore_size_that_is_off_by_ten_is_seen(tmp_path):
+    """The brain's block consolidates in minutes; with pores of a hundredth it takes ten thousand times as long."""
+    text = BENCHMARK.with_name("brain-indentation.yaml").read_text(encoding="utf-8")
+    path, times = tmp_path / "study.yaml", []
+    for size in ("5 um", "50 nm"):
+        path.write_text(
+            text.replace("pore: 5 um", f"pore: {size}").replace("fluid_size: 0.1", "fluid_size: 0.3"),
+            encoding="utf-8",
+        )
+        lines = list(at_rest(load_config(path)))
+        (line,) = [line for line in lines if "consolidation: " in line]
+        times.append(float(line.split()[1]))
+        assert any("check macro.time" in line for line in lines) == (size == "50 nm")
+    assert times[1] == pytest.approx(10_000 * times[0], rel=1e-2)
