@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.core.formulas.time_function import TimeFunction
+from porocore.core.units.results import spoken
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.surfaces import Facets
 from porocore.macro.laws.linear import LinearCoefficients
@@ -63,10 +64,14 @@ def unresolved(problem: MacroProblem, limit: float, solution: MacroSolution) -> 
     if at == 0 or elapsed >= limit * (1 - SAME) or largest <= _prescribed(problem, time) * (1 + SAME):
         return None
     load = f"{solution.load:g}".replace("-", "−")
+
+    def said(duration: float) -> str:
+        return spoken().text(duration, "time", 2)
+
     return (
-        f"Load {load}, law {solution.law}: the largest pressure comes {elapsed:.2g} after the start of the loading and "
+        f"Load {load}, law {solution.law}: the largest pressure comes {said(elapsed)} after the start of the loading and "
         "may be too large by a quarter. The elements at the drained surfaces do not resolve the pressure before "
-        f"h²/(6 c_v) = {limit:.2g}. Take thinner elements there (grading), a longer ramp, or a longer first step."
+        f"h²/(6 c_v) = {said(limit)}. Take thinner elements there (grading), a longer ramp, or a longer first step."
     )
 
 

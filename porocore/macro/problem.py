@@ -12,6 +12,7 @@ from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.core.models.bounds import MOST_STEPS, MOST_TIMES
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension
+from porocore.core.units.results import spoken
 from porocore.interfaces.macro import Part
 from porocore.macro.body.kinds import AnyBody, Box, make_body
 from porocore.macro.body.mesh import BodyMesh
@@ -21,6 +22,10 @@ Positive = Annotated[float, Field(gt=0)]
 Time = Annotated[Positive, Dimension("time")]
 Row = tuple[float, float, float]
 NO_GRADIENT: tuple[Row, Row, Row] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+def _time(value: float) -> str:
+    return spoken().text(value, "time", 6)
 
 
 class Boundary(StrictModel):
@@ -109,24 +114,25 @@ class TimePlan(StrictModel):
     def _in_order(self) -> Self:
         if self.end <= self.ramp_increments * self.ramp_step:
             raise ValueError(
-                f"end = {self.end:g} does not lie behind the ramp, "
-                f"which takes {self.ramp_increments * self.ramp_step:g}"
+                f"end = {_time(self.end)} does not lie behind the ramp, "
+                f"which takes {_time(self.ramp_increments * self.ramp_step)}"
             )
         if (steps := self.end / self.step) > MOST_STEPS:
             raise ValueError(
-                f"step = {self.step:g} takes {steps:.3g} steps to end = {self.end:g}; at most {MOST_STEPS} are taken: "
+                f"step = {_time(self.step)} takes {steps:.3g} steps to end = {_time(self.end)}; at most {MOST_STEPS} "
+                "are taken: "
                 "give a longer step, or an earlier end"
             )
         if "profiles" not in self.model_fields_set:
             # The model is frozen for its users.
             object.__setattr__(self, "profiles", tuple(t for t in self.profiles if t <= self.end))
         if any(t > self.end for t in self.profiles):
-            raise ValueError(f"a profile time lies behind end = {self.end:g}")
+            raise ValueError(f"a profile time lies behind end = {_time(self.end)}")
         times = [time for time, _ in self.load_curve]
         if sorted(set(times)) != times:
             raise ValueError("the times of load_curve do not ascend")
         if times and times[-1] > self.end:
-            raise ValueError(f"a time of load_curve lies behind end = {self.end:g}")
+            raise ValueError(f"a time of load_curve lies behind end = {_time(self.end)}")
         return self
 
     def share(self, time: float) -> float:

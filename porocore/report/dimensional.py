@@ -11,7 +11,7 @@ import numpy as np
 from porocore.core.units.results import ResultUnits
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.series import all_series
-from porocore.report.format import number, plain
+from porocore.report.format import measured, number
 from porocore.report.loading_mode import LoadingMode, force_name, reactions
 from porocore.states import Array
 
@@ -71,7 +71,7 @@ def dimensional_rows(
             rows.append((f"{which} {force_name(force)} on {name}", "force", force[which]))
     if solution.profiles:
         profile = max(solution.profiles, key=lambda p: float(np.abs(fluid_velocity(p)).max()))
-        name = f"largest fluid velocity relative to the solid, of all profiles (at t = {plain(profile.time)})"
+        name = f"largest fluid velocity relative to the solid, of all profiles (at t = {measured(profile.time, 'time')})"
         rows.append((name, "velocity", float(np.abs(fluid_velocity(profile)).max())))
     return [
         DimensionalRow(

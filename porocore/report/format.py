@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from porocore.core import console
+from porocore.core.units.results import spoken
 
 NONE = "–"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -21,6 +22,23 @@ def number(value: float | None, digits: int = 4) -> str:
         return f"{value:.{max(0, digits - 1 - exponent)}f}".replace("-", "−")
     mantissa, power = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa} · 10{str(int(power)).translate(SUPERSCRIPT)}".replace("-", "−")
+
+
+def in_unit(value: float | None, quantity: str, digits: int = 4) -> str:
+    """Return a dimensionless result in the study's unit, which stands elsewhere."""
+    return number(None if value is None else value * spoken().factor(quantity), digits)
+
+
+def measured(value: float | None, quantity: str, digits: int = 4) -> str:
+    """Return a dimensionless result with the study's unit, such as ``1.2 kPa``; the number alone without scales."""
+    text, units = in_unit(value, quantity, digits), spoken()
+    return f"{text} {units.name(quantity)}" if units.given and quantity and text != NONE else text
+
+
+def unit(quantity: str) -> str:
+    """Return the unit of a column, `` [kPa]``; empty without scales."""
+    units = spoken()
+    return f" [{units.name(quantity)}]" if units.given and quantity else ""
 
 
 def plain(value: float) -> str:

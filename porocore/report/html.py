@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from porocore.core.files.atomic import atomic_path
-from porocore.core.units.results import ResultUnits
+from porocore.core.units.results import ResultUnits, speaking
 from porocore.report import figures
 from porocore.report.context import ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.dimensional import dimensional_rows
@@ -65,7 +65,12 @@ def write_report(path: Path, context: ReportContext, figures_folder: Path | None
 
 
 def render(context: ReportContext, pictures: Pictures = EMBEDDED) -> str:
-    """Return the page as text; ``pictures`` may keep the figures as files."""
+    """Return the page as text, in the units of the study; ``pictures`` may keep the figures as files."""
+    with speaking(context.units):
+        return _rendered(context, pictures)
+
+
+def _rendered(context: ReportContext, pictures: Pictures) -> str:
     template = environment().get_template("template.html.j2")
     metrics = [case_metrics(case) for case in context.cases]
     published, conductivity = context.published, context.cell.linear.conductivity
@@ -227,7 +232,7 @@ def _case_pictures(
 def _body_pictures(case: LoadCase, units: ResultUnits, pictures: Pictures) -> list[Picture]:
     found = []
     for time in chosen_times(case.nonlinear):
-        when = f"{time * units.factor('time'):g}{' ' + units.name('time') if units.given else ''}"
+        when = units.text(time, "time", 6)
         found.append(
             pictures.png(
                 f"body_t={when}_load{case.load!r}",
@@ -239,7 +244,7 @@ def _body_pictures(case: LoadCase, units: ResultUnits, pictures: Pictures) -> li
 
 
 def _column_pictures(case: LoadCase, units: ResultUnits, pictures: Pictures) -> list[Picture]:
-    times = ", ".join(f"{time:g}" for time in chosen_times(case.nonlinear))
+    times = ", ".join(units.text(time, "time", 6) for time in chosen_times(case.nonlinear))
     return [
         pictures.svg(
             f"profile_{quantity}_load{case.load!r}",

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.units.results import spoken
 from porocore.interfaces.solution import History, MacroSolution
 from porocore.report.format import percent
 from porocore.states import Array
@@ -35,6 +36,8 @@ class OutputCheck:
         Range of the output over the training states, to which errors are referred.
     outside_training_range : (m,) bool
         Held-out states beyond the sampled range; shown, but not counted in the error unless all of them are.
+    quantity
+        Of :data:`porocore.core.units.scales.QUANTITIES`; '' is a plain number.
     """
 
     name: str
@@ -43,6 +46,7 @@ class OutputCheck:
     predicted: Array
     span: float
     outside_training_range: npt.NDArray[np.bool_]
+    quantity: str = ""
 
     @property
     def all_outside(self) -> bool:
@@ -191,10 +195,12 @@ def flagged_shares(metrics: dict[str, Any]) -> str:
     largest, mean, end = (percent(metrics[f"flagged_{name}"]) for name in ("largest", "time_mean", "end"))
     words = (
         f"Over time the flagged share is at most {largest} of the body and on average {mean}; at the end of the run "
-        f"it is {end}. The first points are flagged at t = {metrics['flagged_first_time']:.3g}"
+        f"it is {end}. The first points are flagged at t = {spoken().text(metrics['flagged_first_time'], 'time', 3)}"
     )
     whole = metrics["flagged_all_time"]
-    return words + ("." if whole is None else f", and the whole body is flagged at t = {whole:.3g}.")
+    if whole is None:
+        return f"{words}."
+    return f"{words}, and the whole body is flagged at t = {spoken().text(whole, 'time', 3)}."
 
 
 def case_warnings(metrics: dict[str, Any], where: str = "", *, settles: bool = True) -> list[str]:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from porocore.core.files.atomic import atomic_path
 from porocore.report.figures.style import png_bytes, svg_bytes
-from porocore.report.format import difference, duration, number, percent, plain
+from porocore.report.format import difference, duration, in_unit, measured, number, percent, plain, unit
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,9 @@ def environment(*packages: str) -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {each.__name__: each for each in (number, plain, percent, duration, difference)}
+    filters = (number, plain, percent, duration, difference, in_unit, measured)
+    made.filters |= {each.__name__: each for each in filters}
+    made.globals["unit"] = unit
     return made
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.units.results import ResultUnits
+from porocore.core.units.results import ResultUnits, spoken
 from porocore.macro.laws.pull_back import is_isotropic
 from porocore.report.context import CellSummary, Published, ReportContext, SurrogateSummary
-from porocore.report.format import NONE, difference, number, plain
+from porocore.report.format import NONE, difference, in_unit, measured, number, plain, unit
 from porocore.report.loading_mode import force_name, reactions
 from porocore.report.metrics import LoadCase, case_metrics, case_warnings, flagged_shares, is_flagged
 from porocore.states import Status
@@ -46,15 +46,15 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
     nonlinear, linear = metrics["nonlinear"], metrics["linear"]
     settled, expected = nonlinear["final_settlement"], linear["final_settlement"]
     sentences = [
-        f"Under the load {plain(metrics['load'])} the final settlement is {number(settled)} with the nonlinear law of "
-        f"the cell and {number(expected)} with linear poroelasticity. The nonlinear settlement is "
+        f"Under the load {plain(metrics['load'])} the final settlement is {measured(settled, 'displacement')} with the "
+        f"nonlinear law of the cell and {measured(expected, 'displacement')} with linear poroelasticity. The nonlinear settlement is "
         f"{difference(metrics['settlement_ratio'])}."
     ]
     if nonlinear["time_to_99_percent"] is not None and linear["time_to_99_percent"] is not None:
         sentences.append(
-            f"It reaches 95 % of its final value at t = {number(nonlinear['time_to_95_percent'], 3)} and 99 % at "
-            f"t = {number(nonlinear['time_to_99_percent'], 3)}. The linear settlement reaches them at "
-            f"t = {number(linear['time_to_95_percent'], 3)} and {number(linear['time_to_99_percent'], 3)}. "
+            f"It reaches 95 % of its final value at t = {_time(nonlinear['time_to_95_percent'])} and 99 % at "
+            f"t = {_time(nonlinear['time_to_99_percent'])}. The linear settlement reaches them at "
+            f"t = {_time(linear['time_to_95_percent'])} and {_time(linear['time_to_99_percent'])}. "
             f"The nonlinear time to 99 % is {difference(metrics['time_to_99_percent_ratio'], 'shorter', 'longer')}."
         )
     return sentences
@@ -125,6 +125,10 @@ def _value(value: float, quantity: str, units: ResultUnits, digits: int = 4) -> 
     return f"{text} {units.name(quantity)}" if units.given else text
 
 
+def _time(value: float | None) -> str:
+    return measured(value, "time", 3)
+
+
 def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[ComparisonRow]:
     """Return the statements of the publication on one load beside the figures of that load."""
     nonlinear, linear = metrics["nonlinear"], metrics["linear"]
@@ -137,16 +141,16 @@ def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[Compar
         ComparisonRow(
             "time to the steady state, nonlinear",
             f"at t = {plain(published.steady_time)} (no criterion stated)",
-            f"95 % at t = {number(nonlinear['time_to_95_percent'], 3)}, "
-            f"99 % at t = {number(nonlinear['time_to_99_percent'], 3)}",
+            f"95 % at t = {_time(nonlinear['time_to_95_percent'])}, "
+            f"99 % at t = {_time(nonlinear['time_to_99_percent'])}",
         ),
         ComparisonRow(
             "time to the steady state, nonlinear compared with linear",
             published.duration,
             f"to 95 %: {difference(metrics['time_to_95_percent_ratio'], 'shorter', 'longer')} (linear: t = "
-            f"{number(linear['time_to_95_percent'], 3)}); to 99 %: "
+            f"{_time(linear['time_to_95_percent'])}); to 99 %: "
             f"{difference(metrics['time_to_99_percent_ratio'], 'shorter', 'longer')} (linear: t = "
-            f"{number(linear['time_to_99_percent'], 3)})",
+            f"{_time(linear['time_to_99_percent'])})",
         ),
     ]
 
@@ -164,22 +168,34 @@ def cell_rows(cell: CellSummary, published: Published | None) -> list[Comparison
             number(published.mean_grad_2211, 2),
             number(published.mean_grad_p_11, 3),
         ]
-    names = ("porosity φ_f", f"K₁₁ at μ_f = {plain(cell.viscosity)}", "M₂₂₂₂", "M₂₂₁₁", "Q₁₁")
-    found = (cell.porosity, linear.conductivity[0, 0], M[1, 1, 1, 1], M[1, 1, 0, 0], Q[0, 0])
-    return [
-        ComparisonRow(name, text, number(float(value)))
-        for name, text, value in zip(names, said, found, strict=True)
+    viscosity = spoken().text(cell.viscosity, "viscosity")
+    found = (
+        ("porosity φ_f", "", cell.porosity),
+        (f"K₁₁ at μ_f = {viscosity}", "conductivity", linear.conductivity[0, 0]),
+        ("M₂₂₂₂", "", M[1, 1, 1, 1]),
+        ("M₂₂₁₁", "", M[1, 1, 0, 0]),
+        ("Q₁₁", "compliance", Q[0, 0]),
+    )
+    rows = [
+        ComparisonRow(name, text, measured(float(value), quantity))
+        for text, (name, quantity, value) in zip(said, found, strict=True)
     ]
+    scales = spoken().scales
+    if scales is not None:
+        permeability = float(linear.conductivity[0, 0]) * cell.viscosity * scales.factor("permeability")
+        rows.insert(2, ComparisonRow("permeability K₁₁ μ_f", NONE, f"{number(permeability)} m²"))
+    return rows
 
 
 def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
     """Return the coefficients of linear poroelasticity."""
-    linear = cell.linear
+    linear, units = cell.linear, spoken()
+    by, times = ("", "1") if units.given else (" / E", "E")
     return [
-        ("drained stiffness C_eff,2222 / E", number(float(linear.stiffness[1, 1, 1, 1]))),
+        (f"drained stiffness C_eff,2222{by}", measured(float(linear.stiffness[1, 1, 1, 1]), "stress")),
         ("Biot coefficient α₂₂", number(float(linear.biot[1, 1]))),
-        ("inverse Biot modulus E / M_B", number(linear.storage)),
-        ("consolidation coefficient c_v", number(linear.consolidation_coefficient())),
+        (f"inverse Biot modulus {times} / M_B", measured(linear.storage, "compliance")),
+        ("consolidation coefficient c_v", measured(linear.consolidation_coefficient(), "diffusivity")),
     ]
 
 
@@ -208,13 +224,17 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
         )
     if not case.nonlinear.profiles:
         return found
-    last, rest = case.nonlinear.profiles[-1], number(float(cell.linear.conductivity[1, 1]), 3)
+    last = case.nonlinear.profiles[-1]
+    rest = measured(float(cell.linear.conductivity[1, 1]), "conductivity", 3)
     K_t, K_ref = (
-        " to ".join(dict.fromkeys(number(float(end(K[:, 1, 1])), 3) for end in (np.min, np.max)))
+        " to ".join(
+            dict.fromkeys(in_unit(float(end(K[:, 1, 1])), "conductivity", 3) for end in (np.min, np.max))
+        )
         for K in (last.conductivity, last.reference_conductivity)
     )
     return (
-        f"{found} At t = {number(last.time, 3)} the values in the body are {K_ref} for K_ref,22 and {K_t} for K_t,22; "
+        f"{found} At t = {_time(last.time)} the values in the body are {K_ref} for K_ref,22 and {K_t} for K_t,22"
+        f"{unit('conductivity')}; "
         f"in the undeformed cell both are {rest}."
     )
 

@@ -53,8 +53,8 @@ class HolzapfelGasserOgden(InvariantMaterial):
         """Kind, moduli and number of families."""
         count = len(self.directions)
         return (
-            f"{self.kind} solid, μ = {self.shear_modulus:g}, K = {self.bulk_modulus:g}, "
-            f"k1 = {self.k1:g}, k2 = {self.k2:g}, κ = {self.dispersion:g}, "
+            f"{self.kind} solid, μ = {modulus(self.shear_modulus)}, K = {modulus(self.bulk_modulus)}, "
+            f"k1 = {modulus(self.k1)}, k2 = {self.k2:g}, κ = {self.dispersion:g}, "
             f"{count} {'family' if count == 1 else 'families'} of fibres"
         )
 

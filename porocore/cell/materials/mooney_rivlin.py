@@ -30,7 +30,10 @@ class MooneyRivlin(InvariantMaterial):
     @property
     def description(self) -> str:
         """Kind and moduli."""
-        return f"{self.kind} solid, c10 = {self.c10:g}, c01 = {self.c01:g}, K = {self.bulk_modulus:g}"
+        return (
+            f"{self.kind} solid, c10 = {modulus(self.c10)}, c01 = {modulus(self.c01)}, "
+            f"K = {modulus(self.bulk_modulus)}"
+        )
 
     @property
     def invariants(self) -> dict[str, Invariant]:

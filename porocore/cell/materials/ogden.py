@@ -56,8 +56,8 @@ class Ogden(InvariantMaterial):
     @property
     def description(self) -> str:
         """Kind and moduli."""
-        terms = ", ".join(f"μ = {t.mu:g} with α = {t.alpha:g}" for t in self.terms)
-        return f"{self.kind} solid, {terms}, K = {self.bulk_modulus:g}"
+        terms = ", ".join(f"μ = {modulus(t.mu)} with α = {t.alpha:g}" for t in self.terms)
+        return f"{self.kind} solid, {terms}, K = {modulus(self.bulk_modulus)}"
 
     @property
     def invariants(self) -> dict[str, Invariant]:

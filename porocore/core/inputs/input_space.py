@@ -59,6 +59,11 @@ class InputSpace:
     def __len__(self) -> int:
         return len(self.names)
 
+    def range_text(self, name: str, digits: int = 6) -> str:
+        """Return the range of an input, with the study's unit of p."""
+        k = self.names.index(name)
+        return f"[{value_text(name, self.lower[k], digits)}, {value_text(name, self.upper[k], digits)}]"
+
     @classmethod
     def from_ranges(cls, ranges: Mapping[str, tuple[float, float]]) -> InputSpace:
         """Return the space of ``{"H22": (-0.4, 0.04), ...}``."""
@@ -127,6 +132,11 @@ class InputSpace:
         rest = rows[[column for column in range(10) if column not in self.columns]]
         moves: npt.NDArray[np.bool_] = np.abs(rest, out=rest).max(axis=0, initial=0.0) > self.negligible
         return moves
+
+
+def value_text(name: str, value: float, digits: int = 6) -> str:
+    """Return the value of an input, with the study's unit if it is p."""
+    return spoken().text(value, "pressure" if name == "p" else "", digits)
 
 
 def components(states: MacroState) -> Array:

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.inputs.input_space import NAMES, InputSpace
+from porocore.core.inputs.input_space import NAMES, InputSpace, value_text
 from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
 from porocore.errors import ConfigurationError
 from porocore.states import Array
@@ -42,7 +42,8 @@ def why_impossible(grad_u: npt.ArrayLike, p: float, modulus: float = 1.0) -> str
         return f"expected components of H of at most {LARGEST_GRADIENT:g}, got {np.abs(H).max():g}"
     if not abs(p) <= LARGEST_PRESSURE * modulus:
         return (
-            f"expected a pressure p of at most {LARGEST_PRESSURE:g} times the solid's {modulus:g}, got {p:g}"
+            f"expected a pressure p of at most {LARGEST_PRESSURE:g} times the solid's "
+            f"{value_text('p', modulus)}, got {value_text('p', p)}"
         )
     J = float(np.linalg.det(np.eye(3) + H))
     if J <= 0:

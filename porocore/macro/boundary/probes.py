@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
+from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh
 from porocore.states import Array
@@ -49,9 +51,9 @@ def _find(mesh: BodyMesh, place: Array, key: str) -> tuple[int, Array]:
             if beyond < LEEWAY:
                 return int(cell), xi
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    said = partial(spoken().texts, quantity="displacement", digits=6)
     raise ConfigurationError(
-        f"{key}: the point {tuple(map(float, place))} lies outside the body, which extends from "
-        f"{tuple(map(float, low))} to {tuple(map(float, high))}"
+        f"{key}: the point {said(place)} lies outside the body, which extends from {said(low)} to {said(high)}"
     )
 
 

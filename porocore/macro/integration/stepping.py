@@ -10,6 +10,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from porocore.core.units.results import spoken
 from porocore.errors import SolveError
 from porocore.macro.problem import TimePlan
 
@@ -145,8 +146,9 @@ class Stepper:
         failed = self.next() - self.time
         if failed / 2 < self.plan.smallest_step:
             raise SolveError(
-                f"the macroscale step from t = {self.time:g} failed at its smallest length {failed:.3g} "
-                f"(smallest_step = {self.plan.smallest_step:g}): {reason}{more()}; "
+                f"the macroscale step from t = {spoken().text(self.time, 'time', 6)} failed at its smallest length "
+                f"{spoken().text(failed, 'time', 3)} (smallest_step = "
+                f"{spoken().text(self.plan.smallest_step, 'time', 6)}): {reason}{more()}; "
                 "lower the load, use more ramp_increments or a finer mesh"
             )
         self.streak = 0

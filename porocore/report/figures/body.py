@@ -63,8 +63,7 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
     figure.colorbar(
         colours, ax=axes, shrink=0.7, pad=0.16, label=axis_label("pore pressure $p$", "pressure", units)
     )
-    unit = f" {units.name('time')}" if units.given else ""
-    axes.set_title(f"$t$ = {profile.time * units.factor('time'):g}{unit}")
+    axes.set_title(f"$t$ = {units.text(profile.time, 'time', 6)}")
     return figure
 
 

@@ -11,12 +11,14 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from porocore.core.units.results import spoken
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.report.figures.style import (
     DASHED,
     DOTTED,
     GREY,
     TIME_COLOURS,
+    axis_label,
     legend_above,
     lighter,
     new_figure,
@@ -27,56 +29,66 @@ from porocore.states import Array
 
 @dataclass(frozen=True)
 class ProfileField:
-    """Field of a :class:`~porocore.interfaces.solution.Profile`: label, its values, and by node or by element."""
+    """Field of a :class:`~porocore.interfaces.solution.Profile`: label, values, quantity, and by node or by element.
+
+    A quantity of None is a plain number whose label has a unit.
+    """
 
     label: str
     plain: str
     take: Callable[[Profile], Array]
+    quantity: str | None = ""
     nodal: bool = False
 
 
 PROFILE_FIELDS: dict[str, ProfileField] = {
-    "p": ProfileField(r"pore pressure $p\,/E$ [–]", "pore pressure", lambda f: f.p, nodal=True),
-    "settlement": ProfileField(r"settlement $-u_2$ [–]", "settlement", lambda f: -f.u[:, 1], nodal=True),
+    "p": ProfileField("pore pressure $p$", "pore pressure", lambda f: f.p, "pressure", nodal=True),
+    "settlement": ProfileField(
+        "settlement $-u_2$", "settlement", lambda f: -f.u[:, 1], "displacement", nodal=True
+    ),
     "H22": ProfileField(
-        r"$\partial u_2 / \partial X_2$ [–]",
+        r"$\partial u_2 / \partial X_2$",
         "macroscopic displacement gradient ∂u₂/∂X₂",
         lambda f: f.grad_u[:, 1, 1],
     ),
     "mean_grad_22": ProfileField(
-        r"$\langle\nabla_Y u^1\rangle_{22}$ [–]",
+        r"$\langle\nabla_Y u^1\rangle_{22}$",
         "mean microscopic displacement gradient, component 22",
         lambda f: f.mean_grad[:, 1, 1],
     ),
     "mean_grad_11": ProfileField(
-        r"$\langle\nabla_Y u^1\rangle_{11}$ [–]",
+        r"$\langle\nabla_Y u^1\rangle_{11}$",
         "mean microscopic displacement gradient, component 11",
         lambda f: f.mean_grad[:, 0, 0],
     ),
     "K22": ProfileField(
-        r"conductivity $(K_t)_{22}$ [–]",
+        r"conductivity $(K_t)_{22}$",
         "transformed conductivity along the column",
         lambda f: f.conductivity[:, 1, 1],
+        "conductivity",
     ),
     "K11": ProfileField(
-        r"conductivity $(K_t)_{11}$ [–]",
+        r"conductivity $(K_t)_{11}$",
         "transformed conductivity across the column",
         lambda f: f.conductivity[:, 0, 0],
+        "conductivity",
     ),
     "F22": ProfileField(
-        r"deformation $\bar F_{22}$ [–]",
+        r"deformation $\bar F_{22}$",
         "mean deformation gradient, component 22",
         lambda f: f.deformation[:, 1, 1],
     ),
     "F11": ProfileField(
-        r"deformation $\bar F_{11}$ [–]",
+        r"deformation $\bar F_{11}$",
         "mean deformation gradient, component 11",
         lambda f: f.deformation[:, 0, 0],
     ),
     "P22": ProfileField(
-        r"total stress $P_{E,22}\,/E$ [–]", "total stress along the column", lambda f: f.stress[:, 1, 1]
+        "total stress $P_{E,22}$", "total stress along the column", lambda f: f.stress[:, 1, 1], "stress"
     ),
-    "flux": ProfileField(r"fluid flux $(\bar G w)_2$ [–]", "fluid flux upwards", lambda f: f.flux[:, 1]),
+    "flux": ProfileField(
+        r"fluid flux $(\bar G w)_2$", "fluid flux upwards", lambda f: f.flux[:, 1], "velocity"
+    ),
 }
 
 
@@ -152,6 +164,8 @@ def profile_figure(
     what = _field(quantity)
     if times is None:
         times = chosen_times(nonlinear)
+    units = spoken()
+    length, factor = units.factor("displacement"), units.factor(what.quantity or "")
     figure = new_figure(5.4, 4.0)
     axes = figure.add_subplot()
     line = ColumnAxis.from_solution(nonlinear)
@@ -161,18 +175,19 @@ def profile_figure(
     for time, colour in zip(times, TIME_COLOURS, strict=False):
         for solution, stroke, _ in compared:
             y, value, _ = ColumnAxis.from_solution(solution).series(profile_at(solution, time), what)
-            axes.plot(y, value, color=colour, ls=stroke, lw=1.3)
+            axes.plot(y * length, value * factor, color=colour, ls=stroke, lw=1.3)
         y, value, flagged = line.series(profile_at(nonlinear, time), what)
         if flagged.any():
             any_flagged = True
-            _flagged_parts(axes, y, value, flagged, colour)
-        axes.plot(y, np.where(flagged, np.nan, value), color=colour, label=f"$t$ = {time:g}")
+            _flagged_parts(axes, y * length, value * factor, flagged, colour)
+        shown = np.where(flagged, np.nan, value * factor)
+        axes.plot(y * length, shown, color=colour, label=f"$t$ = {units.text(time, 'time', 6)}")
     for _, stroke, label in compared:
         axes.plot([], [], color="0.35", ls=stroke, lw=1.3, label=label)
     if rest is not None:
-        axes.axhline(rest, color=GREY, ls=DASHED, lw=1.0, label="undeformed cell")
-    axes.set_xlabel("position along the column $X_2$ [–]")
-    axes.set_ylabel(what.label)
+        axes.axhline(rest * factor, color=GREY, ls=DASHED, lw=1.0, label="undeformed cell")
+    axes.set_xlabel(axis_label("position along the column $X_2$", "displacement", units))
+    axes.set_ylabel(what.label if what.quantity is None else axis_label(what.label, what.quantity, units))
     axes.margins(x=0.02)
     if any_flagged:
         axes.plot([], [], color="0.65", marker="o", ms=3.6, mfc="white", mec="0.5", label="flagged")

@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull, QhullError
 
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.units.results import spoken
+from porocore.report.figures import style
 from porocore.report.figures.style import (
     BLACK,
     BLUE,
@@ -73,16 +75,17 @@ def samples_figure(
     columns = _columns(inputs, pair)
     figure = new_figure(6.4, 4.6 if len(columns) == 2 else 2.2)
     axes = figure.add_subplot()
-    plane = _project(x, columns)
+    names = tuple(inputs.names[i] for i in columns)
+    factors = [spoken().factor("pressure") if name == "p" else 1.0 for name in names]
+    plane = _project(x, columns, factors)
     if training is not None and training.any():
         _outline(axes, plane[training])
     _states(axes, plane, status)
-    names = tuple(inputs.names[i] for i in columns)
     if crease is not None and names == ("H22", "p"):
         _crease(axes, crease, inputs)
     for k, path in enumerate(visited):
         label = "states in the column" if k == 0 else "_nolegend_"
-        axes.plot(*_project(path, columns).T, color=GREEN, lw=1.6, label=label)
+        axes.plot(*_project(path, columns, factors).T, color=GREEN, lw=1.6, label=label)
     axes.set_xlabel(axis_label(names[0]))
     if len(names) == 2:
         axes.set_ylabel(axis_label(names[1]))
@@ -95,7 +98,7 @@ def samples_figure(
 def axis_label(name: str) -> str:
     """Return the label of an input with its unit."""
     if name == "p":
-        return r"pore pressure $p\,/E$ [–]"
+        return style.axis_label("pore pressure $p$", "pressure", spoken())
     return rf"$\partial u_{name[1]} / \partial X_{name[2]}$ [–]"
 
 
@@ -110,8 +113,9 @@ def _columns(inputs: InputSpace, pair: tuple[str, str] | None) -> list[int]:
     return [inputs.names.index(name) for name in pair]
 
 
-def _project(x: Array, columns: list[int]) -> Array:
-    return np.column_stack([x[:, columns[0]], x[:, columns[1]] if len(columns) == 2 else np.zeros(len(x))])
+def _project(x: Array, columns: list[int], factors: Sequence[float]) -> Array:
+    shown = [x[:, column] * factor for column, factor in zip(columns, factors, strict=True)]
+    return np.column_stack([shown[0], shown[1] if len(columns) == 2 else np.zeros(len(x))])
 
 
 def _states(axes: Axes, points: Array, status: IntArray) -> None:
@@ -142,6 +146,12 @@ def _outline(axes: Axes, points: Array) -> None:
 def _crease(axes: Axes, crease: tuple[float, float], inputs: InputSpace) -> None:
     p = inputs.names.index("p")
     ends = np.array([max(0.0, inputs.lower[p]), inputs.upper[p]])  # it was found for p >= 0
+    shown = ends * spoken().factor("pressure")
     axes.plot(
-        crease[0] + crease[1] * ends, ends, color=BLACK, ls=DASHED, lw=1.2, label="crease on a very fine mesh"
+        crease[0] + crease[1] * ends,
+        shown,
+        color=BLACK,
+        ls=DASHED,
+        lw=1.2,
+        label="crease on a very fine mesh",
     )

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from porocore.core.units.results import spoken
 from porocore.report.context import TrainingCurve
 from porocore.report.figures.style import (
     BLUE,
@@ -17,6 +18,7 @@ from porocore.report.figures.style import (
     ORANGE,
     PURPLE,
     VERMILLION,
+    axis_label,
     legend_above,
     new_figure,
     png_bytes,
@@ -35,19 +37,24 @@ def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
     figure = new_figure(4.4 * len(checks), 5.0)
     panels = figure.subplots(2, len(checks), squeeze=False, sharex="col", height_ratios=[3, 1.25])
     for check, parity, error in zip(checks, *panels, strict=True):
-        both = np.concatenate([check.solved, check.predicted])
+        units = spoken()
+        factor = units.factor(check.quantity)
+        solved, predicted = check.solved * factor, check.predicted * factor
+        both = np.concatenate([solved, predicted])
         ends = np.array([both.min(), both.max()]) if len(both) else np.array([0.0, 1.0])
         ends = ends + 0.04 * (ends[1] - ends[0]) * np.array([-1, 1])
         parity.plot(ends, ends, color=GREY, lw=1.0)
         deviation = 100 * (check.predicted - check.solved) / check.span
-        for axes, y in ((parity, check.predicted), (error, deviation)):
+        for axes, y in ((parity, predicted), (error, deviation)):
             beyond = check.outside_training_range
             if beyond.any():
-                axes.plot(check.solved[beyond], y[beyond], "o", ms=4, mfc="white", mec=GREY, mew=0.9)
-            axes.plot(check.solved[~beyond], y[~beyond], "o", ms=4, mfc=BLUE, mec="white", mew=0.4)
+                axes.plot(solved[beyond], y[beyond], "o", ms=4, mfc="white", mec=GREY, mew=0.9)
+            axes.plot(solved[~beyond], y[~beyond], "o", ms=4, mfc=BLUE, mec="white", mew=0.4)
         error.axhline(0, color=GREY, lw=1.0)
-        parity.set(xlim=ends, ylim=ends, ylabel=f"predicted {check.name} [–]")
-        error.set(xlabel=f"solved {check.name} [–]", ylabel="error [% of range]")
+        parity.set(xlim=ends, ylim=ends, ylabel=axis_label(f"predicted {check.name}", check.quantity, units))
+        error.set(
+            xlabel=axis_label(f"solved {check.name}", check.quantity, units), ylabel="error [% of range]"
+        )
         error.xaxis.set_major_locator(MaxNLocator(5))
         parity.text(0.04, 0.96, _error_text(check), transform=parity.transAxes, va="top", fontsize=9)
     figure.align_ylabels()

@@ -70,7 +70,7 @@ class DensitySweep(Sampler):
             if not low <= 0 <= high:
                 raise ConfigurationError(
                     f"sampling.inputs.{name}.range: must include 0, where every sweep of density-sweep starts, "
-                    f"got [{low:g}, {high:g}]; widen it"
+                    f"got {inputs.range_text(name)}; widen it"
                 )
         sizes = [
             1 + sum(grid_size(end, step) for end in (low, high) if end != 0)
@@ -176,8 +176,8 @@ def _checked_steps(inputs: InputSpace, step: Mapping[str, float], smallest: floa
         size = positive(f"sampling.inputs.{name}.step", step[name])
         if size * smallest < SMALLEST_INTERVAL:
             raise ConfigurationError(
-                f"sampling.inputs.{name}.step: {size:g} with smallest = {smallest:g} allows intervals below "
-                f"{SMALLEST_INTERVAL:g}; enlarge one of them"
+                f"sampling.inputs.{name}.step: {value_text(name, size)} with smallest = {smallest:g} allows intervals "
+                f"below {value_text(name, SMALLEST_INTERVAL)}; enlarge one of them"
             )
         steps.append(size)
     return tuple(steps)

@@ -44,8 +44,8 @@ class Solved:
     units: ResultUnits = field(default_factory=ResultUnits)
 
     def __repr__(self) -> str:
-        end = self.time[-1]
-        return f"<{self.law} under load {self.load:g}: {len(self.time) - 1} steps up to t = {end:g}>"
+        end = self.units.text(self.time[-1], "time", 6)
+        return f"<{self.law} under load {self.load:g}: {len(self.time) - 1} steps up to t = {end}>"
 
     @property
     def law(self) -> str:
@@ -182,7 +182,7 @@ class Solved:
 
         At the nodes ``u`` and ``p``; in the elements ``H``, ``F`` (F̄), ``P_E``, ``K_t`` (tensors of 9 components, row
         by row), ``flux`` and ``outside``. ``grid.warp_by_vector("u")`` is the deformed body. The field data ``time`` is
-        dimensionless.
+        in its unit of time.
 
         Raises
         ------
@@ -212,7 +212,7 @@ class Solved:
             ("outside", profile.outside_training_range, 1.0),
         ):
             grid.cell_data[name] = values.reshape(count, -1) * factor if values.ndim > 1 else values * factor
-        grid.field_data["time"] = np.array([profile.time])
+        grid.field_data["time"] = np.array([profile.time * self.units.factor("time")])
         return grid
 
     def _variable(self, dims: tuple[str, ...], values: Array, quantity: str, words: str) -> Any:

@@ -14,6 +14,7 @@ from porocore.core.echo import echo, suggestion
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.models.strict import StrictModel
+from porocore.core.units.results import OutputUnits, ResultUnits, speaking
 from porocore.core.units.scales import Scales
 from porocore.core.units.texts import resolved
 from porocore.errors import ConfigurationError
@@ -68,7 +69,8 @@ def validated(document: YamlDocument) -> RunConfig:
     unread = {at for at, _ in found}
     config: RunConfig | None = None
     try:
-        config = RunConfig.model_validate(data, context={"folder": document.folder})
+        with speaking(_units(data, scales)):
+            config = RunConfig.model_validate(data, context={"folder": document.folder})
     except ValidationError as error:
         found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
     else:
@@ -112,6 +114,14 @@ def _scales(document: YamlDocument) -> Scales | None:
         except ValidationError as error:
             found += faults(document, error.errors(), RunConfig)
     raise _refusal(document, found)
+
+
+def _units(data: Any, scales: Scales | None) -> ResultUnits:
+    """Return the units of messages about a configuration whose output units may be faulty."""
+    try:
+        return ResultUnits(scales, OutputUnits.model_validate(data.get("output_units") or {}))
+    except ValidationError:
+        return ResultUnits(scales)
 
 
 def _unknown_surfaces(macro: MacroSetup) -> Iterator[tuple[Location, str]]:

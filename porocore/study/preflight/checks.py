@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from functools import partial
 
 import numpy as np
 
@@ -11,9 +10,10 @@ from porocore.cell.conductivity.pore import require_one_cell, require_one_wall
 from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.core.echo import echo
 from porocore.core.formulas.time_function import TimeFunction, Value
+from porocore.core.inputs.input_space import value_text
 from porocore.core.inputs.possible_states import least_volume
 from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
-from porocore.core.units.results import ResultUnits
+from porocore.core.units.results import ResultUnits, speaking
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.surrogate import MORE_STATES, least_states
@@ -60,7 +60,11 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
         scheduler's address, a function of time has no value somewhere, there is no such surface, boundary conditions
         contradict each other or do not hold the body, or a probe lies outside.
     """
-    needed = KINDS if needed is None else needed
+    with speaking(config.result_units):
+        _check(config, KINDS if needed is None else needed)
+
+
+def _check(config: RunConfig, needed: Collection[Kind]) -> None:
     find_backends(config, needed)
     check_sampling(config, trained="surrogate" in needed)
     check_time_functions(config.macro)
@@ -106,8 +110,8 @@ def check_sampling(config: RunConfig, *, trained: bool) -> None:
         largest = LARGEST_PRESSURE * config.cell.modulus if name == "p" else LARGEST_GRADIENT
         if max(map(abs, swept.range)) > largest:
             raise ConfigurationError(
-                f"sampling.inputs.{name}.range: expected at most {largest:g}, got {echo(list(swept.range))}; no cell "
-                "bears more"
+                f"sampling.inputs.{name}.range: expected at most {value_text(name, largest)}, got "
+                f"{inputs.range_text(name)}; no cell bears more"
             )
     J, corner = least_volume(inputs)
     if J <= 0:
@@ -160,11 +164,14 @@ def outline(config: RunConfig) -> Iterator[str]:
     _require_that_the_fluid_follows(config)
     if config.cell.materials is not None:
         config.cell.solid.on(config.cell.make_mesh("solid", "whole"))
-    yield f"  {config.cell.solid.description}, viscosity {config.cell.viscosity:g}"
+    units = config.result_units
+    with speaking(units):
+        yield f"  {config.cell.solid.description}, viscosity {units.text(config.cell.viscosity, 'viscosity')}"
+        swept = config.sampling.input_space()
+        ranges = ", ".join(f"{name} in {swept.range_text(name, 4)}" for name in swept.names)
     yield f"  point group {config.cell.point_group.name} of pores and solid together"
     yield from _without_contact(config)
     sampling = config.sampling
-    ranges = ", ".join(f"{name} in [{s.range[0]:g}, {s.range[1]:g}]" for name, s in sampling.inputs.items())
     count = f", {sampling.options['count']} states" if "count" in sampling.options else ""
     yield f"samples: {sampling.sampler}{count} over {ranges}; {sampling.test.count} held-out states"
     yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
@@ -235,7 +242,7 @@ def _body(config: RunConfig) -> Iterator[str]:
     steps = "steps chosen by their error, at most" if macro.time.tolerance else "in steps of"
     yield (
         f"solutions: loads {loads}, each with the cell's law and linearly, "
-        f"up to t = {_with_unit(macro.time.end, 'time', units)}, {steps} {_with_unit(macro.time.step, 'time', units)}"
+        f"up to t = {units.text(macro.time.end, 'time')}, {steps} {units.text(macro.time.step, 'time')}"
     )
 
 
@@ -263,7 +270,7 @@ def _said(boundary: Boundary | None, units: ResultUnits) -> str:
 
 def _value(value: Value, quantity: str, units: ResultUnits) -> str:
     """Return a prescribed value, or its function of time, in the units of the configuration."""
-    at = partial(_with_unit, units=units)
+    at = units.text
     if not isinstance(value, TimeFunction):
         return at(value, quantity)
     if value.ramp is not None and value.until is not None:
@@ -276,18 +283,13 @@ def _value(value: Value, quantity: str, units: ResultUnits) -> str:
     return f"({'; '.join(points)})"
 
 
-def _with_unit(number: float, quantity: str, units: ResultUnits) -> str:
-    unit = f" {units.name(quantity)}" if units.given and number else ""
-    return f"{number * units.factor(quantity):.4g}{unit}"
-
-
 def _late(config: RunConfig) -> Iterator[str]:
     """Yield notes of functions of time that go on after the end of the run, as a missing unit may cause."""
     end, units = config.macro.time.end, config.result_units
     for name, boundary in config.macro.boundary.items():
         last = max((max(course.corners, default=0.0) for course in boundary.time_functions), default=0.0)
         if last > end:
-            last_time, end_time = (_with_unit(t, "time", units) for t in (last, end))
+            last_time, end_time = (units.text(t, "time") for t in (last, end))
             yield (
                 f"the function of time on the surface {name} goes on until t = {last_time}, beyond the "
                 f"end, {end_time}, and is cut there; check macro.time.end and the unit of the time"

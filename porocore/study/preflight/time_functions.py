@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from porocore.core.echo import echo
@@ -10,6 +12,7 @@ from porocore.core.formulas.domain import first_fault
 from porocore.core.formulas.expressions import Expression
 from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.models.walk import walk
+from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroSetup
@@ -37,10 +40,11 @@ def check_time_functions(setup: MacroSetup) -> None:
         fault = first_fault(Expression.parse(text, ("t",)), times)
         if fault is not None:
             index, why = fault
+            said = partial(spoken().text, quantity="time", digits=6)
             key = dotted(("macro", *path, "expression"))
             raise ConfigurationError(
-                f"{key}: {echo(text)} {why} near t = {times[index]:.6g}, within the run from t = 0 to "
-                f"{setup.time.end:g}; t and the result are dimensionless"
+                f"{key}: {echo(text)} {why} near t = {said(times[index])}, within the run from t = 0 to "
+                f"{said(setup.time.end)}; t and the result of an expression are dimensionless"
             )
 
 

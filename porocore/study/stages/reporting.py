@@ -11,6 +11,7 @@ from pathlib import Path
 from porocore.core.console import Console
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import write_json
+from porocore.core.units.results import speaking
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.finished import FinishedRun
@@ -34,7 +35,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
 
     finished(folder, folder.test_dataset, config.stages.test, held_out_states(config))
     config = _shown(folder, config)
-    with timed(folder.timings, "report"):
+    with speaking(config.result_units), timed(folder.timings, "report"):
         results = RunResults.load(folder, config)
         for solution in results.all_solutions:
             law, load = solution.law, solution.load
@@ -43,7 +44,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
         context = report_context(results)
         metrics = figures_of_merit(results, context)
         write_report(folder.report, context, folder.figures)
-    warnings = tuple(all_warnings(context))
+        warnings = tuple(all_warnings(context))
     for warning in warnings:
         console.warn(warning)
     times = stage_times(folder.timings)

@@ -90,6 +90,7 @@ def solve(
     """
     require_laws(laws)
     with ExitStack() as stack:
+        stack.enter_context(speaking(config.result_units))
         chosen = macro_laws(folder, config, stack, laws, direct_closure or config.closure)
         if solver is None:
             solver = make_backend("macro solver", config)

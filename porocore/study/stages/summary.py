@@ -44,6 +44,8 @@ FLAT = 1e-9
 #: A component that varies by less than this share of the largest of its tensor is zero up to the mesh, and not judged.
 NOTHING = 1e-3
 _SUBSCRIPTS = "₁₂₃"
+#: Responses of a cell that have a unit.
+_QUANTITIES = {"stress": "stress", "conductivity": "conductivity"}
 
 
 def report_context(results: RunResults) -> ReportContext:
@@ -170,6 +172,7 @@ def output_checks(dataset: Dataset, held_out: Dataset, surrogate: Surrogate) -> 
     outside = SampledRange.around(dataset.inputs, dataset.x()[training]).outside(states)
     checks = []
     for field, at, name, plain in _outputs():
+        quantity = _QUANTITIES.get(field, "")
         every, exact, guess = (getattr(response, field) for response in (trained, tested, predicted))
         if every is None or exact is None or guess is None:
             continue
@@ -183,7 +186,7 @@ def output_checks(dataset: Dataset, held_out: Dataset, surrogate: Surrogate) -> 
             np.nanmax(np.ptp(every[training].reshape(int(training.sum()), -1), axis=0), initial=0.0)
         )
         if span >= max(flat, NOTHING * largest) and known.any():
-            checks.append(OutputCheck(name, plain, found[known], guess[at][known], span, outside[known]))
+            checks.append(OutputCheck(name, plain, found[known], guess[at][known], span, outside[known], quantity))
     return tuple(checks)
 
 

@@ -45,7 +45,7 @@ def reasons(
             continue
         k = int(np.argmax(excess[n])) if estimate is None or excess[n].max() > 1e-9 else within[0][n]
         said = _value(inputs.names[k], rows[inputs.columns[k], n])
-        ends = f"[{inputs.lower[k]:g}, {inputs.upper[k]:g}]".translate(MINUS)
+        ends = inputs.range_text(inputs.names[k]).translate(MINUS)
         said += f", beyond {ends}" if excess[n, k] > 1e-9 else f" in {ends}"
         if estimate is not None and np.isfinite(within[1][n]):
             said += f", where the estimated error is {100 * within[1][n]:.2g} % of the range"
@@ -69,4 +69,4 @@ def _smallest(
 
 
 def _value(name: str, value: float) -> str:
-    return f"{name} = {value:.3g}".translate(MINUS)
+    return f"{name} = {value_text(name, value, 3)}".translate(MINUS)

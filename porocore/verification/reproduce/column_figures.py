@@ -46,7 +46,7 @@ def paper_velocity(profile: Profile) -> Array:
 
 
 VELOCITY = ProfileField(
-    r"relative fluid velocity $w_2$ [–]", "relative fluid velocity", lambda f: paper_velocity(f)[:, 1]
+    "relative fluid velocity $w_2$", "relative fluid velocity", lambda f: paper_velocity(f)[:, 1], "velocity"
 )
 #: Labels of the components of the tangent.
 TANGENT_LABELS = {
@@ -128,7 +128,7 @@ def velocity(results: Results, *, transformed: bool) -> Figure:
 def tangent(results: Results, name: str) -> Figure:
     """M or Q of the surrogate at the states along the column."""
     column = results.column
-    quantity = ProfileField(TANGENT_LABELS[name], name, partial(column.tangent, name))
+    quantity = ProfileField(TANGENT_LABELS[name], name, partial(column.tangent, name), None)
     rest = results.tangent_at_rest(name)
     return profile_figure(column.case(LARGE).nonlinear, None, quantity, times=column.times, rest=rest)
 
