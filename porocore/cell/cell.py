@@ -45,7 +45,7 @@ class Cell(StrictModel, metaclass=CalledByUsers):
     materials: Annotated[dict[Region, AnyMaterial], Field(min_length=1)] | None = None
     """Instead of ``material``, one for each region of the solid by its name."""
     viscosity: Annotated[float, Field(gt=0), Dimension("viscosity")] = 1e-3
-    """μ_f of the pore fluid; the conductivity K is proportional to its inverse."""
+    """μ_f of the pore fluid; the conductivity K is proportional to its inverse. With scales there is no default."""
     mesh: MeshSettings = MeshSettings()
     """How finely the cell is meshed, and with which elements."""
     contact: ContactSettings = ContactSettings()

@@ -19,6 +19,7 @@ from porocore.errors import ConfigurationError, UnexpectedError
 
 if TYPE_CHECKING:
     from porocore.core.files.store import ResultStore
+    from porocore.core.units.scales import Scales
     from porocore.study.config.config import RunConfig
 
 #: Exit status after Ctrl-C.
@@ -155,8 +156,28 @@ def command(*words: object, **options: object) -> str:
     return shlex.join(["porocore", *said])
 
 
-def parse_inputs(option: str, what: str, text: str) -> dict[str, float]:
-    """Return finite numbers by name from a text such as ``"H22=-0.2,p=0.1"``.
+def parse_pressure(option: str, text: str, scales: Scales | None) -> float:
+    """Return the dimensionless pressure of a text such as ``0.1`` or ``1 kPa``.
+
+    Raises
+    ------
+    ConfigurationError
+        It is no pressure, or has a unit where the configuration has no scales; the message names ``option``.
+    """
+    from porocore.core.units.quantities import UnitError
+    from porocore.core.units.texts import value_of
+
+    try:
+        value = value_of(text, "pressure", scales)
+    except UnitError as error:
+        raise ConfigurationError(f"{option}: {error}") from None
+    if not math.isfinite(value):
+        raise ConfigurationError(f"{option}: expected a finite number, got {text}")
+    return value
+
+
+def parse_inputs(option: str, what: str, text: str, scales: Scales | None = None) -> dict[str, float]:
+    """Return finite numbers by name from a text such as ``"H22=-0.2,p=0.1"``; with ``scales`` p may have a unit.
 
     Raises
     ------
@@ -166,6 +187,9 @@ def parse_inputs(option: str, what: str, text: str) -> dict[str, float]:
     found: dict[str, float] = {}
     for part in text.split(","):
         name, _, value = (word.strip() for word in part.partition("="))
+        if name == "p" and value and name not in found:
+            found[name] = parse_pressure(f"{option} p", value, scales)
+            continue
         try:
             number = float(value)
         except ValueError:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import parse_inputs
+from porocore.cli.common import parse_inputs, parse_pressure
 from porocore.core.echo import cut, did_you_mean, echo
 from porocore.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from porocore.core.units.scales import Scales
 
 #: How the help of a group tells it.
 STATE_HELP = (
@@ -36,13 +39,23 @@ GradUOption = Annotated[
     ),
 ]
 PressureOption = Annotated[
-    float | None,
-    typer.Option("--p", help="Pore pressure, positive in compression, E = 1.", show_default=False),
+    str | None,
+    typer.Option(
+        "--p",
+        metavar="P",
+        help="Pore pressure, positive in compression: a multiple of E, or with scales a value such as '1 kPa'.",
+        show_default=False,
+    ),
 ]
 
 
 def read_state(
-    at: str | None, grad_u: str | None, p: float | None, modulus: float, usual: Mapping[str, float]
+    at: str | None,
+    grad_u: str | None,
+    p: str | float | None,
+    modulus: float,
+    usual: Mapping[str, float],
+    scales: Scales | None = None,
 ) -> dict[str, float]:
     """Return the components of a state by name, without those that are zero; ``usual`` if no option is given.
 
@@ -52,6 +65,8 @@ def read_state(
         The options.
     modulus
         Young's modulus of the stiffest solid [E].
+    scales
+        With which p may have a unit.
 
     Raises
     ------
@@ -65,7 +80,7 @@ def read_state(
     options = [option for option, value in given.items() if value is not None]
     if not options:
         return dict(usual)
-    found = {} if at is None else parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at)
+    found = {} if at is None else parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at, scales)
     for name, value in found.items():
         if name not in NAMES:
             question = did_you_mean(name, NAMES, cutoff=0.5)
@@ -81,9 +96,7 @@ def read_state(
     if p is not None:
         if "p" in found:
             raise ConfigurationError("--p: --at gives p, too; leave out one of the two")
-        if not math.isfinite(p):
-            raise ConfigurationError(f"--p: expected a finite number, got {p}")
-        found["p"] = p
+        found["p"] = parse_pressure("--p", str(p), scales)
     row = [found.get(name, 0.0) for name in NAMES]
     require_possible(row[:9], row[9], modulus, " and ".join(options))
     return {name: value for name, value in found.items() if value}

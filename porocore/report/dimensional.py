@@ -88,6 +88,60 @@ def _in_units(value: float | None, quantity: str, units: ResultUnits) -> str:
     return f"{number(found, 3)} {units.name(quantity)}"
 
 
+#: Quantities of the figures in ``metrics.json`` and of the responses of a cell; the others are plain numbers.
+FIGURES = {
+    "conductivity": "conductivity",
+    "deformed_conductivity": "conductivity",
+    "conductivity_grad_u": "conductivity",
+    "Q_11": "compliance",
+    "C_eff_2222": "stress",
+    "biot_modulus": "stress",
+    "consolidation_coefficient": "diffusivity",
+    "final_settlement": "displacement",
+    "time_to_95_percent": "time",
+    "time_to_99_percent": "time",
+    "max_pressure": "pressure",
+    "time_of_max_pressure": "time",
+    "final_pressure": "pressure",
+    "drained": "volume",
+    "drained_flux": "volume",
+    "flagged_first_time": "time",
+    "flagged_all_time": "time",
+    "end_time": "time",
+    "mesh_diffusion_time": "time",
+    "time": "time",
+    "time_of_largest": "time",
+    "peak": "force",
+    "time_of_peak": "time",
+    "final": "force",
+    "stress": "stress",
+    "stress_grad_u": "stress",
+    "potential": "energy-density",
+    "energy": "energy-density",
+    "energy_mean": "energy-density",
+    "mean_grad_p": "compliance",
+    "fluid_volume_p": "compliance",
+}
+
+
+def figures_with_units(figures: Any, units: ResultUnits, name: str = "") -> Any:
+    """Return nested figures with ``{"value", "unit", "dimensionless"}`` for each that has a unit; without scales as is.
+
+    Figures are known by their keys; see :data:`FIGURES`.
+    """
+    if not units.given:
+        return figures
+    if isinstance(figures, Mapping):
+        return {key: figures_with_units(value, units, key) for key, value in figures.items()}
+    quantity = FIGURES.get(name)
+    if quantity is not None and figures is not None:
+        value = np.asarray(figures, dtype=float) * units.factor(quantity)
+        return {"value": value.tolist(), "unit": units.name(quantity), "dimensionless": figures}
+    if isinstance(figures, list):
+        return [figures_with_units(each, units) for each in figures]
+    return figures
+
+
 def dimensional_metrics(solutions: Iterable[MacroSolution], units: ResultUnits) -> list[dict[str, Any]]:
     """Return the last and the largest value of every quantity with a unit, and its time, ready for JSON."""
     found = []

@@ -163,10 +163,10 @@ def cell_rows(cell: CellSummary, published: Published | None) -> list[Comparison
     if published is not None:
         said = [
             number(published.porosity, 2),
-            number(published.conductivity_viscosity / cell.viscosity, 4),
+            measured(published.conductivity_viscosity / cell.viscosity, "conductivity", 4),
             number(published.mean_grad_2222, 2),
             number(published.mean_grad_2211, 2),
-            number(published.mean_grad_p_11, 3),
+            measured(published.mean_grad_p_11, "compliance", 3),
         ]
     viscosity = spoken().text(cell.viscosity, "viscosity")
     found = (

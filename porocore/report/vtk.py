@@ -8,6 +8,7 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from porocore.core.files.atomic import atomic_path
+from porocore.core.units.results import ResultUnits
 from porocore.errors import RunFolderError
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.states import Array, IntArray
@@ -16,13 +17,15 @@ from porocore.states import Array, IntArray
 VTK_CELLS = {4: "tetra", 10: "tetra10", 27: "hexahedron27"}
 
 
-def write_vtu_series(folder: Path, name: str, solution: MacroSolution) -> Path:
+def write_vtu_series(
+    folder: Path, name: str, solution: MacroSolution, units: ResultUnits | None = None
+) -> Path:
     """Write ``name-000.vtu``, … and ``name.pvd`` into ``folder``, each atomically, the series last.
 
     Triquadratic hexahedra or quadratic tetrahedra (VTK types 29 and 24).
-    At the nodes: ``u`` [–] and ``p`` [E]. In the elements, as means:
-    ``H``, ``mean_grad`` (<∇u¹>_s), ``deformation`` (F̄), ``K_t``, ``P_E`` [E] (tensors of 9 components, row
-    by row), ``flux`` (Ḡw), ``element_p`` [E] and ``outside``, the share of the element's points at which the
+    At the nodes: ``u`` and ``p``. In the elements, as means:
+    ``H``, ``mean_grad`` (<∇u¹>_s), ``deformation`` (F̄), ``K_t``, ``P_E`` (tensors of 9 components, row
+    by row), ``flux`` (Ḡw), ``element_p`` and ``outside``, the share of the element's points at which the
     cell law was asked beyond its sampled range.
 
     Parameters
@@ -33,6 +36,8 @@ def write_vtu_series(folder: Path, name: str, solution: MacroSolution) -> Path:
         Start of the file names, without a folder.
     solution
         With at least one profile.
+    units
+        Of places, times and fields; the name of a field with a unit ends with it, ``u [mm]``. None: dimensionless.
 
     Returns
     -------
@@ -50,12 +55,14 @@ def write_vtu_series(folder: Path, name: str, solution: MacroSolution) -> Path:
         raise ValueError(f"expected a plain file name, got '{name}'")
     if not solution.profiles:
         raise ValueError(f"the {solution.law} solution has no profiles to write")
+    units = units or ResultUnits()
     digits = max(3, len(str(len(solution.profiles) - 1)))
     entries = []
     for i, profile in enumerate(solution.profiles):
         file = f"{name}-{i:0{digits}d}.vtu"
-        _write_profile(folder / file, solution, profile)
-        entries.append(f'    <DataSet timestep="{profile.time!r}" part="0" file={quoteattr(file)}/>\n')
+        _write_profile(folder / file, solution, profile, units)
+        time = profile.time * units.factor("time")
+        entries.append(f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(file)}/>\n')
     series = folder / f"{name}.pvd"
     with atomic_path(series) as part:
         part.write_text(
@@ -66,18 +73,27 @@ def write_vtu_series(folder: Path, name: str, solution: MacroSolution) -> Path:
     return series
 
 
-def _write_profile(path: Path, solution: MacroSolution, profile: Profile) -> None:
+def _write_profile(path: Path, solution: MacroSolution, profile: Profile, units: ResultUnits) -> None:
+    def named(fields: Mapping[str, tuple[Array, str]]) -> dict[str, Array]:
+        return {
+            f"{name} [{units.name(quantity)}]" if units.given and quantity else name: values
+            * units.factor(quantity)
+            for name, (values, quantity) in fields.items()
+        }
+
     in_elements = {
-        "H": profile.grad_u,
-        "mean_grad": profile.mean_grad,
-        "deformation": profile.deformation,
-        "K_t": profile.conductivity,
-        "P_E": profile.stress,
-        "flux": profile.flux,
-        "element_p": profile.element_p,
-        "outside": profile.outside_training_range,
+        "H": (profile.grad_u, ""),
+        "mean_grad": (profile.mean_grad, ""),
+        "deformation": (profile.deformation, ""),
+        "K_t": (profile.conductivity, "conductivity"),
+        "P_E": (profile.stress, "stress"),
+        "flux": (profile.flux, "velocity"),
+        "element_p": (profile.element_p, "pressure"),
+        "outside": (profile.outside_training_range, ""),
     }
-    write_vtu(path, solution.points, solution.cells, {"u": profile.u, "p": profile.p}, in_elements)
+    at_nodes = {"u": (profile.u, "displacement"), "p": (profile.p, "pressure")}
+    points = solution.points * units.factor("displacement")
+    write_vtu(path, points, solution.cells, named(at_nodes), named(in_elements))
 
 
 def write_vtu(

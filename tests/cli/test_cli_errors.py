@@ -246,7 +246,8 @@ def test_an_interruption_says_how_to_go_on(porocore_command, pipeline, tmp_path,
 
 
 @pytest.mark.parametrize(
-    "words", [["run", "--frobnicate"], ["frobnicate"], ["sample"], ["cell", "--p", "much"], ["train"]]
+    "words",
+    [["run", "--frobnicate"], ["frobnicate"], ["sample"], ["stability", "--steps", "much"], ["train"]],
 )
 def test_usage_errors_have_status_2(porocore_command, words):
     status, out, err = porocore_command(*words)

@@ -8,13 +8,15 @@ import pytest
 import yaml
 from nested_settings import config_from
 
+from porocore.core.files.yaml_document import YamlDocument
 from porocore.core.units.quantities import UnitError, has_unit, in_si, pretty
-from porocore.core.units.results import OutputUnits, ResultUnits
+from porocore.core.units.results import OutputUnits, ResultUnits, speaking
 from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
 from porocore.macro.series import all_series, write_series
 from porocore.study.config.config import differences
 from porocore.study.config.loading import load_config
+from porocore.study.preflight.checks import place
 
 SCALES = {"modulus": "2.5 kPa", "length": "12.5 mm", "pore": "5 um", "viscosity": "1.6 Pa*s"}
 #: With which most values in SI units are no decimal numbers.
@@ -187,7 +189,9 @@ def test_scales_are_not_rounded():
     """1e-3 Pa m² / (0.1 m)² is 0.1 Pa, which three roundings would miss."""
     scales = Scales(force=1e-3, length=0.1, pore=1e-6)
     assert scales.exact.stress == Fraction(1, 10)
-    config = config_from(PLAIN | {"scales": {"force": 1e-3, "length": 0.1, "pore": 1e-6}, "cell": {"viscosity": 1}})
+    config = config_from(
+        PLAIN | {"scales": {"force": 1e-3, "length": 0.1, "pore": 1e-6}, "cell": {"viscosity": 1}}
+    )
     assert config.scales == scales
     assert Scales(modulus=0.1, length=0.1, pore=1e-6).exact == scales.exact
 
@@ -207,6 +211,8 @@ def test_one_value_in_two_units_is_one_number(one, other):
         ("5 mm", "stress", ["expected a stress", "got '5 mm', which is a length"]),
         ("5 kPaa", "stress", ["the unit 'kPaa' is not known"]),
         ("3 degC", "stress", ["got '3 degC', which is a temperature"]),
+        ("1 kpa", "stress", ["the unit 'kpa' is not known; did you mean 'kPa'?"]),
+        ("3 mm Hg", "pressure", ["did you mean 'mmHg'?"]),
         ("4 %", "time", ["expected a time", "got '4 %'"]),
         ("five mm", "displacement", ["expected a length", "got 'five mm'"]),
         ("5 __import__('os')", "displacement", ["is not known"]),
@@ -321,3 +327,67 @@ def test_the_example_in_si_units_has_only_texts_that_are_read():
     config = load_config(path)
     assert config.scales is not None
     assert max(config.macro.body.size) == pytest.approx(1)
+
+
+def test_with_scales_the_fluid_has_no_default_viscosity():
+    """A viscosity of 0.001 times that of the scales was taken silently."""
+    given = {name: part for name, part in PLAIN.items() if name != "cell"}
+    scales = {"modulus": "1 kPa", "length": "1 mm", "pore": "1 um", "viscosity": "1 mPa s"}
+    for cell in ({}, {"cell": {"geometry": {"kind": "orthogonal-channels", "radius": 0.2}}}):
+        with pytest.raises(ConfigurationError, match=r"cell.viscosity: missing; .* add 'viscosity: 1 mPa s'"):
+            config_from(given | {"scales": scales} | cell)
+    assert config_from(given | {"scales": scales, "cell": {"viscosity": "3 cP"}}).cell.viscosity == 3
+    assert config_from(given).cell.viscosity == 1e-3
+
+
+def test_results_as_text_have_their_unit():
+    units = ResultUnits(
+        Scales(modulus=517106.7969876271, length=1e-3, pore=23e-9),
+        OutputUnits(length="um", stress="mmHg", time="h"),
+    )
+    assert units.text(0.1, "pressure") == "387.9 mmHg"
+    assert units.text(-0.05, "displacement") == "-50 µm"
+    assert units.texts((0.1, 1.0, 0), "displacement") == "(100, 1000, 0) µm"
+    assert (units.text(0, "time"), units.text(0.5, "")) == ("0", "0.5")
+    names = {q: units.name(q) for q in ("compliance", "diffusivity", "permeability", "viscosity")}
+    assert names == {
+        "compliance": "1/mmHg",
+        "diffusivity": "µm²/h",
+        "permeability": "m²",
+        "viscosity": "Pa s",
+    }
+    assert units.factor("compliance") * units.factor("stress") == pytest.approx(1, rel=1e-14)
+    assert units.factor("diffusivity") * units.factor("time") == pytest.approx(1e6, rel=1e-14)
+    assert ResultUnits().text(0.123456, "time") == "0.1235"
+
+
+def test_messages_speak_in_the_units_of_the_study():
+    """They were dimensionless, in studies whose values all have units."""
+    study = PLAIN | {
+        "scales": {"modulus": "1 kPa", "length": "1 mm", "pore": "1 um"},
+        "output_units": {"time": "min", "length": "um", "stress": "mmHg"},
+    }
+    macro = study["macro"] | {"time": {"end": "30 min", "profiles": ["45 min"]}}
+    with pytest.raises(ConfigurationError) as refused:
+        config_from(
+            study | {"macro": macro | {"time": {"end": "1e-3 s", "ramp_increments": 1, "ramp_step": "1 min"}}}
+        )
+    assert "end = 1.66667e-05 min does not lie behind the ramp, which takes 1 min" in str(refused.value)
+    config = config_from(study | {"macro": study["macro"] | {"probes": {"far": [0, "5 mm", 0]}}})
+    with speaking(config.result_units), pytest.raises(ConfigurationError) as refused:
+        place(config)
+    assert "macro.probes.far: the point (0, 5000, 0) µm lies outside the body" in str(refused.value)
+    assert str(refused.value).endswith("µm")
+
+
+@pytest.mark.parametrize(
+    ("text", "found"), [("1:30", "90 to base 60"), ("010", "8 to base 8"), ("-1:30.5", "-90.5")]
+)
+def test_numbers_to_other_bases_are_refused(tmp_path, text, found):
+    """YAML reads 1:30 as 90, so that an end of 1:30 h was one of 90."""
+    path = tmp_path / "study.yaml"
+    path.write_text(f"title: a study\nmacro:\n  time: {{end: {text}}}\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=f"study.yaml:3: '{text}' is the number {found}"):
+        YamlDocument.read(path)
+    path.write_text(f"title: '{text}'\n", encoding="utf-8")
+    assert YamlDocument.read(path).data == {"title": text}

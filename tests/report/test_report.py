@@ -17,6 +17,8 @@ import pytest
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.units.results import OutputUnits, ResultUnits
+from porocore.core.units.scales import Scales
 from porocore.errors import RunFolderError
 from porocore.macro.closure_error import ClosureError
 from porocore.macro.laws.linear import LinearCoefficients
@@ -29,9 +31,10 @@ from porocore.report.context import (
     SurrogateSummary,
     TrainingCurve,
 )
+from porocore.report.dimensional import FIGURES, figures_with_units
 from porocore.report.html import render, write_report
-from porocore.report.loading_mode import LoadingMode
-from porocore.report.metrics import LoadCase, OutputCheck
+from porocore.report.loading_mode import LoadingMode, reactions
+from porocore.report.metrics import LoadCase, OutputCheck, case_metrics
 from porocore.report.page import file_stem
 from porocore.report.text import all_warnings, conductivity_sentence
 from porocore.states import CellResponse, CellTangent, Status
@@ -400,3 +403,58 @@ def test_closures_stand_side_by_side_and_direct_solves_say_what_they_cost(contex
     alone = Page(render(context))
     assert "Comparison of the laws" not in alone.words
     assert "Cost of direct FE²" not in alone.words
+
+
+def test_a_study_with_units_speaks_in_them(context):
+    """Summary, cell, body, warnings and the texts of pictures; only factors and shares are plain numbers."""
+    units = ResultUnits(
+        Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(length="mm", stress="mmHg", time="min")
+    )
+    page = Page(render(replace(context, units=units, published=None)))
+    for text in (
+        "final settlement is 20.00 mm",
+        "95 % of its final value at t = 999 min",
+        "settlement [mm]",
+        "pressure [mmHg]",
+        "volume [mm³]",
+        "The first points are flagged at t = ",
+        "C_eff,2222 6.681 mmHg",
+        "permeability K₁₁ μ_f 4.850 · 10⁻¹⁴ m²",
+        "Q₁₁ −0.007566 1/mmHg",
+        "Numbers have the units of the study",
+    ):
+        assert text in page.words.replace("|", ""), text
+    assert "Numbers without a unit are dimensionless" not in page.words
+    texts = " ".join(image["alt"] for image in page.all("img"))
+    assert "at t = 33.3333 min" in texts.replace("t = 33.3333 min,", "t = 33.3333 min")
+    assert not re.search(r"at t = [\d.]+(?! min|[\d.]|, [\d. ]+min)", page.words)
+
+
+def test_figures_of_metrics_have_their_unit_beside_them():
+    units = ResultUnits(
+        Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(length="mm", stress="mmHg", time="min")
+    )
+    given = {"load": -0.2, "nonlinear": {"final_settlement": 0.25, "time_to_95_percent": None, "steps": 3}}
+    found = figures_with_units(given, units)
+    assert found["nonlinear"]["final_settlement"] == {"value": 2.5, "unit": "mm", "dimensionless": 0.25}
+    assert (found["load"], found["nonlinear"]["steps"]) == (-0.2, 3)
+    assert found["nonlinear"]["time_to_95_percent"] is None
+    assert figures_with_units(given, ResultUnits()) == given
+
+
+def test_every_figure_of_a_solution_has_a_unit_or_is_known_to_have_none(context):
+    """A new figure is listed in FIGURES, or here."""
+    plain = {"load", "steady_drift", "flagged_end", "flagged_largest", "flagged_time_mean", "stress_spread"}
+    plain |= {"steps", "newton_iterations", "component"}
+    plain |= {"settlement_ratio", "time_to_95_percent_ratio", "time_to_99_percent_ratio", "drained_ratio"}
+
+    def names(figures):
+        for key, value in figures.items():
+            if isinstance(value, dict):
+                yield from names(value)
+            elif isinstance(value, float | int):
+                yield key
+
+    moved = {"punch": np.linspace(0, 1, len(context.cases[0].nonlinear.history.time))[:, None] * np.ones(3)}
+    force = reactions(replace(context.cases[0].nonlinear, reactions=moved))["punch"]
+    assert {*names(case_metrics(context.cases[0])), *names(force)} <= plain | set(FIGURES)

@@ -9,6 +9,8 @@ import meshio
 import numpy as np
 import pytest
 
+from porocore.core.units.results import OutputUnits, ResultUnits
+from porocore.core.units.scales import Scales
 from porocore.errors import RunFolderError
 from porocore.report.vtk import write_vtu_series
 
@@ -88,3 +90,21 @@ def test_an_unwritable_folder_is_named(solution, tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(RunFolderError, match=r"cannot write .*file/x-000\.vtu"):
         write_vtu_series(tmp_path / "file", "x", solution)
+
+
+def test_with_scales_places_times_and_fields_have_units(solution, tmp_path):
+    """They were dimensionless, and no name said so."""
+    units = ResultUnits(
+        Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(length="mm", stress="mmHg", time="min")
+    )
+    path = write_vtu_series(tmp_path, "column", solution, units)
+    times = [
+        float(entry.attrib["timestep"]) for entry in ET.parse(path).getroot().findall("./Collection/DataSet")
+    ]
+    np.testing.assert_allclose(times, np.array([1, 10, 40, 100]) * 1e-4 / (2e3 * 25e-12) / 60, rtol=1e-14)
+    mesh, profile = meshio.read(tmp_path / "column-000.vtu"), solution.profiles[0]
+    np.testing.assert_allclose(mesh.points, 10 * solution.points, rtol=1e-14)
+    np.testing.assert_allclose(mesh.point_data["u [mm]"], 10 * profile.u, rtol=1e-14)
+    np.testing.assert_allclose(mesh.point_data["p [mmHg]"], 2e3 / 133.322387415 * profile.p, rtol=1e-14)
+    names = {"H", "mean_grad", "deformation", "K_t [mm²/(mmHg min)]", "P_E [mmHg]", "flux [mm/min]"}
+    assert set(mesh.cell_data) == names | {"element_p [mmHg]", "outside"}

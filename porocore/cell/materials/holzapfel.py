@@ -11,6 +11,7 @@ from porocore.cell.invariants.invariants import Invariant
 from porocore.cell.materials.fibres import Direction, fibre_invariants, same_families, turned
 from porocore.cell.materials.material import Material
 from porocore.core.units.dimensions import Dimension
+from porocore.core.units.results import spoken
 from porocore.states import IntArray
 
 Modulus = Annotated[float, Field(gt=0), Dimension("stress")]
@@ -53,8 +54,8 @@ class HolzapfelGasserOgden(InvariantMaterial):
         """Kind, moduli and number of families."""
         count = len(self.directions)
         return (
-            f"{self.kind} solid, μ = {modulus(self.shear_modulus)}, K = {modulus(self.bulk_modulus)}, "
-            f"k1 = {modulus(self.k1)}, k2 = {self.k2:g}, κ = {self.dispersion:g}, "
+            f"{self.kind} solid, μ = {spoken().text(self.shear_modulus, 'stress')}, K = {spoken().text(self.bulk_modulus, 'stress')}, "
+            f"k1 = {spoken().text(self.k1, 'stress')}, k2 = {self.k2:g}, κ = {self.dispersion:g}, "
             f"{count} {'family' if count == 1 else 'families'} of fibres"
         )
 

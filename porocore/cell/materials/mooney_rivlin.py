@@ -9,6 +9,7 @@ from pydantic import Field
 from porocore.cell.invariants.by_invariants import BASIC, VOLUMETRIC, InvariantMaterial
 from porocore.cell.invariants.invariants import Invariant
 from porocore.core.units.dimensions import Dimension
+from porocore.core.units.results import spoken
 
 
 class MooneyRivlin(InvariantMaterial):
@@ -31,8 +32,8 @@ class MooneyRivlin(InvariantMaterial):
     def description(self) -> str:
         """Kind and moduli."""
         return (
-            f"{self.kind} solid, c10 = {modulus(self.c10)}, c01 = {modulus(self.c01)}, "
-            f"K = {modulus(self.bulk_modulus)}"
+            f"{self.kind} solid, c10 = {spoken().text(self.c10, 'stress')}, c01 = {spoken().text(self.c01, 'stress')}, "
+            f"K = {spoken().text(self.bulk_modulus, 'stress')}"
         )
 
     @property

@@ -10,6 +10,7 @@ from porocore.cell.invariants.by_invariants import BASIC, VOLUMETRIC, InvariantM
 from porocore.cell.invariants.invariants import Invariant, PowerSum
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension
+from porocore.core.units.results import spoken
 
 MOST_TERMS = 8
 
@@ -56,8 +57,8 @@ class Ogden(InvariantMaterial):
     @property
     def description(self) -> str:
         """Kind and moduli."""
-        terms = ", ".join(f"μ = {modulus(t.mu)} with α = {t.alpha:g}" for t in self.terms)
-        return f"{self.kind} solid, {terms}, K = {modulus(self.bulk_modulus)}"
+        terms = ", ".join(f"μ = {spoken().text(t.mu, 'stress')} with α = {t.alpha:g}" for t in self.terms)
+        return f"{self.kind} solid, {terms}, K = {spoken().text(self.bulk_modulus, 'stress')}"
 
     @property
     def invariants(self) -> dict[str, Invariant]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +16,7 @@ from porocore.cli.common import command_group, interruptible, located, read_conf
 from porocore.cli.options import ConfigArgument, FemOption, JsonOption
 from porocore.cli.states import STATE_HELP, AtOption, GradUOption, PressureOption, read_state
 from porocore.core.files.plain_data import json_ready
+from porocore.core.units.results import speaking
 
 #: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
 ZERO = 1e-12
@@ -50,17 +52,20 @@ def state(
     """Solve the cell for one macroscopic state, by default at rest.
 
     Prints porosity, conductivity and the responses of the cell with their derivatives, those of fourth order
-    with --json only. The status of a state without solution tells why there is none; its responses are null in the
-    JSON object.
+    with --json only. Where the configuration has scales, they have its output units. The status of a state without
+    solution tells why there is none; its responses are null in the JSON object.
     """
     path, settings = read_config(config, fem)
-    found = read_state(at, grad_u, p, settings.cell.modulus, {})
-    with interruptible(), located(path):
+    units = settings.result_units
+    with interruptible(), located(path), speaking(units):
+        found = read_state(at, grad_u, p, settings.cell.modulus, {}, settings.scales)
         from porocore.core.inputs.input_space import NAMES
+        from porocore.report.dimensional import figures_with_units
         from porocore.study.stages import pipeline
 
         row = [found.get(name, 0.0) for name in NAMES]
-        result = json_ready(pipeline.solve_cell(settings, [row[:3], row[3:6], row[6:9]], row[9]))
+        solved = pipeline.solve_cell(settings, [row[:3], row[3:6], row[6:9]], row[9])
+        result = json_ready(figures_with_units(solved, units))
     typer.echo(json.dumps(result, allow_nan=False) if as_json else as_text(result))
 
 
@@ -83,7 +88,7 @@ def fields(
     Pictures need pyvista (pip install 'porocore[pictures]') and no display.
     """
     path, settings = read_config(config, fem)
-    asked = read_state(at, grad_u, p, settings.cell.modulus, {"H22": -0.1})
+    asked = read_state(at, grad_u, p, settings.cell.modulus, {"H22": -0.1}, settings.scales)
     with interruptible(), located(path):
         from porocore.verification.local_fields.solve import write_local_fields
 
@@ -92,8 +97,9 @@ def fields(
 
     typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")
     if (extrema := found.response.extrema) is not None:
+        said = partial(settings.result_units.text, quantity="energy-density", digits=6)
         typer.echo(
-            f"strain energy density: mean <Ψ>_s {extrema.energy_mean[0]:.6g}, largest {extrema.energy[0]:.6g}"
+            f"strain energy density: mean <Ψ>_s {said(extrema.energy_mean[0])}, largest {said(extrema.energy[0])}"
         )
     for written in (found.vtu, *found.pictures.values()):
         typer.echo(written)
@@ -141,7 +147,10 @@ def as_text(result: Mapping[str, Any]) -> str:
     A state without values shows only its status and what does not depend on it. Numbers below :data:`ZERO` are 0.
     """
     lines = []
-    for name, value in result.items():
+    for name, given in result.items():
+        value = given
+        if isinstance(given, Mapping) and "unit" in given:
+            name, value = f"{name} [{given['unit']}]", given["value"]
         if name == "status":
             lines.append(f"status: {_described(value)}")
         elif _is_empty(value):
@@ -168,7 +177,7 @@ def _described(status: str) -> str:
 def _is_empty(value: Any) -> bool:
     """Return True for data that hold nothing but null, such as the responses of a state without values."""
     if isinstance(value, Mapping):
-        return all(map(_is_empty, value.values()))
+        return all(_is_empty(each) for key, each in value.items() if key != "unit")
     return all(map(_is_empty, value)) if isinstance(value, list) else value is None
 
 
@@ -180,6 +189,8 @@ def _number(value: Any) -> str:
 
 def _depth(value: Any) -> int:
     depth = 0
+    if isinstance(value, Mapping) and "unit" in value:
+        value = value["value"]
     while isinstance(value, list):
         depth += 1
         value = value[0] if value else None

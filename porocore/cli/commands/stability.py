@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import command, interruptible, parse_inputs, read_config
+from porocore.cli.common import command, interruptible, parse_inputs, parse_pressure, read_config
 from porocore.cli.options import ConfigArgument, FemOption, ResumeOption
 from porocore.cli.tables import decimals, page, plain_table
 from porocore.core.console import Console
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from porocore.cell.stability.line import StabilityLine
     from porocore.cell.stability.map import MapPlan
+    from porocore.core.units.scales import Scales
     from porocore.verification.stability import MapProgress
 
 
@@ -64,7 +65,7 @@ def stability(
     with interruptible(again):
         from porocore.verification.stability import map_stability
 
-        plan = parse_plan(along, across, steps, tolerance, eigenvalues)
+        plan = parse_plan(along, across, steps, tolerance, eigenvalues, settings.scales)
         console = Console()
         with console.task("stability", "states") as task:
 
@@ -79,7 +80,14 @@ def stability(
     typer.echo(found.picture)
 
 
-def parse_plan(along: str, across: str, steps: int, tolerance: float, eigenvalues: bool) -> MapPlan:
+def parse_plan(
+    along: str,
+    across: str,
+    steps: int,
+    tolerance: float,
+    eigenvalues: bool,
+    scales: Scales | None = None,
+) -> MapPlan:
     """Return the map that the options ask for.
 
     Raises
@@ -94,10 +102,13 @@ def parse_plan(along: str, across: str, steps: int, tolerance: float, eigenvalue
         line = LineSettings(steps, tolerance, eigenvalues)
     except ConfigurationError as error:
         raise ConfigurationError(f"--{error}") from None
-    goal = parse_inputs("--along", "goals of inputs such as H22=-0.36, with commas between", along)
+    goal = parse_inputs("--along", "goals of inputs such as H22=-0.36, with commas between", along, scales)
     name, _, values = across.partition("=")
     try:
-        numbers = tuple(_finite(value) for value in values.split(","))
+        numbers = tuple(
+            parse_pressure("--across p", value, scales) if name.strip() == "p" else _finite(value)
+            for value in values.split(",")
+        )
     except ValueError:
         raise ConfigurationError(
             f"--across: expected an input and its values such as p=0,0.1, got {echo(across)}"

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.states import Array, MacroState
 

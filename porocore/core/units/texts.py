@@ -11,7 +11,7 @@ from porocore.core.echo import echo
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.models.walk import Place, bare, is_section, walk
 from porocore.core.units.dimensions import ByKey, Carried, Dimension
-from porocore.core.units.quantities import UnitError, has_unit, in_si
+from porocore.core.units.quantities import EXAMPLES, UnitError, has_unit, in_si
 from porocore.core.units.scales import QUANTITIES, Scales
 
 NO_SCALES = (
@@ -77,6 +77,24 @@ def _dimension(
         elif isinstance(extra, Carried):
             dimension = carried
     return dimension, carried
+
+
+def value_of(text: str, quantity: str, scales: Scales | None) -> float:
+    """Return the dimensionless number of a text such as ``0.2`` or ``1 kPa``.
+
+    Raises
+    ------
+    UnitError
+        It is no number and no value of that quantity, or has a unit without scales.
+    """
+    return _number(text, Dimension(quantity), scales) if has_unit(text) else _plain(text, quantity)
+
+
+def _plain(text: str, quantity: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise UnitError(f"expected a number, or {EXAMPLES[quantity]}, got {echo(text)}") from None
 
 
 def _number(text: str, dimension: Dimension, scales: Scales | None) -> float:

@@ -81,5 +81,4 @@ def stamp(path: Path) -> tuple[tuple[int, int] | None, ...]:
 
 def describe(inputs: InputSpace) -> str:
     """Return names and ranges of the inputs in one line."""
-    bounds = zip(inputs.names, inputs.lower, inputs.upper, strict=True)
-    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, low, high in bounds)
+    return ", ".join(f"{name} in {inputs.range_text(name)}" for name in inputs.names)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from porocore.core.echo import echo
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.input_space import InputSpace, value_text
 from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request, Sampler

@@ -8,7 +8,6 @@ import numpy as np
 
 from porocore.cell.conductivity.pore import require_one_cell, require_one_wall
 from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
-from porocore.core.echo import echo
 from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.core.inputs.input_space import value_text
 from porocore.core.inputs.possible_states import least_volume

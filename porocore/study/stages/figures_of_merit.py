@@ -9,13 +9,16 @@ import numpy as np
 
 from porocore.macro.oscillation import diffusion_time
 from porocore.report.context import ReportContext, SurrogateSummary
-from porocore.report.dimensional import dimensional_metrics
+from porocore.report.dimensional import dimensional_metrics, figures_with_units
 from porocore.report.law_differences import law_differences
 from porocore.report.loading_mode import reactions
 from porocore.report.metrics import case_metrics, rms_percent, worst_percent
 from porocore.report.statuses import solved_shares, visited_shares
 from porocore.states import Status
 from porocore.study.stages.results import RunResults
+
+#: Sections whose figures have units.
+WITH_UNITS = ("cell", "macro", "reactions")
 
 
 def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, Any]:
@@ -43,6 +46,10 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
             for each in results.all_solutions
         ]
     if context.units.given:
+        found = {
+            name: figures_with_units(part, context.units) if name in WITH_UNITS else part
+            for name, part in found.items()
+        }
         found["dimensional"] = dimensional_metrics(results.all_solutions, context.units)
     if context.other_surrogates:
         found["other_surrogates"] = {each.closure: _errors(each) for each in context.other_surrogates}

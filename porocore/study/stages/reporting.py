@@ -39,7 +39,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
         results = RunResults.load(folder, config)
         for solution in results.all_solutions:
             law, load = solution.law, solution.load
-            write_vtu_series(folder.fields, folder.solution(law, load).stem, solution)
+            write_vtu_series(folder.fields, folder.solution(law, load).stem, solution, config.result_units)
             write_series(folder.history(law, load), solution, config.result_units)
         context = report_context(results)
         metrics = figures_of_merit(results, context)

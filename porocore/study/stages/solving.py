@@ -14,7 +14,7 @@ from typing import Literal, get_args
 
 from porocore.core.console import Console
 from porocore.core.echo import echo, suggestion
-from porocore.core.units.results import ResultUnits
+from porocore.core.units.results import ResultUnits, speaking
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver

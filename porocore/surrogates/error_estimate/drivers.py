@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from porocore.core.inputs.input_space import NAMES, InputSpace, components
+from porocore.core.inputs.input_space import NAMES, InputSpace, components, value_text
 from porocore.states import Array, MacroState
 
 #: Share of its range by which a component is moved inwards to see whether it drives the error.

@@ -1,0 +1,76 @@
+"""``porocore cell`` in a study with scales: values with units in and out."""
+
+import json
+
+import numpy as np
+import pytest
+from invoked import BENCHMARK, invoke, refusal
+
+from porocore.study.stages import pipeline
+
+BRAIN = BENCHMARK.with_name("brain-indentation.yaml")
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """States that the command asked for; no cell is solved."""
+    found = []
+
+    def solve(config, H, p):
+        found.append((np.array(H), p))
+        missing = np.full((3, 3), np.nan)
+        return {
+            "porosity": 0.4,
+            "conductivity": 2 * np.eye(3),
+            "status": "converged",
+            "stress": 0.1 * np.eye(3),
+            "potential": None,
+            "tangent": {"mean_grad_p": missing, "fluid_volume_p": 0.3},
+        }
+
+    monkeypatch.setattr(pipeline, "solve_cell", solve)
+    return found
+
+
+def test_a_state_is_given_and_answered_in_units(asked):
+    """Of 2 kPa and 5 µm: ``--p "1 kPa"`` was refused, and the answer had no unit."""
+    done = invoke("cell", BRAIN, "--p", "1 kPa")
+    assert done.exception is None, done.output
+    assert asked[0][1] == 0.5
+    lines = done.stdout.splitlines()
+    assert "stress [Pa]:" in lines
+    assert lines[lines.index("stress [Pa]:") + 1].split() == ["200", "0", "0"]
+    assert "conductivity [mm²/(Pa s)]:" in lines
+    assert "  fluid_volume_p [1/Pa]: 0.00015" in lines
+    assert not any("mean_grad_p" in line or "potential" in line for line in lines)
+    found = json.loads(invoke("cell", BRAIN, "--p", "7.5 mmHg", "--json").stdout)
+    assert found["stress"]["unit"] == "Pa"
+    assert found["stress"]["value"][1] == [0, 200, 0]
+    assert found["stress"]["dimensionless"][1] == [0, 0.1, 0]
+    assert found["tangent"]["mean_grad_p"]["value"][0] == [None, None, None]
+    assert found["porosity"] == 0.4
+    assert asked[1][1] == pytest.approx(7.5 * 133.322387415 / 2000, rel=1e-14)
+
+
+def test_without_scales_numbers_stay_plain(asked):
+    done = invoke("cell", BENCHMARK, "--p", "0.25", "--json")
+    assert json.loads(done.stdout)["stress"][0] == [0.1, 0, 0]
+    assert asked[0][1] == 0.25
+
+
+@pytest.mark.parametrize(
+    ("study", "text", "words"),
+    [
+        (BRAIN, "1 mm", "--p: expected a pressure, such as 2 kPa, got '1 mm', which is a length"),
+        (BRAIN, "much", "--p: expected a number, or a pressure, such as 2 kPa, got 'much'"),
+        (BRAIN, "1e9 kPa", "times the solid's 2000 Pa, got 1e+12 Pa"),
+        (BENCHMARK, "1 kPa", "--p: '1 kPa' has a unit, but the configuration has no scales"),
+    ],
+)
+def test_what_is_no_pressure_is_refused(study, text, words):
+    assert words in refusal("cell", study, "--p", text)
+
+
+def test_a_state_by_names_may_have_a_unit_too():
+    words = refusal("cell", "fields", BRAIN, "--at", "H22=-0.1,p=3 mm")
+    assert words.endswith("--at p: expected a pressure, such as 2 kPa, got '3 mm', which is a length")
