@@ -69,8 +69,8 @@ def unresolved(problem: MacroProblem, limit: float, solution: MacroSolution) -> 
         return spoken().text(duration, "time", 2)
 
     return (
-        f"Load {load}, law {solution.law}: the largest pressure comes {said(elapsed)} after the start of the loading and "
-        "may be too large by a quarter. The elements at the drained surfaces do not resolve the pressure before "
+        f"Load {load}, law {solution.law}: the largest pressure comes {said(elapsed)} after the start of the loading "
+        "and may be too large by a quarter. The elements at the drained surfaces do not resolve the pressure before "
         f"h²/(6 c_v) = {said(limit)}. Take thinner elements there (grading), a longer ramp, or a longer first step."
     )
 

@@ -71,7 +71,8 @@ def dimensional_rows(
             rows.append((f"{which} {force_name(force)} on {name}", "force", force[which]))
     if solution.profiles:
         profile = max(solution.profiles, key=lambda p: float(np.abs(fluid_velocity(p)).max()))
-        name = f"largest fluid velocity relative to the solid, of all profiles (at t = {measured(profile.time, 'time')})"
+        time = measured(profile.time, "time")
+        name = f"largest fluid velocity relative to the solid, of all profiles (at t = {time})"
         rows.append((name, "velocity", float(np.abs(fluid_velocity(profile)).max())))
     return [
         DimensionalRow(

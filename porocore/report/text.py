@@ -47,8 +47,8 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
     settled, expected = nonlinear["final_settlement"], linear["final_settlement"]
     sentences = [
         f"Under the load {plain(metrics['load'])} the final settlement is {measured(settled, 'displacement')} with the "
-        f"nonlinear law of the cell and {measured(expected, 'displacement')} with linear poroelasticity. The nonlinear settlement is "
-        f"{difference(metrics['settlement_ratio'])}."
+        f"nonlinear law of the cell and {measured(expected, 'displacement')} with linear poroelasticity. "
+        f"The nonlinear settlement is {difference(metrics['settlement_ratio'])}."
     ]
     if nonlinear["time_to_99_percent"] is not None and linear["time_to_99_percent"] is not None:
         sentences.append(

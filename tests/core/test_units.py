@@ -16,7 +16,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.series import all_series, write_series
 from porocore.study.config.config import differences
 from porocore.study.config.loading import load_config
-from porocore.study.preflight.checks import place
+from porocore.study.preflight import checks
 
 SCALES = {"modulus": "2.5 kPa", "length": "12.5 mm", "pore": "5 um", "viscosity": "1.6 Pa*s"}
 #: With which most values in SI units are no decimal numbers.
@@ -375,7 +375,7 @@ def test_messages_speak_in_the_units_of_the_study():
     assert "end = 1.66667e-05 min does not lie behind the ramp, which takes 1 min" in str(refused.value)
     config = config_from(study | {"macro": study["macro"] | {"probes": {"far": [0, "5 mm", 0]}}})
     with speaking(config.result_units), pytest.raises(ConfigurationError) as refused:
-        place(config)
+        checks.place(config)
     assert "macro.probes.far: the point (0, 5000, 0) µm lies outside the body" in str(refused.value)
     assert str(refused.value).endswith("µm")
 

@@ -54,7 +54,8 @@ class HolzapfelGasserOgden(InvariantMaterial):
         """Kind, moduli and number of families."""
         count = len(self.directions)
         return (
-            f"{self.kind} solid, μ = {spoken().text(self.shear_modulus, 'stress')}, K = {spoken().text(self.bulk_modulus, 'stress')}, "
+            f"{self.kind} solid, μ = {spoken().text(self.shear_modulus, 'stress')}, "
+            f"K = {spoken().text(self.bulk_modulus, 'stress')}, "
             f"k1 = {spoken().text(self.k1, 'stress')}, k2 = {self.k2:g}, κ = {self.dispersion:g}, "
             f"{count} {'family' if count == 1 else 'families'} of fibres"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -84,7 +85,7 @@ def check(
     path, settings = read_config(config, fem, surrogate, closure, macro)
     with interruptible(), located(path):
         check_backends(settings)
-        for line in (*outline(settings), *at_rest(settings)):
+        for line in chain(outline(settings), at_rest(settings)):
             typer.echo(line)
     typer.echo(f"no faults; next: {command('run', config)}")
 

@@ -162,8 +162,7 @@ def profile_figure(
         The quantity is unknown, or a solution has no profile at one of the times.
     """
     what = _field(quantity)
-    if times is None:
-        times = chosen_times(nonlinear)
+    times = chosen_times(nonlinear) if times is None else times
     units = spoken()
     length, factor = units.factor("displacement"), units.factor(what.quantity or "")
     figure = new_figure(5.4, 4.0)
@@ -171,17 +170,15 @@ def profile_figure(
     line = ColumnAxis.from_solution(nonlinear)
     compared: list[tuple[MacroSolution, Any, str]] = [] if linear is None else [(linear, DASHED, "linear")]
     compared += [(other, DOTTED, f"closure {other.law}") for other in others]
-    any_flagged = False
     for time, colour in zip(times, TIME_COLOURS, strict=False):
         for solution, stroke, _ in compared:
             y, value, _ = ColumnAxis.from_solution(solution).series(profile_at(solution, time), what)
             axes.plot(y * length, value * factor, color=colour, ls=stroke, lw=1.3)
         y, value, flagged = line.series(profile_at(nonlinear, time), what)
         if flagged.any():
-            any_flagged = True
             _flagged_parts(axes, y * length, value * factor, flagged, colour)
-        shown = np.where(flagged, np.nan, value * factor)
-        axes.plot(y * length, shown, color=colour, label=f"$t$ = {units.text(time, 'time', 6)}")
+        value, label = np.where(flagged, np.nan, value * factor), f"$t$ = {units.text(time, 'time', 6)}"
+        axes.plot(y * length, value, color=colour, label=label)
     for _, stroke, label in compared:
         axes.plot([], [], color="0.35", ls=stroke, lw=1.3, label=label)
     if rest is not None:
@@ -189,7 +186,7 @@ def profile_figure(
     axes.set_xlabel(axis_label("position along the column $X_2$", "displacement", units))
     axes.set_ylabel(what.label if what.quantity is None else axis_label(what.label, what.quantity, units))
     axes.margins(x=0.02)
-    if any_flagged:
+    if any(line.series(profile_at(nonlinear, time), what)[2].any() for time in times[: len(TIME_COLOURS)]):
         axes.plot([], [], color="0.65", marker="o", ms=3.6, mfc="white", mec="0.5", label="flagged")
     legend_above(figure, axes, columns=3)
     return figure
