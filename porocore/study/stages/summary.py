@@ -186,7 +186,9 @@ def output_checks(dataset: Dataset, held_out: Dataset, surrogate: Surrogate) -> 
             np.nanmax(np.ptp(every[training].reshape(int(training.sum()), -1), axis=0), initial=0.0)
         )
         if span >= max(flat, NOTHING * largest) and known.any():
-            checks.append(OutputCheck(name, plain, found[known], guess[at][known], span, outside[known], quantity))
+            checks.append(
+                OutputCheck(name, plain, found[known], guess[at][known], span, outside[known], quantity)
+            )
     return tuple(checks)
 
 
