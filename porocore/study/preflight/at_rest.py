@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from porocore.cell.meshing.mesh import Domain
 from porocore.core.units.results import ResultUnits
 from porocore.core.units.scales import QUANTITIES
 from porocore.errors import PluginError
@@ -40,8 +41,8 @@ def at_rest(config: RunConfig) -> Iterator[str]:
     except PluginError:
         return
     cell = config.cell
-    part = "eighth" if cell.mirrored else "whole"
-    count = sum(len(cell.make_mesh(phase, part).cells) for phase in ("solid", "fluid"))
+    part: Domain = "eighth" if cell.mirrored else "whole"
+    count = len(cell.make_mesh("solid", part).cells) + len(cell.make_mesh("fluid", part).cells)
     if count > MOST_TETRAHEDRA:
         yield f"at rest: not solved here, since the cell has {count:,} tetrahedra; 'porocore cell' solves it"
         return

@@ -30,7 +30,7 @@ def solve_reference(
         with timed(folder.timings, "cell") as clock:
             _solve_rest(folder.reference, config, store, clock)
     reference = load_reference(folder, config)
-    diagonal = ", ".join(f"{k:.4g}" for k in np.diag(reference.conductivity))
+    diagonal = config.result_units.texts(np.diag(reference.conductivity), "conductivity")
     console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
     for warning in (
         *undrained(config.macro, reference.conductivity),
