@@ -213,7 +213,8 @@ def case_warnings(metrics: dict[str, Any], where: str = "", *, settles: bool = T
     flagged = metrics["nonlinear"]
     if is_flagged(flagged):
         where = where or (
-            f"No kept time shows where: add {flagged['flagged_first_time']:.3g} to macro.time.profiles."
+            f"No kept time shows where: add {spoken().text(flagged['flagged_first_time'], 'time', 3)} to "
+            "macro.time.profiles."
         )
         found.append(
             f"Load {load}: parts of the body are flagged. There the estimated error of the surrogate exceeds "
