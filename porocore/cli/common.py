@@ -71,8 +71,12 @@ def read_config(
     surrogate: str | None = None,
     closure: str | None = None,
     macro: str | None = None,
+    cell_only: bool = False,
 ) -> tuple[Path, RunConfig]:
-    """Return path and configuration, the packaged one for None, with the chosen backends and closure."""
+    """Return path and configuration, the packaged one for None, with the chosen backends and closure.
+
+    With ``cell_only`` the file need not say more than a cell.
+    """
     from porocore.study.backends import with_closure
     from porocore.study.config.loading import load_config
     from porocore.study.examples import benchmark_path
@@ -84,7 +88,7 @@ def read_config(
             f"{path}: expected a configuration file, got a run folder; its configuration is {path / CONFIG}, and "
             f"to go on with it: {command('run', path / CONFIG, '--out', path, '--resume')}"
         )
-    return path, with_closure(load_config(path).with_backends(fem, surrogate, macro), closure)
+    return path, with_closure(load_config(path, cell_only).with_backends(fem, surrogate, macro), closure)
 
 
 def failed(text: str) -> NoReturn:

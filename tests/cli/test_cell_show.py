@@ -12,18 +12,16 @@ from porocore.cell.cell import Cell
 from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cli import main
-from porocore.study.examples import benchmark_path
 
 COARSE = MeshSettings(size=0.25, fluid_size=0.25, element="linear")
 
 
 @pytest.fixture
 def show(monkeypatch, capsys, tmp_path):
-    """Run the command for a cell: status, standard output, standard error."""
+    """Run the command for a file that holds a cell alone: status, standard output, standard error."""
 
     def run(geometry, *words):
-        study = yaml.safe_load(benchmark_path().read_text(encoding="utf-8"))
-        study["cell"] = {"geometry": geometry, "mesh": COARSE.model_dump()}
+        study = {"cell": {"geometry": geometry, "mesh": COARSE.model_dump()}}
         (tmp_path / "study.yaml").write_text(yaml.safe_dump(study), encoding="utf-8")
         words = ["cell", "show", str(tmp_path / "study.yaml"), "--out", str(tmp_path / "out"), *words]
         monkeypatch.setattr(sys, "argv", ["porocore", *words])

@@ -55,7 +55,7 @@ def state(
     with --json only. Where the configuration has scales, they have its output units. The status of a state without
     solution tells why there is none; its responses are null in the JSON object.
     """
-    path, settings = read_config(config, fem)
+    path, settings = read_config(config, fem, cell_only=True)
     units = settings.result_units
     with interruptible(), located(path), speaking(units):
         found = read_state(at, grad_u, p, settings.cell.modulus, {}, settings.scales)
@@ -87,7 +87,7 @@ def fields(
     stresses. Draws the micro displacement on the deformed cell and the strain energy density on the undeformed one.
     Pictures need pyvista (pip install 'porocore[pictures]') and no display.
     """
-    path, settings = read_config(config, fem)
+    path, settings = read_config(config, fem, cell_only=True)
     asked = read_state(at, grad_u, p, settings.cell.modulus, {"H22": -0.1}, settings.scales)
     with interruptible(), located(path):
         from porocore.verification.local_fields.solve import write_local_fields
@@ -120,7 +120,7 @@ def show(
     if opposite faces match. Writes both phases as .vtu files for ParaView, and a picture.
     Pictures need pyvista (pip install 'porocore[pictures]') and no display.
     """
-    path, settings = read_config(config, None)
+    path, settings = read_config(config, None, cell_only=True)
     with interruptible(), located(path):
         from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
         from porocore.core.files.atomic import new_folder

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.problem import MacroSetup
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import faults, unexpected
+from porocore.study.examples import benchmark_path
 
 NO_VISCOSITY = (
     "cell.viscosity: missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is "
@@ -36,15 +38,28 @@ class _OnlyCell(StrictModel):
     cell: Cell = Cell()
 
 
-def load_config(path: Path | str) -> RunConfig:
+def load_config(path: Path | str, cell_only: bool = False) -> RunConfig:
     """Read and validate a configuration.
+
+    Parameters
+    ----------
+    path
+        The file.
+    cell_only
+        Only the cell is used. A file that has neither ``sampling`` nor ``macro`` gets those of the benchmark.
 
     Raises
     ------
     ConfigurationError
         Lists every fault on a line of its own: file, line, dotted key, expected and given value, advice.
     """
-    return validated(YamlDocument.read(Path(path)))
+    document = YamlDocument.read(Path(path))
+    if cell_only and not document.data.keys() & {"sampling", "macro"}:
+        rest = YamlDocument.read(benchmark_path()).data
+        document = replace(
+            document, data={**document.data, "sampling": rest["sampling"], "macro": rest["macro"]}
+        )
+    return validated(document)
 
 
 def cell_from(settings: Mapping[str, Any], folder: Path | str = ".") -> Cell:
