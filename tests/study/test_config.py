@@ -3,6 +3,7 @@
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -11,7 +12,7 @@ from porocore.core.inputs.input_space import NAMES
 from porocore.errors import ConfigurationError
 from porocore.study import examples
 from porocore.study.config.config import RunConfig, differences
-from porocore.study.config.loading import load_config
+from porocore.study.config.loading import SWITCHES, load_config
 from porocore.study.config.sections import InputName
 from porocore.study.examples import as_stated_path, benchmark_path, crosscheck_path
 
@@ -181,6 +182,32 @@ def test_the_macroscale_may_have_a_backend_of_its_own(edit):
     other = config.with_backends(macro="dolfinx")
     assert other.stages.training == config.stages.training
     assert other.stages.macro != config.stages.macro
+
+
+def test_the_keys_that_are_true_or_false_are_known():
+    def switches(schema, name=""):
+        if isinstance(schema, dict):
+            if schema.get("type") == "boolean":
+                yield name
+            for key, value in schema.items():
+                yield from switches(value, key)
+
+    assert set(switches(RunConfig.model_json_schema())) == set(SWITCHES)
+
+
+@pytest.mark.parametrize("drop", ["", ", drop_grains: true"])
+def test_a_study_of_an_image_is_read_from_its_run_folder(edit, tmp_path, drop):
+    """With all defaults written, among them true or false."""
+    image = tmp_path / "pores.npy"
+    np.save(image, np.indices((4, 4, 4)).sum(axis=0) % 2)
+    begin = BENCHMARK.read_text(encoding="utf-8").partition("  geometry:\n")[2]
+    geometry = "  geometry:\n" + begin[: begin.index("  material:")]
+    voxels = f"  geometry: {{kind: voxels, path: {image.name}, pore: 1, repeat: mirror{drop}}}\n"
+    config = load_config(edit((geometry, voxels)))
+    assert config.cell.geometry.drop_grains is bool(drop)
+    held = tmp_path / "config.yaml"
+    held.write_text(config.resolved_yaml(), encoding="utf-8")
+    assert load_config(held) == config
 
 
 @pytest.mark.parametrize(

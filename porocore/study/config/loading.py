@@ -24,6 +24,8 @@ from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import faults, unexpected
 from porocore.study.examples import benchmark_path
 
+#: Keys that are true or false.
+SWITCHES = ("drop_grains",)
 NO_VISCOSITY = (
     "cell.viscosity: missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is "
     "water, under 'cell:'"
@@ -96,14 +98,14 @@ def validated(document: YamlDocument) -> RunConfig:
         found += _unknown_surfaces(config.macro)
         if scales is not None and "viscosity" not in config.cell.model_fields_set:
             found.append((("cell", "viscosity"), NO_VISCOSITY))
-    # No setting of porocore is true or false, but pydantic would take 'yes' for 1.
+    # pydantic would take 'yes' for 1.
     found += [
         (
             at,
             f"{dotted(at)}: expected a number, got {echo(value)} (so YAML reads yes, no, on and off); write a number",
         )
         for at, value in _leaves(document.data)
-        if isinstance(value, bool) and "options" not in at and at not in dict(found)
+        if isinstance(value, bool) and not {"options", *SWITCHES} & {*at} and at not in dict(found)
     ]
     if found or config is None:
         raise _refusal(document, found)
