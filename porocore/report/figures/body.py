@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from porocore.core.units.results import ResultUnits
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.body.mesh import boundary_facets
+from porocore.report.figures.facets import front, pieces
 from porocore.report.figures.style import axis_label, new_figure, styled
-from porocore.states import Array, IntArray
+from porocore.states import Array
 
 COLOURS = "viridis"
-#: From which azimuth and height the body is seen; y is up.
+#: From which height and azimuth in degrees the body is seen; y is up, and the corner of least x and z in front.
 VIEW = (22, -145)
+#: Surfaces of more facets are drawn without the edges of their elements.
+MOST_WITH_EDGES = 2000
+#: The drawn axes, which are z, x and y of the body.
+AXES = (("x", "$x_3$"), ("y", "$x_1$"), ("z", "$x_2$"))
 
 
 @styled
@@ -33,45 +41,75 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
         Of lengths, time and pressure.
     """
     units = units or ResultUnits()
-    facets = boundary_facets(solution.cells)
     places = (solution.points + profile.u)[:, [2, 0, 1]] * units.factor("displacement")
     pressure = profile.p * units.factor("pressure")
     low, high = float(pressure.min()), float(pressure.max())
     if high - low < 1e-12:
         low, high = low - 0.5e-12, high + 0.5e-12
-    norm = Normalize(low, high)
-    colours = ScalarMappable(norm, COLOURS)
+    colours = ScalarMappable(Normalize(low, high), COLOURS)
     figure = new_figure(5.4, 4.4)
-    axes = figure.add_subplot(projection="3d")
-    polygons, values = _fine(facets, places, pressure)
-    lines = (
-        {"linewidths": 0.15, "edgecolors": (0, 0, 0, 0.35)}
-        if len(polygons) < 8000
-        else {"edgecolors": "none"}
-    )
-    surface = Poly3DCollection(polygons, facecolors=colours.to_rgba(values), rasterized=True, **lines)
-    axes.add_collection3d(surface)
-    first, last = places.min(axis=0), places.max(axis=0)
-    for axis, (a, b) in zip("xyz", zip(first, last, strict=True), strict=True):
-        getattr(axes, f"set_{axis}lim")(a, b)
-    axes.set_box_aspect(np.maximum(last - first, 0.12 * (last - first).max()), zoom=0.88)
-    for axis, name in zip("xyz", ("$x_3$", "$x_1$", "$x_2$"), strict=True):
-        getattr(axes, f"set_{axis}label")(axis_label(name, "displacement", units) if units.given else name)
-    axes.tick_params(labelsize=7, pad=0)
-    axes.locator_params(nbins=4)
-    axes.view_init(*VIEW)
+    axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
+    _frame(axes, places, units)
+    _surface(axes, solution, places, pressure, colours)
     figure.colorbar(
-        colours, ax=axes, shrink=0.7, pad=0.16, label=axis_label("pore pressure $p$", "pressure", units)
+        colours, ax=axes, shrink=0.7, pad=0.13, label=axis_label("pore pressure $p$", "pressure", units)
     )
     axes.set_title(f"$t$ = {units.text(profile.time, 'time', 6)}")
     return figure
 
 
-def _fine(facets: IntArray, places: Array, pressure: Array) -> tuple[Array, Array]:
-    """Return each facet cut at the middles of its edges, so that the colours have its resolution."""
-    if facets.shape[1] == 9:
-        parts = np.array([[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]])
-    else:
-        parts = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
-    small = facets[:, parts].reshape(-1, parts.shape[1])
-    return places[small], pressure[small].mean(axis=1)
+def _surface(
+    axes: Any, solution: MacroSolution, places: Array, pressure: Array, colours: ScalarMappable
+) -> None:
+    """Draw the facets that face the viewer, and the edges of the elements where they are few."""
+    facets = boundary_facets(solution.cells)
+    facets = facets[front(places[facets], np.radians(VIEW))]
+    few = len(facets) < MOST_WITH_EDGES
+    values, polygons, outline = pieces(facets.shape[1], 4 if few else 2)
+    corners = np.einsum("ka,fai->fki", values, places[facets])
+    shades = colours.to_rgba((pressure[facets] @ values.T)[:, polygons].mean(axis=2).ravel())
+    axes.add_collection3d(
+        Poly3DCollection(
+            corners[:, polygons].reshape(-1, polygons.shape[1], 3),
+            facecolors=shades,
+            edgecolors=shades,  # no seams between the pieces
+            linewidths=0.3,
+            rasterized=True,
+            zorder=1,
+        )
+    )
+    if few:
+        axes.add_collection3d(
+            Line3DCollection(corners[:, outline], colors=(0, 0, 0, 0.35), linewidths=0.4, zorder=2)
+        )
+
+
+def _frame(axes: Any, places: Array, units: ResultUnits) -> None:
+    """Set the limits to the body, and ticks that keep clear of each other."""
+    first, last = places.min(axis=0), places.max(axis=0)
+    lengths = np.maximum(last - first, 0.12 * (last - first).max())
+    axes.set_box_aspect(lengths, zoom=0.88)
+    axes.view_init(*VIEW)
+    axes.grid(visible=False)
+    axes.tick_params(labelsize=7, pad=0)
+    axes.tick_params("z", pad=3)
+    for (name, label), low, high, length in zip(AXES, first, last, lengths, strict=True):
+        axis = getattr(axes, f"{name}axis")
+        getattr(axes, f"set_{name}lim")(low, high)
+        axis.set_label_text(axis_label(label, "displacement", units) if units.given else label)
+        axis.pane.set_visible(False)
+        # The ends of the two lower axes meet in front: only one of them has its number there.
+        axis.set_ticks(_ticks(low, high, float(length / lengths.max()), open_end=name == "x"))
+    axes.zaxis.labelpad = 2
+    axes.zaxis.set_rotate_label(False)
+    axes.zaxis.label.set_rotation(90)
+
+
+def _ticks(low: float, high: float, share: float, *, open_end: bool) -> list[float]:
+    """Return ticks of an axis with a ``share`` of the largest length; none at its low end if that is open."""
+    slack = 1e-6 * (high - low)
+    round_numbers = MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    found = [float(t) for t in round_numbers if low - slack <= t <= high + slack]
+    if open_end:
+        found = [t for t in found if t > low + 0.12 * (high - low)]
+    return found if share > 0.4 else found[-1:]
