@@ -52,18 +52,24 @@ def dimensional_rows(
     conductivity
         K_22 of the undeformed cell.
     loading_mode
-        The load is a stress only where it scales one; forces are listed where a surface is moved.
+        The load is a stress only where it scales one; forces are listed where a surface is moved, settlements
+        where they are a result.
     """
     found = metrics["nonlinear"]
-    rows: list[tuple[str, str, float | None]] = [
-        *([("load times E", "stress", metrics["load"])] if loading_mode.stressed else []),
-        ("final settlement", "displacement", found["final_settlement"]),
-        ("final settlement, linear", "displacement", metrics["linear"]["final_settlement"]),
+    rows: list[tuple[str, str, float | None]] = []
+    if loading_mode.stressed:
+        rows.append(("load times E", "stress", metrics["load"]))
+    if loading_mode.settles:
+        rows += [
+            ("final settlement", "displacement", found["final_settlement"]),
+            ("final settlement, linear", "displacement", metrics["linear"]["final_settlement"]),
+            ("95 % of the settlement after", "time", found["time_to_95_percent"]),
+            ("99 % of the settlement after", "time", found["time_to_99_percent"]),
+            ("99 %, linear", "time", metrics["linear"]["time_to_99_percent"]),
+        ]
+    rows += [
         ("largest pore pressure", "pressure", found["max_pressure"]),
         ("drained volume", "volume", found["drained"]),
-        ("95 % of the settlement after", "time", found["time_to_95_percent"]),
-        ("99 % of the settlement after", "time", found["time_to_99_percent"]),
-        ("99 %, linear", "time", metrics["linear"]["time_to_99_percent"]),
         ("conductivity of the undeformed cell", "conductivity", conductivity),
     ]
     for name, force in (reactions(solution) if loading_mode.displaced else {}).items():

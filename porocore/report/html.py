@@ -110,6 +110,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
             _surrogate_parts(surrogate, pictures)
             for surrogate in (context.surrogate, *context.other_surrogates)
         ],
+        settles=context.loading_mode.settles,
         whole=whole_words(context.cases[0].nonlinear.copies),
         force_unit=f" [{context.units.name('force')}]" if context.units.given else "",
         time_unit=f" [{context.units.name('time')}]" if context.units.given else "",

@@ -219,8 +219,8 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
         found = (
             f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}. The figures show K_t. "
             "The flux through reference area follows K_ref = det F̄ K_t. Compression along an axis raises K_t "
-            "and K_ref along this axis, although the pores become narrower. The times to 95 % and 99 % of the "
-            "settlement depend on this increase."
+            "and K_ref along this axis, although the pores become narrower. The time of consolidation depends on "
+            "this increase."
         )
     if not case.nonlinear.profiles:
         return found

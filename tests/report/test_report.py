@@ -271,6 +271,10 @@ def test_forces_are_shown_where_a_surface_is_moved(context, unpictured):
     text = Page(render(pushed)).text
     rows = [text.find(f"{name}nonlinearalong y−0.8125{when}−0.2500 *3.25") for name in ("y+", "a")]
     assert 0 < rows[0] < rows[1], "what is moved comes first"
+    # Nor is a settlement that is prescribed a result, or the time that it takes.
+    assert "finalsettlement" in Page(render(context)).text
+    assert "finalsettlement" not in text
+    assert "95 % of the settlement" not in text
 
 
 @pytest.fixture

@@ -101,6 +101,9 @@ def test_rows_with_units_are_those_of_the_drive(plug, column):
     assert "load times E" in stressed
     assert not [name for name in stressed if "force" in name]
     assert "load times E" not in moved
+    # A settlement that is prescribed is no result.
+    assert [name for name in stressed if "settlement" in name]
+    assert not [name for name in moved if "settlement" in name or name.startswith("99 %")]
     # E L² = 0.2 N.
     assert moved["peak compressive force on y+"] == "160 mN"
     assert moved["final compressive force on y+"] == "60.0 mN"
