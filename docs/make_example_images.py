@@ -65,7 +65,7 @@ def filter_picture(folder: RunFolder) -> Figure:
     )
     left.plot([0, 1], [0, float(linear.points[:, 1].max())], color="0.35", ls=DASHED, lw=1.3, label="linear")
     right.plot(conductivity, height, color="0.35", ls=DASHED, lw=1.3, label="undeformed pore")
-    left.set(xlabel="pore pressure, of that above [–]", ylabel="height in the filter $X_2$ [–]")
+    left.set(xlabel="pore pressure, as a share of that above [–]", ylabel="height in the filter $X_2$ [–]")
     right.set(xlabel="conductivity $k_{22}$ [–]")
     left.legend(title="pressure above$\\,/E$")
     right.legend()
