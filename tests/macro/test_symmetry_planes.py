@@ -11,7 +11,8 @@ from porocore.core.formulas.time_function import TimeFunction
 from porocore.errors import ConfigurationError
 from porocore.macro.boundary.symmetry import Symmetry, part_problem, whole_specimen
 from porocore.macro.problem import MacroProblem
-from porocore.testing.macro_laws.solving import LINEAR
+from porocore.report.loading_mode import relaxation
+from porocore.testing.macro_laws.solving import COEFFICIENTS, LINEAR
 from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
 
@@ -20,7 +21,7 @@ TIME = {"end": 0.4, "step": 0.1, "ramp_increments": 2, "ramp_step": 0.05, "profi
 
 
 def problem(body, boundary, **more):
-    return MacroProblem.model_validate({"body": body, "boundary": boundary, "time": TIME, **more})
+    return MacroProblem.model_validate({"time": TIME, "body": body, "boundary": boundary, **more})
 
 
 def box(symmetry, boundary, **more):
@@ -88,6 +89,35 @@ def test_a_half_block_and_the_whole_one_give_the_same_force_and_volume(top):
         half.inflow["x+"], whole.inflow["x+"], rtol=0, atol=1e-9 * abs(half.inflow["x+"]).max()
     )
     same_specimen(half, replace(whole, inflow={}))
+
+
+@pytest.mark.parametrize(
+    ("body", "planes", "drained", "area"),
+    [
+        ({"size": (1, 1, 1), "elements": (2, 1, 2), "symmetry": ("x-", "y-", "z-")}, "xyz", ("x+", "z+"), 4),
+        (
+            {"kind": "quarter-cylinder", "radius": 1, "height": 1, "elements": (2, 1, 2)},
+            "xz",
+            ("side",),
+            np.pi,
+        ),
+    ],
+    ids=["eighth", "quarter"],
+)
+def test_the_force_in_equilibrium_is_modulus_times_area_of_the_whole_times_strain(
+    body, planes, drained, area
+):
+    """Unconfined and drained, by hand."""
+    faces = {f"{axis}-": SLIDES for axis in {*planes, "y"}} | {face: {"pressure": 0} for face in drained}
+    faces["y+"] = {"displacement": (None, {"ramp": -0.005, "until": 0.1}, None)}
+    found = solved(problem(body, faces, time=TIME | {"end": 40, "step": 4}))
+    C = COEFFICIENTS.stiffness
+    across = np.array([[C[i, i, j, j] for j in (0, 2)] for i in (0, 2)])
+    modulus = C[1, 1, 1, 1] - C[1, 1, [0, 2], [0, 2]] @ np.linalg.solve(across, C[[0, 2], [0, 2], 1, 1])
+    figures = relaxation(found.history.time, found.compression["y+"])
+    assert figures["equilibrium"] == pytest.approx(modulus * area * 0.005, rel=1e-3)
+    assert figures["peak"] > 1.02 * figures["equilibrium"]
+    assert figures["time_of_peak"] == pytest.approx(0.1)
 
 
 def test_a_wedge_stands_for_the_whole_circle():
