@@ -70,6 +70,9 @@ def test_columns_say_what_is_positive(solution):
     compressed = Solved(solution)
     np.testing.assert_array_equal(compressed.compression["y-"], solution.compression["y-"])
     assert compressed.forces["y-"]["force"] == "compressive"
+    peak = compressed.forces["y-"]["peak"]
+    in_units = Solved(solution, units=UNITS).forces["y-"]["peak"]
+    assert in_units == {"value": pytest.approx(200 * peak), "unit": "mN", "dimensionless": peak}
 
 
 def test_a_solution_as_a_dataset(solution):

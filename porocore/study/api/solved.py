@@ -12,6 +12,7 @@ from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.solution import MacroSolution, Profile, file_name
 from porocore.macro.series import HISTORY
+from porocore.report.dimensional import figures_with_units
 from porocore.report.loading_mode import reactions
 from porocore.states import Array
 from porocore.study.run_folder.files import LINEAR
@@ -30,7 +31,8 @@ COMPONENTS = ("x", "y", "z")
 class Solved:
     """One macro solution.
 
-    All arrays are dimensionless; :meth:`to_xarray` and :meth:`to_pyvista` convert to the units of the study.
+    All arrays are dimensionless; :attr:`forces`, :meth:`to_xarray` and :meth:`to_pyvista` convert to the units of
+    the study.
 
     Attributes
     ----------
@@ -94,8 +96,9 @@ class Solved:
 
     @property
     def forces(self) -> dict[str, dict[str, Any]]:
-        """Peak, end and relaxation of the force on each surface, as in ``metrics.json``."""
-        return reactions(self.solution)
+        """Peak, end and relaxation of the force on each surface, as in ``metrics.json``; with scales each has its unit."""
+        found: dict[str, dict[str, Any]] = figures_with_units(reactions(self.solution), self.units)
+        return found
 
     @property
     def inflow(self) -> Mapping[str, Array]:
