@@ -96,7 +96,7 @@ class Solved:
 
     @property
     def forces(self) -> dict[str, dict[str, Any]]:
-        """Peak, end and relaxation of the force on each surface, as in ``metrics.json``; with scales each has its unit."""
+        """Peak, end and relaxation of the force on each surface, as in ``metrics.json``; with scales in units."""
         found: dict[str, dict[str, Any]] = figures_with_units(reactions(self.solution), self.units)
         return found
 
