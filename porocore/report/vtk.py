@@ -76,8 +76,7 @@ def write_vtu_series(
 def _write_profile(path: Path, solution: MacroSolution, profile: Profile, units: ResultUnits) -> None:
     def named(fields: Mapping[str, tuple[Array, str]]) -> dict[str, Array]:
         return {
-            f"{name} [{units.name(quantity)}]" if units.given and quantity else name: values
-            * units.factor(quantity)
+            units.titled(name, quantity): values * units.factor(quantity)
             for name, (values, quantity) in fields.items()
         }
 

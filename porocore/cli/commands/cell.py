@@ -144,13 +144,14 @@ def show(
 def as_text(result: Mapping[str, Any]) -> str:
     """Return a result as text, without fourth-order derivatives.
 
-    A state without values shows only its status and what does not depend on it. Numbers below :data:`ZERO` are 0.
+    A state without values shows only its status and what does not depend on it. Numbers that are below :data:`ZERO`
+    without their unit are 0.
     """
     lines = []
     for name, given in result.items():
-        value = given
+        value = given if isinstance(given, Mapping) else _rounded(given, given)
         if isinstance(given, Mapping) and "unit" in given:
-            name, value = f"{name} [{given['unit']}]", given["value"]
+            name, value = f"{name} [{given['unit']}]", _rounded(given["value"], given["dimensionless"])
         if name == "status":
             lines.append(f"status: {_described(value)}")
         elif _is_empty(value):
@@ -181,9 +182,14 @@ def _is_empty(value: Any) -> bool:
     return all(map(_is_empty, value)) if isinstance(value, list) else value is None
 
 
+def _rounded(value: Any, dimensionless: Any) -> Any:
+    """Return values with 0 for each whose dimensionless number is below :data:`ZERO`."""
+    if isinstance(value, list):
+        return [_rounded(*pair) for pair in zip(value, dimensionless, strict=True)]
+    return 0.0 if isinstance(dimensionless, float) and abs(dimensionless) < ZERO else value
+
+
 def _number(value: Any) -> str:
-    if isinstance(value, float) and abs(value) < ZERO:
-        value = 0.0
     return f"{value:13.6g}" if isinstance(value, int | float) else f"{'-' if value is None else value!s:>13}"
 
 

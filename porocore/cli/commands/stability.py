@@ -13,6 +13,7 @@ from porocore.cli.options import ConfigArgument, FemOption, ResumeOption
 from porocore.cli.tables import decimals, page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import echo
+from porocore.core.units.results import speaking, spoken
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -62,7 +63,8 @@ def stability(
         "stability", config, fem=fem, along=along, across=across, steps=steps, tolerance=tolerance,
         eigenvalues=eigenvalues, out=out, resume=True,
     )  # fmt: skip
-    with interruptible(again):
+    with interruptible(again), speaking(settings.result_units):
+        from porocore.core.inputs.input_space import value_text
         from porocore.verification.stability import map_stability
 
         plan = parse_plan(along, across, steps, tolerance, eigenvalues, settings.scales)
@@ -70,13 +72,13 @@ def stability(
         with console.task("stability", "states") as task:
 
             def show(progress: MapProgress) -> None:
-                detail = f"{plan.across} = {progress.value:g}, {progress.found}"
+                detail = f"{plan.across} = {value_text(plan.across, progress.value)}, {progress.found}"
                 task.update(progress.done, progress.expected, detail=detail)
 
             found = map_stability(settings, out, plan, resume=resume, on_event=show)
-    if len(found.lines) == 1:
-        print_states(plan, found.lines[0])
-    print_onsets(plan, found.lines)
+        if len(found.lines) == 1:
+            print_states(plan, found.lines[0])
+        print_onsets(plan, found.lines)
     typer.echo(found.picture)
 
 
@@ -106,7 +108,7 @@ def parse_plan(
     name, _, values = across.partition("=")
     try:
         numbers = tuple(
-            parse_pressure("--across p", value, scales) if name.strip() == "p" else _finite(value)
+            parse_pressure("--across", value, scales) if name.strip() == "p" else _finite(value)
             for value in values.split(",")
         )
     except ValueError:
@@ -123,6 +125,12 @@ def _finite(text: str) -> float:
     return value
 
 
+def _unit(name: str) -> tuple[str, float]:
+    """Return an input with its unit, and the factor of its values."""
+    quantity = "pressure" if name == "p" else ""
+    return spoken().titled(name, quantity), spoken().factor(quantity)
+
+
 def print_states(plan: MapPlan, line: StabilityLine) -> None:
     """Print the states of a line."""
     from porocore.cell.stability.inertia import FAMILIES, WAVES
@@ -130,14 +138,15 @@ def print_states(plan: MapPlan, line: StabilityLine) -> None:
     from porocore.states import Status
 
     asked = any(math.isfinite(x) for x in line.eigenvalues.ravel())
-    headings = [plan.leading, "status", "contact", "gap", *(f"modes {name}" for name in FAMILIES), "acoustic"]
+    title, factor = _unit(plan.leading)
+    headings = [title, "status", "contact", "gap", *(f"modes {name}" for name in FAMILIES), "acoustic"]
     headings += [f"λ {name}" for name in FAMILIES] if asked else []
     table = plain_table(headings, range(len(headings)))
     columns = [[WAVES.index(wave) for wave in waves] for waves in FAMILIES.values()]
     for k, theta in enumerate(line.states()):
         counts = [line.pivots[k, c] for c in columns]
         row = [
-            decimals(theta[NAMES.index(plan.leading)], 4),
+            decimals(theta[NAMES.index(plan.leading)] * factor, 4),
             Status(int(line.status[k])).name.replace("_", " "),
         ]
         row += [f"{100 * line.contact_share[k]:.2f} %", decimals(line.min_gap[k], 3)]
@@ -155,12 +164,14 @@ def print_onsets(plan: MapPlan, lines: Sequence[StabilityLine]) -> None:
     from porocore.states import Status
 
     leading, across = NAMES.index(plan.leading), NAMES.index(plan.across)
-    headings = [plan.across, "crease", *(f"mode {name}" for name in FAMILIES), "acoustic"]
+    (begins, factor), (title, of_line) = _unit(plan.leading), _unit(plan.across)
+    headings = [title, "crease", *(f"mode {name}" for name in FAMILIES), "acoustic"]
     headings += ["line ends at", "with status"]
-    title = f"{plan.leading} at which it begins, ± {plan.line.tolerance / 2:g}"
-    table = plain_table(headings, range(len(headings)), title)
+    heading = f"{begins} at which it begins, ± {plan.line.tolerance / 2 * factor:.4g}"
+    table = plain_table(headings, range(len(headings)), heading)
     for line in lines:
-        begins = [line.onset(*events)[leading] for events in (("crease",), *FAMILIES.values(), ("acoustic",))]
-        row = [decimals(x, 4) for x in (line.start[across], *begins, line.states()[-1][leading])]
+        found = [line.onset(*events)[leading] for events in (("crease",), *FAMILIES.values(), ("acoustic",))]
+        row = [decimals(line.start[across] * of_line, 4)]
+        row += [decimals(x * factor, 4) for x in (*found, line.states()[-1][leading])]
         table.add_row(*row, Status(int(line.status[-1])).name.replace("_", " "))
     page().print(table)

@@ -118,6 +118,10 @@ class ResultUnits:
             return "–"
         return pretty(self.units.of(quantity))
 
+    def titled(self, name: str, quantity: str) -> str:
+        """Return the name of a result with its unit, such as ``u [mm]``; the name alone without scales."""
+        return f"{name} [{self.name(quantity)}]" if self.given and quantity else name
+
     def text(self, value: float, quantity: str, digits: int = 4) -> str:
         """Return a dimensionless result with its unit, such as ``1.2 kPa``; the number alone without scales."""
         number = f"{value * self.factor(quantity):.{digits}g}"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from porocore.core.formulas.time_function import TimeFunction, Value
+from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.surfaces import Facets
@@ -174,7 +175,7 @@ class Collector:
             other = unknowns[clash][0]
             before = self.time_functions[self.function[other]] if self.function[other] else self.factor[other]
             raise ConfigurationError(
-                f"{key}: {name} = {_show(value)} contradicts {name} = {_show(before)} of a "
+                f"{key}: {name} = {_show(value, name)} contradicts {name} = {_show(before, name)} of a "
                 "neighbouring surface where they meet; prescribe it on one of them only"
             )
         self.function[unknowns], self.factor[unknowns] = function, factor
@@ -244,5 +245,7 @@ class Collector:
                     )
 
 
-def _show(value: Value) -> str:
-    return "a function of time" if isinstance(value, TimeFunction) else f"{value:g}"
+def _show(value: Value, name: str) -> str:
+    if isinstance(value, TimeFunction):
+        return "a function of time"
+    return spoken().text(value, "pressure" if name == "p" else "displacement", 6)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from porocore.core.console import Console, duration
 from porocore.core.files.store import ResultStore
+from porocore.core.units.results import speaking
 from porocore.interfaces.sampler import Sampler
 from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
@@ -51,6 +52,7 @@ def sample(
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     known, options = solved_states(store, *arguments), config.sampling.pool_options()
     with (
+        speaking(config.result_units),
         listening(console.note),
         CellPool(prepare_cell, arguments, **options, on_warning=console.warn, known=known) as pool,
     ):

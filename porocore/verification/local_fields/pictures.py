@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from porocore.core.files.atomic import atomic_path
+from porocore.core.units.results import spoken
 from porocore.errors import PorocoreError
 from porocore.report.figures.style import new_figure, png_bytes, styled
 from porocore.states import Array
@@ -37,10 +38,15 @@ SECONDS = 300.0
 RESOLVED = 0.995
 #: What is less is round-off, and gets no colour.
 NOTHING = 1e-9
-#: Kind of a picture: its field at the nodes, title and label.
+#: Kind of a picture: its field at the nodes, title, label without scales, and quantity.
 PICTURES = {
-    "disp": ("u1_magnitude", "Micro displacement on the deformed cell", "$|u^1|$ [–], length of the cell 1"),
-    "energy": ("energy", "Strain energy density on the undeformed cell", r"$\Psi$ [$E$]"),
+    "disp": (
+        "u1_magnitude",
+        "Micro displacement on the deformed cell",
+        "$|u^1|$ [–], length of the cell 1",
+        "",
+    ),
+    "energy": ("energy", "Strain energy density on the undeformed cell", r"$\Psi$ [$E$]", "energy-density"),
 }
 
 
@@ -101,20 +107,24 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
     RunFolderError
         A picture cannot be written.
     """
-    magnitude, energy = np.linalg.norm(nodal.points.u, axis=1), nodal.energy
-    tops = {"disp": float(magnitude.max()), "energy": float(np.quantile(energy, RESOLVED))}
-    tops = {kind: max(top, NOTHING) for kind, top in tops.items()}
+    units, magnitude = spoken(), np.linalg.norm(nodal.points.u, axis=1)
+    tops = {"disp": float(magnitude.max()), "energy": float(np.quantile(nodal.energy, RESOLVED))}
+    tops = {kind: max(top, NOTHING) * units.factor(PICTURES[kind][3]) for kind, top in tops.items()}
     found, views = {}, []
     with TemporaryDirectory() as scratch:
-        for kind, (scalars, _, _) in PICTURES.items():
+        for kind, (scalars, _, _, quantity) in PICTURES.items():
             box, bounds = _box(nodal, deformed=kind == "disp")
             for cut in (False, True):
                 png = str(Path(scratch) / f"{kind}-{int(cut)}.png")
-                views.append(View(png, scalars, (0.0, tops[kind]), kind == "disp", cut, box, bounds))
+                shown = units.titled(scalars, quantity)
+                views.append(View(png, shown, (0.0, tops[kind]), kind == "disp", cut, box, bounds))
         draw_views(vtu, views, Path(scratch))
-        for kind, (scalars, head, label) in PICTURES.items():
-            images = [imread(view.png)[..., :3] for view in views if view.scalars == scalars]
-            beyond = float(nodal.points.energy.max()) if kind == "energy" else None
+        for kind, (scalars, head, plain, quantity) in PICTURES.items():
+            shown = units.titled(scalars, quantity)
+            images = [imread(view.png)[..., :3] for view in views if view.scalars == shown]
+            largest = float(nodal.points.energy.max()) * units.factor(quantity)
+            beyond = largest if kind == "energy" else None
+            label = plain.replace("$E$", units.name(quantity)) if units.given else plain
             figure = _labelled(images, f"{head}, {title}", label, tops[kind], beyond)
             found[kind] = folder / f"{kind}_{name}.png"
             with atomic_path(found[kind]) as part:

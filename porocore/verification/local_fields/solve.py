@@ -12,8 +12,9 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.core.echo import cut
 from porocore.core.files.atomic import new_folder
-from porocore.core.inputs.input_space import NAMES
+from porocore.core.inputs.input_space import NAMES, value_text
 from porocore.core.inputs.possible_states import require_possible
+from porocore.core.units.results import speaking
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.plugins.border import solution_of
 from porocore.report.text import MEANINGS
@@ -135,13 +136,14 @@ def write_local_fields(
     PluginError
         The backend is missing.
     """
-    state_row(config.cell, state)
-    find_backends(config, ["cell solver"])
-    if name is None:
-        name = ",".join(f"{key}={value:g}" for key, value in state.items()) or "rest"
-    name = re.sub(r"[^A-Za-z0-9.+-]+", "_", name.strip())[:LONGEST_NAME]
-    folder = new_folder(Path(folder))
-    return solve_and_write(config.cell, config.fem, folder, state, name=name, pictures=pictures)
+    with speaking(config.result_units):
+        state_row(config.cell, state)
+        find_backends(config, ["cell solver"])
+        if name is None:
+            name = ",".join(f"{key}={value_text(key, value)}" for key, value in state.items()) or "rest"
+        name = re.sub(r"[^A-Za-z0-9.+-]+", "_", name.strip())[:LONGEST_NAME]
+        folder = new_folder(Path(folder))
+        return solve_and_write(config.cell, config.fem, folder, state, name=name, pictures=pictures)
 
 
 def state_row(cell: Cell, state: Mapping[str, float]) -> Array:
@@ -186,8 +188,7 @@ def solve_fields(
 
 def state_text(state: Mapping[str, float], *, mathtext: bool = False) -> str:
     """``H22 = −0.2, p = 0.1``, for a figure with indices."""
-    moved = {name: value for name, value in state.items() if value}
-    if mathtext:
-        moved = {f"${name[0]}$" if name == "p" else f"$H_{{{name[1:]}}}$": v for name, v in moved.items()}
-    parts = [f"{name} = {value:g}" for name, value in moved.items()]
+    labels = {name: "$p$" if name == "p" else f"$H_{{{name[1:]}}}$" for name in state} if mathtext else {}
+    moved = [(name, labels.get(name, name), value) for name, value in state.items() if value]
+    parts = [f"{label} = {value_text(name, value)}" for name, label, value in moved]
     return ", ".join(parts).replace("-", "−") if parts else "the undeformed state"
