@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -21,11 +21,11 @@ STATE_HELP = (
     'row as `--grad-u "0 0 0; 0 -0.1 0; 0 0 0" --p 0.05`. What is not given is 0.'
 )
 AtOption = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         "--at",
         metavar="NAME=VALUE,…",
-        help="State: those of H11 … H33 and p that are not zero.",
+        help="State: those of H11 … H33 and p that are not zero; once with commas, or several times.",
         show_default=False,
     ),
 ]
@@ -50,7 +50,7 @@ PressureOption = Annotated[
 
 
 def read_state(
-    at: str | None,
+    at: Sequence[str] | None,
     grad_u: str | None,
     p: str | float | None,
     modulus: float,
@@ -77,10 +77,10 @@ def read_state(
     from porocore.core.inputs.possible_states import require_possible
 
     given = {"--at": at, "--grad-u": grad_u, "--p": p}
-    options = [option for option, value in given.items() if value is not None]
+    options = [option for option, value in given.items() if value is not None and value != []]
     if not options:
         return dict(usual)
-    found = {} if at is None else parse_inputs("--at", "a state such as H22=-0.2,p=0.1", at, scales)
+    found = parse_inputs("--at", "a state such as H22=-0.2,p=0.1", ",".join(at), scales) if at else {}
     for name, value in found.items():
         if name not in NAMES:
             question = did_you_mean(name, NAMES, cutoff=0.5)

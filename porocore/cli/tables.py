@@ -26,13 +26,14 @@ def page(width: int = WIDTH) -> Console:
 def plain_table(headings: Sequence[str], numbers: Collection[int] = (), title: str | None = None) -> Table:
     """Return a table without lines; the columns in ``numbers`` are aligned to the right."""
     from rich.table import Table
+    from rich.text import Text
 
-    table = Table(
-        title=title, title_justify="left", title_style="", box=None, pad_edge=False, header_style="bold"
-    )
+    # A text is no markup, in which a unit in brackets is lost.
+    table = Table(title_justify="left", title_style="", box=None, pad_edge=False, header_style="bold")
+    table.title = None if title is None else Text(title)
     for i, heading in enumerate(headings):
         right = i in numbers
-        table.add_column(heading, justify="right" if right else "left", no_wrap=right)
+        table.add_column(Text(heading), justify="right" if right else "left", no_wrap=right)
     return table
 
 

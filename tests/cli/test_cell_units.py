@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from invoked import BENCHMARK, invoke, refusal
 
+from porocore.cli.commands.cell import as_text
 from porocore.study.stages import pipeline
 
 BRAIN = BENCHMARK.with_name("brain-indentation.yaml")
@@ -50,6 +51,13 @@ def test_a_state_is_given_and_answered_in_units(asked):
     assert found["tangent"]["mean_grad_p"]["value"][0] == [None, None, None]
     assert found["porosity"] == 0.4
     assert asked[1][1] == pytest.approx(7.5 * 133.322387415 / 2000, rel=1e-14)
+
+
+def test_a_small_number_of_a_large_unit_is_no_zero():
+    """A conductivity of 6e-15 m²/(Pa s) was printed as 0; round-off of the solver is 0 in any unit."""
+    figure = {"value": [[6e-15, 2e-9]], "unit": "m²/(Pa s)", "dimensionless": [[0.004, 1e-16]]}
+    text = as_text({"conductivity": figure, "potential": 1e-16})
+    assert text.split() == ["conductivity", "[m²/(Pa", "s)]:", "6e-15", "0", "potential:", "0"]
 
 
 def test_without_scales_numbers_stay_plain(asked):

@@ -378,6 +378,13 @@ def test_messages_speak_in_the_units_of_the_study():
         checks.place(config)
     assert "macro.probes.far: the point (0, 5000, 0) µm lies outside the body" in str(refused.value)
     assert str(refused.value).endswith("µm")
+    moved = {"side": {"displacement": ["1 um", None, None]}}
+    config = config_from(study | {"macro": study["macro"] | {"boundary": study["macro"]["boundary"] | moved}})
+    with (
+        speaking(config.result_units),
+        pytest.raises(ConfigurationError, match="u_1 = 1 µm contradicts u_1 = 0"),
+    ):
+        checks.place(config)
 
 
 @pytest.mark.parametrize(

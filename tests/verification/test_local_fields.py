@@ -17,6 +17,8 @@ from porocore.cell.meshing.mirror import unfold_displacement
 from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.cell.meshing.shape_functions import shape_functions
 from porocore.cli.entry import main
+from porocore.core.units.results import OutputUnits, ResultUnits, speaking
+from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.interfaces.cell import CellField, CellSolution
 from porocore.interfaces.records import failed_response
@@ -150,6 +152,12 @@ def test_the_file_holds_the_fields(tmp_path):
     np.testing.assert_array_equal(mesh.point_data["energy"], nodal.energy)
     np.testing.assert_array_equal(mesh.point_data["F"].reshape(-1, 3, 3), nodal.F)
     assert {"displacement", "grad_u1", "J", "P", "cauchy", "von_mises", "u1_magnitude"} < set(mesh.point_data)
+    with speaking(ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))):
+        measured = meshio.read(write_fields(tmp_path / "b.vtu", nodal))
+    np.testing.assert_array_equal(measured.point_data["energy [kPa]"], 2 * nodal.energy)
+    np.testing.assert_array_equal(measured.point_data["J"], nodal.J)
+    assert {"P [kPa]", "cauchy [kPa]", "von_mises [kPa]"} < set(measured.point_data)
+    assert {"mean_energy [kPa]", "mean_J", "max_energy [kPa]"} == set(measured.cell_data)
     volume = points.volume.sum(axis=1)
     mean = volume @ mesh.cell_data["mean_energy"][0]
     assert mean == pytest.approx(response.extrema.energy_mean[0], abs=ROUND_OFF)
@@ -167,6 +175,8 @@ def test_what_cannot_be_written(tmp_path):
 def test_states_in_words():
     assert state_text({"H22": -0.2, "p": 0.1, "H11": 0.0}) == "H22 = −0.2, p = 0.1"
     assert state_text({}) == "the undeformed state"
+    with speaking(ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))):
+        assert state_text({"H22": -0.2, "p": 0.1}) == "H22 = −0.2, p = 0.2 kPa"
     assert state_text({"H12": 0.4, "p": 0.1}, mathtext=True) == "$H_{12}$ = 0.4, $p$ = 0.1"
     assert set(PAPER_STATES) == {"pressure", "uni", "shear"}
 

@@ -139,7 +139,14 @@ def print_states(plan: MapPlan, line: StabilityLine) -> None:
 
     asked = any(math.isfinite(x) for x in line.eigenvalues.ravel())
     title, factor = _unit(plan.leading)
-    headings = [title, "status", "contact", "gap", *(f"modes {name}" for name in FAMILIES), "acoustic"]
+    headings = [
+        title,
+        "status",
+        "contact",
+        "gap",
+        *(f"modes {name}" for name in FAMILIES),
+        spoken().titled("acoustic", "stress"),
+    ]
     headings += [f"λ {name}" for name in FAMILIES] if asked else []
     table = plain_table(headings, range(len(headings)))
     columns = [[WAVES.index(wave) for wave in waves] for waves in FAMILIES.values()]
@@ -151,7 +158,7 @@ def print_states(plan: MapPlan, line: StabilityLine) -> None:
         ]
         row += [f"{100 * line.contact_share[k]:.2f} %", decimals(line.min_gap[k], 3)]
         row += ["?" if (count < 0).any() else str(count.sum()) for count in counts]
-        row.append(decimals(line.acoustic[k], 4))
+        row.append(decimals(line.acoustic[k] * spoken().factor("stress"), 4))
         row += [decimals(line.eigenvalues[k, c].min(), 3) for c in columns] if asked else []
         table.add_row(*row)
     page().print(table)

@@ -11,6 +11,7 @@ from porocore.core.inputs.input_space import InputSpace
 from porocore.core.models.bounds import LARGEST_NUMBER, LARGEST_SEED, MOST_STATES, MOST_WORKERS
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import ByKey, Carried, Dimension, Unit
+from porocore.core.units.results import spoken
 from porocore.macro.boundary.symmetry import part_problem
 from porocore.macro.problem import MacroProblem, MacroSetup
 from porocore.sampling.execution.choice import ExecutorName, contradiction
@@ -42,7 +43,9 @@ class SweptInput(StrictModel):
     def _not_empty(self) -> SweptInput:
         low, high = self.range
         if not low < high:
-            raise ValueError(f"range [{low:g}, {high:g}] is empty; give [lower, upper] with lower < upper")
+            # It is not known here that the input is p, whose numbers would be without the unit that was written.
+            ends = "" if spoken().given else f" [{low:g}, {high:g}]"
+            raise ValueError(f"range{ends} is empty; give [lower, upper] with lower < upper")
         return self
 
 

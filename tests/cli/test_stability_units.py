@@ -1,0 +1,62 @@
+"""``porocore stability`` in a study with scales: its tables have units."""
+
+import numpy as np
+import pytest
+
+from porocore.cell.stability.inertia import WAVES
+from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
+from porocore.cell.stability.map import MapPlan
+from porocore.cli.commands.stability import print_onsets, print_states
+from porocore.core.units.results import OutputUnits, ResultUnits, speaking
+from porocore.core.units.scales import Scales
+from porocore.states import Status
+
+UNITS = ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))
+#: p runs to 0.4 in a cell at H22 = −0.1, which creases halfway.
+PLAN = MapPlan({"p": 0.4}, "H22", (-0.1,), LineSettings(steps=2, tolerance=0.01))
+
+
+@pytest.fixture
+def line():
+    start, goal = PLAN.ends(-0.1)
+    onsets = np.full((len(EVENTS), 2), np.nan)
+    onsets[EVENTS.index("crease")] = 0.5
+    return StabilityLine(
+        start=start,
+        goal=goal,
+        share=np.array([0.0, 0.5, 1.0]),
+        status=np.array([Status.converged] * 3),
+        contact_share=np.zeros(3),
+        min_gap=np.ones(3),
+        stress=np.zeros((3, 3, 3)),
+        pivots=np.zeros((3, len(WAVES)), dtype=int),
+        eigenvalues=np.full((3, len(WAVES)), np.nan),
+        acoustic=np.full(3, 0.1),
+        direction=np.tile([0.0, 1.0, 0.0], (3, 1)),
+        onsets=onsets,
+    )
+
+
+def test_pressures_have_the_unit_of_the_study(line, capsys):
+    """They were multiples of E, in a study that gives them in kPa."""
+    with speaking(UNITS):
+        print_states(PLAN, line)
+        print_onsets(PLAN, [line])
+    words = capsys.readouterr().out
+    states, _, onsets = words.partition("p [kPa] at which it begins, ± 0.01")
+    assert "acoustic [kPa]" in states.replace("\n", " ")
+    assert [word for word in states.split() if word in ("0.4000", "0.8000")] == ["0.4000", "0.8000"]
+    assert "0.2000" in states
+    assert [word for word in onsets.split() if word in ("−0.1000", "0.4000", "0.8000")] == [
+        "−0.1000",
+        "0.4000",
+        "0.8000",
+    ]
+
+
+def test_without_scales_they_are_multiples(line, capsys):
+    print_onsets(PLAN, [line])
+    words = capsys.readouterr().out
+    assert "p at which it begins, ± 0.005" in words
+    assert "0.2000" in words
+    assert "kPa" not in words
