@@ -149,7 +149,7 @@ def as_text(result: Mapping[str, Any]) -> str:
     """
     lines = []
     for name, given in result.items():
-        value = given if isinstance(given, Mapping) else _rounded(given, given)
+        value: Any = given if isinstance(given, Mapping) else _rounded(given, given)
         if isinstance(given, Mapping) and "unit" in given:
             name, value = f"{name} [{given['unit']}]", _rounded(given["value"], given["dimensionless"])
         if name == "status":
