@@ -165,8 +165,7 @@ def _place(solution: MacroSolution, element: int, time: float, units: ResultUnit
     centre = solution.points[solution.cells[element]].mean(axis=0) * units.factor("displacement")
     at = f"at ({', '.join(f'{x:.3g}' for x in centre)})"
     at += f" {units.name('displacement')}" if units.given else ""
-    now = f" at t = {time * units.factor('time'):.3g}"
-    return at + now + (f" {units.name('time')}" if units.given else "")
+    return f"{at} at t = {units.text(time, 'time', 3)}"
 
 
 def _outward(value: float, sign: int) -> float:

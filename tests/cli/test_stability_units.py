@@ -6,9 +6,10 @@ import pytest
 from porocore.cell.stability.inertia import WAVES
 from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
 from porocore.cell.stability.map import MapPlan
-from porocore.cli.commands.stability import print_onsets, print_states
+from porocore.cli.commands.stability import parse_plan, print_onsets, print_states
 from porocore.core.units.results import OutputUnits, ResultUnits, speaking
 from porocore.core.units.scales import Scales
+from porocore.errors import ConfigurationError
 from porocore.states import Status
 
 UNITS = ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))
@@ -52,6 +53,15 @@ def test_pressures_have_the_unit_of_the_study(line, capsys):
         "0.4000",
         "0.8000",
     ]
+
+
+def test_pressures_may_be_given_in_units():
+    plan = parse_plan("p=0.8 kPa", "H22=-0.1,0", 2, 0.01, False, UNITS.scales)
+    assert plan.along == {"p": 0.4}
+    plan = parse_plan("H22=-0.1", "p=0, 300 Pa, 0.2", 2, 0.01, False, UNITS.scales)
+    assert plan.values == (0, 0.15, 0.2)
+    with pytest.raises(ConfigurationError, match="--across: expected a pressure, such as 2 kPa, got '1 mm'"):
+        parse_plan("H22=-0.1", "p=1 mm", 2, 0.01, False, UNITS.scales)
 
 
 def test_without_scales_they_are_multiples(line, capsys):

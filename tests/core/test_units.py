@@ -212,6 +212,7 @@ def test_one_value_in_two_units_is_one_number(one, other):
         ("5 kPaa", "stress", ["the unit 'kPaa' is not known"]),
         ("3 degC", "stress", ["got '3 degC', which is a temperature"]),
         ("1 kpa", "stress", ["the unit 'kpa' is not known; did you mean 'kPa'?"]),
+        ("1,5 kPa", "stress", ["decimals stand after a point, such as 1.5 mm"]),
         ("3 mm Hg", "pressure", ["did you mean 'mmHg'?"]),
         ("4 %", "time", ["expected a time", "got '4 %'"]),
         ("five mm", "displacement", ["expected a length", "got 'five mm'"]),
@@ -347,6 +348,7 @@ def test_results_as_text_have_their_unit():
     )
     assert units.text(0.1, "pressure") == "387.9 mmHg"
     assert units.text(-0.05, "displacement") == "-50 µm"
+    assert (units.text(43.2, "displacement", 3), units.text(4e3, "displacement")) == ("43200 µm", "4e+06 µm")
     assert units.texts((0.1, 1.0, 0), "displacement") == "(100, 1000, 0) µm"
     assert (units.text(0, "time"), units.text(0.5, "")) == ("0", "0.5")
     names = {q: units.name(q) for q in ("compliance", "diffusivity", "permeability", "viscosity")}

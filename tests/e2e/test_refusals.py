@@ -152,7 +152,7 @@ def test_a_backend_that_is_not_installed(study, tmp_path, missing, words, expect
     [
         (["--p", "nan"], "--p: expected a finite number, got nan"),
         (["--p", "-inf"], "--p: expected a finite number, got -inf"),
-        (["--p=much"], "Invalid value for '--p'"),
+        (["--p=much"], "--p: expected a number, or a pressure, such as 2 kPa, got 'much'"),
         (["--grad-u", "0 0 0; 0 0"], "expected nine finite numbers as 'a b c; d e f; g h i'"),
         (["--grad-u", "0 0 0; 0 x 0; 0 0 0"], "could not convert string to float: 'x'"),
         (["--grad-u", "0 0 0; 0 nan 0; 0 0 0"], "expected nine finite numbers"),

@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from porocore.core.units.results import OutputUnits, ResultUnits, speaking
+from porocore.core.units.scales import Scales
 from porocore.report.format import difference, duration, number, percent, plain
 from porocore.report.metrics import (
     LoadCase,
@@ -106,6 +108,9 @@ def test_a_share_that_is_zero_in_words_is_no_warning(column):
         said = case_warnings(case_metrics(LoadCase(found, linear)))
         assert len(said) == warns
     assert said[0].endswith("No kept time shows where: add 50.5 to macro.time.profiles.")
+    with speaking(ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(time="min"))):
+        said = case_warnings(case_metrics(LoadCase(found, linear)))
+    assert said[0].endswith("No kept time shows where: add 1680 min to macro.time.profiles.")
 
 
 def test_two_solutions_of_different_loads_are_no_case(column):

@@ -27,6 +27,7 @@ def test_check_tells_what_a_run_would_do():
     for part in (
         "porosity: 0.41",
         "macro-driven, ",
+        "p in [-20 Pa, 200 Pa]; ",
         "body: box, 10 × 10 × 10 mm, 216 hexahedron elements",
         "surface punch",
         "u_2 = 0 to -0.6 mm until t = 20 s",

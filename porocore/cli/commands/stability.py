@@ -99,6 +99,7 @@ def parse_plan(
     """
     from porocore.cell.stability.line import LineSettings
     from porocore.cell.stability.map import MapPlan
+    from porocore.core.units.quantities import has_unit
 
     try:
         line = LineSettings(steps, tolerance, eigenvalues)
@@ -108,7 +109,9 @@ def parse_plan(
     name, _, values = across.partition("=")
     try:
         numbers = tuple(
-            parse_pressure("--across", value, scales) if name.strip() == "p" else _finite(value)
+            parse_pressure("--across", value, scales)
+            if name.strip() == "p" and has_unit(value)
+            else _finite(value)
             for value in values.split(",")
         )
     except ValueError:

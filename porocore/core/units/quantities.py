@@ -90,6 +90,8 @@ def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
     if dimensions is None:
         near = next((known for known in COMMON if known.casefold() == unit.replace(" ", "").casefold()), None)
         question = "" if near is None else f"; did you mean '{near}'?"
+        if re.match(r",\d", unit):
+            question = "; decimals stand after a point, such as 1.5 mm"
         raise UnitError(
             f"expected {EXAMPLES[quantity]}, got {echo(text)}; the unit {echo(unit)} is not known{question}"
         )

@@ -124,13 +124,19 @@ class ResultUnits:
 
     def text(self, value: float, quantity: str, digits: int = 4) -> str:
         """Return a dimensionless result with its unit, such as ``1.2 kPa``; the number alone without scales."""
-        number = f"{value * self.factor(quantity):.{digits}g}"
+        number = significant(value * self.factor(quantity), digits)
         return f"{number} {self.name(quantity)}" if self.given and quantity and value else number
 
     def texts(self, values: Iterable[float], quantity: str, digits: int = 4) -> str:
         """Return several results in brackets, with their unit once, such as ``(1, 2.5) mm``."""
-        inner = ", ".join(f"{value * self.factor(quantity):.{digits}g}" for value in values)
+        inner = ", ".join(significant(value * self.factor(quantity), digits) for value in values)
         return f"({inner}) {self.name(quantity)}" if self.given and quantity else f"({inner})"
+
+
+def significant(value: float, digits: int) -> str:
+    """Return a number with so many digits, without an exponent below a million."""
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e6 else text
 
 
 _SPOKEN: ContextVar[ResultUnits | None] = ContextVar("units of messages", default=None)

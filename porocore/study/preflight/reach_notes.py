@@ -35,8 +35,7 @@ def prescribed_reach(config: RunConfig, mesh: BodyMesh) -> list[str]:
             row = np.zeros(10)
             row[column] = load * values[k]
             rows.append(row)
-            now = f"{times[k] * units.factor('time'):.3g}" + (f" {units.name('time')}" if units.given else "")
-            where.append(f"{said} at t = {now} under the load {load:g}")
+            where.append(f"{said} at t = {units.text(times[k], 'time', 3)} under the load {load:g}")
     if not rows:
         return []
     flat = np.array(rows)
