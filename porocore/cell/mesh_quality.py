@@ -56,7 +56,7 @@ class MeshQuality:
     unfolding
         Part that was meshed.
     porosity
-        Porosity of the geometry; that of the mesh is the share of the fluid.
+        Porosity of the geometry; that of a mesh is the share of the fluid, or the rest of that of the solid.
     solid, fluid
         Quality of each phase; None for a phase that is absent.
     unmatched
@@ -160,8 +160,10 @@ def quality_lines(quality: MeshQuality) -> list[str]:
     """Return the mesh quality as lines of text."""
     lines = [f"geometry: {quality.description}", *(f"geometry: {note}" for note in quality.notes)]
     part = {"wedge": "a 48th", "eighth": "an eighth", "whole": "the whole cell"}[quality.unfolding]
-    mesh = f", of the mesh {quality.fluid.share:.6g}" if quality.fluid else ""
-    lines.append(f"porosity: {quality.porosity:.6g}{mesh}")
+    # That of a run is the solid's; the fluid's may be finer.
+    meshes = f"; of the solid's mesh {1 - quality.solid.share:.6g}" if quality.solid else ""
+    meshes += f"; of the fluid's mesh {quality.fluid.share:.6g}" if quality.fluid else ""
+    lines.append(f"porosity: {quality.porosity:.6g}{meshes}")
     lines.append(f"meshed: {part}" + (", unfolded by mirrors" if quality.unfolding != "whole" else ""))
     for name, phase in (("solid", quality.solid), ("fluid", quality.fluid)):
         if phase is None:

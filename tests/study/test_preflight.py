@@ -26,6 +26,8 @@ def test_check_tells_what_a_run_would_do():
     assert done.exception is None, done.output
     for part in (
         "porosity: 0.41",
+        "; of the solid's mesh 0.41",
+        "; of the fluid's mesh 0.41",
         "macro-driven, ",
         "p in [-20 Pa, 200 Pa]; ",
         "body: box, 10 × 10 × 10 mm, 216 hexahedron elements",
