@@ -165,7 +165,7 @@ class Cell(StrictModel, metaclass=CalledByUsers):
 
     def specification(self) -> dict[str, Any]:
         """Return all that the cell problems depend on; of a file its content, not its path."""
-        return self.model_dump(mode="json", exclude={"geometry": {"path"}})
+        return {**self.model_dump(mode="json"), "geometry": self.geometry.specification()}
 
     @property
     def identity(self) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_disconnected
 from porocore.cell.meshing.mesh import CellMesh, make_mesh
 from porocore.cell.meshing.shape_functions import EDGES, FACETS
@@ -65,6 +66,8 @@ class MeshQuality:
         Reason why the solid has no stiffness; empty if it has.
     blocked
         Axes out of "xyz" along which nothing can flow.
+    sides
+        Sides of the cell, in units of the cube root of its volume.
     notes
         Remarks of the geometry, such as what was removed from an image.
     """
@@ -77,6 +80,7 @@ class MeshQuality:
     unmatched: int
     disconnected: str
     blocked: str
+    sides: Sides
     notes: tuple[str, ...]
 
 
@@ -100,6 +104,7 @@ def measure_mesh_quality(cell: Cell) -> MeshQuality:
         sum(unmatched(both) for both in _sizes(single)),
         cell.geometry.disconnected or why_disconnected(of_solid.pieces if of_solid else ()),
         blocked(of_fluid.pieces if of_fluid else ()),
+        cell.geometry.sides,
         cell.geometry.notes,
     )
 
@@ -146,9 +151,9 @@ def unmatched(meshes: Sequence[CellMesh]) -> int:
     ``meshes`` are those of both phases, of one size: where the wall lies in a face, the partner is of the other phase.
     """
     facets = np.concatenate([mesh.points[mesh.boundary] for mesh in meshes])
-    alone = 0
+    alone, half = 0, meshes[0].high
     for axis in range(3):
-        on_face = (np.abs(facets[:, :, axis]) == 0.5).all(axis=1)
+        on_face = (np.abs(facets[:, :, axis]) == half[axis]).all(axis=1)
         places = np.delete(facets[on_face], axis, axis=2)
         nodes = np.unique(places.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(places.shape[:2])
         _, count = np.unique(np.sort(nodes, axis=1), axis=0, return_counts=True)
@@ -159,6 +164,11 @@ def unmatched(meshes: Sequence[CellMesh]) -> int:
 def quality_lines(quality: MeshQuality) -> list[str]:
     """Return the mesh quality as lines of text."""
     lines = [f"geometry: {quality.description}", *(f"geometry: {note}" for note in quality.notes)]
+    if quality.sides != CUBE:
+        lines.append(
+            f"sides: {', '.join(f'{side:.4g}' for side in quality.sides)} along x, y, z, in units of the cube root of "
+            "the cell's volume, as all lengths of the cell"
+        )
     part = {"wedge": "a 48th", "eighth": "an eighth", "whole": "the whole cell"}[quality.unfolding]
     # That of a run is the solid's; the fluid's may be finer.
     meshes = f"; of the solid's mesh {1 - quality.solid.share:.6g}" if quality.solid else ""

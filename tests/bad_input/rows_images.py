@@ -68,7 +68,7 @@ def looped() -> bytes:
 
 
 CANNOT = "not an image that can be read"
-CUBE = "expected a cube of 4 to 400 voxels"
+SIZE = "expected an image of 4 to 400 voxels"
 SOLID = "expected an image in three dimensions"
 TYPE = "expected a segmented image"
 #: Suffix, content, words of the message.
@@ -92,20 +92,20 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "with a header that is code": (".npy", header("__import__('os').system('touch hacked')"), CANNOT),
     "with a header of braces": (".npy", header("{" * 100), CANNOT),
     "with a header without a shape": (".npy", header("{'descr': '|u1'}"), CANNOT),
-    "of shape 10^12": (".npy", declared("(1000000000000,)"), CUBE),
-    "of shape 10^4 cubed": (".npy", declared("(10000, 10000, 10000)"), CUBE),
+    "of shape 10^12": (".npy", declared("(1000000000000,)"), SOLID),
+    "of shape 10^4 cubed": (".npy", declared("(10000, 10000, 10000)"), SOLID),
     "of shape 10^30": (".npy", declared(f"({10**30}, 1, 1)"), ""),
     "of negative shape": (".npy", declared("(-8, -8, -8)"), ""),
     "of 400 cubed declared and 512 bytes": (".npy", declared("(400, 400, 400)"), CANNOT),
     "of void items of 10^9 bytes": (".npy", declared("(8, 8, 8)", "'|V1000000000'"), TYPE),
-    "of 3 voxels": (".npy", npy(np.zeros((3, 3, 3), dtype=int)), CUBE),
-    "of no voxels": (".npy", npy(np.zeros((0, 0, 0), dtype=int)), CUBE),
-    "a number": (".npy", npy(np.array(1)), CUBE),
-    "a line": (".npy", npy(np.zeros(8, dtype=int)), CUBE),
+    "of 3 voxels": (".npy", npy(np.zeros((3, 3, 3), dtype=int)), SIZE),
+    "of no voxels": (".npy", npy(np.zeros((0, 0, 0), dtype=int)), SIZE),
+    "a number": (".npy", npy(np.array(1)), SOLID),
+    "a line": (".npy", npy(np.zeros(8, dtype=int)), SOLID),
     "a plane": (".npy", npy(HALF[0]), SOLID),
     "of four dimensions": (".npy", npy(np.stack([HALF, HALF])), SOLID),
-    "of unequal sides": (".npy", npy(HALF[:, :6]), CUBE),
-    "of 401 voxels": (".npy", declared("(401, 401, 401)"), CUBE),
+    "of 3 voxels along one edge": (".npy", npy(HALF[:, :3]), SIZE),
+    "of 401 voxels": (".npy", declared("(401, 401, 401)"), SIZE),
     "of floats": (".npy", npy(HALF.astype(float)), TYPE),
     "of NaN": (".npy", npy(np.full((8, 8, 8), np.nan)), TYPE),
     "of complex numbers": (".npy", npy(HALF.astype(complex)), TYPE),
@@ -122,13 +122,13 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "TIFF of one page": (".tif", tiff(HALF[0]), SOLID),
     "TIFF of floats": (".tif", tiff(HALF.astype(np.float32)), TYPE),
     "TIFF in colour": (".tif", tiff(np.zeros((8, 8, 8, 3), dtype=np.uint8)), SOLID),
-    "TIFF of 10^9 × 10^9": (".tif", tiff_of(10**9, 10**9), CUBE),
+    "TIFF of 10^9 × 10^9": (".tif", tiff_of(10**9, 10**9), SOLID),
     "TIFF of 400 × 400 declared and 8 bytes": (".tif", tiff_of(400, 400, 400), ""),
     "TIFF whose page follows itself": (".tif", looped(), ""),
     "TIFF of zeros that were packed": (
         ".tif",
         tiff(np.zeros((500, 500, 500), dtype=np.uint8), compression="zlib"),
-        CUBE,
+        SIZE,
     ),
     "TIFF, all pore": (".tif", tiff(np.zeros((8, 8, 8), dtype=np.uint8)), "every voxel"),
 }

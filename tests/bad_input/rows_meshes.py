@@ -162,7 +162,7 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "an index of 10^18": (".msh", altered(index(10**18)), UNREADABLE, UNREADABLE),
     "a tetrahedron without volume": (".msh", altered(flat), "turned inside out or flat", "inside of the cell"),
     "nodes that are there twice": (".msh", altered(torn), "same place", "not periodic"),
-    "a flat mesh": (".msh", altered(shrunk), "same place", "expected a cube"),
+    "a flat mesh": (".msh", altered(shrunk), "same place", "which is flat"),
     "pyramids too": (".msh", altered(pyramids), "expected volume elements of one kind", "expected tetrahedra"),
     "hexahedra too": (".msh", altered(hexahedra), "expected volume elements of one kind", "expected tetrahedra"),
     "a surface only": (".msh", altered(surface_only), "expected volume elements", "no elements with a volume"),

@@ -75,7 +75,7 @@ def test_a_tiff_stack_has_its_pages_along_z(tmp_path):
 @pytest.mark.parametrize(
     ("values", "keys", "message"),
     [
-        (np.zeros((4, 4, 5), dtype=bool), {}, r"a cube of 4 to 400 voxels.*got the shape \(4, 4, 5\)"),
+        (np.zeros((4, 4, 3), dtype=bool), {}, r"an image of 4 to 400 voxels.*got the shape \(4, 4, 3\)"),
         (np.zeros((4, 4, 4)), {}, "expected a segmented image.*float64"),
         (
             np.ones((4, 4, 4), dtype=np.uint8),
@@ -84,7 +84,7 @@ def test_a_tiff_stack_has_its_pages_along_z(tmp_path):
         ),
         (np.array([{}, 1], dtype=object), {}, "expected a segmented image.*object"),
     ],
-    ids=["not a cube", "grey", "one phase", "pickled"],
+    ids=["too flat", "grey", "one phase", "pickled"],
 )
 def test_images_that_are_refused(tmp_path, values, keys, message):
     np.save(tmp_path / "image.npy", values, allow_pickle=True)
@@ -204,7 +204,9 @@ def test_meshes_that_are_refused(tmp_path):
     text = complaint(points=moved)
     assert "not periodic along x: 2 nodes" in text
     assert "0.03 of the cell's length" in text
-    assert "expected a cube, got a box of 2 x 1 x 1" in complaint(points=points * [2, 1, 1])
+    assert "expected tetrahedra that fill a box, got 1 x 1 x 0, which is flat" in complaint(
+        points=points * [1, 1, 0]
+    )
     assert "no tetrahedron" in complaint(fluid=(3,))
     assert "the tags 2 belong to no phase" in complaint(
         fluid=(3,), labels=np.where(np.arange(len(tags)) % 2, tags, 3)

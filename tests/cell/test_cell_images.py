@@ -81,24 +81,31 @@ def test_check_says_what_was_removed(tmp_path):
 
 def test_a_part_of_an_image(tmp_path):
     values = np.random.default_rng(0).integers(0, 2, (6, 9, 12))
-    part = image(tmp_path / "image.npy", values, crop=((1, 6), (0, 5), (7, 12)))
-    np.testing.assert_array_equal(part.solid, values[1:6, :5, 7:] != 0)
+    part = image(tmp_path / "image.npy", values, crop=((1, 6), (0, 4), (6, 12)))
+    np.testing.assert_array_equal(part.solid, values[1:6, :4, 6:] != 0)
+
+
+def test_the_middle_of_an_image_that_is_too_large_is_proposed(tmp_path):
+    geometry = image(tmp_path / "image.npy", np.zeros((4, 6, 402), dtype=bool))
+    with pytest.raises(
+        ConfigurationError,
+        match=r"got the shape \(4, 6, 402\); cell.geometry.crop: \[\[0, 4\], \[0, 6\], \[1, 401\]\] takes the middle",
+    ):
+        _ = geometry.porosity
 
 
 @pytest.mark.parametrize(
     ("crop", "message"),
     [
         (
-            None,
-            r"got the shape \(6, 9, 12\); cell.geometry.crop: \[\[0, 6\], \[1, 7\], \[3, 9\]\] takes the middle",
-        ),
-        (
             ((0, 7), (0, 7), (0, 7)),
             r"a first voxel and a larger end within .*got the shape \(6, 9, 12\) and the part",
         ),
         (((3, 3), (0, 4), (0, 4)), "a first voxel and a larger end"),
-        (((0, 5), (0, 4), (0, 4)), r"got a part of the shape \(5, 4, 4\)"),
-        (((0, 3), (0, 3), (0, 3)), "a cube of 4 to 400 voxels.*take a larger one"),
+        (
+            ((0, 5), (0, 4), (0, 3)),
+            r"an image of 4 to 400 voxels.*got a part of the shape \(5, 4, 3\); take a larger one",
+        ),
     ],
 )
 def test_parts_that_are_refused(tmp_path, crop, message):

@@ -1,5 +1,7 @@
 """Contact with the mirror planes: derivatives against differences of the energy, and of two walls by themselves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,15 +10,21 @@ from porocore.cell.contact.mirrors import MirrorContact
 from porocore.cell.contact.model import DEEPEST, facet_edge, make_contact_model
 from porocore.cell.contact.pore_surface import pore_surface
 from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.geometry.sides import unit_sides
 from porocore.cell.meshing.mesh import CellMesh, MeshSettings
 
 H = np.diag([0.02, -0.25, 0.01])
 ELEMENTS = ("linear", "quadratic-curved")
 
 
-@pytest.fixture(scope="module", params=ELEMENTS)
+@pytest.fixture(scope="module", params=[*ELEMENTS, "box"])
 def mesh(request):
-    return Cell(mesh=MeshSettings(size=0.2, element=request.param)).make_mesh("solid", "eighth")
+    element = "linear" if request.param == "box" else request.param
+    found = Cell(mesh=MeshSettings(size=0.2, element=element)).make_mesh("solid", "eighth")
+    if request.param == "box":
+        sides = unit_sides((4, 5, 7))
+        return replace(found, points=found.points * sides, sides=sides)
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +33,7 @@ def pressed(mesh):
     contact = MirrorContact(mesh, stiffness=100.0, deepest=1.0)
     rng = np.random.default_rng(3)
     x = mesh.points @ (np.eye(3) + H)
-    outwards = 2 * x / np.diag(np.eye(3) + H) - 0.5  # −½ at X_a = 0, ½ at X_a = ½
+    outwards = x / (np.diag(np.eye(3) + H) * mesh.high) - 0.5  # −½ at X_a = 0, ½ at half of the side
     return contact, 0.08 * outwards + rng.normal(size=x.shape) * 2e-3
 
 
@@ -86,7 +94,7 @@ def test_blocks_are_the_slope_of_the_forces(mesh, pressed):
 def flattened(mesh):
     """A contact and a field that lays what is near a plane flat against it, a little beyond."""
     x = mesh.points @ (np.eye(3) + H)
-    edge = np.diag(np.eye(3) + H) / 2
+    edge = np.diag(np.eye(3) + H) * mesh.high
     distance = np.minimum(x, edge - x)
     near, beyond, left = 0.12, 0.01, 0.1
     pressed = np.where(distance < near, left * distance - beyond, distance - (1 - left) * near - beyond)

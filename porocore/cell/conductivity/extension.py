@@ -53,7 +53,7 @@ class HarmonicExtension:
         """Return the map of u_i on the wall to u_i at all corners, with 0 on the mirror planes of axis i."""
         held = on_wall.copy()
         if self.fluid.domain == "eighth":
-            held |= np.isin(self.fluid.points[self._node_of, i], (0.0, 0.5))
+            held |= self.fluid.on_mirrors[self._node_of, i]
         free, known = np.flatnonzero(~held), np.flatnonzero(held)
         if not len(free):
             return lambda values: values
@@ -72,7 +72,7 @@ class HarmonicExtension:
         fluid = self.fluid
         on_wall = self._to_wall @ u
         if fluid.domain == "eighth":
-            on_wall[np.isin(fluid.points[self._wall], (0.0, 0.5))] = 0.0
+            on_wall[fluid.on_mirrors[self._wall]] = 0.0
         corners = np.zeros((len(self._corners), 3))
         corner = self._corner_of[self._wall]
         corners[corner[corner >= 0]] = on_wall[corner >= 0]

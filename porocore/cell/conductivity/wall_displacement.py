@@ -65,7 +65,7 @@ def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Arra
     centres = solid.points[solid.wall[:, :3]].mean(axis=1)
     shifts = np.zeros((1, 3))
     if solid.domain == "whole":
-        shifts = np.array(list(product((0.0, 1.0, -1.0), repeat=3)))
+        shifts = np.array(list(product((0.0, 1.0, -1.0), repeat=3))) * solid.spans
     tiled = (shifts[:, None] + centres).reshape(-1, 3)
     _, near = cKDTree(tiled).query(points, k=min(CANDIDATES, len(tiled)))
     near = near.reshape(len(points), -1)

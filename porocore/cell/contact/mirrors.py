@@ -1,7 +1,8 @@
 """Contact of the wall with its own mirror images: against the planes of the eighth of the cell.
 
 The energy is ε/2 ∫ ⟨−g⟩² dA over the undeformed wall with the gap g to each of the six planes. The planes x_a = 0
-stay, those at X_a = ½ move to (1 + H_aa)/2. Under loads that preserve the mirrors, g is linear in u and H.
+stay, those at X_a = s_a/2, with the cell's sides s, move to (1 + H_aa) s_a/2. Under loads that preserve the mirrors, g
+is linear in u and H.
 
 A perturbation that is odd under the mirror of a plane moves the wall and its image differently: they slide over each
 other while their common surface tilts. For it the wall is paired with its reflection, triangle by triangle, as in the
@@ -59,7 +60,7 @@ class MirrorState:
         self._x = mesh.points @ F0.T + u
         # The nodes of a facet are tested before its quadrature points: most iterates have no contact.
         corners = self._x[surface.facets]
-        edge = np.diag(F0) / 2
+        edge = np.diag(F0) * mesh.high
         sides = []
         for axis in range(3):
             for sign, plane in ((1.0, 0.0), (-1.0, edge[axis])):
@@ -126,13 +127,12 @@ class MirrorState:
         """Return the second derivatives for the distance from the reflected wall.
 
         Its nodes move by −R u, with the reflection R, where those of the wall move by u. Under the odd loads the image
-        in the plane X_a = ½ also moves by δH e_a; a node at the place e_a without a displacement represents this.
+        in the far plane also moves by δH s_a e_a; a node at the place s_a e_a without a displacement represents this.
         """
         contact, x, X = self.contact, self._x, self.contact.mesh.points
         R = np.eye(3)
         R[axis, axis] = -1.0
-        unit = np.eye(3)[axis]
-        period = 0.0 * unit if sign > 0 else unit
+        period = np.eye(3)[axis] * (0.0 if sign > 0 else contact.mesh.sides[axis])
         image = Image(x @ R + self._F0 @ period, X @ R + period, reflected=True)
         pairs = find_pairs(contact.surface, x, X, image, 2 * REACH * contact.deepest)
         inside, points, corners = pairs.penetrating(x, image.x)
@@ -152,5 +152,5 @@ class MirrorState:
 
     def _places(self, facets: IntArray, axis: int, sign: float) -> Array:
         plane = np.zeros((len(facets), 1, 3))
-        plane[:, 0, axis] = 0.0 if sign > 0 else 0.5
+        plane[:, 0, axis] = 0.0 if sign > 0 else self.contact.mesh.high[axis]
         return np.concatenate([self.contact.mesh.points[self.contact.surface.facets[facets]], plane], axis=1)

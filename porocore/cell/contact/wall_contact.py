@@ -44,7 +44,7 @@ class WallContact:
         shifts: list[Array] = []
         found: list[Pairs] = []
         for shift in product((-1.0, 0.0, 1.0), repeat=3):
-            s: Array = np.multiply(shift, self.mesh.periods, dtype=np.float64)
+            s: Array = np.multiply(shift, self.mesh.spans)
             pairs = find_pairs(self.surface, x, X, Image(x + F0 @ s, X + s), reach)
             if len(pairs.weights):
                 shifts.append(s)

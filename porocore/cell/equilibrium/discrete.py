@@ -201,7 +201,7 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
 
     @property
     def copies(self) -> float:
-        """Number of images of the domain that fill one cell; 1/n for a block of n cells."""
+        """Number of images of the domain that fill one cell, of volume 1; 1/n for a block of n cells."""
         return 8.0 if self.mesh.domain == "eighth" else 1.0 / math.prod(self.mesh.periods)
 
     def exchanged_axes(self, iterate: OwnIterate) -> tuple[str, ...]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Literal
+from typing import Any, Literal
 
+from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.meshing.estimate import PER_CUBE
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.core.models.strict import StrictModel
@@ -16,7 +17,7 @@ Unfolding = Literal["wedge", "eighth", "whole"]
 
 
 class PoreGeometry(StrictModel, ABC):
-    """Shape of the pores in the periodic unit cube [−½, ½]³.
+    """Shape of the pores in a periodic cell of volume 1 around the origin: the unit cube [−½, ½]³, or a box.
 
     A new kind derives this class, has a field ``kind`` with one allowed text, and stands in
     :data:`porocore.cell.geometry.kinds.Geometry`. Most derive :class:`porocore.cell.geometry.cad.DrawnGeometry` or
@@ -33,14 +34,24 @@ class PoreGeometry(StrictModel, ABC):
     def unfolding(self) -> Unfolding:
         """Part that is meshed and unfolded by mirrors.
 
-        It is the wedge 0 ≤ x ≤ y ≤ z ≤ ½ of a cubic cell, the eighth [0, ½]³ of a cell with the three mirrors through
-        its middle, or the whole cell.
+        It is the wedge 0 ≤ x ≤ y ≤ z ≤ ½ of a cubic cell, the eighth of a cell with the three mirrors through its
+        middle, from the middle to half of each side, or the whole cell.
         """
 
     @property
     @abstractmethod
     def description(self) -> str:
         """Short description, such as ``spheres of radius 0.4 on a cubic lattice``."""
+
+    @property
+    def sides(self) -> Sides:
+        """Sides of the cell along x, y and z, in units of the cube root of its volume."""
+        return CUBE
+
+    @property
+    def length(self) -> float | None:
+        """Cube root of the cell's volume in metres, where the description of the pores tells it."""
+        return None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -51,8 +62,9 @@ class PoreGeometry(StrictModel, ABC):
     def point_group(self) -> PointGroup:
         """Point group of the pores: the operations of the cube that, with some shift, map them onto themselves.
 
-        By default it has the operations that unfold the part. A smaller group costs accuracy, a larger one makes laws
-        wrong. Regions of different material may be mapped onto each other, see :meth:`regions_after`.
+        It holds no operation that exchanges different sides of the cell. By default it has the operations that unfold
+        the part. A smaller group costs accuracy, a larger one makes laws wrong. Regions of different material may be
+        mapped onto each other, see :meth:`regions_after`.
         """
         return {"wedge": CUBIC, "eighth": MIRRORS, "whole": TRIVIAL}[self.unfolding]
 
@@ -68,6 +80,10 @@ class PoreGeometry(StrictModel, ABC):
         """Reason why the solid is not connected across the periodic cell; empty if it is, None if a mesh must tell."""
         return None
 
+    def specification(self) -> dict[str, Any]:
+        """Return all that the cell depends on; of a file its content, not its path."""
+        return self.model_dump(mode="json", exclude={"path"})
+
     def elements(self, size: float) -> float:
         """Return the approximate number of tetrahedra of a size in the whole cell, without meshing it."""
         return PER_CUBE / size**3
@@ -82,7 +98,7 @@ class PoreGeometry(StrictModel, ABC):
         Parameters
         ----------
         size
-            Element size, in lengths of the cell.
+            Element size, in units of the cube root of the cell's volume.
 
         Raises
         ------

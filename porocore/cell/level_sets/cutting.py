@@ -83,7 +83,7 @@ def cut(lattice: Lattice, level_set: LevelSet) -> TwoPhases:
     while True:
         points, moved = cuts.warped(movable)
         found = _split(lattice, cuts, points, np.where(moved, 0, signs), level_set)
-        share = volumes(found.points, found.cells) / lattice.spacing**3 * 12
+        share = volumes(found.points, found.cells) / lattice.spacing.prod() * 12
         flat = found.cells[share < FLAT]
         spoiled = np.intersect1d(flat, np.flatnonzero(moved))
         if not len(spoiled):
@@ -112,7 +112,7 @@ class _Cuts:
         exact = a + self.share[:, None] * (b - a)
         self.step = exact - a, exact - b
         self.points = np.where(moved, lattice.high, place)
-        length = np.linalg.norm(b - a, axis=1) / lattice.spacing
+        length = np.linalg.norm((b - a) / lattice.spacing, axis=1)
         kinds = [np.isclose(length, 1.0), np.isclose(length, np.sqrt(0.75))]
         self.close = np.select(kinds, [CLOSE_LONG, CLOSE_SHORT], CLOSE_HALVED)
 
@@ -147,7 +147,7 @@ class _Cuts:
         end = onto(self.level_set, start, held)
         step = end - start
         missed = np.abs(self.level_set.value(end)) > 1e-9 * self.scale
-        step[missed | (np.linalg.norm(step, axis=1) > FARTHEST * self.lattice.spacing)] = np.nan
+        step[missed | (np.linalg.norm(step, axis=1) > FARTHEST * self.lattice.spacing.min())] = np.nan
         return step
 
     def __call__(self, a: IntArray, b: IntArray) -> IntArray:

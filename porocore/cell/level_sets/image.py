@@ -34,7 +34,7 @@ def read_image(path: Path, crop: Crop | None = None) -> npt.NDArray[np.integer[A
     Raises
     ------
     ConfigurationError
-        The file is no image with whole numbers, the part is no cube within it, or tifffile is missing.
+        The file is no image with whole numbers, the part is not within it, or tifffile is missing.
     """
     suffix = path.suffix.lower()
     if suffix not in (".npy", *TIFF):
@@ -84,7 +84,7 @@ def _part(image: npt.NDArray[Any], crop: Crop | None) -> npt.NDArray[Any]:
 
 
 def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None) -> None:
-    """Refuse an image of which the part that is used is no segmented cube, before it is read."""
+    """Refuse an image of which the part that is used is no segmented image, before it is read."""
     if dtype is None or not (np.issubdtype(dtype, np.bool_) or np.issubdtype(dtype, np.integer)):
         raise ConfigurationError(
             f"{path}: expected a segmented image, of whole numbers or of true and false, got values of the type "
@@ -103,14 +103,14 @@ def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None) ->
             )
         shape = tuple(end - first for first, end in crop)
         got = f"got a part of the shape {shape}"
-    if len(set(shape)) > 1 or not SMALLEST <= shape[0] <= LARGEST:
-        low = tuple((length - min(shape)) // 2 for length in shape)
-        part = [[first, first + min(min(shape), LARGEST)] for first in low]
+    if min(shape) < SMALLEST or max(shape) > LARGEST:
+        spans = [((length - min(length, LARGEST)) // 2, min(length, LARGEST)) for length in shape]
+        part = [[first, first + length] for first, length in spans]
         advice = (
             f"cell.geometry.crop: {part} takes the middle" if min(shape) >= SMALLEST else "take a larger one"
         )
         raise ConfigurationError(
-            f"{path}: expected a cube of {SMALLEST} to {LARGEST} voxels along each edge, {got}; {advice}"
+            f"{path}: expected an image of {SMALLEST} to {LARGEST} voxels along each edge, {got}; {advice}"
         )
 
 
@@ -121,20 +121,20 @@ class SmoothImage:
 
     Parameters
     ----------
-    solid : (n, n, n)
+    solid : (n₁, n₂, n₃)
         True for solid voxels.
     smoothing
         Standard deviation in voxels of a Gaussian filter that is applied first.
-    low, high
+    low, high : (3,)
         Extent of the image along each axis.
     mirror
         True to continue the image by mirrors at its sides, else periodically.
     """
 
-    def __init__(self, solid: Mask, smoothing: float, low: float, high: float, *, mirror: bool) -> None:
+    def __init__(self, solid: Mask, smoothing: float, low: Array, high: Array, *, mirror: bool) -> None:
         from scipy.ndimage import gaussian_filter  # slow to import
 
-        self.n, self.low, self.mirror = len(solid), low, mirror
+        self.n, self.low, self.mirror = np.array(solid.shape), low, mirror
         self.voxel = (high - low) / self.n
         mode = "reflect" if mirror else "wrap"
         self._coefficients: Array = solid.astype(np.float64)
@@ -154,7 +154,7 @@ class SmoothImage:
         place = (points - self.low) / self.voxel - 0.5
         first = np.floor(place).astype(np.int64)
         weights, rates = _spline(place - first)
-        index = self._folded(first[:, :, None] + np.arange(-1, 3))
+        index = self._folded(first[:, :, None] + np.arange(-1, 3), self.n[:, None])
         around = self._coefficients[
             index[:, 0, :, None, None], index[:, 1, None, :, None], index[:, 2, None, None, :]
         ]
@@ -162,15 +162,15 @@ class SmoothImage:
         for slope in (None, *slopes):
             by_axis = [(rates if axis == slope else weights)[:, axis] for axis in range(3)]
             total = np.einsum("nijk,ni,nj,nk->n", around, *by_axis, optimize=True)
-            found.append(total - self._level if slope is None else total / self.voxel)
+            found.append(total - self._level if slope is None else total / self.voxel[slope])
         return found
 
-    def _folded(self, index: IntArray) -> IntArray:
-        """Return the indices of the voxels of the image that voxels beyond it repeat."""
+    def _folded(self, index: IntArray, n: IntArray) -> IntArray:
+        """Return the indices of the voxels, along axes of n voxels, that voxels beyond the image repeat."""
         if not self.mirror:
-            return index % self.n
-        within = index % (2 * self.n)
-        return np.where(within < self.n, within, 2 * self.n - 1 - within)
+            return index % n
+        within = index % (2 * n)
+        return np.where(within < n, within, 2 * n - 1 - within)
 
     def _level_for(self, share: float) -> float:
         """Return the level with the given share of the image below it.
@@ -180,7 +180,7 @@ class SmoothImage:
         """
         from scipy.optimize import brentq  # slow to import
 
-        parts = 1 if self.n > MANY else 2
+        parts = 1 if self.n.prod() > MANY**3 else 2
         offsets = (np.arange(parts) + 0.5) / parts - 0.5
         values, widths = [], []
         for offset in product(offsets, repeat=3):
@@ -206,7 +206,8 @@ class SmoothImage:
             first = int(np.floor(offset[axis]))
             weights, rates = _spline(np.array(offset[axis] - first))
             taken = rates if axis == slope else weights
-            places = self._folded(np.arange(self.n)[:, None] + first + np.arange(-1, 3))
+            n = self.n[axis]
+            places = self._folded(np.arange(n)[:, None] + first + np.arange(-1, 3), n)
             found = np.asarray(sum(taken[k] * np.take(found, places[:, k], axis=axis) for k in range(4)))
         return found
 

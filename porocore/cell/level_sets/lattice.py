@@ -1,8 +1,8 @@
 """Body-centred cubic lattice of tetrahedra in a box, between mirror planes or periodic.
 
-Its nodes are corners and centres of n × n × n equal cubes; each tetrahedron has one edge between the centres of two
-neighbouring cubes and one in their common face. Tetrahedra across the sides of the box are halved. All others have one
-shape, with dihedral angles of 60° and 90°.
+Its nodes are corners and centres of n₁ × n₂ × n₃ equal cubes, or of bricks that are nearly cubes where the box is none;
+each tetrahedron has one edge between the centres of two neighbouring cubes and one in their common face. Tetrahedra
+across the sides of the box are halved. In cubes all others have one shape, with dihedral angles of 60° and 90°.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ class Lattice:
 
     Attributes
     ----------
-    n
+    n : (3,)
         Cubes along each axis.
-    low, high
+    low, high : (3,)
         Ends of the box along each axis.
     periodic
         True where opposite sides are identified.
     index : (N, 3)
-        Place of each node in half edges of a cube, from 0 to 2n.
+        Place of each node in half edges of a cube, from 0 to 2n along each axis.
     cells : (M, 4)
         Tetrahedra, positively oriented.
     """
 
-    n: int
-    low: float
-    high: float
+    n: IntArray
+    low: Array
+    high: Array
     periodic: bool
     index: IntArray
     cells: IntArray
 
     @property
-    def spacing(self) -> float:
-        """Edge length of the cubes."""
+    def spacing(self) -> Array:
+        """Edges (3,) of the cubes."""
         return (self.high - self.low) / self.n
 
     @cached_property
@@ -91,39 +91,50 @@ class Lattice:
 
     @cached_property
     def _numbers(self) -> IntArray:
-        """Node at each place, (2n + 1, 2n + 1, 2n + 1); −1 where there is none."""
-        numbers = np.full((2 * self.n + 1,) * 3, -1)
-        numbers[tuple(self.index.T)] = np.arange(len(self.index))
-        return numbers
+        """Node at each place, (2n₁ + 1, 2n₂ + 1, 2n₃ + 1); −1 where there is none."""
+        return _numbered(self.n, self.index)
 
 
-def body_centred(n: int, low: float, high: float, *, periodic: bool) -> Lattice:
-    """Return the lattice of n × n × n cubes in [low, high]³: 12 n³ tetrahedra and the halves at the sides."""
-    even, odd = np.arange(0, 2 * n + 1, 2), np.arange(1, 2 * n, 2)
-    index = [_grid(even, even, even), _grid(odd, odd, odd)]
+def body_centred(
+    counts: npt.ArrayLike, low: npt.ArrayLike, high: npt.ArrayLike, *, periodic: bool
+) -> Lattice:
+    """Return the lattice of n cubes (3,) along each axis in a box: 12 n₁ n₂ n₃ tetrahedra and the halves at the sides.
+
+    One number for all axes stands for three.
+    """
+    n = np.broadcast_to(np.asarray(counts, dtype=np.int64), 3)
+    even, odd = [np.arange(0, 2 * m + 1, 2) for m in n], [np.arange(1, 2 * m, 2) for m in n]
+    index = [_grid(*even), _grid(*odd)]
     cells = []
     for axis in range(3):
-        for side in (0, 2 * n):
-            places = [odd, odd, odd]
+        for side in (0, 2 * n[axis]):
+            places = list(odd)
             places[axis] = np.array([side])
             index.append(_grid(*places))
     nodes = np.concatenate(index)
-    numbers = np.full((2 * n + 1,) * 3, -1)
-    numbers[tuple(nodes.T)] = np.arange(len(nodes))
+    numbers = _numbered(n, nodes)
     for axis in range(3):
         across = np.eye(3, dtype=np.int64)[axis]
         one, other = (np.eye(3, dtype=np.int64)[(axis + k) % 3] for k in (1, 2))
-        places = [odd, odd, odd]
-        places[axis] = even
+        places = list(odd)
+        places[axis] = even[axis]
         face = _grid(*places)
         below = np.where(face[:, [axis]] > 0, face - across, face)
-        above = np.where(face[:, [axis]] < 2 * n, face + across, face)
+        above = np.where(face[:, [axis]] < 2 * n[axis], face + across, face)
         ring = [face - one - other, face + one - other, face + one + other, face - one + other]
         for k in range(4):
             corners = (below, above, ring[k], ring[(k + 1) % 4])
             cells.append(np.stack([numbers[tuple(corner.T)] for corner in corners], axis=1))
     found = np.concatenate(cells)
-    return Lattice(n, low, high, periodic, nodes, oriented(nodes.astype(np.float64), found))
+    first, last = (np.broadcast_to(np.asarray(end, dtype=np.float64), 3) for end in (low, high))
+    return Lattice(n, first, last, periodic, nodes, oriented(nodes.astype(np.float64), found))
+
+
+def _numbered(n: IntArray, index: IntArray) -> IntArray:
+    """Return the row of each place in ``index`` (N, 3); −1 where there is none."""
+    numbers = np.full(tuple(2 * n + 1), -1)
+    numbers[tuple(index.T)] = np.arange(len(index))
+    return numbers
 
 
 def _grid(*places: IntArray) -> IntArray:

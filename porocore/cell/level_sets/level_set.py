@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from math import ceil
+
+import numpy as np
 
 from porocore.cell.geometry.part import PoreGeometry
 from porocore.cell.level_sets.curving import phases
 from porocore.cell.level_sets.cutting import LevelSet, cut
 from porocore.cell.level_sets.lattice import body_centred
+from porocore.cell.meshing.estimate import PER_CUBE, require_few
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.errors import PorocoreError
 
-#: Smallest number of cubes along the meshed part; with fewer, a periodic node may meet its own image.
+#: Smallest number of cubes along any side of the meshed part; with fewer, a periodic node may meet its own image.
 FEWEST = 3
 
 
@@ -38,8 +40,12 @@ def mesh_level_set(
         The size is too coarse for the pores.
     """
     periodic = geometry.unfolding == "whole"
-    low, high = (-0.5, 0.5) if periodic else (0.0, 0.5)
-    n = max(FEWEST, ceil((high - low) / size - 1e-9))
+    high = np.array(geometry.sides) / 2
+    low = -high if periodic else np.zeros(3)
+    edge = min(size, (high - low).min() / FEWEST)
+    n = np.ceil((high - low) / edge - 1e-9).astype(np.int64)
+    if edge < size:  # more elements than were expected of the size
+        require_few(PER_CUBE * float(n.prod()), "cell.geometry: its box is too flat")
     lattice = body_centred(n, low, high, periodic=periodic)
     try:
         mesh = cut(lattice, level_set)

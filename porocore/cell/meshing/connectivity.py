@@ -111,12 +111,12 @@ def _neighbours(mesh: CellMesh) -> tuple[IntArray, IntArray, IntArray]:
     """Return pairs of tetrahedra with a common facet: within the cell; across its faces, and the cell of the second."""
     facets = mesh.cells[:, FACETS[:, :3]].reshape(-1, 3)
     owner = np.repeat(np.arange(len(mesh.cells)), 4)
-    classes = facet_classes(mesh.points, facets, np.array(mesh.periods) - 0.5)
+    classes = facet_classes(mesh.points, facets, mesh.low, mesh.high)
     order = np.argsort(classes, kind="stable")
     same = np.diff(classes[order]) == 0
     first, second = order[:-1][same], order[1:][same]
     step = mesh.points[facets[first]].mean(axis=1) - mesh.points[facets[second]].mean(axis=1)
-    shifts = np.rint(step / mesh.periods).astype(np.int64)
+    shifts = np.rint(step / mesh.spans).astype(np.int64)
     within = ~shifts.any(axis=1)
     pairs = np.column_stack([owner[first], owner[second]])
     return pairs[within], pairs[~within], shifts[~within]

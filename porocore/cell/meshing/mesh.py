@@ -11,6 +11,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from porocore.cell.geometry.part import PoreGeometry
+from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.meshing.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.meshing.periodicity import facet_classes
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, boundary_facets, with_middles
@@ -25,7 +26,7 @@ Domain = Literal["eighth", "whole"]
 
 
 class MeshSettings(StrictModel):
-    """Element size (of the unit cell) and kind of tetrahedra."""
+    """Element size, of a cell of volume 1, and kind of tetrahedra."""
 
     size: Annotated[float, Field(ge=0.01, le=0.5), Unit("cell")] = 0.2
     """Size of the solid's tetrahedra; narrow channels are meshed finer, with at most 0.8 of their radius."""
@@ -37,7 +38,9 @@ class MeshSettings(StrictModel):
 
 @dataclass(frozen=True, eq=False)
 class CellMesh:
-    """Tetrahedra of one phase on the eighth [0, ½]³, on the whole cell [−½, ½]³, or on a block of whole cells.
+    """Tetrahedra of one phase on the eighth, on the whole cell around the origin, or on a block of whole cells.
+
+    With sides s the eighth is the box from 0 to s/2, [0, ½]³ in a cubic cell, and the whole cell that from −s/2 to s/2.
 
     Attributes
     ----------
@@ -48,11 +51,13 @@ class CellMesh:
     cells : (tetrahedra, 4 or 10)
         Linear or quadratic tetrahedra in VTK order, positively oriented.
     periods
-        Cells along each axis; a block extends from −½ to periods − ½ and has the domain "whole".
+        Cells along each axis; a block extends from −s/2 to (periods − ½) s and has the domain "whole".
     regions : (tetrahedra,)
         Index of each element into ``region_names``; all 0 where none are given.
     region_names
         Parts of the phase that may differ in material; one, named like the phase, where none are given.
+    sides
+        Sides s of one cell along each axis; its volume is 1.
 
     Raises
     ------
@@ -67,6 +72,7 @@ class CellMesh:
     periods: tuple[int, int, int] = (1, 1, 1)
     regions: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     region_names: tuple[str, ...] = ()
+    sides: Sides = CUBE
 
     def __post_init__(self) -> None:
         if not self.region_names:
@@ -112,22 +118,37 @@ class CellMesh:
         """
         if self.domain == "eighth":
             corners = self.points[self.boundary[:, :3]]
-            on_plane = (corners == 0.0).all(axis=1) | (corners == 0.5).all(axis=1)
+            on_plane = (corners == self.low).all(axis=1) | (corners == self.high).all(axis=1)
             return np.asarray(self.boundary[~on_plane.any(axis=1)])
-        number = facet_classes(self.points, self.boundary, self._last)
+        number = facet_classes(self.points, self.boundary, self.low, self.high)
         return np.asarray(self.boundary[np.bincount(number)[number] == 1])
 
     @property
-    def _last(self) -> Array:
+    def spans(self) -> Array:
+        """Periods of a field on the whole cell or on the block along each axis, (3,)."""
+        return np.multiply(self.periods, self.sides)
+
+    @property
+    def low(self) -> Array:
+        """Lower end of the domain along each axis, (3,): the middle of the cell for its eighth."""
+        return np.zeros(3) if self.domain == "eighth" else np.array(self.sides) / -2
+
+    @property
+    def high(self) -> Array:
         """Upper end of the domain along each axis, (3,)."""
-        return np.array(self.periods) - 0.5
+        return self.spans - np.array(self.sides) / 2
+
+    @cached_property
+    def on_mirrors(self) -> npt.NDArray[np.bool_]:
+        """True (nodes, 3) for a node of the eighth on a mirror plane across each axis."""
+        return np.asarray((self.points == self.low) | (self.points == self.high))
 
     @cached_property
     def periodic_class(self) -> npt.NDArray[np.int64]:
         """Number (N,) of each node with opposite faces identified; the identity on the eighth."""
         if self.domain == "eighth":
             return np.arange(len(self.points))
-        wrapped = np.where(self.points == self._last, -0.5, self.points)
+        wrapped = np.where(self.points == self.high, self.low, self.points)
         return np.asarray(np.unique(wrapped, axis=0, return_inverse=True)[1].reshape(-1))
 
     @cached_property
@@ -153,7 +174,7 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
         raise ValueError(f"{geometry.description}: the cell has no mirrors, and so no eighth")
     if geometry.unfolding != "whole" and domain == "whole":
         eighth = make_mesh(geometry, settings, phase, "eighth")
-        points, cells = eighth_to_whole(eighth.points, eighth.cells)
+        points, cells = eighth_to_whole(eighth.points, eighth.cells, geometry.sides)
         regions = np.tile(eighth.regions, 8)
         return replace(eighth, domain=domain, points=points, cells=cells, regions=regions)
     size = settings.size if phase == "solid" else settings.fluid_size
@@ -163,8 +184,10 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
         points, cells = wedge_to_eighth(points, cells)
         regions = np.tile(regions, 6)
     elif geometry.unfolding == "eighth":
-        points = snap(points)
-    return CellMesh(phase, domain, points, cells, regions=regions, region_names=part.region_names)
+        points = snap(points, geometry.sides)
+    return CellMesh(
+        phase, domain, points, cells, regions=regions, region_names=part.region_names, sides=geometry.sides
+    )
 
 
 @lru_cache(maxsize=4)

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from porocore.cell.geometry.part import PoreGeometry, Unfolding
+from porocore.cell.geometry.sides import CUBE, Sides, unit_sides
 from porocore.cell.meshing.periodicity import matched
 from porocore.cell.meshing.shape_functions import EDGES
 from porocore.cell.meshing.tetrahedra import (
@@ -33,14 +34,14 @@ Tag = int | str
 Tags = Annotated[tuple[Tag, ...], Field(min_length=1)]
 #: Names under which meshing programs store the tags of elements; the first one in a file is used.
 TAG_DATA = ("gmsh:physical", "medit:ref", "phase", "region", "cell_tags", "material", "gmsh:geometrical")
-#: Largest difference of the extents along the axes, in lengths of the cell.
-CUBE = 1e-6
+#: Largest difference of the extents of a cube along the axes, relative to the largest.
+SAME = 1e-6
 
 
 class MeshFile(FromFile, PoreGeometry):
     """Tetrahedra of solid and fluid, distinguished by tags: names of physical groups, or numbers.
 
-    The bounding box, a cube with the same nodes on opposite faces, becomes the unit cell. The mesh is used
+    The bounding box, with the same nodes on opposite faces, becomes the cell, of volume 1. The mesh is used
     as it is and ``cell.mesh.size`` is ignored; linear elements get the nodes that ``cell.mesh.element`` requires.
     Several tags of the solid are its regions.
     """
@@ -66,8 +67,13 @@ class MeshFile(FromFile, PoreGeometry):
     @property
     def porosity(self) -> float:
         """Porosity of the mesh."""
-        fluid = _read(self)["fluid"]
+        fluid = _read(self)[0]["fluid"]
         return volume(fluid.points, fluid.cells)
+
+    @property
+    def sides(self) -> Sides:
+        """Sides of the bounding box."""
+        return _read(self)[1]
 
     @property
     def unfolding(self) -> Unfolding:
@@ -98,7 +104,7 @@ class MeshFile(FromFile, PoreGeometry):
         ConfigurationError
             The file is no such mesh, has changed, or is not periodic.
         """
-        return {phase: _of_order(part, element) for phase, part in _read(self).items()}
+        return {phase: _of_order(part, element) for phase, part in _read(self)[0].items()}
 
 
 def _of_order(mesh: Tetrahedra, element: Element) -> Tetrahedra:
@@ -114,7 +120,8 @@ def _of_order(mesh: Tetrahedra, element: Element) -> Tetrahedra:
 
 
 @lru_cache(maxsize=2)
-def _read(geometry: MeshFile) -> dict[Phase, Tetrahedra]:
+def _read(geometry: MeshFile) -> tuple[dict[Phase, Tetrahedra], Sides]:
+    """Return the tetrahedra of a file by phase, and the sides of the cell."""
     path = geometry.checked("cell.geometry")
     mesh = read_mesh(path)
     kinds = {block.type for block in mesh.cells if block.dim == 3}
@@ -133,8 +140,9 @@ def _read(geometry: MeshFile) -> dict[Phase, Tetrahedra]:
             f"{path}: elements with the tags {_listed(strange, names)} belong to no phase; name them under "
             "cell.geometry.solid or cell.geometry.fluid"
         )
-    points, cells = used(_unit_cell(path, np.asarray(mesh.points, dtype=np.float64), cells), cells)
-    points = matched(points, cells, str(path))
+    points, sides = _unit_cell(path, np.asarray(mesh.points, dtype=np.float64), cells)
+    points, cells = used(points, cells)
+    points = matched(points, cells, sides, str(path))
     cells = _positive(points, cells, path)
 
     def of_phase(name: Phase) -> Tetrahedra:
@@ -146,12 +154,13 @@ def _read(geometry: MeshFile) -> dict[Phase, Tetrahedra]:
         regions = np.array([numbers.index(tag) for tag in tags[chosen]], dtype=np.int64)
         return Tetrahedra(*part, regions, tuple(str(names.get(number, number)) for number in numbers))
 
-    return {"solid": of_phase("solid"), "fluid": of_phase("fluid")}
+    return {"solid": of_phase("solid"), "fluid": of_phase("fluid")}, sides
 
 
 @lru_cache(maxsize=2)
 def _region_maps(geometry: MeshFile) -> dict[Rotation, RegionMap]:
-    return region_maps(_read(geometry)["solid"])
+    phases, sides = _read(geometry)
+    return region_maps(phases["solid"], sides)
 
 
 def _tags(geometry: MeshFile, path: Path, mesh: Any, blocks: list[int]) -> tuple[IntArray, dict[int, str]]:
@@ -189,17 +198,20 @@ def _listed(tags: IntArray, names: dict[int, str]) -> str:
     return ", ".join(f"{tag} ('{names[int(tag)]}')" if int(tag) in names else str(tag) for tag in tags[:12])
 
 
-def _unit_cell(path: Path, points: Array, cells: IntArray) -> Array:
-    """Return the points shifted and scaled so that the corners of the tetrahedra fill [−½, ½]³."""
+def _unit_cell(path: Path, points: Array, cells: IntArray) -> tuple[Array, Sides]:
+    """Return the points shifted and scaled so that the corners of the tetrahedra fill a cell, and its sides."""
     corners = points[np.unique(cells[:, :4])]
     low, high = corners.min(axis=0), corners.max(axis=0)
     extent = high - low
-    if extent.min() <= 0 or np.ptp(extent) > CUBE * extent.max():
+    if extent.min() <= SAME * extent.max():
         raise ConfigurationError(
-            f"{path}: expected a cube, got a box of {extent[0]:g} x {extent[1]:g} x {extent[2]:g}; a cell has the same "
-            "period along each axis: mesh such a cell, or repeat it until its periods are equal"
+            f"{path}: expected tetrahedra that fill a box, got {extent[0]:g} x {extent[1]:g} x {extent[2]:g}, which is "
+            "flat; mesh a whole cell"
         )
-    return np.asarray((points - low) / extent.max() - 0.5)
+    if np.ptp(extent) <= SAME * extent.max():
+        return np.asarray((points - low) / extent.max() - 0.5), CUBE
+    sides = unit_sides(extent)
+    return np.asarray(((points - low) / extent - 0.5) * sides), sides
 
 
 def _positive(points: Array, cells: IntArray, path: Path) -> IntArray:

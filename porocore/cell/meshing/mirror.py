@@ -1,7 +1,7 @@
 """Unfolding of the mesh of a symmetric part of the cell by reflections.
 
-The images share their nodes on the mirror planes exactly, so the whole cell has matching opposite faces and the full
-symmetry of the cube.
+The images share their nodes on the mirror planes exactly, so the whole cell has matching opposite faces, and that of a
+wedge has the full symmetry of the cube.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from itertools import permutations, product
 import numpy as np
 import numpy.typing as npt
 
+from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.states import Array
 
 #: Nodes of a tetrahedron (VTK order, 4 or 10) after swapping its first two corners, which restores the orientation.
@@ -27,18 +28,19 @@ def wedge_to_eighth(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array,
     return _merge([(points[:, order], bool(np.linalg.det(np.eye(3)[order]) < 0)) for order in orders], cells)
 
 
-def eighth_to_whole(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array, npt.NDArray[np.int64]]:
-    """Return the mesh of the whole cell from that of [0, ½]³, by the eight sign changes of the coordinates."""
-    points = snap(points)
+def eighth_to_whole(
+    points: Array, cells: npt.NDArray[np.int64], sides: Sides = CUBE
+) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Return the mesh of the whole cell from that of its eighth, by the eight sign changes of the coordinates."""
+    points = snap(points, sides)
     images = [(points * signs, bool(np.prod(signs) < 0)) for signs in product((1.0, -1.0), repeat=3)]
     return _merge(images, cells)
 
 
-def snap(points: Array) -> Array:
-    """Return points with the coordinates within 1e-9 of the planes of the eighth, 0 and ½, set onto them."""
-    points = points.copy()
-    for plane in (0.0, 0.5):
-        points[np.abs(points - plane) < 1e-9] = plane
+def snap(points: Array, sides: Sides = CUBE) -> Array:
+    """Return points with the coordinates within 1e-9 of the planes of the eighth, 0 and half a side, set onto them."""
+    for plane in (np.zeros(3), np.array(sides) / 2):
+        points = np.where(np.abs(points - plane) < 1e-9, plane, points)
     return points
 
 
@@ -54,7 +56,7 @@ def _merge(
     return merged, inverse.reshape(-1)[all_cells]
 
 
-def unfold_displacement(points: Array, u: Array, whole: Array) -> Array:
+def unfold_displacement(points: Array, u: Array, whole: Array, sides: Sides = CUBE) -> Array:
     """Return a displacement of the eighth under a load that preserves the mirrors on the whole cell, exactly.
 
     Parameters
@@ -62,9 +64,11 @@ def unfold_displacement(points: Array, u: Array, whole: Array) -> Array:
     points : (n, 3)
         Nodes of the eighth.
     u : (n, 3)
-        Displacement; u_i vanishes on the planes X_i = 0 and X_i = ½.
+        Displacement; u_i vanishes on the mirror planes across axis i.
     whole : (N, 3)
         Nodes of the whole cell, images of the eighth's by :func:`eighth_to_whole`.
+    sides
+        Sides of the cell.
 
     Returns
     -------
@@ -76,7 +80,7 @@ def unfold_displacement(points: Array, u: Array, whole: Array) -> Array:
     ValueError
         A node of the whole cell is no image of one of the eighth.
     """
-    known = snap(points) + 0.0
+    known = snap(points, sides) + 0.0
     _, inverse = np.unique(np.concatenate([known, np.abs(whole) + 0.0]), axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
     node = np.full(int(inverse.max()) + 1, -1)

@@ -37,10 +37,10 @@ def mirror_gap(mesh: CellMesh, grad_u: Array, u: Array) -> float:
     """
     X, weights = _wall_points(mesh)
     x = X * (1 + np.diag(grad_u)) + np.einsum("sa,kai->ksi", weights, u[mesh.wall]).reshape(-1, 3)
-    edge = (1 + np.diag(grad_u)) / 2
+    edge = (1 + np.diag(grad_u)) * mesh.high
     gap = np.inf
     for axis in range(3):
-        below, above = X[:, axis], 0.5 - X[:, axis]
+        below, above = X[:, axis], mesh.high[axis] - X[:, axis]
         off = below > 1e-12
         gap = min(gap, (x[off, axis] / below[off]).min(initial=np.inf))
         off = above > 1e-12
@@ -72,7 +72,7 @@ def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int6
     nodes = np.unique(mesh.wall)
     queries, names = [], []
     for shift in product((-1.0, 0.0, 1.0), repeat=3):
-        moved = x[nodes] + F0 @ (np.array(shift) * mesh.periods)
+        moved = x[nodes] + F0 @ (np.array(shift) * mesh.spans)
         near = ((moved > low) & (moved < high)).all(axis=1)
         queries.append(moved[near])
         names.append(nodes[near])

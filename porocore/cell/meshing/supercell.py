@@ -1,6 +1,6 @@
 """A block of n₁ × n₂ × n₃ whole cells as one periodic domain, for modes of longer periods than the cell's.
 
-The block is [−½, n₁ − ½] × [−½, n₂ − ½] × [−½, n₃ − ½]; its first cell is the whole cell.
+Its first cell is the whole cell; that of cubic cells is [−½, n₁ − ½] × [−½, n₂ − ½] × [−½, n₃ − ½].
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ def block(mesh: CellMesh, periods: Periods) -> CellMesh:
     if mesh.domain != "whole" or mesh.periods != (1, 1, 1):
         raise ValueError("a block is made of the mesh of one whole cell")
     first, inverse = _joined(mesh, periods)
-    shifts = _shifts(periods)
+    shifts = _shifts(periods) * mesh.sides
     points = (mesh.points[None] + shifts[:, None]).reshape(-1, 3)[first]
     n = len(mesh.points)
     cells = np.concatenate([inverse[mesh.cells + k * n] for k in range(len(shifts))])
     regions = np.tile(mesh.regions, len(shifts))
-    return CellMesh(mesh.phase, "whole", points, cells, periods, regions, mesh.region_names)
+    return CellMesh(mesh.phase, "whole", points, cells, periods, regions, mesh.region_names, mesh.sides)
 
 
 def tiled(mesh: CellMesh, u: Array, periods: Periods, signs: tuple[int, int, int] = (1, 1, 1)) -> Array:
@@ -89,6 +89,6 @@ def _joined(mesh: CellMesh, periods: Periods) -> tuple[IntArray, IntArray]:
 
     The coordinates of copies agree exactly where they meet, as those of opposite faces of the cell do.
     """
-    points = (mesh.points[None] + _shifts(periods)[:, None]).reshape(-1, 3)
+    points = (mesh.points[None] + (_shifts(periods) * mesh.sides)[:, None]).reshape(-1, 3)
     _, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
     return first.astype(np.int64), inverse.reshape(-1).astype(np.int64)

@@ -1,7 +1,7 @@
 """Lowest eigenvalue and mode of the tangent for a wave vector.
 
 K u = λ M u with the lumped mass M of the undeformed solid at density 1, so λ is the minimum of δ²Π per ∫|u|² dV and
-depends on the mesh by the discretisation error only. Units are E and the edge of the cell.
+depends on the mesh by the discretisation error only. Units are E and the cube root of the cell's volume.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.spatial import cKDTree
 
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
+from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.meshing.mass import lumped_mass
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.stability.inertia import by_wave
@@ -37,7 +38,7 @@ class Mode:
     Attributes
     ----------
     value : float
-        λ [E per squared edge of the cell]; negative: the energy falls along the mode.
+        λ [E per squared length of the cell]; negative: the energy falls along the mode.
     parity
         Parity class.
     mesh
@@ -67,24 +68,24 @@ class Mode:
         ValueError
             A point is no image of a node.
         """
-        there, signs = folded(points, self.parity)
+        there, signs = folded(points, self.parity, self.mesh.sides)
         distance, node = cKDTree(self.mesh.points).query(there)
         if distance.max(initial=0.0) > NEAR:
             raise ValueError(f"point {int(distance.argmax())} is no mirror image of a node of the eighth")
         return np.asarray(signs * self.u[node])
 
 
-def folded(points: Array, parity: str) -> tuple[Array, Array]:
+def folded(points: Array, parity: str, sides: Sides = CUBE) -> tuple[Array, Array]:
     """Return the mirror images (n, 3) of points in the eighth, and the signs (n, 3) of a field of the class there."""
     first, second = odd_axes(parity, 0), odd_axes(parity, 1)
     there, signs = np.empty_like(points), np.ones_like(points)
     for axis, name in enumerate("xyz"):
-        x = np.mod(points[:, axis], 2.0)
+        x = np.mod(points[:, axis] / sides[axis], 2.0)
         at_0 = -1.0 if name in first else 1.0
         at_half = -1.0 if name in second else 1.0
         # Four quarters of two cells: identity, mirror at ½, shift by one cell (both mirrors), mirror at 0.
         quarter = np.minimum((2 * x).astype(np.int64), 3)
-        there[:, axis] = np.choose(quarter, [x, 1 - x, x - 1, 2 - x])
+        there[:, axis] = np.choose(quarter, [x, 1 - x, x - 1, 2 - x]) * sides[axis]
         signs *= np.choose(quarter, [1.0, at_half, at_0 * at_half, at_0])[:, None]
         signs[:, axis] *= np.choose(quarter, [1.0, -1.0, 1.0, -1.0])
     return there, signs

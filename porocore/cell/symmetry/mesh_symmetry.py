@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.meshing.tetrahedra import Tetrahedra, volumes
 from porocore.cell.symmetry.point_set import images_of_points, kinds
 from porocore.core.tensors.point_group import CUBE_OPERATIONS, Rotation, as_rotation
@@ -20,12 +21,13 @@ SAME_VOLUME = 1e-9
 RegionMap = Mapping[str, str] | None
 
 
-def region_maps(mesh: Tetrahedra) -> dict[Rotation, RegionMap]:
-    """Return the operations that map a mesh of [−½, ½]³ onto itself, each with the images of the regions.
+def region_maps(mesh: Tetrahedra, sides: Sides = CUBE) -> dict[Rotation, RegionMap]:
+    """Return the operations that map the mesh of a whole cell onto itself, each with the images of the regions.
 
     Nodes are mapped onto nodes and tetrahedra onto tetrahedra. A mesh may have fewer symmetries than its body.
     """
-    wrapped = np.where(mesh.points == 0.5, -0.5, mesh.points)
+    half = np.array(sides) / 2
+    wrapped = np.where(mesh.points == half, -half, mesh.points)
     points, number = np.unique(wrapped, axis=0, return_inverse=True)
     cells = np.sort(number.reshape(-1)[mesh.cells], axis=1)
     corners = number.reshape(-1)[mesh.cells[:, :4]]
@@ -37,8 +39,10 @@ def region_maps(mesh: Tetrahedra) -> dict[Rotation, RegionMap]:
     labels = kinds(np.column_stack([is_middle, np.concatenate([around, own])]), SAME_VOLUME)
     found: dict[Rotation, RegionMap] = {}
     for Q in CUBE_OPERATIONS:
+        if not np.array_equal(np.abs(Q) @ half, half):
+            continue
         maps = []
-        for order in images_of_points(everything, labels, SAME, Q):
+        for order in images_of_points(everything, labels, SAME, Q, sides):
             row = order[len(points) :] - len(points)
             if np.array_equal(np.sort(order[cells], axis=1), cells[row]):
                 maps.append(_regions(mesh, row))

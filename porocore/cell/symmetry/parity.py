@@ -3,11 +3,11 @@
 A perturbation by H_ij is even or odd under the mirror of each axis. On the planes of an axis an odd field has a normal
 component only, an even field has tangential components only.
 
-A perturbation with wave vector components k_a ∈ {0, π} may have one parity at X_a = 0 and another at X_a = ½. The
-product of both mirrors is the translation by one cell, so equal parities mean period one, k_a = 0, and different ones
-period two, k_a = π. A class of perturbations is named by the axes under whose mirrors it is odd: "xy" at both planes
-of x and of y, "xy|xz" at X = 0 and Y = 0, and at X = ½ and Z = ½. The 64 classes contain every perturbation of the
-eight wave vectors; the eight classes without a bar have period one.
+A perturbation with wave vector components k_a ∈ {0, π} may have one parity at X_a = 0 and another at half
+of the cell's side, X_a = ½ in a cube. The product of both mirrors is the translation by one cell, so equal parities
+mean period one, k_a = 0, and different ones period two, k_a = π. A class of perturbations is named by the axes under
+whose mirrors it is odd: "xy" at both planes of x and of y, "xy|xz" at X = 0 and Y = 0, and at X = ½ and Z = ½. The 64
+classes contain every perturbation of the eight wave vectors; the eight classes without a bar have period one.
 """
 
 from __future__ import annotations
@@ -77,10 +77,10 @@ def held_displacements(mesh: CellMesh, parity: str = "") -> npt.NDArray[np.bool_
     if mesh.domain == "whole":
         held[mesh.periodic_class == 0] = True
         return held
-    for plane, position in enumerate((0.0, 0.5)):
+    for plane, position in enumerate((mesh.low, mesh.high)):
         axes = odd_axes(parity, plane)
         for axis in range(3):
-            there = mesh.points[:, axis] == position
+            there = mesh.points[:, axis] == position[axis]
             for i in range(3):
                 if (i != axis) == ("xyz"[axis] in axes):
                     held[there, i] = True
@@ -101,7 +101,7 @@ def held_velocities(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
     on_wall[mesh.periodic_class[mesh.wall]] = True
     held[on_wall[mesh.periodic_class]] = True
     if mesh.domain == "eighth":
-        on_plane = _on_plane(mesh)
+        on_plane = mesh.on_mirrors
         for i in {0, 1, 2} - {j}:
             held[on_plane[:, i] | on_plane[:, j], i] = True
     return held
@@ -111,7 +111,7 @@ def held_pressures(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
     """Return the nodes where the pressure p̃^j vanishes because it is odd under the mirror of j, (nodes,)."""
     if mesh.domain == "whole":
         return np.zeros(len(mesh.points), dtype=bool)
-    return _on_plane(mesh)[:, j]
+    return mesh.on_mirrors[:, j]
 
 
 def visible(mesh: CellMesh, parity: str = "") -> Array:
@@ -124,7 +124,3 @@ def visible(mesh: CellMesh, parity: str = "") -> Array:
     mask = np.zeros((3, 3))
     mask[i, j] = mask[j, i] = 1.0
     return mask
-
-
-def _on_plane(mesh: CellMesh) -> npt.NDArray[np.bool_]:
-    return np.asarray((mesh.points == 0.0) | (mesh.points == 0.5))

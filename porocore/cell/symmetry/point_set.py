@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.core.tensors.point_group import CUBE_OPERATIONS, TRIVIAL, PointGroup
 from porocore.states import Array, IntArray
 
@@ -55,22 +56,22 @@ def group_of_points(
     )
 
 
-def images_of_points(points: Array, labels: IntArray, tolerance: float, Q: IntArray) -> Iterator[IntArray]:
-    """Yield the image (n,) of each point, for each shift with which Q (3, 3) maps the set onto itself."""
+def images_of_points(
+    points: Array, labels: IntArray, tolerance: float, Q: IntArray, sides: Sides = CUBE
+) -> Iterator[IntArray]:
+    """Yield the image (n,) of each point, for each shift with which Q (3, 3) maps the set onto itself.
+
+    The periods of the set are ``sides``, and Q exchanges equal ones only.
+    """
     from scipy.spatial import cKDTree  # slow to import
 
-    within = points - np.floor(points)
-    within[within >= 1.0] = 0.0
-    tree = cKDTree(within, boxsize=1.0)
+    tree = cKDTree(_wrapped(points, sides), boxsize=sides)
     count = np.bincount(labels)
     rare = np.flatnonzero(labels == np.where(count > 0, count, len(labels) + 1).argmin())
     turned = points @ Q.T
 
     def nearest(rows: slice, shift: Array) -> tuple[Array, IntArray]:
-        moved = turned[rows] + shift
-        moved -= np.floor(moved)
-        moved[moved >= 1.0] = 0.0
-        distance, index = tree.query(moved)
+        distance, index = tree.query(_wrapped(turned[rows] + shift, sides))
         return distance, np.asarray(index, dtype=np.int64)
 
     for goal in rare[:MOST_SHIFTS]:
@@ -82,6 +83,12 @@ def images_of_points(points: Array, labels: IntArray, tolerance: float, Q: IntAr
         else:
             if len(np.unique(order)) == len(points):
                 yield order
+
+
+def _wrapped(points: Array, sides: Sides) -> Array:
+    """Return points (n, 3) shifted by whole periods into the box from 0 to ``sides``."""
+    within = points - np.floor(points / sides) * sides
+    return np.where((within < 0) | (within >= sides), 0.0, within)
 
 
 def kinds(values: Array, tolerance: float) -> IntArray:
@@ -96,11 +103,13 @@ def kinds(values: Array, tolerance: float) -> IntArray:
     return labels
 
 
-def group_of_voxels(solid: Mask, *, mirror: bool) -> PointGroup:
-    """Return the point group of a cell of voxels (n, n, n), exactly.
+def group_of_voxels(solid: Mask, *, mirror: bool, sides: Sides = CUBE) -> PointGroup:
+    """Return the point group of a cell of voxels (n₁, n₂, n₃) with these sides, exactly.
 
     With ``mirror`` they are the eighth of the cell, mirrored at its sides; else they are the whole cell.
     """
+    box = np.array([sides, solid.shape])
+    operations = [Q for Q in CUBE_OPERATIONS if np.array_equal(box @ np.abs(Q), box)]
     if mirror:
         flips = list(product((1, -1), repeat=3))
         return PointGroup.generated(
@@ -108,7 +117,7 @@ def group_of_voxels(solid: Mask, *, mirror: bool) -> PointGroup:
             # Reversed along an axis, the eighth is that of the cell shifted by half a period.
             + [
                 Q
-                for Q in CUBE_OPERATIONS
+                for Q in operations
                 if any(np.array_equal(_turned(_flipped(solid, signs), np.abs(Q)), solid) for signs in flips)
             ]
         )
@@ -119,11 +128,13 @@ def group_of_voxels(solid: Mask, *, mirror: bool) -> PointGroup:
         along = []
         for axis, (old, sign) in enumerate(_axes(Q)):
             profile = profiles[old][::sign]
-            shifts = [s for s in range(len(solid)) if np.array_equal(np.roll(profile, s), profiles[axis])]
+            shifts = [
+                s for s in range(solid.shape[axis]) if np.array_equal(np.roll(profile, s), profiles[axis])
+            ]
             along.append(shifts[:1] if uniform[axis] and uniform[old] else shifts)
         return _shifts_onto(_turned(solid, Q), solid, along)
 
-    return PointGroup.generated([Q for Q in CUBE_OPERATIONS if allowed(Q)])
+    return PointGroup.generated([Q for Q in operations if allowed(Q)])
 
 
 def _axes(Q: IntArray) -> list[tuple[int, int]]:
@@ -146,7 +157,7 @@ def _shifts_onto(one: Mask, other: Mask, along: list[list[int]]) -> bool:
     if np.prod([float(len(shifts)) for shifts in along]) > MOST_VOXEL_SHIFTS:
         return False
     shifts = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.int64)
-    n = len(one)
+    n = np.array(one.shape)
     for at in np.random.default_rng(0).integers(0, n, (PROBES, 3)):
         if len(shifts) <= 1:
             break

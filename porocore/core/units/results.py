@@ -155,3 +155,10 @@ def speaking(units: ResultUnits) -> Iterator[None]:
 def spoken() -> ResultUnits:
     """Return the units in which a message of the study that is worked on gives its values."""
     return _SPOKEN.get() or ResultUnits()
+
+
+def length_text(*metres: float) -> str:
+    """Return small lengths in the unit that suits the largest of them, such as ``192 x 192 x 384 µm``."""
+    units = {"m": 1.0, "mm": 1e3, "µm": 1e6, "nm": 1e9}
+    unit, factor = next(((u, f) for u, f in units.items() if max(metres) * f >= 1), ("nm", 1e9))
+    return f"{' x '.join(f'{length * factor:.4g}' for length in metres)} {unit}"

@@ -60,7 +60,7 @@ class Scales(StrictModel):
     modulus: Annotated[Positive, Dimension("stress", si=True)] | None = None
     """E, Young's modulus of the solid, or the reference modulus of another material; this or ``force``."""
     pore: Annotated[Positive, Dimension("displacement", si=True)]
-    """d, edge length of the cell."""
+    """d, the edge of a cubic cell, of a box the cube root of its volume; not needed with ``voxel_size`` of an image."""
     viscosity: Annotated[Positive, Dimension("viscosity", si=True)] = 1.0
     """μ_c; ``cell.viscosity`` is relative to it."""
     length: Annotated[Positive, Dimension("displacement", si=True)]

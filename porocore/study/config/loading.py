@@ -15,7 +15,7 @@ from porocore.core.echo import echo, suggestion
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.models.strict import StrictModel
-from porocore.core.units.results import OutputUnits, ResultUnits, speaking
+from porocore.core.units.results import OutputUnits, ResultUnits, length_text, speaking
 from porocore.core.units.scales import Scales
 from porocore.core.units.texts import resolved
 from porocore.errors import ConfigurationError
@@ -30,6 +30,10 @@ NO_VISCOSITY = (
     "cell.viscosity: missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is "
     "water, under 'cell:'"
 )
+
+
+#: Largest difference of two lengths of one cell, relative to them.
+SAME_LENGTH = 1e-6
 
 
 class _OnlyScales(StrictModel):
@@ -72,9 +76,14 @@ def cell_from(settings: Mapping[str, Any], folder: Path | str = ".") -> Cell:
     ConfigurationError
         See :func:`load_config`; faults have dotted keys and no lines.
     """
-    document = YamlDocument.of({"cell": settings}, Path(folder))
+    return _only_cell(YamlDocument.of({"cell": settings}, Path(folder)))
+
+
+def _only_cell(document: YamlDocument) -> Cell:
+    """Return the cell of a document; of its values only those in SI units may have a unit."""
+    data, _ = resolved(_OnlyCell, document.data, None)
     try:
-        return _OnlyCell.model_validate(document.data, context={"folder": document.folder}).cell
+        return _OnlyCell.model_validate(data, context={"folder": document.folder}).cell
     except ValidationError as error:
         raise _refusal(document, faults(document, error.errors(), _OnlyCell)) from error
 
@@ -83,6 +92,8 @@ def validated(document: YamlDocument) -> RunConfig:
     """Return the configuration that a document holds; see :func:`load_config`."""
     scales = _scales(document)
     data, found = resolved(RunConfig, document.data, scales)
+    if scales is not None:
+        data["scales"].setdefault("pore", scales.pore)
     unread = {at for at, _ in found}
     config: RunConfig | None = None
     try:
@@ -120,17 +131,44 @@ def _refusal(document: YamlDocument, found: Iterable[tuple[Location, str]]) -> C
 
 
 def _scales(document: YamlDocument) -> Scales | None:
-    """Return the scales, with which everything else is read; their faults are raised alone."""
+    """Return the scales, with which everything else is read; their faults are raised alone.
+
+    A cell that tells its own length needs no ``pore``, and none that differs.
+    """
     section = document.data.get("scales")
     if section is None:
         return None
     data, found = resolved(_OnlyScales, {"scales": section}, None)
+    length = _length(document)
+    if length is not None and isinstance(data["scales"], dict):
+        data["scales"].setdefault("pore", length)
     if not found:
         try:
-            return _OnlyScales.model_validate(data).scales
+            scales = _OnlyScales.model_validate(data).scales
         except ValidationError as error:
             found += faults(document, error.errors(), RunConfig)
+        else:
+            if length is None or math.isclose(scales.pore, length, rel_tol=SAME_LENGTH):
+                return scales
+            found.append((("scales", "pore"), _other_length(length, section["pore"])))
     raise _refusal(document, found)
+
+
+def _length(document: YamlDocument) -> float | None:
+    """Return the length of the cell in metres where its geometry tells it, as an image with ``voxel_size`` does."""
+    cell = document.data.get("cell")
+    geometry = cell.get("geometry") if isinstance(cell, Mapping) else None
+    if not isinstance(geometry, Mapping) or geometry.get("voxel_size") is None:
+        return None
+    only = replace(document, data={"cell": {"geometry": geometry}})
+    return _only_cell(only).geometry.length
+
+
+def _other_length(length: float, given: Any) -> str:
+    return (
+        f"scales.pore: expected {length_text(length)}, the length of the cell by cell.geometry.voxel_size (the cube "
+        f"root of its volume), got {echo(given)}; leave scales.pore out, or voxel_size"
+    )
 
 
 def _units(data: Any, scales: Scales | None) -> ResultUnits:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from porocore.cell.meshing.mesh import Domain
-from porocore.core.units.results import ResultUnits
+from porocore.core.units.results import ResultUnits, length_text
 from porocore.core.units.scales import QUANTITIES
 from porocore.errors import PluginError
 from porocore.macro.drainage import drainage_time
@@ -110,3 +110,11 @@ def _axes(texts: list[str], values: Array) -> str:
     if np.ptp(values) <= SAME * np.abs(values).max():
         return texts[0]
     return f"{', '.join(texts)} along x, y, z"
+
+
+def edges(config: RunConfig) -> Iterator[str]:
+    """Yield the edges of the cell where it has a length."""
+    geometry, scales = config.cell.geometry, config.scales
+    length = geometry.length if scales is None else scales.pore
+    if length is not None:
+        yield f"  edges of the cell: {length_text(*(length * side for side in geometry.sides))}"

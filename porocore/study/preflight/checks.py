@@ -28,6 +28,7 @@ from porocore.report.text import whole_words
 from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
+from porocore.study.preflight.at_rest import edges
 from porocore.study.preflight.reach_notes import prescribed_reach
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import check_time_functions
@@ -164,6 +165,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     if config.cell.materials is not None:
         config.cell.solid.on(config.cell.make_mesh("solid", "whole"))
     units = config.result_units
+    yield from edges(config)
     with speaking(units):
         yield f"  {config.cell.solid.description}, viscosity {units.text(config.cell.viscosity, 'viscosity')}"
         swept = config.sampling.input_space()

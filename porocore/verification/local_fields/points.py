@@ -56,7 +56,8 @@ class PointFields:
         mesh = cell.make_mesh("solid", "whole")
         u = field.u
         if field.domain == "eighth":
-            u = unfold_displacement(cell.make_mesh("solid", "eighth").points, u, mesh.points)
+            eighth = cell.make_mesh("solid", "eighth")
+            u = unfold_displacement(eighth.points, u, mesh.points, mesh.sides)
         if u.shape != mesh.points.shape:
             raise ValueError(f"expected a field on {len(mesh.points)} nodes, got {len(u)}")
         return cls(mesh, cell.solid.on(mesh), field.grad_u, field.p, u)
