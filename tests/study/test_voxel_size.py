@@ -77,7 +77,7 @@ def test_what_is_no_length_of_a_voxel_is_refused(load):
         load({"voxel_size": "12 kPa"})
     with pytest.raises(ConfigurationError, match=r"voxel_size.*greater|voxel_size.*expected"):
         load({"voxel_size": -1.0}, pore=None)
-    with pytest.raises(ConfigurationError, match="scales.pore: missing"):
+    with pytest.raises(ConfigurationError, match=r"scales\.pore: missing"):
         load({}, pore=None)
 
 
