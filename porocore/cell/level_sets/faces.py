@@ -10,8 +10,8 @@ from porocore.errors import ConfigurationError
 from porocore.states import Array
 
 #: Times the largest share of voxels that change between neighbouring layers inside of an image, above which that
-#: between its opposite faces is a fault; flat walls change as much inside. Along n voxels it is FAULT + FEW/n, since few
-#: layers scatter: of 1,900 periodic images of noise none is accused, of pieces of 24³ voxels or more all are.
+#: between its opposite faces is a fault; flat walls change as much inside. Along n voxels it is FAULT + FEW/n, since
+#: few layers scatter: of 1,900 periodic images of noise none is accused, of pieces of 24³ voxels or more all are.
 FAULT, FEW = 1.5, 6.0
 
 
