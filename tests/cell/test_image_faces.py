@@ -45,7 +45,8 @@ def test_flat_walls_in_a_face_are_no_fault():
     x, y, z = np.indices((8, 8, 12))
     for solid in (z < 6, (x < 4) | (z < 3), (x // 4 + y // 4) % 2 == 0):
         assert mismatch_note(solid) == ()
-    assert "across z" in mismatch_note((x + z // 4) % 8 < 4)[0]
+    x, _, z = np.indices((8, 8, 24))
+    assert "50 % across z (inside at most 25 %)" in mismatch_note((x + z // 8) % 8 < 4)[0]
 
 
 def test_a_layer_makes_a_sample_periodic_and_leaves_its_inside():
