@@ -49,6 +49,8 @@ OFFERED_BY_SOME = ("porocore/testing/", "gives no access to its tangent")
 
 
 _CELL_LAWS = "plugins/fem_dolfinx/tests/test_conformance.py::TestDolfinxCellSolver::test_"
+_CONTACT_LAWS = "plugins/fem_dolfinx/tests/test_contact.py::TestDolfinxCellContact::test_"
+_MACRO_LAWS = "plugins/fem_dolfinx/tests/test_macro.py::TestDolfinxMacroSolver::test_"
 #: What the slow suite keeps although the rest of its class or table is fast: whole cells of the second backend,
 #: which tests/consistency holds to the first, variants of one model, and what a shorter test looks at, too.
 SLOW = (
@@ -56,8 +58,22 @@ SLOW = (
     f"{_CELL_LAWS}a_rotation_of_the_body_rotates_the_flux",
     f"{_CELL_LAWS}shear_derivatives_of_a_diagonal_state",
     f"{_CELL_LAWS}rows_do_not_depend_on_the_batch_or_its_order",
-    f"{_CELL_LAWS}derivatives_match_differences[sheared]",
-    f"{_CELL_LAWS}eighth_and_whole_cell_agree[stretched]",
+    f"{_CELL_LAWS}derivatives_match_differences",
+    f"{_CELL_LAWS}each_variable_alone_changes_the_answer[H]",
+    f"{_CELL_LAWS}eighth_and_whole_cell_agree",
+    f"{_CELL_LAWS}the_flow_percolates_along_every_axis",
+    f"{_CELL_LAWS}a_strain_of_one_percent_is_no_overlap",
+    f"{_CONTACT_LAWS}stress_and_fluid_volume_derive_from_the_potential",
+    f"{_CONTACT_LAWS}the_stiffness_hardly_matters",
+    # Steps and checkpoints are the core's, and scikit-fem obeys these laws in the fast suite.
+    f"{_MACRO_LAWS}failed_steps_are_halved_to_the_same_answer",
+    f"{_MACRO_LAWS}time_steps_converge_with_order_one",
+    f"{_MACRO_LAWS}steps_by_error_meet_the_tolerance",
+    f"{_MACRO_LAWS}a_killed_run_continues_to_the_identical_solution[0.5]",
+    f"{_MACRO_LAWS}a_killed_run_continues_to_the_identical_solution[4.2]",
+    f"{_MACRO_LAWS}foreign_and_damaged_checkpoints_are_refused",
+    f"{_MACRO_LAWS}a_truncated_checkpoint_is_refused",
+    f"{_MACRO_LAWS}a_checkpoint_of_another_problem_or_law_is_refused",
     # The fast suite turns the flux of the undeformed pore, and the state of the deformed one in test_objectivity.
     "plugins/fem_skfem/tests/test_conformance.py::TestSkfemCellSolver::test_a_rotation_of_the_body_rotates_the_flux[d",
     # One backend of two, one library of two, or one load of several stays in the fast suite.
@@ -68,15 +84,31 @@ SLOW = (
     "plugins/fem_skfem/tests/test_cell.py::test_statuses_under_strong_compression[0.0]",
     "plugins/surrogate_jax/tests/test_conformance.py::TestMlp::test_training_is_seeded",
     "plugins/surrogate_jax/tests/test_conformance.py::TestPotential::test_training_is_seeded",
+    # The loops of training are the core's; the fast suite has them with torch, in test_mlp.
+    "plugins/surrogate_jax/tests/test_surrogate.py::test_the_papers_network_learns_the_map",
+    "plugins/surrogate_jax/tests/test_surrogate.py::test_what_is_trained_is_what_is_evaluated[tanh]",
+    "plugins/surrogate_jax/tests/test_surrogate.py::test_the_best_weights_are_kept_and_patience_ends_the_training",
+    "plugins/surrogate_jax/tests/test_surrogate.py::test_a_finished_training_is_not_repeated",
+    "plugins/surrogate_jax/tests/test_surrogate.py::test_a_checkpoint_of_other_options_is_refused",
     "tests/combinations/test_combinations.py::test_short_rows[wedge-plate]",
     "tests/consistency/test_cells.py::test_statuses_agree_under_strong_compression[dolfinx-skfem-frictionless-contact]",
+    "tests/consistency/test_contact.py::test_the_kind_of_wall_changes_the_answer_only_beyond_the_crease[dolfinx]",
     "tests/consistency/test_stability.py::test_pivots_and_eigenvalues[dolfinx-skfem-open]",
     "tests/consistency/test_surrogates.py::test_it_learns_what_it_offers[jax",
     "tests/consistency/test_surrogates.py::test_two_agree_within_their_errors[jax-",
+    # What jax offers, knows and flags is held to the laws of the kit in its own tests, on shorter trainings.
+    "tests/consistency/test_surrogates.py::test_the_undeformed_cell_is_exact[jax",
+    "tests/consistency/test_surrogates.py::test_the_trained_range_is_the_same_for_all[jax",
+    "tests/consistency/test_surrogates.py::test_it_knows_what_it_was_trained_on[jax",
+    "tests/consistency/test_surrogates.py::test_it_serves_a_closure[jax",
     "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-potential ",
     "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-cubic",
     "plugins/surrogate_jax/tests/test_conformance.py::TestMlpWithTanh::",
     "plugins/surrogate_jax/tests/test_conformance.py::TestPotentialOnPolynomial::",
+    # Their commands have fast tests of their own in tests/verification, and the Python of the last runs in tests/e2e.
+    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/sensitivity.md]",
+    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/verification.md]",
+    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/python.md]",
     # The longest pages. Of their commands tune, train, report, schema, reproduce and data stand on no fast page as they
     # are written here; what they do has fast tests of its own, and so have dask's workers in tests/sampling.
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/tour.md]",
@@ -84,7 +116,8 @@ SLOW = (
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/crosscheck.md]",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/cell.md]",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/conductivity.md]",
-    # Their plugins pass their own tests in tests/plugins.
+    # Their plugins pass their own tests in tests/plugins, where they are made, installed and checked, too.
+    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/plugin-tutorial.md]",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[examples/plugins/",
     "tests/e2e/test_kills.py::test_a_run_killed_in_every_stage_ends_with_the_same_numbers",
 )

@@ -75,6 +75,10 @@ CORE_MODULES = {module_name(path, ROOT): path for path in sorted(CORE.rglob("*.p
 SOURCES = [*CORE_MODULES.values(), *(path for plugin in PLUGINS for path in sorted(plugin.rglob("*.py")))]
 
 
+def tree_of(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 @cache
 def imports(path):
     """(module, name or None, line) of every import that runs, wherever it stands."""
@@ -93,7 +97,7 @@ def imports(path):
         for child in ast.iter_child_nodes(node):
             visit(child)
 
-    visit(ast.parse(path.read_text(encoding="utf-8")))
+    visit(tree_of(path))
     return found
 
 
@@ -122,45 +126,61 @@ def test_the_root_holds_rooms_and_three_modules():
     assert entries(CORE) == {f"{name}/" for name in ROOMS} | {f"{name}.py" for name in ROOT_MODULES}
 
 
-@pytest.mark.parametrize("folder", sorted({path.parent for path in CORE_MODULES.values()} - {CORE}), ids=str)
-def test_a_room_is_no_store(folder):
-    where = folder.relative_to(ROOT)
-    assert (folder / "__init__.py").is_file(), f"{where} has no __init__.py"
-    assert len(entries(folder)) <= MOST_ENTRIES, f"{where} has {len(entries(folder))} entries"
-    assert len(folder.relative_to(CORE).parts) <= 2, f"{where} is a room in a room in a room"
+def test_a_room_is_no_store():
+    faults = []
+    for folder in sorted({path.parent for path in CORE_MODULES.values()} - {CORE}):
+        where, count = folder.relative_to(ROOT), len(entries(folder))
+        if not (folder / "__init__.py").is_file():
+            faults.append(f"{where} has no __init__.py")
+        if count > MOST_ENTRIES:
+            faults.append(f"{where} has {count} entries")
+        if len(folder.relative_to(CORE).parts) > 2:
+            faults.append(f"{where} is a room in a room in a room")
+    assert faults == []
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_files_and_functions_are_short(path):
-    text = path.read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= MOST_LINES_OF_A_FILE, f"{path} is to be divided"
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            lines = node.end_lineno - node.lineno + 1
-            assert lines <= MOST_LINES_OF_A_FUNCTION, f"{path}:{node.lineno} {node.name} has {lines} lines"
+def test_files_and_functions_are_short():
+    faults = []
+    for path in SOURCES:
+        if len(path.read_text(encoding="utf-8").splitlines()) > MOST_LINES_OF_A_FILE:
+            faults.append(f"{path} is to be divided")
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                lines = node.end_lineno - node.lineno + 1
+                if lines > MOST_LINES_OF_A_FUNCTION:
+                    faults.append(f"{path}:{node.lineno} {node.name} has {lines} lines")
+    assert faults == []
 
 
-@pytest.mark.parametrize("module", CORE_MODULES)
-def test_the_core_imports_no_plugin_nor_their_packages(module):
-    for imported, _, line in imports(CORE_MODULES[module]):
-        top = imported.split(".")[0]
-        assert not top.startswith("porocore_"), f"{module}:{line} imports {imported}"
-        assert top not in OF_PLUGINS, f"{module}:{line} imports {imported}"
+def test_the_core_imports_no_plugin_nor_their_packages():
+    faults = [
+        f"{module}:{line} imports {imported}"
+        for module, path in CORE_MODULES.items()
+        for imported, _, line in imports(path)
+        if imported.startswith("porocore_") or imported.split(".")[0] in OF_PLUGINS
+    ]
+    assert faults == []
 
 
-@pytest.mark.parametrize("module", [name for name in CORE_MODULES if name != "porocore"])
-def test_a_room_imports_only_the_rooms_that_it_may(module):
-    own = room(module)
-    for imported, name, line in core_imports(CORE_MODULES[module]):
-        # The package itself reaches everywhere, lazily; only the command line asks it, for its version.
-        if imported == "porocore":
-            assert own == "cli", f"{module}:{line} imports {name} from the package"
-            continue
-        if own in ROOT_MODULES:
-            assert imported.startswith("porocore.core.fields"), f"{module}:{line} imports {imported}"
-            continue
-        allowed = {own, *ROOT_MODULES, *ROOMS[own]}
-        assert room(imported) in allowed, f"{module}:{line} ({own}) imports {imported}"
+def may_import(own, imported):
+    """Return whether a room, or a module of the root, may import a module of the core."""
+    # The package itself reaches everywhere, lazily; only the command line asks it, for its version.
+    if imported == "porocore":
+        return own == "cli"
+    if own in ROOT_MODULES:
+        return imported.startswith("porocore.core.fields")
+    return room(imported) in {own, *ROOT_MODULES, *ROOMS[own]}
+
+
+def test_a_room_imports_only_the_rooms_that_it_may():
+    faults = [
+        f"{module}:{line} imports {name} from {imported}"
+        for module, path in CORE_MODULES.items()
+        if module != "porocore"
+        for imported, name, line in core_imports(path)
+        if not may_import(room(module), imported)
+    ]
+    assert faults == []
 
 
 def test_rooms_are_listed_from_the_ground_up_and_with_what_they_import():
@@ -209,21 +229,24 @@ BEFORE_THE_BORDER = (
 )
 
 
-@pytest.mark.parametrize("module", [m for m in CORE_MODULES if not m[9:].startswith(BEFORE_THE_BORDER)])
-def test_what_comes_out_of_a_plugin_passes_the_border(module):
-    for node in ast.walk(ast.parse(CORE_MODULES[module].read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
-            called, of = node.func.attr, ast.unparse(node.func.value)
-            crosses = {
-                "predict": True,
-                "solve_one": True,
-                "ask": of.endswith("sampler") and module != "porocore.sampling.campaign",
-                "solve": of.endswith("solver"),
-                "conductivity": of.endswith("solver"),
-            }
-            assert not crosses.get(called, False), (
-                f"{module}:{node.lineno} calls {of}.{called}; see porocore.plugins.border"
-            )
+def test_what_comes_out_of_a_plugin_passes_the_border():
+    faults = []
+    for module, path in CORE_MODULES.items():
+        if module[9:].startswith(BEFORE_THE_BORDER):
+            continue
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                called, of = node.func.attr, ast.unparse(node.func.value)
+                crosses = {
+                    "predict": True,
+                    "solve_one": True,
+                    "ask": of.endswith("sampler") and module != "porocore.sampling.campaign",
+                    "solve": of.endswith("solver"),
+                    "conductivity": of.endswith("solver"),
+                }
+                if crosses.get(called, False):
+                    faults.append(f"{module}:{node.lineno} calls {of}.{called}; see porocore.plugins.border")
+    assert faults == []
 
 
 @pytest.mark.parametrize("plugin", PLUGINS, ids=lambda path: path.name)
@@ -331,20 +354,20 @@ def test_what_is_typed_as_public_is_what_is_public():
         _ = porocore.frobnicate
 
 
-@pytest.mark.parametrize("module", CORE_MODULES)
-def test_only_the_command_line_prints_or_exits_and_nothing_is_unpickled(module):
-    speaks = module.startswith("porocore.cli") or module == "porocore.core.console"
-    for node in ast.walk(ast.parse(CORE_MODULES[module].read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and not speaks:
-            called = ast.unparse(node.func)
-            assert called not in ("print", "exit", "quit", "sys.exit"), f"{module}:{node.lineno}"
-            # A worker process that has lost its parent may end itself, and the copy of a process that tries a file.
-            ends = module in ("porocore.sampling.execution.processes", "porocore.core.hdf5.trial")
-            assert called != "os._exit" or ends, f"{module}:{node.lineno}"
-        if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
-            assert ast.unparse(node.value) == "False", f"{module}:{node.lineno}"
-    assert not {imported for imported, _, _ in imports(CORE_MODULES[module])} & {
-        "pickle",
-        "shelve",
-        "marshal",
-    }
+def test_only_the_command_line_prints_or_exits_and_nothing_is_unpickled():
+    faults = []
+    for module, path in CORE_MODULES.items():
+        speaks = module.startswith("porocore.cli") or module == "porocore.core.console"
+        # A worker process that has lost its parent may end itself, and the copy of a process that tries a file.
+        ends = module in ("porocore.sampling.execution.processes", "porocore.core.hdf5.trial")
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.Call) and not speaks:
+                called = ast.unparse(node.func)
+                if called in ("print", "exit", "quit", "sys.exit") or (called == "os._exit" and not ends):
+                    faults.append(f"{module}:{node.lineno} calls {called}")
+            pickles = isinstance(node, ast.keyword) and node.arg == "allow_pickle"
+            if pickles and ast.unparse(node.value) != "False":
+                faults.append(f"{module}:{node.value.lineno} allows pickles")
+        used = {imported for imported, _, _ in imports(path)} & {"pickle", "shelve", "marshal"}
+        faults += [f"{module} imports {name}" for name in sorted(used)]
+    assert faults == []

@@ -5,9 +5,16 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
+from porocore.macro.reference import CellReference
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.study.config.loading import load_config
+from porocore.study.run_folder.folder import RunFolder
+from porocore.surrogates.portable import NumpySurrogate
 
 sys.path.insert(0, str(Path(__file__).parent))
 from study import porocore, succeeded, write_study
@@ -23,26 +30,26 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def finished(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of one undisturbed 'porocore run'. Not to be changed."""
     out = tmp_path_factory.mktemp("finished") / "run"
-    done = porocore("run", study, "--fem", "skfem", "--surrogate", "torch", "--out", out, drawn=True)
+    done = porocore("run", study, "--fem", "skfem", "--surrogate", "torch", "--out", out)
     assert succeeded(done) == str(out / "report.html")
     return out
 
 
 @pytest.fixture(scope="session")
-def other_cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run with another Poisson ratio, sampled and trained as little as possible. Not to be changed."""
+def other_cell(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run with another Poisson ratio, with files of that cell's identity. Not to be changed."""
     folder = tmp_path_factory.mktemp("other")
-    changes = {
-        "cell.material.poisson_ratio": 0.3,
-        "sampling.inputs.p": {"range": [-0.02, 0.02], "step": 0.02},
-        "sampling.inputs.H22": {"range": [-0.02, 0.02], "step": 0.02},
-        "sampling.test.count": 1,
-        "surrogate.options.epochs": 10,
-    }
-    config = write_study(folder / "other.yaml", changes)
-    succeeded(porocore("sample", config, "--out", folder / "run"))
-    succeeded(porocore("train", folder / "run"))
-    return folder / "run"
+    config = load_config(write_study(folder / "other.yaml", {"cell.material.poisson_ratio": 0.3}))
+    run = RunFolder.claim(folder / "run", config)
+    Dataset.create(run.dataset, inputs=config.sampling.input_space(), identity=config.stages.sampling)
+    own = load_config(finished / "config.yaml")
+    replace(CellReference.load(finished / "cell.json", own.stages.cell), identity=config.stages.cell).save(
+        run.reference
+    )
+    surrogate = NumpySurrogate.load(finished / "surrogate.h5")
+    surrogate.identity, surrogate.backend = config.stages.cell, "torch"
+    surrogate.save(run.path / "surrogate.h5")
+    return run.path
 
 
 @pytest.fixture

@@ -102,7 +102,7 @@ def test_a_disk_that_fills_while_sampling(finished, tmp_path, workers):
     [
         pytest.param("train", ("surrogate.h5", "training.csv"), 8, marks=pytest.mark.slow),
         ("solve", ("solutions",), 72),
-        ("report", ("report.html", "fields"), 40),
+        pytest.param("report", ("report.html", "fields"), 40, marks=pytest.mark.slow),
     ],
 )
 def test_a_disk_that_fills_later(finished, a_copy, tmp_path, step, without, room):

@@ -164,7 +164,10 @@ def test_a_backend_that_cannot_share_its_work_says_so_once(finished):
     assert fingerprint(finished) == before
 
 
-@pytest.mark.parametrize("command", ["run", "sample", "train", "report"])
+@pytest.mark.parametrize(
+    "command",
+    ["sample", *(pytest.param(command, marks=pytest.mark.slow) for command in ("run", "train", "report"))],
+)
 def test_commands_that_do_not_share_say_so_once(study, finished, tmp_path, command):
     out = tmp_path / "run"
     words = [study, "--out", out] if command in ("run", "sample") else [finished]

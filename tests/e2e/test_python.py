@@ -25,15 +25,14 @@ def blocks(page):
 
 @pytest.fixture
 def place(study, a_copy, tmp_path, monkeypatch):
-    """A folder with the coarse study as my.yaml, sampled in runs/mine, but not trained, and one solution is missing."""
+    """A folder with the coarse study as my.yaml, done in runs/mine but for one solution."""
     shutil.copy(study, tmp_path / "my.yaml")
-    missing = "surrogate.h5", "training.csv", f"solutions/linear_load{LOADS[0]!r}.h5"
-    shutil.move(a_copy(*missing), tmp_path / "runs/mine")
+    shutil.move(a_copy(f"solutions/linear_load{LOADS[0]!r}.h5"), tmp_path / "runs/mine")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-def test_the_python_of_the_documents_runs(place, finished, capsys):
+def test_the_python_of_the_documents_runs(place, finished, undrawn, capsys):
     pytest.importorskip("xarray")
     pytest.importorskip("pyvista")
     (script,) = blocks("docs/tour.md")

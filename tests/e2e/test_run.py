@@ -126,6 +126,17 @@ def test_the_last_step_gives_the_figures_and_pages_of_the_run(a_copy, finished):
     assert {name for name in left if left[name] != expected[name]} <= {"metrics.json", "report.html"}
 
 
+@pytest.mark.slow
+def test_the_figures_of_a_run_are_drawn(a_copy, finished):
+    """Elsewhere here they are left empty; tests/report draws them of made-up solutions."""
+    run = a_copy("report.html", "metrics.json", "figures")
+    succeeded(porocore("report", run, drawn=True))
+    empty = {path.name: path.stat().st_size for path in (finished / "figures").iterdir()}
+    drawn = {path.name: path.stat().st_size for path in (run / "figures").iterdir()}
+    assert drawn.keys() == empty.keys()
+    assert all(drawn[name] > empty[name] for name in empty)
+
+
 def test_a_finished_run_is_resumed_without_work(a_copy, study, tmp_path):
     run = a_copy()
     before, times = fingerprint(run), (run / "timings.json").read_bytes()

@@ -6,6 +6,7 @@ import csv
 import importlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -58,8 +59,16 @@ def fakes(tmp_path_factory):
 
 
 @pytest.fixture
-def folder(tmp_path):
-    """A run folder whose states are those of the made-up cell."""
+def folder(sampled, tmp_path):
+    """A copy of the run folder, beside its configuration."""
+    shutil.copytree(sampled, tmp_path, dirs_exist_ok=True)
+    return RunFolder.open(tmp_path / "run")
+
+
+@pytest.fixture(scope="module")
+def sampled(fakes, tmp_path_factory):
+    """A folder with a run whose states are those of the made-up cell. Not to be changed."""
+    home = tmp_path_factory.mktemp("sampled")
     settings = yaml.safe_load(crosscheck_path().read_text(encoding="utf-8"))
     settings["surrogate"] = {"backend": "sized"}
     settings["closure"] = "mean-gradient"
@@ -72,9 +81,9 @@ def folder(tmp_path):
             "H22": {"range": [-0.20, 0.04], "step": 0.06},
         },
     }
-    (tmp_path / "study.yaml").write_text(yaml.safe_dump(settings))
-    config = load_config(tmp_path / "study.yaml")
-    folder = RunFolder.claim(tmp_path / "run", config)
+    (home / "study.yaml").write_text(yaml.safe_dump(settings))
+    config = load_config(home / "study.yaml")
+    folder = RunFolder.claim(home / "run", config)
     inputs, stages = config.sampling.input_space(), config.stages
     sweep = DensitySweep(inputs, **config.sampling.sampler_options())
     for path, identity, sampler in (
@@ -90,7 +99,7 @@ def folder(tmp_path):
                 sampler.tell(request.key, response)
         dataset.consolidate()
     CellReference(stages.cell, respond(MacroState.zeros(1)), np.eye(3), {}).save(folder.reference)
-    return folder
+    return home
 
 
 @pytest.fixture
@@ -118,6 +127,7 @@ def command(monkeypatch, capsys):
 SMALL = ("--depths", "1,2", "--widths", "4,8,16", "--workers", "1")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_smallest_within_the_margin_is_chosen(folder, command):
     """Errors are 1 % over the number of neurons: 4, 8, 16 and twice as many; at 110 % of the best only that is left."""
     status, out, err = command(folder.path, *SMALL, "--activations", "tanh")
@@ -135,6 +145,7 @@ def test_the_smallest_within_the_margin_is_chosen(folder, command):
     assert yaml.safe_load(out)["surrogate"]["options"]["hidden"] == [16]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_lines_are_a_configuration(folder, command, tmp_path):
     _, out, _ = command(folder.path, *SMALL)
     settings = yaml.safe_load((tmp_path / "study.yaml").read_text())
@@ -169,6 +180,7 @@ def folder_states(folder):
     return Dataset.open(folder.test_dataset).states()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_trained_is_not_trained_again(folder, command, log):
     command(folder.path, *SMALL, "--activations", "tanh")
     assert len(log()) == 6
@@ -191,6 +203,7 @@ def test_other_settings_are_not_mixed_up(folder, command, log):
     assert len(list(folder.path.glob("tune/*"))) == 2
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_candidates_in_processes(folder, command, log, monkeypatch):
     """One thread each, in two processes, and the same table."""
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
@@ -205,6 +218,7 @@ def test_candidates_in_processes(folder, command, log, monkeypatch):
     assert os.environ["OMP_NUM_THREADS"] == "7"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_search_that_is_interrupted_goes_on(folder, fakes, log, command):
     """Ctrl-C in another process: finished candidates stay, the message says how to go on, no process is left."""
     path = os.pathsep.join(
@@ -238,6 +252,7 @@ def test_a_search_that_is_interrupted_goes_on(folder, fakes, log, command):
     assert len(log()) - before == 5 - kept
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_training_that_diverges_is_in_the_table_and_never_chosen(folder, command):
     status, out, err = command(
         folder.path, "--depths", 3, "--widths", 16, "--activations", "sigmoid", "--workers", 1
@@ -318,6 +333,7 @@ def test_the_grid(folder):
         candidates(folder.config, [1], [])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_study_tunes_its_network_from_python(folder):
     study = Study(folder.config, out=folder.path, progress=False)
     found = study.tune(depths=[1], widths=[4, 8], activations=["tanh"], workers=1)

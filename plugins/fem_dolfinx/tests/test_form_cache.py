@@ -111,7 +111,11 @@ def test_a_cache_that_cannot_be_written_is_named(tmp_path):
 
 @pytest.mark.parametrize(
     ("version", "reason"),
-    [("0.4.1", "dolfinx 0.4.1 is too old"), ("0.12.0", "dolfinx 0.12.0 is newer than"), (None, "numpy<2")],
+    [
+        ("0.4.1", "dolfinx 0.4.1 is too old"),
+        pytest.param("0.12.0", "dolfinx 0.12.0 is newer than", marks=pytest.mark.slow),
+        pytest.param(None, "numpy<2", marks=pytest.mark.slow),
+    ],
 )
 def test_another_version_of_dolfinx_is_refused_in_words(tmp_path, version, reason):
     fake = tmp_path / "dolfinx"
