@@ -51,7 +51,9 @@ def test_the_python_of_the_documents_runs(place, finished, undrawn, capsys):
     assert_same_results_of_all_loads(place / "runs/mine", finished)
     names = {}
     for block in blocks("docs/python.md"):
-        exec(compile(block, "docs/python.md", "exec"), names)
+        # The studies of a cell take long, and run in tests/verification/test_studies.py.
+        if "study_sensitivity" not in block:
+            exec(compile(block, "docs/python.md", "exec"), names)
     assert np.array_equal(names["plug"].config.macro.boundary["y+"].traction, (0, -0.04, 0))
     assert names["plug"].config.sampling.inputs["p"].range == (0, 0.1)
     assert names["coarser"].config.macro.loads == (-0.1,)
