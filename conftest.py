@@ -50,6 +50,13 @@ OFFERED_BY_SOME = ("porocore/testing/", "gives no access to its tangent")
 
 _CELL_LAWS = "plugins/fem_dolfinx/tests/test_conformance.py::TestDolfinxCellSolver::test_"
 _CONTACT_LAWS = "plugins/fem_dolfinx/tests/test_contact.py::TestDolfinxCellContact::test_"
+_BY_DEFAULT = (
+    "it_learns_what_it_offers",
+    "the_undeformed_cell_is_exact",
+    "the_trained_range_is_the_same_for_all",
+    "it_knows_what_it_was_trained_on",
+    "it_serves_a_closure",
+)
 _MACRO_LAWS = "plugins/fem_dolfinx/tests/test_macro.py::TestDolfinxMacroSolver::test_"
 #: What the slow suite keeps although the rest of its class or table is fast: whole cells of the second backend,
 #: which tests/consistency holds to the first, variants of one model, and what a shorter test looks at, too.
@@ -92,17 +99,29 @@ SLOW = (
     "plugins/surrogate_jax/tests/test_surrogate.py::test_a_checkpoint_of_other_options_is_refused",
     "tests/combinations/test_combinations.py::test_short_rows[wedge-plate]",
     "tests/consistency/test_cells.py::test_statuses_agree_under_strong_compression[dolfinx-skfem-frictionless-contact]",
+    "tests/consistency/test_cells.py::test_identities[dolfinx",
+    "tests/consistency/test_expected.py::test_a_backend_that_does_not_load_fails_where_all_should_be[-skipped]",
     "tests/consistency/test_contact.py::test_the_kind_of_wall_changes_the_answer_only_beyond_the_crease[dolfinx]",
     "tests/consistency/test_stability.py::test_pivots_and_eigenvalues[dolfinx-skfem-open]",
-    "tests/consistency/test_surrogates.py::test_it_learns_what_it_offers[jax",
-    "tests/consistency/test_surrogates.py::test_two_agree_within_their_errors[jax-",
-    # What jax offers, knows and flags is held to the laws of the kit in its own tests, on shorter trainings.
-    "tests/consistency/test_surrogates.py::test_the_undeformed_cell_is_exact[jax",
-    "tests/consistency/test_surrogates.py::test_the_trained_range_is_the_same_for_all[jax",
-    "tests/consistency/test_surrogates.py::test_it_knows_what_it_was_trained_on[jax",
-    "tests/consistency/test_surrogates.py::test_it_serves_a_closure[jax",
+    # Networks of default size. What they offer, know and flag is held to the laws of the kit on shorter trainings, and
+    # plugins/surrogate_torch trains the paper's network.
+    *(
+        f"tests/consistency/test_surrogates.py::test_{law}[{name}"
+        for law in _BY_DEFAULT
+        for name in ("jax", "torch")
+    ),
+    "tests/consistency/test_surrogates.py::test_two_agree_within_their_errors",
+    # One of each library, activation and model stays.
+    "tests/consistency/test_surrogate_libraries.py::test_a_network_of_given_weights[2-hidden0-sigmoid-jax",
+    "tests/consistency/test_surrogate_libraries.py::test_a_network_of_given_weights[2-hidden0-tanh-jax",
+    "tests/consistency/test_surrogate_libraries.py::test_a_network_of_given_weights[7-hidden1-sigmoid-jax",
+    "tests/consistency/test_surrogate_libraries.py::test_a_network_of_given_weights[7-hidden1-tanh-jax",
     "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-potential ",
     "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-cubic",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-mlp of tanh",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[torch-mlp of tanh",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[torch-cubic",
+    "tests/consistency/test_surrogate_libraries.py::test_the_same_training_of_a_potential[two]",
     "plugins/surrogate_jax/tests/test_conformance.py::TestMlpWithTanh::",
     "plugins/surrogate_jax/tests/test_conformance.py::TestPotentialOnPolynomial::",
     # Their commands have fast tests of their own in tests/verification, and the Python of the last runs in tests/e2e.

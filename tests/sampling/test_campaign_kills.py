@@ -65,7 +65,8 @@ def test_killed_and_resumed(tmp_path: Path, undisturbed: Dataset, moment: int, w
     assert dataset.digest() == undisturbed.digest()
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+# Two workers are interrupted by tests/e2e/test_kills.py, too.
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_interrupted_with_ctrl_c(tmp_path: Path, undisturbed: Dataset, workers: int) -> None:
     """What runs is finished and kept, and no process is left."""
     path, log = tmp_path / "data.h5", tmp_path / "log"
@@ -87,7 +88,7 @@ def test_interrupted_with_ctrl_c(tmp_path: Path, undisturbed: Dataset, workers: 
     assert dataset.digest() == undisturbed.digest()
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_second_ctrl_c_does_not_wait(tmp_path: Path, workers: int) -> None:
     path, log = tmp_path / "data.h5", tmp_path / "log"
     command = [sys.executable, SCRIPT, str(path), str(log), str(workers), "60"]
@@ -106,7 +107,7 @@ def test_a_second_ctrl_c_does_not_wait(tmp_path: Path, workers: int) -> None:
     assert gone({int(pid) for pid, _, _ in solves(log)})
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_one_ctrl_c_gives_up_states_that_take_long(tmp_path: Path, workers: int) -> None:
     path, log = tmp_path / "data.h5", tmp_path / "log"
     command = [sys.executable, SCRIPT, str(path), str(log), str(workers), "60"]

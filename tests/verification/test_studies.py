@@ -8,16 +8,17 @@ from porocore.cell.stability.line import LineSettings
 from porocore.cell.stability.map import MapPlan
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.states import Status
-from porocore.study.examples import crosscheck_path
 from porocore.verification.sensitivity.plan import StudyPlan, Sweep
 
 
 @pytest.fixture(scope="module")
 def config():
-    return porocore.load_config(crosscheck_path())
+    """The packaged case on linear elements, of which a state takes a moment."""
+    mesh = {"size": 0.25, "fluid_size": 0.2, "element": "linear"}
+    return porocore.Study("crosscheck", cell={"mesh": mesh}).config
 
 
-def test_a_stability_map_is_made_and_resumed(config, tmp_path):
+def test_a_stability_map_is_made_and_resumed(config, tmp_path, undrawn):
     plan = MapPlan({"H22": -0.02}, "p", (0.0, 0.01), LineSettings(steps=1))
     told = []
     found = porocore.map_stability(config, tmp_path, plan, on_event=told.append)
