@@ -9,6 +9,7 @@ from porocore.study.config.loading import load_config
 from porocore.study.examples import benchmark_path
 from porocore.study.preflight import checks as preflight
 from porocore.testing.installed import check as plugin_check
+from porocore.verification import backends
 from porocore.verification.crosscheck import backend_selection
 from porocore.verification.ladder import cases as ladder
 
@@ -21,7 +22,7 @@ def bare(monkeypatch):
     """What the core alone offers."""
     offers = [offered for offered in Registry.discover().offers if offered.source.distribution == "porocore"]
     assert offers
-    for module in (preflight.registry, backend_selection, ladder, plugin_check):
+    for module in (preflight.registry, backends, ladder, plugin_check):
         monkeypatch.setattr(module, "registry", lambda: Registry(offers, []))
 
 

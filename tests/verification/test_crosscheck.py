@@ -311,7 +311,7 @@ def test_when_the_first_backend_cannot_sample_the_next_one_does(crosscheck, case
 def test_a_broken_plugin_is_a_failure(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(distribution(tmp_path, "bad", "no_such_module_at_all"))
     fresh = registry.Registry.discover()
-    monkeypatch.setattr("porocore.verification.crosscheck.backend_selection.registry", lambda: fresh)
+    monkeypatch.setattr("porocore.verification.backends.registry", lambda: fresh)
     (line,) = select_backends(fem=["skfem", "twin"]).broken
     assert (line.passed, line.quantity) == (False, "bad")
     assert "porocore-bad 1.0 is broken: ModuleNotFoundError" in line.reason
@@ -346,9 +346,7 @@ def test_what_to_install_when_there_is_nothing_to_compare(crosscheck, monkeypatc
             ("cell solver", "other", ("no_such_module",)),
         )
     ]
-    monkeypatch.setattr(
-        "porocore.verification.crosscheck.backend_selection.registry", lambda: registry.Registry(offers, [])
-    )
+    monkeypatch.setattr("porocore.verification.backends.registry", lambda: registry.Registry(offers, []))
     message = refused(crosscheck())
     assert "only skfem and torch" in message
     assert "other (missing dependency): apt-get install it" in message

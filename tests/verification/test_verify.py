@@ -68,7 +68,7 @@ def fakes(monkeypatch):
             return []
 
     monkeypatch.setattr(ladder, "CASES", FAKES)
-    monkeypatch.setattr(ladder, "registry", Registry)
+    monkeypatch.setattr("porocore.verification.backends.registry", Registry)
     monkeypatch.setattr(
         ladder, "select_solvers", lambda fem: SolverSelection({"cell solver": (), "macro solver": ("fake",)})
     )
@@ -152,7 +152,7 @@ def test_a_broken_plugin_is_a_failure_unless_backends_are_named(monkeypatch):
         def table(self):
             return [*rows, fault, missing]
 
-    monkeypatch.setattr(ladder, "registry", Registry)
+    monkeypatch.setattr("porocore.verification.backends.registry", Registry)
     found = select_solvers()
     assert [row.describe() for row in found.broken] == ["porocore-bent 1: broken: ImportError: no"]
     assert found.absent == ("thin (missing dependency): pip",)

@@ -10,6 +10,7 @@ from porocore.core.echo import echo
 from porocore.errors import ConfigurationError, PluginError
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
+from porocore.verification.backends import FEM, advice, find_backends
 from porocore.verification.crosscheck.attempt import attempt
 from porocore.verification.ladder import (
     cell_cases,
@@ -36,7 +37,6 @@ CASES: dict[str, VerificationCase] = {
         small_strain.CASE,
     )
 }
-KINDS: tuple[Kind, ...] = ("cell solver", "macro solver")
 
 
 @dataclass(frozen=True)
@@ -104,32 +104,16 @@ def select_solvers(fem: Sequence[str] = ()) -> SolverSelection:
     PluginError
         A name is unknown or cannot be used, or there is none.
     """
-    table = registry().table()
-    ready: dict[Kind, list[str]] = {
-        kind: sorted({row.name for row in table if (row.kind, row.state) == (kind, "ready")})
-        for kind in KINDS
-    }
+    found = find_backends({FEM: fem})
     if fem:
-        for name in fem:
-            if not any(name in ready[kind] for kind in KINDS):
-                registry().find("cell solver", name)
-        chosen = {kind: tuple(n for n in dict.fromkeys(fem) if n in ready[kind]) for kind in KINDS}
-        return SolverSelection(chosen)
-    if not any(ready.values()):
-        why = [f"{row.name} ({row.state}): {row.advice}" for row in table if row.kind in (*KINDS, "")]
-        raise PluginError(f"there is no finite-element backend; install one: {'; '.join(dict.fromkeys(why))}")
-    broken = [
-        CaseResult("", "", row.distribution, None, f"{row.state}: {row.advice}")
-        for row in table
-        if row.state in ("broken", "offered twice") and row.kind in (*KINDS, "")
-    ]
-    absent = [
-        f"{row.name} ({row.state}): {row.advice}"
-        for row in table
-        if row.state == "missing dependency" and row.kind in KINDS
-    ]
-    names = {kind: tuple(found) for kind, found in ready.items()}
-    return SolverSelection(names, tuple(dict.fromkeys(broken)), tuple(dict.fromkeys(absent)))
+        return SolverSelection(found.names)
+    if not any(found.names.values()):
+        why = advice((*found.broken, *found.missing))
+        raise PluginError(f"there is no finite-element backend; install one: {'; '.join(why)}")
+    broken = (
+        CaseResult("", "", row.distribution, None, f"{row.state}: {row.advice}") for row in found.broken
+    )
+    return SolverSelection(found.names, tuple(dict.fromkeys(broken)), found.absent)
 
 
 def select_cases(names: Sequence[str] = ()) -> list[VerificationCase]:
