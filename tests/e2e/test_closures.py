@@ -10,7 +10,7 @@ import signal
 import h5py
 import numpy as np
 import pytest
-from study import ONE_LOAD, Running, contents, fingerprint, message, porocore, seconds, succeeded, write_study
+from study import ONE_LOAD, Running, contents, message, porocore, seconds, succeeded, write_study
 
 from porocore.interfaces.solution import MacroSolution
 
@@ -132,27 +132,6 @@ def test_a_direct_solve_that_was_interrupted_goes_on(paper, both, tmp_path):
     assert record["solves"] == record["converged"] == begun + here
     np.testing.assert_allclose(settlement(run, DIRECT), settlement(both, DIRECT), rtol=1e-8)
     assert not checkpoint.exists()
-
-
-def test_only_the_law_that_is_asked_for_is_solved(paper, tmp_path):
-    run = tmp_path / "run"
-    shutil.copytree(paper, run)
-    shutil.rmtree(run / "solutions")
-    (run / "surrogate.h5").unlink()
-    assert succeeded(porocore("solve", run, "--law", "linear")).endswith("linear_load-0.04.h5")
-    assert [path.name for path in (run / "solutions").iterdir()] == ["linear_load-0.04.h5"]
-
-
-def test_a_closure_that_does_not_exist_is_refused(config, paper, tmp_path):
-    before = fingerprint(paper)
-    for words in (("solve", paper), ("train", paper)):
-        refused = message(porocore(*words, "--closure", "potental"))
-        assert "unknown closure 'potental'; did you mean 'potential'?" in refused
-    assert fingerprint(paper) == before
-    assert "the closures are" in message(
-        porocore("run", config, "--closure", "mean", "--out", tmp_path / "new")
-    )
-    assert not (tmp_path / "new").exists()
 
 
 def test_a_surrogate_without_stress_is_refused_before_anything_is_solved(tmp_path):

@@ -189,3 +189,15 @@ def test_a_reader_that_goes_away(study):
         assert one.stdout.readline().startswith(b"kind")
         one.stdout.close()
         assert one.stderr.read() == b""
+
+
+def test_a_closure_that_does_not_exist_is_refused(study, finished, tmp_path):
+    before = fingerprint(finished)
+    for words in (("solve", finished), ("train", finished)):
+        refused = message(porocore(*words, "--closure", "potental"))
+        assert "unknown closure 'potental'; did you mean 'potential'?" in refused
+    assert fingerprint(finished) == before
+    assert "the closures are" in message(
+        porocore("run", study, "--closure", "mean", "--out", tmp_path / "new")
+    )
+    assert not (tmp_path / "new").exists()

@@ -177,3 +177,15 @@ def test_a_finished_step_is_not_done_again(a_copy):
     assert done.stderr.count("is there already") == 4
     assert "surrogate.h5 is there already" in porocore("train", run).stderr
     assert fingerprint(run) == before
+
+
+def test_only_the_law_that_is_asked_for_is_solved(a_copy):
+    """Which needs no surrogate."""
+    run = a_copy("solutions", "surrogate.h5")
+    printed = succeeded(porocore("solve", run, "--law", "linear")).splitlines()
+    names = {f"linear_load{load!r}.h5" for load in LOADS}
+    assert (
+        {Path(path).name for path in printed}
+        == {path.name for path in (run / "solutions").iterdir()}
+        == names
+    )

@@ -32,6 +32,8 @@ SUITES: dict[str, type[Suite]] = {
     "meshed": porocore.testing.MeshedCellSuite,
     "contact": porocore.testing.CellContactSuite,
     "surrogates": porocore.testing.PotentialSuite,
+    "surrogate_files": porocore.testing.PotentialSuite,
+    "surrogate_training": porocore.testing.PotentialSuite,
     "macro_states": porocore.testing.MacroSolverSuite,
     "macro_plates": porocore.testing.MacroSolverSuite,
     "macro_bodies": porocore.testing.MacroSolverSuite,

@@ -54,7 +54,7 @@ def run(folder: Path, words: list[str], **settings: str) -> subprocess.Completed
 
 
 @pytest.mark.parametrize(
-    "way", [way if way in ("fork", "stdin") else pytest.param(way, marks=pytest.mark.slow) for way in WAYS]
+    "way", [way if way == "stdin" else pytest.param(way, marks=pytest.mark.slow) for way in WAYS]
 )
 def test_a_plain_script_runs_once(tmp_path: Path, way: str) -> None:
     words, name = WAYS[way]

@@ -16,9 +16,9 @@ from porocore.testing.suite import laws_of
 
 #: Files whose right implementation is cheap, so that it is held to all laws here; the others are those of a backend,
 #: which is held to all of them by its own tests.
-WHOLE = ("samplers", "cells", "surrogates")
+WHOLE = ("samplers", "cells", "surrogates", "surrogate_training")
 #: Files that need no backend.
-FREE = (*WHOLE, "macro_columns")
+FREE = (*WHOLE, "surrogate_files", "macro_columns")
 #: What a violation says: law, state, expected, got.
 TEXT = re.compile(r"(?:[\w.]+: )?law '(?P<law>[^']+)', .+: expected (?P<expected>.+); got .+", re.DOTALL)
 #: What is expected where the implementation raises an error of its own.

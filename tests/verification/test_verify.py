@@ -68,7 +68,7 @@ def fakes(monkeypatch):
             return []
 
     monkeypatch.setattr(ladder, "CASES", FAKES)
-    monkeypatch.setattr("porocore.verification.backends.registry", Registry)
+    monkeypatch.setattr(ladder, "registry", Registry)
     monkeypatch.setattr(
         ladder, "select_solvers", lambda fem: SolverSelection({"cell solver": (), "macro solver": ("fake",)})
     )

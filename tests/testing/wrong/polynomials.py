@@ -1,0 +1,48 @@
+"""Shared by the surrogates that break one law each: the polynomial, whose answers are altered."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.testing import PotentialSuite
+
+#: What was fitted to so many states: all sets of one size are alike here, and a fit takes longer than a law.
+FITTED: dict[int, PolynomialSurrogate] = {}
+
+
+class Altered(PolynomialSurrogate):
+    """Answers what ``alter`` makes of the right response."""
+
+    def fit(self, data, *, seed, checkpoint=None, on_progress=None):
+        n = len(data.states)
+        if n not in FITTED:
+            FITTED[n] = PolynomialSurrogate(degree=4).fit(data, seed=seed)
+        vars(self).update(vars(FITTED[n]))
+        return self
+
+    def alter(self, response, states):
+        return response
+
+    def predict(self, states, *, tangent=True):
+        return self.alter(super().predict(states, tangent=tangent), states)
+
+
+def with_slopes(response, **changed):
+    if response.tangent is None:
+        return response
+    slopes = {name: change(getattr(response.tangent, name)) for name, change in changed.items()}
+    return replace(response, tangent=replace(response.tangent, **slopes))
+
+
+class Law(PotentialSuite):
+    kit_version = "3"
+    random: ClassVar = False
+    resumable: ClassVar = False
+    caught_by: ClassVar[str]
+    surrogate: ClassVar[type[PolynomialSurrogate]] = Altered
+
+    @classmethod
+    def make_surrogate(cls):
+        return cls.surrogate()
