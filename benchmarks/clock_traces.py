@@ -1,0 +1,89 @@
+"""Traces of runs: what each task told its forecast, and when, on the wall clock and on the processor's."""
+
+from __future__ import annotations
+
+import io
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from porocore.core.console import Console, Task
+from porocore.macro.integration.forecast import StepForecast
+from porocore.sampling.forecast import StateForecast
+from porocore.study.stages.training import TrainingCurveFile
+
+#: Ticks of the processor's clock in a second.
+TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def processor_seconds() -> float:
+    """Return the processor time of this process and of all that it started, the living ones included."""
+    ended = os.times()
+    return time.process_time() + ended.children_user + ended.children_system + _descendants(os.getpid())
+
+
+def _descendants(pid: int) -> float:
+    seconds = 0.0
+    for children in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in children.read_text().split():
+            try:
+                used = Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[11:15]
+            except OSError:
+                continue
+            seconds += sum(map(int, used)) / TICKS + _descendants(int(child))
+    return seconds
+
+
+class Recorder(Console):
+    """Console that keeps the time of every report and what the forecasts were told since the one before."""
+
+    def __init__(self) -> None:
+        super().__init__(io.StringIO())
+        self.tasks: list[dict[str, Any]] = []
+        self._told: list[Any] = []
+        self._begun = (0.0, 0.0)
+
+    @contextmanager
+    def task(self, title: str, unit: str, begins: str = "") -> Iterator[Task]:
+        """Record each report of a task: seconds since it began, done, total, and what was told."""
+        self._told, self._begun = [], (time.monotonic(), processor_seconds())
+        record: dict[str, Any] = {"title": title, "reports": []}
+        self.tasks.append(record)
+        with super().task(title, unit, begins) as task:
+            update = task.update
+
+            def recorded(done: float, total: float, **named: Any) -> None:
+                record["reports"].append([*self._now(), done, total, self._told])
+                self._told = []
+                update(done, total, **named)
+
+            task.update = recorded  # type: ignore[method-assign]
+            yield task
+        record["seconds"] = self._now()
+
+    def _now(self) -> tuple[float, float]:
+        now = time.monotonic(), processor_seconds()
+        return round(now[0] - self._begun[0], 4), round(now[1] - self._begun[1], 4)
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Hear what the forecasts are told."""
+        with ExitStack() as stack:
+            for kind, method, of in (
+                (StepForecast, "add", lambda time: time),
+                (StateForecast, "add", lambda x, expected, outward: [x, expected, outward]),
+                (TrainingCurveFile, "add", lambda p: [p.epoch, p.epochs, p.loss, p.validation_loss]),
+            ):
+                stack.enter_context(patch.object(kind, method, self._heard(getattr(kind, method), of)))
+            yield
+
+    def _heard(self, method: Callable[..., None], of: Callable[..., Any]) -> Callable[..., None]:
+        def heard(forecast: Any, *args: Any, **named: Any) -> None:
+            self._told.append(of(*args, **named))
+            method(forecast, *args, **named)
+
+        return heard
