@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import io
 import os
+import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 from porocore.core.console import Console, Task
+from porocore.interfaces.surrogate import TrainingProgress
 from porocore.macro.integration.forecast import StepForecast
+from porocore.plugins.registry import registry
 from porocore.sampling.forecast import StateForecast
+from porocore.study.config.config import RunConfig
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.stages import pipeline
 from porocore.study.stages.training import TrainingCurveFile
 
 #: Ticks of the processor's clock in a second.
@@ -76,7 +82,7 @@ class Recorder(Console):
             for kind, method, of in (
                 (StepForecast, "add", lambda time: time),
                 (StateForecast, "add", lambda x, expected, outward: [x, expected, outward]),
-                (TrainingCurveFile, "add", lambda p: [p.epoch, p.epochs, p.loss, p.validation_loss]),
+                (TrainingCurveFile, "add", lambda p: [p.epoch, p.epochs, p.ends]),
             ):
                 stack.enter_context(patch.object(kind, method, self._heard(getattr(kind, method), of)))
             yield
@@ -87,3 +93,48 @@ class Recorder(Console):
             method(forecast, *args, **named)
 
         return heard
+
+
+def recorded(config: RunConfig, laws: Sequence[Any]) -> list[dict[str, Any]]:
+    """Run a study and return what its tasks told their forecasts."""
+    console = Recorder()
+    registry().get("surrogate", config.surrogate.backend).load_libraries()
+    with (
+        console.listening(),
+        tempfile.TemporaryDirectory() as folder,
+        RunFolder.claim(Path(folder) / "run", config) as claimed,
+    ):
+        pipeline.solve_reference(claimed, config, console=console)
+        pipeline.sample(claimed, config, console=console)
+        pipeline.train(claimed, config, console=console)
+        pipeline.solve(claimed, config, console=console, laws=laws)
+    return console.tasks
+
+
+def replayed(
+    task: dict[str, Any], config: RunConfig, clock: str = "wall", slower: float = 1.0
+) -> tuple[list[tuple[float, float | None]], float]:
+    """Return time and estimate of each report as the present sources would have shown it, and the whole time."""
+    column, now, shown = ("wall", "cpu").index(clock), 0.0, []
+    title, work = task["title"], (0.0, 1.0)
+    replay = Task(title, "", "", lambda share: None, lambda: now)
+    steps = states = None
+    if "load " in title:
+        steps = StepForecast(config.macro.problem(float(title.rpartition(" ")[2])))
+    elif title != "training":
+        states = StateForecast(config.sampling.input_space())
+    for *times, done, total, told in task["reports"]:
+        now = slower * times[column]
+        if steps is not None:
+            for time_reached in told:
+                steps.add(time_reached)
+            work = steps.work if told else work
+        elif states is not None:
+            for x, expected, outward in told:
+                states.add(tuple(x), expected, outward=outward)
+            work = states.work
+        else:
+            work = (done, TrainingProgress(int(done), int(total), 0.0, 0.0, *told[-1][2:]).left)
+        replay.update(done, total, work=work)
+        shown.append((now, replay.left))
+    return shown, slower * task["seconds"][column]

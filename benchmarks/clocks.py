@@ -1,109 +1,94 @@
 """(n) How good the time left is that the progress shows: the estimate at a fifth of the time, against what was left.
 
-    python benchmarks/clocks.py FOLDER [CASE …]
+    python benchmarks/clocks.py FOLDER [CASE …] [--clock cpu] [--slower FACTOR]
 
 Twenty coarse variants of the examples, in ``clock_cases.yml``: bodies, laws, samplers and surrogates of all kinds,
-ramps, bends and cycles, steps of equal length and steps by their error. What each task reported is kept in the folder,
-and a case that lies there is not run again. A task counts if it takes at least ``SHORTEST`` seconds.
+ramps, bends and cycles, steps of equal length and steps by their error. What each task told its forecast, and when, is
+kept in the folder, and a case that lies there is not run again: the estimates depend on nothing else, so they are those
+that the present sources would have shown. With ``--clock cpu`` time is the processor time of all processes of the run,
+which a busy machine does not stretch; ``--slower 5`` stretches it as a machine does that is five times slower.
+
+For a task shorter than ``PROMISED`` seconds no estimate is promised, and it is left out.
 """
 
 from __future__ import annotations
 
-import io
+import argparse
 import json
-import sys
-import tempfile
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import yaml
+from clock_traces import recorded, replayed
 from common import table
 
-from porocore.core.console import Console, Task
+from porocore.core.console import duration
 from porocore.core.files.yaml_document import YamlDocument
+from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import validated
-from porocore.study.run_folder.folder import RunFolder
-from porocore.study.stages import pipeline
 
 HERE = Path(__file__).parent
-#: Tasks that take less need no clock [s].
-SHORTEST = 4.0
-SHARE = 0.2
+#: Shortest task [s] for which an estimate is promised at a fifth of its time.
+PROMISED = 10.0
+SHARE, FACTOR = 0.2, 2.0
 
 
-class Recorder(Console):
-    """Console that keeps time and estimate of every report."""
-
-    def __init__(self) -> None:
-        super().__init__(io.StringIO())
-        self.tasks: list[dict[str, Any]] = []
-
-    @contextmanager
-    def task(self, title: str, unit: str, begins: str = "") -> Iterator[Task]:
-        """Record each report of a task, in seconds since it began."""
-        begun = time.monotonic()
-        record: dict[str, Any] = {"title": title, "reports": []}
-        with super().task(title, unit, begins) as task:
-            update = task.update
-
-            def recorded(*args: Any, **named: Any) -> None:
-                update(*args, **named)
-                record["reports"].append((time.monotonic() - begun, task.left))
-
-            task.update = recorded  # type: ignore[method-assign]
-            yield task
-        self.tasks.append(record | {"seconds": time.monotonic() - begun})
-
-
-def run(case: dict[str, Any]) -> list[dict[str, Any]]:
-    """Run a case and return what its tasks reported."""
+def configuration(case: dict[str, Any]) -> RunConfig:
+    """Return the configuration of a case; a setting that is null is left out."""
     text = (HERE.parent / "examples" / f"{case['example']}.yaml").read_text(encoding="utf-8")
-    settings, console = yaml.safe_load(text), Recorder()
+    settings = yaml.safe_load(text)
     for key, value in case["settings"].items():
         *path, last = key.split("/")
         at = settings
         for part in path:
             at = at.setdefault(part, {})
         at[last] = value
-    config = validated(YamlDocument.of(settings, Path()))
-    with tempfile.TemporaryDirectory() as folder, RunFolder.claim(Path(folder) / "run", config) as claimed:
-        pipeline.solve_reference(claimed, config, console=console)
-        pipeline.sample(claimed, config, console=console)
-        pipeline.train(claimed, config, console=console)
-        pipeline.solve(claimed, config, console=console, laws=case.get("laws", ["surrogate", "linear"]))
-    return console.tasks
+        if value is None:
+            del at[last]
+    return validated(YamlDocument.of(settings, Path()))
 
 
-def main(folder: Path, names: list[str]) -> None:
-    """Run the cases, and print a row for each task that was long enough."""
+def judged(task: dict[str, Any], config: RunConfig, clock: str, slower: float) -> list[str] | None:
+    """Return title, time, estimate, ratio and verdict of a task; None where no estimate is promised."""
+    reports, seconds = replayed(task, config, clock, slower)
+    if seconds < PROMISED:
+        return None
+    before = [report for report in reports if report[0] <= SHARE * seconds]
+    now, left = before[-1] if before else (0.0, None)
+    row = [task["title"], f"{seconds:.0f}"]
+    if left is None:
+        return [*row, "–", "–", "no"]
+    ratio = left / (seconds - now)
+    good = 1 / FACTOR <= ratio <= FACTOR
+    return [*row, f"{duration(left)} of {duration(seconds - now)}", f"{ratio:.2f}", "yes" if good else "no"]
+
+
+def main(options: argparse.Namespace) -> None:
+    """Run the cases that are not yet in the folder, and print a row for each task that was long enough."""
     cases = yaml.safe_load((HERE / "clock_cases.yml").read_text(encoding="utf-8"))
-    folder.mkdir(exist_ok=True)
-    rows, factors = [], []
-    for name in names or cases:
-        path = folder / f"{name}.json"
+    options.folder.mkdir(exist_ok=True)
+    rows, good = [], 0
+    names = options.cases or cases
+    for name in names:
+        path, config = options.folder / f"{name}.json", configuration(cases[name])
         if not path.exists():
-            path.write_text(json.dumps(run(cases[name])), encoding="utf-8")
-        for task in json.loads(path.read_text(encoding="utf-8")):
-            seconds = task["seconds"]
-            if seconds < SHORTEST:
-                continue
-            now, left = [(0.0, None), *(r for r in task["reports"] if r[0] <= SHARE * seconds)][-1]
-            factor = None if left is None else left / (seconds - now)
-            factors.append(factor)
-            shown = next((at / seconds for at, left in task["reports"] if left is not None), None)
-            said = ["–" if value is None else f"{value:.2f}" for value in (factor, shown)]
-            rows.append([name, task["title"], f"{seconds:.1f}", *said])
-    header = ["run", "task", "s", "left at a fifth, of what was left", "first shown at, of the time"]
-    print(table("(n) Clocks", header, rows))
-    given = [factor for factor in factors if factor is not None]
-    good = sum(0.5 <= factor <= 2 for factor in given)
-    print(
-        f"{len(rows)} tasks; {len(given)} showed an estimate at a fifth, {good} of them within a factor of two"
-    )
+            laws = cases[name].get("laws", ["surrogate", "linear"])
+            path.write_text(json.dumps(recorded(config, laws)), encoding="utf-8")
+        tasks = json.loads(path.read_text(encoding="utf-8"))
+        found = [judged(task, config, options.clock, options.slower) for task in tasks]
+        of_case = [[name, *row] for row in found if row is not None]
+        good += all(row[-1] == "yes" for row in of_case)
+        rows += of_case or [[name, f"none of {PROMISED:g} s", "–", "–", "–", "–"]]
+    print(table("(n) Clocks", ["run", "task", "s", "left at a fifth", "ratio", "within two"], rows))
+    tasks = [row for row in rows if row[2] != "–"]
+    yes = sum(row[-1] == "yes" for row in tasks)
+    print(f"{yes} of {len(tasks)} tasks within a factor of two; all of them in {good} of {len(names)} runs")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2:])
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("cases", nargs="*")
+    parser.add_argument("--clock", choices=("wall", "cpu"), default="wall")
+    parser.add_argument("--slower", type=float, default=1.0)
+    main(parser.parse_args())

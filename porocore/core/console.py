@@ -22,15 +22,17 @@ INTERVAL = 15.0
 WIDTH = 80
 #: Width of the bar.
 BAR = 10
-#: A time left is shown after so many seconds and reports, if the whole time has been estimated alike, within this
-#: factor, over the later half of the time so far.
-FIRST_SHOWN, REPORTS, ALIKE = 2.0, 4, 2.0
+#: The time left is estimated after so many reports, and shown after so many seconds, if the whole time has been
+#: estimated alike, within this factor, over this last share of the time so far, and twice at least.
+REPORTS, FIRST_SHOWN, ALIKE, LATELY = 3, 2.0, 2.5, 0.25
+#: Before so many reports, one part in their number goes by the pace since the first: workers end states together.
+FEW = 8
 #: Shortest task [s] whose last line judges the first estimate.
 JUDGED = 20.0
 
 
 class Pace:
-    """Estimate of the time that is left, from the pace of the later half of the work.
+    """Estimate of the time that is left, from the pace of the later half of the work so far.
 
     Parameters
     ----------
@@ -49,22 +51,25 @@ class Pace:
         """Return the seconds left after a report of work done and left; None before they mean something."""
         if not self._known or done > self._known[-1][1]:
             self._known.append((now, done))
-        if len(self._known) < 2 or left <= 0:
+        if (count := len(self._known)) < REPORTS or left <= 0:
             return None
         first, (end, reached) = self._known[0][1], self._known[-1]
         k = bisect_left(self._known, first + (reached - first) / 2, key=itemgetter(1))
         start, before = self._known[min(k, len(self._known) - 2)]
-        seconds = left * (end - start) / (reached - before)
+        pace, whole = (end - start) / (reached - before), (end - self._known[0][0]) / (reached - first)
+        if count < FEW:
+            pace = pace ** (1 - 1 / count) * whole ** (1 / count)
+        seconds = left * pace
         self._estimates.append((now, now - self.begun + seconds))
         return seconds if self._agrees(now) else None
 
     def _agrees(self, now: float) -> bool:
-        """Return whether the estimates of the later half of the time are alike."""
-        if len(self._known) < REPORTS or now - self.begun < FIRST_SHOWN:
+        """Return whether the last estimates, at least two, are alike."""
+        if len(self._estimates) < 2 or now - self.begun < FIRST_SHOWN:
             return False
-        later = self._estimates[bisect_left(self._estimates, (self.begun + now) / 2, key=itemgetter(0)) :]
-        whole = [seconds for _, seconds in later]
-        return len(whole) > 1 and max(whole) <= ALIKE * min(whole)
+        lately = bisect_left(self._estimates, now - LATELY * (now - self.begun), key=itemgetter(0))
+        whole = [seconds for _, seconds in self._estimates[min(lately, len(self._estimates) - 2) :]]
+        return max(whole) <= ALIKE * min(whole)
 
 
 class Task:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -73,12 +74,29 @@ class TrainingSet:
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """One report of a running training."""
+    """One report of a running training.
+
+    Attributes
+    ----------
+    epoch, epochs
+        How many were taken, and how many are taken at most.
+    loss, validation_loss
+        Present losses.
+    ends
+        Epoch after which the training ends if the loss stays above its smallest so far; None: the last.
+    """
 
     epoch: int
     epochs: int
     loss: float
     validation_loss: float
+    ends: int | None = None
+
+    @property
+    def left(self) -> float:
+        """Epochs that are left, as far as can be told: the geometric mean of the fewest and the most."""
+        fewest = self.epochs if self.ends is None else min(self.ends, self.epochs)
+        return math.sqrt(max(fewest - self.epoch, 0) * (self.epochs - self.epoch))
 
 
 #: Receiver of the reports of a training.

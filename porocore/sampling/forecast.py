@@ -7,9 +7,9 @@ import numpy as np
 from porocore.core.inputs.input_space import InputSpace
 from porocore.states import Array
 
-#: A state at the edge of the box costs so many times as much more than one at rest: it takes more steps of the load,
-#: and walls of pores come into contact.
-FARTHER = 3.0
+#: A state at the edge of the box of displacement gradients costs so many times as much more than one at rest: it takes
+#: more steps of the load, and walls of pores come into contact. Pressure alone costs next to nothing.
+FARTHER = 7.0
 #: States of the box from which the cost of its mean state is told.
 POINTS = 512
 #: At most so many states are believed to be added for each that is solved.
@@ -27,6 +27,8 @@ class StateForecast:
     def __init__(self, inputs: InputSpace) -> None:
         low, high = np.array(inputs.lower), np.array(inputs.upper)
         self._reach = np.maximum(np.abs(low), np.abs(high))
+        moving = np.array([name != "p" for name in inputs.names])
+        self._moving = moving if moving.any() else ~moving
         cloud = low + (high - low) * np.random.default_rng(0).random((POINTS, len(inputs)))
         self._mean = float(self._cost(cloud).mean())
         self._outward = False
@@ -53,5 +55,5 @@ class StateForecast:
 
     def _cost(self, x: Array) -> Array:
         """Return the cost of states, (n,)."""
-        cost: Array = 1 + FARTHER * (np.abs(x) / self._reach).max(axis=1) ** 2
+        cost: Array = 1 + FARTHER * (np.abs(x) / self._reach)[:, self._moving].max(axis=1) ** 2
         return cost

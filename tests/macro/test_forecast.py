@@ -116,3 +116,13 @@ def test_a_resumed_solve_counts_from_where_it_stands():
             done, left = forecast.work
             assert done == 5
             assert 0.5 < left / (len(times) - half - 6) < 2
+
+
+def test_an_end_far_behind_the_drainage_is_not_thought_to_take_thousands_of_steps():
+    of = problem(
+        {"end": 4000, "step": 400, "ramp_increments": 5, "ramp_step": 0.02, "tolerance": 1e-2, "profiles": ()}
+    )
+    times = stepped(of, drained(20.0))
+    ratios = forecasts(of, times)[len(times) // 5 : 4 * len(times) // 5]
+    assert 0.5 < ratios[0] < 2
+    assert ratios.max() < 3

@@ -41,3 +41,12 @@ def test_nothing_is_left_where_all_states_are_known():
     for _ in range(5):
         forecast.add((0.1, 0.3), 5, outward=True)
     assert forecast.work[1] == 0
+
+
+def test_pressure_alone_costs_next_to_nothing():
+    pressed, stretched = StateForecast(BOX), StateForecast(BOX)
+    for value in np.linspace(0, 1, 10):
+        pressed.add((0.1 * value, 0.0), 20, outward=True)
+        stretched.add((0.0, 0.3 * value), 20, outward=True)
+    assert pressed.work[0] == pytest.approx(10)
+    assert pressed.work[1] > 1.5 * stretched.work[1]

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from porocore.interfaces.surrogate import TrainingProgress
 from porocore.surrogates.network.network import ACTIVATIONS, Network
 
 SCALAR = {
@@ -81,3 +82,10 @@ def test_words_for_what_is_no_network():
         Network("tanh", (np.ones((4, 3)), np.ones((1, 5))), (np.ones(4), np.ones(1)))
     with pytest.raises(ValueError, match="do not fit together"):
         Network("tanh", (np.ones((4, 3)),), (np.ones(3),))
+
+
+def test_epochs_left_lie_between_the_fewest_and_the_most():
+    assert TrainingProgress(3000, 15000, 0.1, 0.1).left == 12000
+    assert TrainingProgress(3000, 15000, 0.1, 0.1, ends=6000).left == 6000
+    assert TrainingProgress(3000, 15000, 0.1, 0.1, ends=3000).left == 0
+    assert TrainingProgress(14000, 15000, 0.1, 0.1, ends=18000).left == 1000

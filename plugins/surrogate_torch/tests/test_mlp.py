@@ -140,6 +140,9 @@ def test_the_best_weights_are_kept_and_patience_ends_the_training(data, tmp_path
     surrogate = TorchSurrogate(**options).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
     header, arrays = read_archive(checkpoint, TRAINING_FORMAT, 1, "")
     assert header["epoch"] == reports[-1].epoch == header["best_epoch"] + 50 < 3000
+    assert reports[-1].ends == reports[-1].epoch
+    assert reports[-1].left == 0
+    assert all(report.epoch < report.ends <= report.epoch + 50 for report in reports[:-1])
     assert header["best_loss"] < reports[-1].validation_loss
     assert header["best_loss"] <= min(report.validation_loss for report in reports)
     network = surrogate._fitted().network

@@ -53,7 +53,8 @@ def train(
         def show(progress: TrainingProgress) -> None:
             curve.add(progress)
             losses = f"loss {progress.loss:.2e}, validation {progress.validation_loss:.2e}"
-            task.update(progress.epoch, progress.epochs, detail=losses)
+            work = (progress.epoch, progress.left)
+            task.update(progress.epoch, progress.epochs, detail=losses, work=work)
 
         surrogate.fit(data, seed=config.surrogate.seed, checkpoint=checkpoint, on_progress=show)
         surrogate.save(path)

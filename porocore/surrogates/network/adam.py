@@ -105,7 +105,8 @@ class MlpTraining(ABC):
                 state.write(checkpoint, self._owner)
                 saved = time.monotonic()
             if on_progress is not None and (last or state.epoch % REPORT_INTERVAL == 0):
-                on_progress(TrainingProgress(state.epoch, options.epochs, loss, validation_loss))
+                ends = state.best_epoch + options.patience
+                on_progress(TrainingProgress(state.epoch, options.epochs, loss, validation_loss, ends))
         return layered_network(state.best_theta, self.shapes, options.activation)
 
 

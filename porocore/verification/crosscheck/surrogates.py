@@ -52,7 +52,8 @@ def train(config: RunConfig, name: str, samples: SharedSamples, console: Console
     with console.task(f"training, {name}", "epochs") as task:
 
         def show(progress: TrainingProgress) -> None:
-            task.update(progress.epoch, progress.epochs, detail=f"loss {progress.loss:.2e}")
+            work = (progress.epoch, progress.left)
+            task.update(progress.epoch, progress.epochs, detail=f"loss {progress.loss:.2e}", work=work)
 
         def fit() -> Surrogate:
             surrogate: Surrogate = make_backend("surrogate", settings)
