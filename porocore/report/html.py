@@ -23,6 +23,7 @@ from porocore.report.metrics import LoadCase, case_metrics, rms_percent, worst_p
 from porocore.report.page import Picture, Pictures, environment
 from porocore.report.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
 from porocore.report.text import (
+    FOLLOWER,
     MEANINGS,
     all_warnings,
     benchmark_rows,
@@ -84,6 +85,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
             [
                 *force_sentences(case, moved, context.units),
                 *(case_sentences(m) if context.loading_mode.settles else ()),
+                *((FOLLOWER,) if context.loading_mode.follows else ()),
                 flagged_sentence(m),
                 visited_sentence(visited_shares(case.nonlinear, context.sampling)),
             ]

@@ -30,10 +30,13 @@ class LoadingMode:
         Surfaces that are moved by a given displacement.
     stressed
         Whether a traction, a pressure or the force on a plate is scaled by the load.
+    follows
+        Whether a pressure follows a deformed surface.
     """
 
     displaced: tuple[str, ...] = ()
     stressed: bool = True
+    follows: bool = False
 
     @property
     def settles(self) -> bool:
@@ -47,6 +50,7 @@ class LoadingMode:
         return cls(
             tuple(name for name, b in faces if _any((*b.displacement, b.normal))),
             any(_any(_stresses(b)) for _, b in faces),
+            "follower" in macro.parts,
         )
 
 

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from porocore.core.files.atomic import atomic_path
 from porocore.report.figures.style import png_bytes, svg_bytes
 from porocore.report.format import difference, duration, in_unit, measured, number, percent, plain, unit
+from porocore.report.metrics import is_flagged
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def environment(*packages: str) -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters = (number, plain, percent, duration, difference, in_unit, measured)
+    filters = (number, plain, percent, duration, difference, in_unit, measured, is_flagged)
     made.filters |= {each.__name__: each for each in filters}
     made.globals["unit"] = unit
     return made

@@ -16,6 +16,11 @@ from porocore.report.loading_mode import force_name, reactions
 from porocore.report.metrics import LoadCase, case_metrics, case_warnings, flagged_shares, is_flagged
 from porocore.states import Status
 
+#: Said where a pressure follows the deformed surface.
+FOLLOWER = (
+    "The linear law carries the follower, too, on the surface that it has deformed. So under twice the load the linear "
+    "solution is not twice as large."
+)
 #: What each status means, in plain words.
 MEANINGS: dict[Status, str] = {
     Status.converged: "in equilibrium; no instability was found",

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from porocore.core.inputs.input_space import NAMES, InputSpace, components
 from porocore.core.units.results import ResultUnits
-from porocore.interfaces.solution import MacroSolution
+from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.interfaces.surrogate import Surrogate
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.points import point_states
 from porocore.states import Array, MacroState
 
 #: A proposed range goes beyond what was reached by this share of its width.
@@ -84,8 +87,8 @@ def advice(reached: Sequence[Reach], units: ResultUnits) -> str:
     return f"{said}{more}. Write under 'sampling.inputs:' " + ", ".join(each.line(units) for each in reached)
 
 
-def beyond(inputs: InputSpace, rows: Array, where: Sequence[str]) -> list[Reach]:
-    """Return the components that leave what is sampled in ``rows`` (10, n), the worst first; ``where`` is that of each.
+def beyond(inputs: InputSpace, rows: Array, where: Callable[[int], str]) -> list[Reach]:
+    """Return the components that leave what is sampled in ``rows`` (10, n), the worst first; ``where`` is that of a row.
 
     A component that is no input leaves it where it is not negligible. The worst is that with the largest excess as a
     share of its range, those that are no inputs before all others.
@@ -103,7 +106,7 @@ def beyond(inputs: InputSpace, rows: Array, where: Sequence[str]) -> list[Reach]
         if len(excess) and np.nanmax(excess) > least:
             worst = int(np.nanargmax(excess))
             reach = Reach(
-                name, float(values[worst]), sampled, float(values.min()), float(values.max()), where[worst]
+                name, float(values[worst]), sampled, float(values.min()), float(values.max()), where(worst)
             )
             found.append((rank + float(excess[worst]), reach))
     return [reach for _, reach in sorted(found, key=lambda each: -each[0])]
@@ -120,7 +123,7 @@ def flagged_place(
     Parameters
     ----------
     solution
-        With the surrogate; elements at its kept times are looked at.
+        With the surrogate; the points of flagged elements at its kept times are looked at.
     surrogate
         With its inputs.
     objective
@@ -132,7 +135,7 @@ def flagged_place(
     shares = [float(profile.outside_training_range.max(initial=0.0)) for profile in solution.profiles]
     if not max(shares, default=0.0) > 0:
         return ""
-    states, where = _flagged_elements(solution, units)
+    states, where = visited(solution, units, flagged=True)
     if objective:
         states = surrogate.inputs.without_rotation(states)
     reached = beyond(surrogate.inputs, components(states), where)
@@ -150,15 +153,28 @@ def flagged_place(
     )
 
 
-def _flagged_elements(solution: MacroSolution, units: ResultUnits) -> tuple[MacroState, list[str]]:
-    """Return the means of all elements that are flagged at a kept time, and place and time of each."""
-    states, where = [], []
-    for profile in solution.profiles:
-        (flagged,) = np.nonzero(profile.outside_training_range > 0)
-        if len(flagged):
-            states.append(MacroState(profile.grad_u[flagged], profile.element_p[flagged]))
-            where += [_place(solution, int(element), profile.time, units) for element in flagged]
-    return MacroState.concatenate(states), where
+def visited(
+    solution: MacroSolution, units: ResultUnits, *, flagged: bool = False
+) -> tuple[MacroState, Callable[[int], str]]:
+    """Return the states at all points at the kept times after rest, or those of flagged elements, and where each is."""
+    mesh = BodyMesh(solution.points, solution.cells)
+    elements = [np.flatnonzero(_wanted(profile, flagged)) for profile in solution.profiles]
+    found = [
+        point_states(mesh, profile.u, profile.p, some)
+        for profile, some in zip(solution.profiles, elements, strict=True)
+    ]
+    of, times = np.concatenate(elements), np.repeat([p.time for p in solution.profiles], [*map(len, elements)])
+    points = len(mesh.element.weights)
+
+    def where(row: int) -> str:
+        return _place(solution, int(of[row // points]), float(times[row // points]), units)
+
+    return MacroState.concatenate(found), where
+
+
+def _wanted(profile: Profile, flagged: bool) -> npt.NDArray[np.bool_]:
+    share = profile.outside_training_range
+    return share > 0 if flagged else np.full(len(share), profile.time > 0)
 
 
 def _place(solution: MacroSolution, element: int, time: float, units: ResultUnits) -> str:

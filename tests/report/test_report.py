@@ -204,6 +204,23 @@ def test_warnings_come_before_the_summary(context, page):
     assert not Page(render(calm)).all("aside")
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_a_flagged_share_that_is_zero_in_words_is_not_shown(context):
+    for share, shown in ((4e-4, False), (6e-4, True)):
+        case = LoadCase(replace_outside(context, share), context.cases[0].linear)
+        text = render(replace(context, warnings=(), cases=(case,)))
+        assert ("The flagged share of the body is 0.1 % at most" in text) == shown
+        assert "0.0 % at most" not in text
+        assert "at most 0.0 %" not in text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_says_that_the_linear_law_carries_a_follower_too(context):
+    said = "The linear law carries the follower, too, on the surface that it has deformed."
+    assert said in render(replace(context, loading_mode=LoadingMode(follows=True)))
+    assert said not in render(context)
+
+
 def replace_outside(context, share):
     solution = context.cases[0].nonlinear
     outside = np.full_like(solution.history.outside_training_range, share)

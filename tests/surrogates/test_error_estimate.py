@@ -10,6 +10,7 @@ from flag_studies import FOUR, SEVEN, assert_follows, held_out
 
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.core.tensors.point_group import TRIVIAL
+from porocore.macro.body.kinds import Box
 from porocore.states import MacroState
 from porocore.study.reach import flagged_place
 from porocore.surrogates.error_estimate.models import with_mean_gradient_error
@@ -135,47 +136,55 @@ def test_it_names_the_component():
 
 
 class Profile:
-    def __init__(self, time, outside, H22):
+    """Two elements, of which the upper one has the gradient H."""
+
+    def __init__(self, time, outside, H):
         self.time, self.outside_training_range = time, np.array(outside)
-        self.grad_u = np.zeros((2, 3, 3))
-        self.grad_u[:, 1, 1] = H22
+        self.grad_u = np.stack([np.zeros((3, 3)), H])
         self.element_p = np.full(2, 0.1)
+        self.u = np.maximum(Solution.points - [0, 2, 0], 0) @ np.transpose(H)
+        self.p = np.full(len(self.u), 0.1)
 
 
 class Solution:
-    points = np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0], [1, 4, 0]])
-    cells = np.array([[0, 1], [2, 3]])
+    body = Box(size=(1, 4, 1), elements=(1, 2, 1)).make()
+    points, cells = body.points, body.cells
 
     def __init__(self, *profiles):
         self.profiles = profiles
 
 
+def pressed(H22):
+    return np.diag([0, H22, 0])
+
+
 def test_it_says_where_in_the_body():
     surrogate = PolynomialSurrogate().fit(training("four"), seed=0)
-    early, late = Profile(1.0, [0.0, 0.5], [0, -0.16]), Profile(2.0, [0.0, 1.0], [0, -0.2])
-    said = flagged_place(Solution(early, late, Profile(3.0, [0.25, 0.0], [0, 0])), surrogate)
+    early, late = Profile(1.0, [0.0, 0.5], pressed(-0.16)), Profile(2.0, [0.0, 1.0], pressed(-0.2))
+    said = flagged_place(Solution(early, late, Profile(3.0, [0.25, 0.0], pressed(0))), surrogate)
     assert said == (
-        "Beyond what was sampled: H22 = −0.2 at (1, 3, 0) at t = 2 (sampled in [−0.15, 0.1]). "
+        "Beyond what was sampled: H22 = −0.2 at (0.5, 3, 0.5) at t = 2 (sampled in [−0.15, 0.1]). "
         "Write under 'sampling.inputs:' H22: {range: [-0.23, 0.1]}."
     )
-    within = Solution(Profile(1.0, [0.0, 0.5], [0, -0.14]))
+    within = Solution(Profile(1.0, [0.0, 0.5], pressed(-0.14)))
     said = flagged_place(within, surrogate)
     assert said.startswith(
-        "An example is the element at (1, 3, 0) at t = 1: H22 = −0.14 in [−0.15, 0.1], where"
+        "An example is the element at (0.5, 3, 0.5) at t = 1: H22 = −0.14 in [−0.15, 0.1], where"
     )
     assert said.endswith("raise sampling.options.count.")
-    assert flagged_place(Solution(Profile(1.0, [0.0, 0.0], [0, 0])), surrogate) == ""
+    assert flagged_place(Solution(Profile(1.0, [0.0, 0.0], pressed(0))), surrogate) == ""
     assert flagged_place(Solution(), surrogate) == ""
 
 
 def test_it_names_a_component_that_was_not_sampled():
     surrogate = PolynomialSurrogate().fit(training("four"), seed=0)
-    turned, both = Profile(1.0, [0.0, 1.0], [0, 0]), Profile(2.0, [0.0, 1.0], [0, -0.2])
-    turned.grad_u[1] = [[np.cos(0.3) - 1, -np.sin(0.3), 0], [np.sin(0.3), np.cos(0.3) - 1, 0], [0, 0, 0]]
-    both.grad_u[1, 1, 2] = 0.016
+    turn = np.array([[np.cos(0.3) - 1, -np.sin(0.3), 0], [np.sin(0.3), np.cos(0.3) - 1, 0], [0, 0, 0]])
+    turned, both = Profile(1.0, [0.0, 1.0], turn), Profile(2.0, [0.0, 1.0], pressed(-0.2))
+    turned.u = Solution.points @ turn.T
+    both.u[:, 1] += 0.016 * Solution.points[:, 2]
     said = flagged_place(Solution(both), surrogate)
     assert said.startswith(
-        "Beyond what was sampled: H23 = 0.016 at (1, 3, 0) at t = 2 (not sampled); H22 = −0.2"
+        "Beyond what was sampled: H23 = 0.016 at (0.5, 3, 0.5) at t = 2 (not sampled); H22 = −0.2"
     )
     assert said.endswith(" H23: {range: [0, 0.018]}, H22: {range: [-0.23, 0.1]}.")
     assert "H21 = 0.296" in flagged_place(Solution(turned), surrogate)

@@ -18,6 +18,7 @@ from porocore.plugins import registry
 from porocore.report.format import number
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
+from porocore.study.preflight.reach_notes import predicted_reach, prescribed_reach
 from porocore.study.stages.stage_files import linear_coefficients, prepare_cell
 
 #: Tetrahedra of the part of the cell that is solved, and nodes of the body, beyond which a check would take long.
@@ -31,6 +32,8 @@ FAR = 100.0
 def at_rest(config: RunConfig) -> Iterator[str]:
     """Yield what the undeformed cell makes of the study, line by line; the cell is solved, unless it is large.
 
+    With its moduli the body is solved linearly, which predicts what leaves the sampled ranges.
+
     Raises
     ------
     PorocoreError
@@ -39,12 +42,14 @@ def at_rest(config: RunConfig) -> Iterator[str]:
     try:
         registry.get("cell solver", config.fem.backend)
     except PluginError:
+        yield from _prescribed(config)
         return
     cell = config.cell
     part: Domain = "eighth" if cell.mirrored else "whole"
     count = len(cell.make_mesh("solid", part).cells) + len(cell.make_mesh("fluid", part).cells)
     if count > MOST_TETRAHEDRA:
         yield f"at rest: not solved here, since the cell has {count:,} tetrahedra; 'porocore cell' solves it"
+        yield from _prescribed(config)
         return
     solver, prepared = prepare_cell(config.fem.backend, config.fem.options, cell)
     reference = CellReference.compute(solver, prepared, cell, config.stages.cell)
@@ -53,6 +58,11 @@ def at_rest(config: RunConfig) -> Iterator[str]:
     yield from (f"  {line}" for line in cell_lines(coefficients, cell.viscosity, config.result_units))
     if len(body_mesh(config.macro).points) <= MOST_NODES:
         yield from _consolidation(config, coefficients)
+    yield from predicted_reach(config, coefficients)
+
+
+def _prescribed(config: RunConfig) -> Iterator[str]:
+    return (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
 
 
 def cell_lines(c: LinearCoefficients, viscosity: float, units: ResultUnits) -> Iterator[str]:

@@ -29,10 +29,9 @@ from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.at_rest import edges
-from porocore.study.preflight.reach_notes import prescribed_reach
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import check_time_functions
-from porocore.study.preflight.workload import Workload, require_memory, share_solved, slow_states
+from porocore.study.preflight.workload import Workload, require_memory, share_solved, sheared, slow_states
 
 #: Points of a table that are shown.
 MOST_POINTS = 4
@@ -183,7 +182,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     if slow := slow_states(nodes * share_solved(config), config.cell.mesh.size):
         yield f"note: {slow}"
     yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))
-    yield from (f"note: {warning}" for warning in prescribed_reach(config, place(config)))
+    yield from (f"note: {warning}" for warning in sheared(config, nodes))
     planes = Symmetry.of(config.macro).normals
     yield from (f"note: {warning}" for warning in unmirrored(planes, config.cell.point_group))
     yield from (f"note: {warning}" for warning in _late(config))

@@ -1,4 +1,4 @@
-"""Notes on what is prescribed and leaves the sampled ranges, before anything is solved.
+"""Notes on what leaves the sampled ranges, before a run: by the body's linear solution, and by what is prescribed.
 
 Between two surfaces across an axis whose displacements are prescribed, a component of H has a known mean along every
 line that joins them, so it reaches at least this mean somewhere on the line.
@@ -6,18 +6,27 @@ line that joins them, so it reaches at least this mean somewhere on the line.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from porocore.core.formulas.time_function import Value
-from porocore.core.inputs.input_space import NAMES
+from porocore.core.inputs.input_space import NAMES, components
+from porocore.core.units.results import ResultUnits
+from porocore.errors import SolveError
+from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.problem import Boundary
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.problem import Boundary, body_mesh
 from porocore.states import Array, MacroState
 from porocore.study.config.config import RunConfig
-from porocore.study.reach import advice, beyond
+from porocore.study.preflight.linear_reach import linear_solutions, too_large
+from porocore.study.preflight.workload import sheared
+from porocore.study.reach import Reach, advice, beyond, visited
+
+#: States, and place and time of each.
+Found = tuple[MacroState, Callable[[int], str]]
 
 #: A surface is across an axis if its nodes differ by less than this share of the body along it.
 FLAT = 1e-6
@@ -25,27 +34,72 @@ FLAT = 1e-6
 TIMES = 200
 
 
+def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iterator[str]:
+    """Yield which components leave the sampled ranges by the linear solution of the body, one line for each.
+
+    Where the body is too large for a check, or its linear solution fails, that is said, and what is prescribed is
+    looked at alone.
+    """
+    why, units = too_large(config), config.result_units
+    solutions = []
+    try:
+        solutions = [] if why else linear_solutions(config, coefficients)
+    except SolveError as error:
+        why = f"its linear solution fails: {error}"
+    if why:
+        yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
+        yield f"reach of the body: not predicted, since {why}"
+        return
+    found = [_of_solution(solution, units) for solution in solutions]
+    reached = _beyond(config, [*found, _prescribed(config, body_mesh(config.macro))])
+    if not reached:
+        yield "reach of the body: by linear poroelasticity it stays within the sampled ranges"
+        return
+    yield "note: by linear poroelasticity the body leaves the sampled ranges; write under 'sampling.inputs:'"
+    yield from (f"  {each.line(units)}, since {each.in_words(units)}" for each in reached)
+    nodes = len(config.cell.make_mesh("solid", "whole").points)
+    yield from (f"note: {note}" for note in sheared(config, nodes, [each.name for each in reached]))
+
+
 def prescribed_reach(config: RunConfig, mesh: BodyMesh) -> list[str]:
     """Return a note of the components that what is prescribed takes out of the sampled ranges, none without such."""
-    inputs, times = config.sampling.input_space(), _times(config)
-    units, rows, where = config.result_units, [], []
+    reached = _beyond(config, [_prescribed(config, mesh)])
+    if not reached:
+        return []
+    said = advice(reached, config.result_units)
+    return [f"what is prescribed leaves the sampled ranges, on average or more: {said}"]
+
+
+def _beyond(config: RunConfig, found: Sequence[Found]) -> list[Reach]:
+    """Return the components that leave the sampled ranges in any of the states that were found, the worst first."""
+    inputs, states = config.sampling.input_space(), MacroState.concatenate([states for states, _ in found])
+    starts = np.cumsum([0, *(len(states) for states, _ in found)])
+    if config.surrogate_model == "potential":
+        states = inputs.without_rotation(states)
+
+    def where(row: int) -> str:
+        k = int(np.searchsorted(starts, row, side="right")) - 1
+        return found[k][1](row - int(starts[k]))
+
+    return beyond(inputs, components(states), where)
+
+
+def _of_solution(solution: MacroSolution, units: ResultUnits) -> Found:
+    states, where = visited(solution, units)
+    return states, lambda row: f"{where(row)} under the load {solution.load:g}"
+
+
+def _prescribed(config: RunConfig, mesh: BodyMesh) -> Found:
+    """Return states of single components that are sure to occur, under all loads, and where each does."""
+    units, times, rows, where = config.result_units, _times(config), [np.zeros(10)], ["at rest"]
     for load in config.macro.loads:
         for column, values, said in _known(config, mesh, times):
             k = int(np.abs(values).argmax())
-            row = np.zeros(10)
-            row[column] = load * values[k]
-            rows.append(row)
+            rows.append(np.zeros(10))
+            rows[-1][column] = load * values[k]
             where.append(f"{said} at t = {units.text(times[k], 'time', 3)} under the load {load:g}")
-    if not rows:
-        return []
     flat = np.array(rows)
-    states = MacroState(flat[:, :9].reshape(-1, 3, 3), flat[:, 9])
-    if config.surrogate_model == "potential":
-        states = inputs.without_rotation(states)
-    reached = beyond(inputs, np.column_stack([states.grad_u.reshape(-1, 9), states.p]).T, where)
-    if not reached:
-        return []
-    return [f"what is prescribed leaves the sampled ranges, on average or more: {advice(reached, units)}"]
+    return MacroState(flat[:, :9].reshape(-1, 3, 3), flat[:, 9]), where.__getitem__
 
 
 def _times(config: RunConfig) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from porocore.core.models.bounds import MOST_STATES
@@ -19,6 +20,8 @@ PROCESS, LIBRARIES, SOLID_NODE = 2.7e8, 2e8, 4e4
 NODES_OF_TETRAHEDRON = {"linear": 0.27, "quadratic-straight": 2.0, "quadratic-curved": 2.0}
 #: Largest number of nodes of the solid for which the time of a state was measured, and that time on one quiet core [s].
 TIMED, SECONDS = 12_000, 10
+#: The time of a state goes with this power of the nodes; eight times as many took 12 times as long.
+POWER = 1.2
 #: Bytes of a solved state with its derivatives, and of each node of its field.
 STATE, NODE = 4_000, 24
 #: Numbers of one time step in a history, and of one quadrature point in a kept field.
@@ -103,8 +106,40 @@ def workers_here(config: RunConfig) -> int:
 
 def share_solved(config: RunConfig) -> float:
     """Return the largest share of the cell that is solved for any state: an eighth, or the whole."""
-    sheared = any(name[0] == "H" and name[1] != name[2] for name in config.sampling.inputs)
-    return 1 / 8 if config.cell.mirrored and not sheared else 1.0
+    return 1 / 8 if config.cell.mirrored and not shears(config.sampling.inputs) else 1.0
+
+
+def shears(names: Iterable[str]) -> list[str]:
+    """Return those of the components of H that are off its diagonal."""
+    return [name for name in names if name[0] == "H" and name[1] != name[2]]
+
+
+def sheared(config: RunConfig, nodes: int, more: Iterable[str] = ()) -> list[str]:
+    """Return a note on shears that take the whole cell instead of an eighth, none where that is not so.
+
+    Parameters
+    ----------
+    config
+        With the inputs.
+    nodes
+        Nodes of the whole solid.
+    more
+        Components that would be sampled in addition; the note is on these.
+    """
+    sampled, names = shears(config.sampling.inputs), shears(more or config.sampling.inputs)
+    if not config.cell.mirrored or not names or (more and sampled):
+        return []
+    eighth, whole = (_rounded(state_seconds(nodes * share)) for share in (1 / 8, 1))
+    them = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    is_ = "would be" if more else "is" if len(names) == 1 else "are"
+    return [
+        f"since {them} {is_} sampled, states are solved on the whole cell instead of an eighth: some {whole} s a state "
+        f"on one quiet core instead of {eighth} s"
+    ]
+
+
+def _rounded(seconds: float) -> str:
+    return f"{seconds:.1g}" if seconds < 10 else f"{round(seconds, 1 - len(str(int(seconds)))):.0f}"
 
 
 def expected_nodes(config: RunConfig) -> float:
@@ -145,6 +180,11 @@ def require_memory(config: RunConfig) -> None:
             f"{process / 1e9:.2g} GB each, but this machine has {there / 1e9:.3g} GB; take at most "
             f"{max(1, int(there / process))}"
         )
+
+
+def state_seconds(nodes: float) -> float:
+    """Return the approximate time of a state on one quiet core, given the nodes of the solid that are solved [s]."""
+    return float(SECONDS * (nodes / TIMED) ** POWER)
 
 
 def slow_states(nodes: float, size: float) -> str:

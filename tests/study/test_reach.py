@@ -1,0 +1,143 @@
+"""What ``porocore check`` predicts of the states that a body reaches, and the lines of YAML that sample them."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from invoked import BENCHMARK
+
+from porocore.core.inputs.input_space import InputSpace, components
+from porocore.core.units.results import ResultUnits
+from porocore.errors import SolveError
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.study.config.loading import load_config
+from porocore.study.preflight import linear_reach, reach_notes
+from porocore.study.preflight.reach_notes import predicted_reach
+from porocore.study.reach import beyond, flagged_place, visited
+
+SHEAR, POISSON = 1 / 6, 0.2
+ONE = np.eye(3)
+
+
+def coefficients(cubic=0.0):
+    """An isotropic solid with Poisson's ratio 0.2; ``cubic`` makes its axes stiffer."""
+    lame = 2 * SHEAR * POISSON / (1 - 2 * POISSON)
+    swap = np.einsum("ik,jl->ijkl", ONE, ONE)
+    C = lame * np.einsum("ij,kl->ijkl", ONE, ONE) + SHEAR * (swap + swap.swapaxes(2, 3))
+    C[range(3), range(3), range(3), range(3)] += cubic
+    alpha = 0.8 * ONE
+    return LinearCoefficients(C, alpha, alpha, 0.05, 2 * ONE, np.zeros((3, 3, 3, 3)), np.zeros((3, 3)))
+
+
+TIME = {"end": 40, "step": 1, "ramp_increments": 4, "ramp_step": 5, "profiles": []}
+PLANES = {name: {"normal": 0} for name in ("x-", "y-", "z-")}
+DRAINED = {"pressure": 0}
+PRESSED = PLANES | {
+    "x+": DRAINED,
+    "z+": DRAINED,
+    "y+": {"displacement": [None, -0.16, None], "pressure": 0},
+}
+
+
+def study(tmp_path, boundary, inputs, body=None, loads=(1,), **time):
+    data = yaml.safe_load(BENCHMARK.with_name("soil-strip.yaml").read_text(encoding="utf-8"))
+    data["sampling"]["inputs"] = {name: {"range": list(ends)} for name, ends in inputs.items()}
+    data["macro"] = {
+        "body": body or {"kind": "box", "size": [1, 2, 1], "elements": [1, 2, 1]},
+        "boundary": boundary,
+        "loads": list(loads),
+        "time": TIME | time,
+    }
+    path = tmp_path / "study.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    return load_config(path)
+
+
+def lines_of(said):
+    """The lines of YAML in a text, as ranges by name."""
+    found = re.findall(r"(\w+): \{range: \[(\S+), (\S+)\]\}", said)
+    return {name: (float(low), float(high)) for name, low, high in found}
+
+
+#: Undrained, the body keeps its volume but for what the fluid gives way.
+FAST = {"ramp_step": 1e-6, "end": 1e-5, "step": 1e-5}
+STORED = 0.8**2 / 0.05
+LAME = 2 * SHEAR * POISSON / (1 - 2 * POISSON) + STORED
+
+
+@pytest.mark.parametrize(
+    ("time", "poisson"), [({}, POISSON), (FAST, LAME / 2 / (LAME + SHEAR))], ids=["drained", "undrained"]
+)
+def test_check_predicts_how_far_a_body_gives_way_sideways(tmp_path, time, poisson):
+    boundary = PRESSED if not time else PLANES | {"y+": {"displacement": [None, -0.16, None]}}
+    inputs = {"H22": (-0.1, 0.02), "p": (-0.5, 0.5)}
+    said = list(predicted_reach(study(tmp_path, boundary, inputs, loads=[0.1, 1], **time), coefficients()))
+    assert said[0].startswith("note: by linear poroelasticity the body leaves the sampled ranges; write under")
+    assert [line[:5] for line in said[1:]] in (["  H11", "  H33"], ["  H33", "  H11"])
+    for line in said[1:]:
+        value = float(re.search(r"since H\d\d = (\S+) at \(0.5, ", line)[1])
+        assert value == pytest.approx(0.08 * poisson, rel=0.03)
+        assert line.endswith("under the load 1 (not sampled)")
+    wider = inputs | lines_of("\n".join(said))
+    assert list(predicted_reach(study(tmp_path, boundary, wider, **time), coefficients())) == [
+        "reach of the body: by linear poroelasticity it stays within the sampled ranges"
+    ]
+
+
+def test_check_says_that_a_shear_takes_the_whole_cell(tmp_path):
+    boundary = {"y-": {"displacement": [0, 0, 0]}, "y+": {"displacement": [0.1, 0, 0], "pressure": 0}}
+    inputs = {name: (-0.2, 0.2) for name in ("H11", "H22", "H33", "p")}
+    said = list(predicted_reach(study(tmp_path, boundary, inputs), coefficients()))
+    assert said[1].startswith("  H12: {range: [")
+    found = re.fullmatch(
+        r"note: since H12.* would be sampled, states are solved on the whole cell instead of an eighth: "
+        r"some (\S+) s a state on one quiet core instead of (\S+) s",
+        said[-1],
+    )
+    assert float(found[1]) > 4 * float(found[2])
+    sampled = inputs | {"H12": (-0.2, 0.2)}
+    assert "whole cell" not in "".join(predicted_reach(study(tmp_path, boundary, sampled), coefficients()))
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_where_nothing_is_predicted_what_is_prescribed_is_compared(tmp_path, monkeypatch, fails):
+    def fail(*_):
+        raise SolveError("of a step")
+
+    if fails:
+        monkeypatch.setattr(reach_notes, "linear_solutions", fail)
+    else:
+        monkeypatch.setattr(linear_reach, "MOST", 10)
+    config = study(tmp_path, PRESSED, {"H22": (-0.05, 0.02), "p": (-0.5, 0.5)})
+    note, why = predicted_reach(config, coefficients())
+    assert note.startswith("note: what is prescribed leaves the sampled ranges, on average or more: H22 = −0.08 ")
+    assert why.startswith("reach of the body: not predicted, since ")
+    assert ("fails: of a step" if fails else "unknowns of the body") in why
+
+
+class Surrogate:
+    def __init__(self, inputs):
+        self.inputs = inputs
+
+
+def test_lines_of_a_warning_take_in_all_points_of_a_wedge_under_a_follower(tmp_path):
+    """Its pressure varies along y, so it is sheared within its elements, more than in their means."""
+    body = {"kind": "wedge", "radius": 1.0, "height": 1.0, "angle": 30, "elements": [2, 1, 2]}
+    faces = {name: {"normal": 0} for name in ("oblique", "z-", "y-")}
+    boundary = faces | {"y+": {"pressure": 0}, "side": {"follower": 0.05}}
+    ranges = {name: (-0.1, 0.1) for name in ("H11", "H22", "H33")} | {"p": (-0.05, 0.05)}
+    config = study(tmp_path, boundary, ranges, body, ramp_step=0.02, end=1.0)
+    (solution,) = linear_reach.linear_solutions(config, coefficients(cubic=0.1))
+    flagged = tuple(
+        replace(p, outside_training_range=np.ones_like(p.outside_training_range)) for p in solution.after_rest
+    )
+    solution, inputs = replace(solution, profiles=flagged), InputSpace.from_ranges(ranges)
+    said = flagged_place(solution, Surrogate(inputs), objective=True)
+    assert said.startswith("Beyond what was sampled: H12 = −")
+    states, where = visited(solution, ResultUnits())
+    wider = InputSpace.from_ranges(ranges | lines_of(said))
+    assert beyond(wider, components(wider.without_rotation(states)), where) == []
+    of_means = max(np.abs(profile.grad_u[:, 0, 1]).max() for profile in flagged)
+    assert -lines_of(said)["H12"][0] > 1.2 * of_means
