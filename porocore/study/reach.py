@@ -88,7 +88,7 @@ def advice(reached: Sequence[Reach], units: ResultUnits) -> str:
 
 
 def beyond(inputs: InputSpace, rows: Array, where: Callable[[int], str]) -> list[Reach]:
-    """Return the components that leave what is sampled in ``rows`` (10, n), the worst first; ``where`` is that of a row.
+    """Return the components that leave what is sampled in ``rows`` (10, n), the worst first; ``where`` names places.
 
     A component that is no input leaves it where it is not negligible. The worst is that with the largest excess as a
     share of its range, those that are no inputs before all others.
@@ -163,8 +163,8 @@ def visited(
         point_states(mesh, profile.u, profile.p, some)
         for profile, some in zip(solution.profiles, elements, strict=True)
     ]
-    of, times = np.concatenate(elements), np.repeat([p.time for p in solution.profiles], [*map(len, elements)])
-    points = len(mesh.element.weights)
+    of, points = np.concatenate(elements), len(mesh.element.weights)
+    times = np.repeat([profile.time for profile in solution.profiles], [len(some) for some in elements])
 
     def where(row: int) -> str:
         return _place(solution, int(of[row // points]), float(times[row // points]), units)

@@ -10,7 +10,6 @@ from porocore.macro.body.element import HEXAHEDRON, TETRAHEDRON
 from porocore.macro.body.kinds import Box, make_body
 from porocore.macro.body.mesh import BodyMesh, boundary_facets
 from porocore.macro.body.mesh_file import read_body
-from porocore.macro.body.points import point_states
 from porocore.macro.body.structured import sector
 from porocore.macro.body.surfaces import Facets
 from porocore.macro.boundary.conditions import boundary_data
@@ -18,7 +17,6 @@ from porocore.macro.boundary.followers import forces, tangent
 from porocore.macro.boundary.frames import Constraint, in_frames
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.problem import MacroProblem, body_mesh
-from porocore.plugins import registry
 from porocore.testing.macro_laws.meshes import write_tetrahedra
 from porocore.testing.synthetic.response import confined_column
 
@@ -389,23 +387,3 @@ def test_a_body_from_a_file_counts_by_its_content_and_not_by_where_it_lies(tmp_p
     assert specification(tmp_path / "there", (1, 1, 1)) == here
     assert specification(tmp_path / "other", (2, 1, 1)) != here
     assert str(tmp_path) not in str(here)
-
-
-@pytest.mark.parametrize("body", ["box", "wedge", "file"])
-def test_states_at_the_points_are_those_of_the_law(body, tmp_path):
-    """Of a field of random values at the nodes, as the macro solver sees it."""
-    settings = {
-        "box": {"size": SIZE, "elements": (1, 2, 1)},
-        "wedge": {"radius": 1, "height": 0.7, "elements": (1, 1, 1), "angle": 60},
-        "file": {"path": str(tmp_path / "body.msh")},
-    }
-    write_tetrahedra(tmp_path / "body.msh", Box(size=SIZE, elements=(1, 1, 1)), bend=0.03)
-    problem = {"body": {"kind": body} | settings[body], "boundary": {"y-": {"displacement": (0, 0, 0)}}}
-    d = registry.get("macro solver", "skfem")().prepare(MacroProblem.model_validate(problem))
-    x, mesh = np.random.default_rng(1).random(d.mesh.size), d.mesh
-    whole, u, p = d.states(x)[0], x[: mesh.n_u].reshape(-1, 3), mesh.pressure_everywhere(x[mesh.n_u :])
-    for some in (None, np.array([1])):
-        points = slice(None) if some is None else slice(*(len(mesh.element.weights) * np.array([1, 2])))
-        states = point_states(mesh, u, p, some)
-        np.testing.assert_allclose(states.grad_u, whole.grad_u[points], atol=1e-11)
-        np.testing.assert_allclose(states.p, whole.p[points], atol=1e-12)

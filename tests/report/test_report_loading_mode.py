@@ -40,7 +40,9 @@ RAMP = TimeFunction(ramp=-0.2, until=1.0)
 )
 def test_what_drives_a_body(top, displaced, stressed):
     held = {"y-": Boundary(displacement=(0, 0, 0)), "y+": Boundary(**top)}
-    assert LoadingMode.from_setup(MacroSetup(boundary=held)) == LoadingMode(displaced, stressed, "follower" in top)
+    assert LoadingMode.from_setup(MacroSetup(boundary=held)) == LoadingMode(
+        displaced, stressed, "follower" in top
+    )
 
 
 @pytest.fixture

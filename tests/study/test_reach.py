@@ -21,14 +21,14 @@ SHEAR, POISSON = 1 / 6, 0.2
 ONE = np.eye(3)
 
 
-def coefficients(cubic=0.0):
+def coefficients(K=200.0, cubic=0.0):
     """An isotropic solid with Poisson's ratio 0.2; ``cubic`` makes its axes stiffer."""
     lame = 2 * SHEAR * POISSON / (1 - 2 * POISSON)
     swap = np.einsum("ik,jl->ijkl", ONE, ONE)
     C = lame * np.einsum("ij,kl->ijkl", ONE, ONE) + SHEAR * (swap + swap.swapaxes(2, 3))
     C[range(3), range(3), range(3), range(3)] += cubic
     alpha = 0.8 * ONE
-    return LinearCoefficients(C, alpha, alpha, 0.05, 2 * ONE, np.zeros((3, 3, 3, 3)), np.zeros((3, 3)))
+    return LinearCoefficients(C, alpha, alpha, 0.05, K * ONE, np.zeros((3, 3, 3, 3)), np.zeros((3, 3)))
 
 
 TIME = {"end": 40, "step": 1, "ramp_increments": 4, "ramp_step": 5, "profiles": []}
@@ -74,7 +74,9 @@ def test_check_predicts_how_far_a_body_gives_way_sideways(tmp_path, time, poisso
     boundary = PRESSED if not time else PLANES | {"y+": {"displacement": [None, -0.16, None]}}
     inputs = {"H22": (-0.1, 0.02), "p": (-0.5, 0.5)}
     said = list(predicted_reach(study(tmp_path, boundary, inputs, loads=[0.1, 1], **time), coefficients()))
-    assert said[0].startswith("note: by linear poroelasticity the body leaves the sampled ranges; write under")
+    assert said[0].startswith(
+        "note: by linear poroelasticity the body leaves the sampled ranges; write under"
+    )
     assert [line[:5] for line in said[1:]] in (["  H11", "  H33"], ["  H33", "  H11"])
     for line in said[1:]:
         value = float(re.search(r"since H\d\d = (\S+) at \(0.5, ", line)[1])
@@ -112,7 +114,9 @@ def test_where_nothing_is_predicted_what_is_prescribed_is_compared(tmp_path, mon
         monkeypatch.setattr(linear_reach, "MOST", 10)
     config = study(tmp_path, PRESSED, {"H22": (-0.05, 0.02), "p": (-0.5, 0.5)})
     note, why = predicted_reach(config, coefficients())
-    assert note.startswith("note: what is prescribed leaves the sampled ranges, on average or more: H22 = −0.08 ")
+    assert note.startswith(
+        "note: what is prescribed leaves the sampled ranges, on average or more: H22 = −0.08 "
+    )
     assert why.startswith("reach of the body: not predicted, since ")
     assert ("fails: of a step" if fails else "unknowns of the body") in why
 
@@ -129,7 +133,7 @@ def test_lines_of_a_warning_take_in_all_points_of_a_wedge_under_a_follower(tmp_p
     boundary = faces | {"y+": {"pressure": 0}, "side": {"follower": 0.05}}
     ranges = {name: (-0.1, 0.1) for name in ("H11", "H22", "H33")} | {"p": (-0.05, 0.05)}
     config = study(tmp_path, boundary, ranges, body, ramp_step=0.02, end=1.0)
-    (solution,) = linear_reach.linear_solutions(config, coefficients(cubic=0.1))
+    (solution,) = linear_reach.linear_solutions(config, coefficients(K=2.0, cubic=0.1))
     flagged = tuple(
         replace(p, outside_training_range=np.ones_like(p.outside_training_range)) for p in solution.after_rest
     )
