@@ -76,7 +76,7 @@ def test_check_predicts_how_far_a_body_gives_way_sideways(tmp_path, time, poisso
     inputs = {"H22": (-0.1, 0.02), "p": (-0.5, 0.5)}
     said = list(predicted_reach(study(tmp_path, boundary, inputs, loads=[0.1, 1], **time), coefficients()))
     assert said[0].startswith(
-        "note: by linear poroelasticity the body leaves the sampled ranges; write under"
+        "note: by linear poroelasticity up to 100.0 % of the body leaves the sampled ranges at one time; write under"
     )
     assert [line[:5] for line in said[1:]] in (["  H11", "  H33"], ["  H33", "  H11"])
     for line in said[1:]:
@@ -146,3 +146,18 @@ def test_lines_of_a_warning_take_in_all_points_of_a_wedge_under_a_follower(tmp_p
     assert beyond(wider, components(wider.without_rotation(states)), where) == []
     means = [inputs.without_rotation(MacroState(p.grad_u, p.element_p)).grad_u[:, 0, 1] for p in flagged]
     assert lines_of(said)["H12"][0] < 1.2 * np.min(means)
+
+
+def test_the_share_of_the_body_that_leaves_is_told_and_a_tiny_one_is_none(tmp_path, monkeypatch):
+    """A block in two layers of elements, drained at its top: only near it the pressure stays low."""
+    boundary = PLANES | {"x+": {"normal": 0}, "z+": {"normal": 0}, "y+": PRESSED["y+"]}
+    body = {"kind": "box", "size": [1, 2, 1], "elements": [1, 8, 1]}
+    wide = {"H22": (-2, 0.5), "p": (-0.5, 2.0)}
+    states = study(tmp_path, boundary, wide, body, **FAST)
+    (solution,) = linear_reach.linear_solutions(states, coefficients())
+    mean = float(np.median(solution.profiles[-1].element_p))
+    config = study(tmp_path, boundary, wide | {"p": (0.5 * mean, 2.0)}, body, **FAST)
+    share = float(re.search(r"up to (\S+) % of the body", next(predicted_reach(config, coefficients())))[1])
+    assert 0 < share < 50
+    monkeypatch.setattr(reach_notes, "LEAST_FLAGGED", 0.6)
+    assert next(predicted_reach(config, coefficients())).startswith("reach of the body: by linear")

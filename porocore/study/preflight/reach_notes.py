@@ -7,6 +7,7 @@ line that joins them, so it reaches at least this mean somewhere on the line.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -19,11 +20,13 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.problem import Boundary, body_mesh
+from porocore.report.format import percent
+from porocore.report.metrics import LEAST_FLAGGED
 from porocore.states import Array, MacroState
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.linear_reach import linear_solutions, too_large
 from porocore.study.preflight.workload import sheared
-from porocore.study.reach import Reach, advice, beyond, visited
+from porocore.study.reach import ROUND_OFF, Reach, advice, beyond, visited
 
 #: States, and place and time of each.
 Found = tuple[MacroState, Callable[[int], str]]
@@ -51,11 +54,16 @@ def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iter
         yield f"reach of the body: not predicted, since {why}"
         return
     found = [_of_solution(solution, units) for solution in solutions]
-    reached = _beyond(config, [*found, _prescribed(config, body_mesh(config.macro))])
+    share = max(map(partial(_share, config), solutions, [states for states, _ in found]))
+    reached = _beyond(config, found) if share >= LEAST_FLAGGED else []
     if not reached:
         yield "reach of the body: by linear poroelasticity it stays within the sampled ranges"
+        yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
         return
-    yield "note: by linear poroelasticity the body leaves the sampled ranges; write under 'sampling.inputs:'"
+    yield (
+        f"note: by linear poroelasticity up to {percent(share)} of the body leaves the sampled ranges at one time; "
+        "write under 'sampling.inputs:'"
+    )
     yield from (f"  {each.line(units)}, since {each.in_words(units)}" for each in reached)
     nodes = len(config.cell.make_mesh("solid", "whole").points)
     yield from (f"note: {note}" for note in sheared(config, nodes, [each.name for each in reached]))
@@ -82,6 +90,17 @@ def _beyond(config: RunConfig, found: Sequence[Found]) -> list[Reach]:
         return found[k][1](row - int(starts[k]))
 
     return beyond(inputs, components(states), where)
+
+
+def _share(config: RunConfig, solution: MacroSolution, states: MacroState) -> float:
+    """Return the largest share of the body that leaves the sampled ranges at one time, given the states at all."""
+    inputs = config.sampling.input_space()
+    if config.surrogate_model == "potential":
+        states = inputs.without_rotation(states)
+    unit = inputs.to_unit(inputs.gather(states))
+    outside = inputs.moves_other(states) | (np.abs(unit - 0.5) > 0.5 + ROUND_OFF).any(axis=1)
+    volumes = BodyMesh(solution.points, solution.cells).weights.ravel()
+    return float((outside.reshape(-1, len(volumes)) @ volumes).max() / volumes.sum())
 
 
 def _of_solution(solution: MacroSolution, units: ResultUnits) -> Found:
