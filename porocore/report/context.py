@@ -76,6 +76,8 @@ class CellSummary:
         None: not known.
     law
         Which conductivity the flux goes by, see :data:`~porocore.macro.laws.pull_back.ConductivityLaw`.
+    remarks
+        Sentences on the pores, such as how an image was made periodic, and the edges of the cell.
     """
 
     description: str
@@ -86,6 +88,7 @@ class CellSummary:
     surface: tuple[Array, IntArray] | None = None
     crease: tuple[float, float] | None = None
     law: ConductivityLaw = "piola"
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -261,6 +261,15 @@ def test_flux_in_space_and_through_reference_area(context):
     np.testing.assert_allclose(q, -last.reference_conductivity @ g, rtol=1e-12)
 
 
+def test_says_how_an_image_became_a_cell(context, unpictured):
+    cell = replace(
+        context.cell, remarks=("a layer of 8 voxels is <blended>", "edges of the cell: 1 x 1 x 2 µm")
+    )
+    words = Page(render(replace(context, cell=cell))).words
+    assert "A layer of 8 voxels is <blended>." in words
+    assert "Edges of the cell: 1 x 1 x 2 µm." in words
+
+
 def test_says_where_no_held_out_state_lies_in_the_sampled_range(context, unpictured):
     (check,) = context.surrogate.outputs
     beyond = replace(check, outside_training_range=np.ones(len(check.outside_training_range), bool))

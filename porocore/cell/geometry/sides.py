@@ -8,7 +8,7 @@ from collections.abc import Iterable
 Sides = tuple[float, float, float]
 CUBE: Sides = (1.0, 1.0, 1.0)
 #: Significant bits of a side. Multiples of it are exact, so that copies of a cell meet in the same numbers.
-BITS = 40
+BITS = 48
 
 
 def unit_sides(lengths: Iterable[float]) -> Sides:

@@ -18,6 +18,8 @@ PIECES = 4
 SOLID = to_rgb("#c9a27a")
 WALL = to_rgb("#5b8db8")
 VIEW = {"elev": 24.0, "azim": -58.0}
+#: Of a cube; a longer box is drawn smaller.
+ZOOM = 1.1
 #: Towards the light, in the frame of the picture.
 LIGHT = np.array([0.25, -0.75, 0.9])
 
@@ -58,7 +60,7 @@ def cell_picture(points: Array, cells: IntArray) -> Figure:
         )
     low, high = points.min(axis=0), points.max(axis=0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(tuple(high - low), zoom=1.1)
+    axes.set_box_aspect(tuple(high - low), zoom=ZOOM * min(1.0, _extent(np.ones(3)) / _extent(high - low)))
     axes.view_init(**VIEW)
     axes.set_axis_off()
     return figure
@@ -80,6 +82,14 @@ def _pieces(facets: Array) -> Array:
     shape = np.stack([r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r])
     pieces: Array = np.einsum("apc,kax->kpcx", shape, facets).reshape(-1, 3, 3)
     return pieces
+
+
+def _extent(edges: Array) -> float:
+    """Return the larger of width and height of a box in the picture, over its diagonal."""
+    elevation, azimuth = np.radians(VIEW["elev"]), np.radians(VIEW["azim"])
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    up = np.cross(_towards_viewer(), right)
+    return float(max(np.abs(right) @ edges, np.abs(up) @ edges) / np.linalg.norm(edges))
 
 
 def _towards_viewer() -> Array:

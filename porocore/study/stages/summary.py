@@ -32,6 +32,7 @@ from porocore.report.metrics import LoadCase, OutputCheck
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, Status
 from porocore.study.config.config import RunConfig
+from porocore.study.preflight.at_rest import edges
 from porocore.study.preflight.symmetry_notes import LARGEST_DEFECT
 from porocore.study.publication import crease_line, published_values
 from porocore.study.reach import flagged_place
@@ -227,4 +228,5 @@ def _cell_summary(results: RunResults) -> CellSummary:
         surface=(solid.points, solid.cells),
         crease=crease_line(cell),
         law=results.config.conductivity,
+        remarks=(*cell.geometry.notes, *(line.strip() for line in edges(results.config))),
     )
