@@ -86,7 +86,7 @@ def _pieces(facets: Array) -> Array:
 
 def _extent(edges: Array) -> float:
     """Return the larger of width and height of a box in the picture, over its diagonal."""
-    elevation, azimuth = np.radians(VIEW["elev"]), np.radians(VIEW["azim"])
+    azimuth = np.radians(VIEW["azim"])
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     up = np.cross(_towards_viewer(), right)
     return float(max(np.abs(right) @ edges, np.abs(up) @ edges) / np.linalg.norm(edges))
