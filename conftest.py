@@ -94,7 +94,10 @@ SLOW = (
     "plugins/fem_skfem/tests/test_cell.py::test_suction_ends_in_a_status",
     "plugins/surrogate_jax/tests/test_conformance.py::TestMlp::test_training_is_seeded",
     "plugins/surrogate_jax/tests/test_conformance.py::TestPotential::test_training_is_seeded",
-    # The loops of training are the core's; the fast suite has them with torch, in test_mlp.
+    # The loops of training are the core's; the fast suite has them with torch.
+    "plugins/surrogate_jax/tests/test_conformance.py::TestMlp::test_resumed_training_equals_an_uninterrupted_one",
+    "plugins/surrogate_jax/tests/test_conformance.py::TestMlp::test_a_file_that_was_moved_is_enough",
+    "plugins/surrogate_jax/tests/test_conformance.py::TestPotential::test_what_is_not_resumable_leaves_no_checkpoint",
     "plugins/surrogate_jax/tests/test_surrogate.py::test_the_papers_network_learns_the_map",
     "plugins/surrogate_jax/tests/test_surrogate.py::test_what_is_trained_is_what_is_evaluated[tanh]",
     "plugins/surrogate_jax/tests/test_surrogate.py::test_the_best_weights_are_kept_and_patience_ends_the_training",
