@@ -42,6 +42,8 @@ class Sampler(ABC):
 
     #: Whether it takes the option ``seed``, and other seeds give other states.
     seeded: ClassVar[bool] = False
+    #: Whether its states fill the ranges of the inputs; if not, held-out states are drawn between those that it chose.
+    fills_ranges: ClassVar[bool] = True
 
     @abstractmethod
     def __init__(self, inputs: InputSpace, **options: Any) -> None: ...

@@ -126,6 +126,10 @@ def steady_drift(history: History) -> float | None:
     return abs(final - before) / abs(final)
 
 
+#: Figures that say nothing where the settlement is prescribed.
+OF_SETTLEMENT = frozenset({"final_settlement", "time_to_95_percent", "time_to_99_percent", "steady_drift"})
+
+
 def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
     """Return figures of merit of one solution, ready for JSON; a figure that is not defined is None.
 
@@ -183,6 +187,16 @@ def case_metrics(case: LoadCase) -> dict[str, Any]:
         "drained_ratio": ratio("drained"),
         "drained_paper_ratio": ratio("drained_paper"),
     }
+
+
+def without_settlement(metrics: Any) -> Any:
+    """Return the figures of :func:`case_metrics` of a body whose settlement is prescribed: without those of it."""
+    if isinstance(metrics, list):
+        return [without_settlement(each) for each in metrics]
+    if not isinstance(metrics, dict):
+        return metrics
+    left_out = {*OF_SETTLEMENT, "settlement_ratio", *(f"{name}_ratio" for name in OF_SETTLEMENT)}
+    return {name: without_settlement(value) for name, value in metrics.items() if name not in left_out}
 
 
 def is_flagged(metrics: dict[str, Any]) -> bool:

@@ -112,8 +112,16 @@ def beyond(inputs: InputSpace, rows: Array, where: Callable[[int], str]) -> list
     return [reach for _, reach in sorted(found, key=lambda each: -each[0])]
 
 
+#: What gives more states.
+MORE = "raise sampling.options.count"
+
+
 def flagged_place(
-    solution: MacroSolution, surrogate: Surrogate, objective: bool = False, units: ResultUnits | None = None
+    solution: MacroSolution,
+    surrogate: Surrogate,
+    objective: bool = False,
+    units: ResultUnits | None = None,
+    more: str = MORE,
 ) -> str:
     """Return which components take a body out of what is sampled, where and when, and what to write.
 
@@ -130,6 +138,8 @@ def flagged_place(
         Whether the surrogate does not change when a state is turned.
     units
         Units of the results; None: without.
+    more
+        What gives more states.
     """
     units = units or ResultUnits()
     shares = [float(profile.outside_training_range.max(initial=0.0)) for profile in solution.profiles]
@@ -143,14 +153,21 @@ def flagged_place(
         return f"Beyond what was sampled: {advice(reached, units)}."
     profile = solution.profiles[len(shares) - 1 - int(np.argmax(shares[::-1]))]
     element = int(np.argmax(profile.outside_training_range))
-    state = MacroState(profile.grad_u[[element]], profile.element_p[[element]])
-    (why,) = surrogate.reasons(state)
+    why = surrogate.reasons(_worst(solution, profile, element, surrogate))[0]
     example = (
         f"An example is the element {_place(solution, element, profile.time, units)}{why and ': ' + why}"
     )
-    return (
-        f"{example}. All lies within the sampled ranges, so more states help: raise sampling.options.count."
-    )
+    return f"{example}. All lies within the sampled ranges, so more states help: {more}."
+
+
+def _worst(solution: MacroSolution, profile: Profile, element: int, surrogate: Surrogate) -> MacroState:
+    """Return the first state of an element that the surrogate flags; its mean where it flags none of the points."""
+    mesh = BodyMesh(solution.points, solution.cells)
+    points = point_states(mesh, profile.u, profile.p, np.array([element]))
+    flagged = surrogate.predict(points, tangent=False).outside_training_range
+    if flagged is None or not flagged.any():
+        return MacroState(profile.grad_u[[element]], profile.element_p[[element]])
+    return points[flagged][:1]
 
 
 def visited(

@@ -24,6 +24,8 @@ from porocore.surrogates.potential.model import PotentialModel
 
 #: Bytes; glibc adapts up to 32 MiB.
 _KEPT_MEMORY = 24 << 20
+#: Why a state is flagged that lies within all ranges and has a small estimated error.
+CLOSED = "next to states whose pore walls touch and that have no conductivity; end the ranges before the walls touch"
 #: Responses that each model predicts.
 PROVIDES = {
     model: tuple(name for name, f in CELL_FIELDS.items() if model in f.models)
@@ -129,7 +131,11 @@ class ModelSurrogate(Surrogate):
         model = self._fitted()
         if isinstance(model, PotentialModel):
             states = self.inputs.without_rotation(states)
-        return reasons(self.inputs, states, None if model.estimate is None else self._error)
+        found = reasons(self.inputs, states, None if model.estimate is None else self._error)
+        if self.conductivity is None:
+            return found
+        closed = self.conductivity.next_to_closed(states)
+        return [f"{said}, {CLOSED}" if near else said for said, near in zip(found, closed, strict=True)]
 
     def _error(self, states: MacroState) -> Array:
         """Return the estimated error (n,), a share of the range of whatever is worst."""

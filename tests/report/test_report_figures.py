@@ -19,11 +19,13 @@ from porocore.report.figures import (
     png_bytes,
     profile_figure,
     samples_figure,
+    series_figure,
     svg_bytes,
     training_figure,
 )
 from porocore.report.figures.cell import surface_triangles
 from porocore.report.figures.profiles import ColumnAxis
+from porocore.report.figures.series import early_peak
 from porocore.report.metrics import OutputCheck
 from porocore.states import Status
 
@@ -270,3 +272,33 @@ def test_cell_picture_shows_the_solid():
 def test_the_same_figure_gives_the_same_bytes(pair):
     first, second = (svg_bytes(profile_figure(*pair, "p")) for _ in range(2))
     assert first == second
+
+
+def test_a_peak_early_in_a_long_run_has_a_stretched_axis_of_time(pair):
+    """A force that is there after 1 % of the time is shown as wide as what follows, in order of time."""
+    solution, _ = pair
+    time = solution.history.time
+    ramp = time[2]
+    force = np.where(time <= ramp, time / ramp, 0.6 + 0.4 * np.exp(-(time - ramp) / (3 * ramp)))
+    long = replace(solution, compression={"y+": force}, reactions={}, probes={}, inflow={})
+    assert ramp < 0.05 * time[-1]
+    figure = series_figure(long, long, "forces of held or moved surfaces")
+    (axes,) = figure.axes
+    assert axes.get_xscale() == "symlog"
+    assert axes.get_xlabel().endswith(f"logarithmic after {ramp:g}")
+    assert f"{ramp:g}" in [text.get_text() for text in axes.get_xticklabels()]
+    shown = axes.transData.transform(np.stack([[0, ramp, time[-1]], np.zeros(3)], axis=1))[:, 0]
+    assert 0.15 < (shown[1] - shown[0]) / (shown[2] - shown[0]) < 0.6
+    assert_no_overlap(figure)
+
+
+def test_only_an_early_peak_stretches_the_axis():
+    time = np.linspace(0, 100, 1001)
+    peak = np.where(time <= 1, time, 0.5 + 0.5 * np.exp(1 - time))
+    assert early_peak(time, [peak]) == 1
+    assert early_peak(time, [np.minimum(time, 1)]) is None  # it rises and stays
+    assert (
+        early_peak(time / 10, [np.where(time <= 10, time / 10, 0.5)]) is None
+    )  # a tenth of the time is wide enough
+    again = peak + np.sin(time) * (time > 20)
+    assert early_peak(time, [again]) is None  # most comes later

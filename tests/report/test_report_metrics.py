@@ -22,6 +22,7 @@ from porocore.report.metrics import (
     solution_metrics,
     steady_drift,
     time_to_fraction,
+    without_settlement,
     worst_percent,
 )
 
@@ -178,3 +179,14 @@ def test_says_when_the_body_leaves_the_sampled_range(column):
     )
     within = replace(solution, history=replace(solution.history, outside_training_range=np.zeros_like(time)))
     assert solution_metrics(within)["flagged_first_time"] is None
+
+
+def test_a_prescribed_settlement_has_no_figures(column):
+    metrics = case_metrics(LoadCase(column(), column(law="linear", beyond=None), (column(law="direct"),)))
+    left = without_settlement(metrics)
+    assert not [name for name in json.dumps(left).split('"') if "settlement" in name or "to_9" in name]
+    assert left["nonlinear"].keys() == left["linear"].keys() == left["others"][0].keys()
+    gone = {"final_settlement", "time_to_95_percent", "time_to_99_percent", "steady_drift"}
+    assert metrics["nonlinear"].keys() - left["nonlinear"].keys() == gone
+    assert left["nonlinear"]["max_pressure"] == metrics["nonlinear"]["max_pressure"]
+    assert left["drained_ratio"] == metrics["drained_ratio"]

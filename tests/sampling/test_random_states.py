@@ -11,8 +11,9 @@ from campaigns import sample
 from fake_cell import INPUTS
 
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.sampled_range import SampledRange
 from porocore.errors import ConfigurationError, DataError
-from porocore.sampling.samplers.random_states import RandomStates, random_requests
+from porocore.sampling.samplers.random_states import MOST_MISSES, RandomStates, random_requests
 from porocore.states import CellResponse, Status
 
 
@@ -89,3 +90,19 @@ def test_a_test_set_of_another_seed_is_not_mistaken_for_this_one(tmp_path: Path)
     assert summary.reused == len(dataset)
     assert longer.responses().valid.sum() == 8
     assert longer.keys[: len(dataset)] == dataset.keys
+
+
+def test_random_states_lie_within_a_sampled_range() -> None:
+    """Of the box the range is a tenth, yet all states lie there; a range that is too thin is given up."""
+    inputs = InputSpace(("p", "H22"), (0.0, -1.0), (1.0, 0.0))
+    line = np.linspace(0, 0.9, 60)[:, None] * [1.0, -1.0]
+    sampled = SampledRange.around(inputs, np.concatenate([line, [[0.5, -0.4]]]))
+    asked = np.array([request.x for request in RandomStates(inputs, count=40, seed=2, within=sampled).ask()])
+    assert len(asked) == 40
+    assert sampled.contains(asked).all()
+    whole = np.array([request.x for request in random_requests(inputs, 400, seed=2)])
+    assert 0.02 < sampled.contains(whole).mean() < 0.2
+    point = SampledRange(inputs, np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([0.5, -0.5]))
+    thin = RandomStates(inputs, count=2, seed=2, within=point).ask()
+    assert [request.key for request in thin] == ["test-000", "test-001"]
+    assert thin[0].x == random_requests(inputs, MOST_MISSES + 1, seed=2)[-1].x

@@ -16,7 +16,7 @@ from porocore.core.tensors.symmetric_functions import logarithm
 from porocore.states import MacroState
 from porocore.surrogates.conductivity.fit import fit_conductivity
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.surrogates.portable import NumpySurrogate
+from porocore.surrogates.portable import CLOSED, NumpySurrogate
 from porocore.testing.synthetic.potential_cell import potential_training_set
 
 #: Inputs, training states, tolerance, what is known of the symmetry: some tenths of the held-out states are beyond it.
@@ -110,6 +110,11 @@ def test_beyond_the_hull_of_pores_that_close_all_is_flagged():
     assert flagged[H22 < -0.08].all()
     assert flagged[H22 > -0.04].mean() < 0.5
     assert not fit_conductivity(data)[0].outside(states)[H22 < -0.08].all()
+    surrogate = PolynomialSurrogate().fit(closing, seed=0)
+    near = surrogate.conductivity.next_to_closed(states)
+    assert near[H22 < -0.08].all()
+    assert not near[H22 > -0.04].all()
+    assert [said.endswith(CLOSED) for said in surrogate.reasons(states)] == near.tolist()
 
 
 def test_a_surrogate_flags_by_it_and_its_file_carries_it(tmp_path):

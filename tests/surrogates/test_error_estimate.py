@@ -190,3 +190,23 @@ def test_it_names_a_component_that_was_not_sampled():
     assert "H21 = 0.296" in flagged_place(Solution(turned), surrogate)
     # A law that does not change when the body turns has nothing against it.
     assert "Beyond" not in flagged_place(Solution(turned), surrogate, objective=True)
+
+
+def test_it_looks_at_the_points_of_an_element(column):
+    """Its mean lies within all ranges: at the edge of an indenter the state changes within one element."""
+    surrogate = PolynomialSurrogate().fit(training("four"), seed=0)
+    solution = column(elements=(1, 1, 1))
+    last = solution.profiles[-1]
+    height = solution.points[:, 1].max()
+    u = np.zeros_like(last.u)
+    u[:, 1] = -0.13 * solution.points[:, 1] ** 2 / height
+    # H22 = −0.26 y/h: −0.13 on average, and at the highest point (0.5 + √0.15) of that −0.231.
+    H = np.zeros((1, 3, 3))
+    H[:, 1, 1] = -0.13
+    p = np.full(len(u), 0.1)
+    bent = replace(
+        last, u=u, p=p, grad_u=H, element_p=np.array([0.1]), outside_training_range=np.array([1 / 3])
+    )
+    said = flagged_place(replace(solution, profiles=(bent,)), surrogate)
+    assert said.startswith("Beyond what was sampled: H22 = −0.231 at ")
+    assert said.endswith("H22: {range: [-0.27, 0.1]}.")

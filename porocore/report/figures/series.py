@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from porocore.core.units.results import ResultUnits
@@ -20,6 +21,10 @@ from porocore.report.figures.style import (
 )
 from porocore.states import Array
 
+#: A peak within this share of the time, and the most of what happens with it, would be a line of one pixel.
+EARLY = 0.05
+#: A curve that ends this share below its peak has one.
+FALLS = 0.01
 #: A component below this share of the largest of its kind is round-off, or of no interest, and not drawn.
 VISIBLE = 1e-3
 
@@ -99,6 +104,33 @@ def _same(one: Array, other: Array) -> bool:
     return bool(np.abs(one - other).max() <= VISIBLE * np.abs(other).max())
 
 
+def early_peak(time: Array, curves: Iterable[Array]) -> float | None:
+    """Return the time of the first peak if it and most of what happens come early in the run; otherwise None."""
+    end, early = float(time[-1]), time[1:] <= EARLY * time[-1]
+    peaks, changes = [], np.zeros(len(time) - 1)
+    for values in curves:
+        size = np.abs(values)
+        if size[-1] < (1 - FALLS) * size.max():
+            peaks.append(float(time[size.argmax()]))
+        changes += np.abs(np.diff(values)) / max(float(np.ptp(values)), np.finfo(float).tiny)
+    first = min(peaks, default=end)
+    happens = changes[early].sum() >= changes.sum() / 2
+    return first if 0 < first <= EARLY * end and happens else None
+
+
+def _logarithmic_after(axes: Axes, bend: float, end: float) -> None:
+    """Give the axis of time one scale from 0 to ``bend`` and a logarithmic one from there to ``end``."""
+    axes.set_xscale("symlog", linthresh=bend, linscale=0.6)
+    decades = 10.0 ** np.arange(np.floor(np.log10(bend)), np.ceil(np.log10(end)) + 1)
+    later = [each for each in decades if 1.5 * bend < each <= end * 1.001]
+    axes.set_xticks([0.0, bend, *later], [_short(each) for each in (0.0, bend, *later)])
+    axes.set_xticks([], minor=True)
+
+
+def _short(time: float) -> str:
+    return f"{float(f'{time:.3g}'):g}"
+
+
 @styled
 def series_figure(
     nonlinear: MacroSolution, linear: MacroSolution, plain: str, units: ResultUnits | None = None
@@ -123,6 +155,10 @@ def series_figure(
             axes.plot(linear.history.time * t, others[name] * factor, color=colour, ls=DASHED, lw=1.3)
     axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
     axes.set_xlabel(axis_label("time $t$", "time", units))
+    bend = early_peak(nonlinear.history.time, panel.curves.values())
+    if bend is not None:
+        _logarithmic_after(axes, bend * t, float(nonlinear.history.time[-1]) * t)
+        axes.set_xlabel(f"{axes.get_xlabel()}, logarithmic after {_short(bend * t)}")
     sign = f"\n({panel.sign})" if panel.sign else ""
     axes.set_ylabel(axis_label(panel.label, panel.quantity, units) + sign)
     axes.margins(x=0.01)

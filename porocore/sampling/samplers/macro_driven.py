@@ -65,6 +65,8 @@ class MacroDriven(LearningSampler):
         An option is unknown or of no use; the message begins with its key in a configuration.
     """
 
+    fills_ranges = False
+
     def __init__(
         self,
         inputs: InputSpace,

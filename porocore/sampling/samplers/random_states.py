@@ -9,10 +9,14 @@ from typing import Any
 import numpy as np
 
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.sampled_range import SampledRange
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.sampling.samplers.options import check_waiting
 from porocore.states import CellResponse, Status
+
+#: After so many states in a row beyond a sampled range, it is too thin to draw in, and the box stands in.
+MOST_MISSES = 10_000
 
 
 def random_requests(inputs: InputSpace, count: int, seed: int) -> list[Request]:
@@ -39,6 +43,8 @@ class RandomStates(Sampler):
         Seed of the random states.
     most_tries
         After ``most_tries * count`` states there are no more, however few have values.
+    within
+        Only states in this range are drawn; None: in the whole box.
 
     Raises
     ------
@@ -49,7 +55,13 @@ class RandomStates(Sampler):
     seeded = True
 
     def __init__(
-        self, inputs: InputSpace, count: int = 100, seed: int = 0, most_tries: int = 10, **unknown: Any
+        self,
+        inputs: InputSpace,
+        count: int = 100,
+        seed: int = 0,
+        most_tries: int = 10,
+        within: SampledRange | None = None,
+        **unknown: Any,
     ) -> None:
         if unknown:
             raise ConfigurationError(
@@ -62,7 +74,7 @@ class RandomStates(Sampler):
                     f"random states: {option} must be a whole number of at least {low}, got {value!r}"
                 )
         self.count, self.limit = count, count * most_tries
-        self._draws = _draw(inputs, seed)
+        self._draws = _draw(inputs, seed, within)
         self._asked = 0
         self._waiting: set[str] = set()
         self._failed = 0
@@ -94,11 +106,17 @@ class RandomStates(Sampler):
         return min(self.count + self._failed, self.limit)
 
 
-def _draw(inputs: InputSpace, seed: int) -> Iterator[Request]:
+def _draw(inputs: InputSpace, seed: int, within: SampledRange | None = None) -> Iterator[Request]:
     random = np.random.default_rng(seed)
     low, high = np.array(inputs.lower), np.array(inputs.upper)
-    index = 0
+    index = misses = 0
     while True:
         x = low + (high - low) * random.random(len(inputs))
+        if within is not None and not within.contains(x)[0]:
+            misses += 1
+            if misses == MOST_MISSES:
+                within = None
+            continue
+        misses = 0
         yield Request(f"test-{index:03d}", tuple(map(float, x)))
         index += 1

@@ -12,7 +12,7 @@ from porocore.report.context import ReportContext, SurrogateSummary
 from porocore.report.dimensional import dimensional_metrics, figures_with_units
 from porocore.report.law_differences import law_differences
 from porocore.report.loading_mode import reactions
-from porocore.report.metrics import case_metrics, rms_percent, worst_percent
+from porocore.report.metrics import case_metrics, rms_percent, without_settlement, worst_percent
 from porocore.report.statuses import solved_shares, visited_shares
 from porocore.states import Status
 from porocore.study.stages.results import RunResults
@@ -25,6 +25,7 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
     """Return what ``metrics.json`` holds, apart from the times of the stages."""
     closure = context.surrogate.closure_error
     limit = diffusion_time(results.config.macro, results.coefficients)
+    figures = dict if context.loading_mode.settles else without_settlement
     found: dict[str, Any] = {
         "cell": _cell(results),
         "sampling": _sampling(results, context),
@@ -32,7 +33,7 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
         "closure": None if closure is None else closure.for_json(),
         "macro": [
             {
-                **case_metrics(case),
+                **figures(case_metrics(case)),
                 "mesh_diffusion_time": limit,
                 "gaps": law_differences(case),
                 "cell_states": visited_shares(case.nonlinear, context.sampling),

@@ -12,6 +12,7 @@ from porocore.core.console import Console
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import write_json
 from porocore.core.units.results import speaking
+from porocore.sampling.datasets.dataset import Dataset
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.finished import FinishedRun
@@ -33,7 +34,8 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     from porocore.study.stages.results import RunResults
     from porocore.study.stages.summary import report_context
 
-    finished(folder, folder.test_dataset, config.stages.test, held_out_states(config))
+    samples = Dataset.open(folder.dataset, identity=config.stages.sampling)
+    finished(folder, folder.test_dataset, config.stages.test, held_out_states(config, samples))
     config = _shown(folder, config)
     with speaking(config.result_units), timed(folder.timings, "report"):
         results = RunResults.load(folder, config)

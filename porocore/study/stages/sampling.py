@@ -20,7 +20,12 @@ from porocore.study.preflight.symmetry_notes import uncovered
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.provenance import versions
 from porocore.study.stages.exploration import inform
-from porocore.study.stages.stage_files import held_out_states, load_reference, prepare_cell
+from porocore.study.stages.stage_files import (
+    drop_misplaced,
+    held_out_states,
+    load_reference,
+    prepare_cell,
+)
 from porocore.study.stages.stage_times import timed
 from porocore.study.store import solved_states
 
@@ -46,8 +51,8 @@ def sample(
     inform(sampler, folder.written, reference, folder.remembered())
     provenance = {"config": config.resolved_yaml(), **versions(), **reference.mesh}
     stages = [
-        ("sampling", sampler, folder.dataset, config.stages.sampling),
-        ("held-out states", held_out_states(config), folder.test_dataset, config.stages.test),
+        ("sampling", folder.dataset, config.stages.sampling),
+        ("held-out states", folder.test_dataset, config.stages.test),
     ]
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     known, options = solved_states(store, *arguments), config.sampling.pool_options()
@@ -56,8 +61,13 @@ def sample(
         listening(console.note),
         CellPool(prepare_cell, arguments, **options, on_warning=console.warn, known=known) as pool,
     ):
-        for title, states, path, identity in stages:
+        states = sampler
+        for title, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
+            if path == folder.test_dataset:
+                samples = Dataset.open(folder.dataset)
+                drop_misplaced(dataset, held_out_states(config, samples))
+                states = held_out_states(config, samples)
             if retry_lost:
                 dataset.drop(dataset.ended(Status.lost))
             found, saved = (known.found, known.saved) if known else (0, 0.0)

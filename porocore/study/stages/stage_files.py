@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.core.inputs.sampled_range import SampledRange
 from porocore.errors import DataError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.sampler import Sampler
@@ -108,10 +109,19 @@ def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
     return solution
 
 
-def held_out_states(config: RunConfig) -> RandomStates:
-    """Return the sampler of the held-out states."""
-    test = config.sampling.test
-    return RandomStates(config.sampling.input_space(), count=test.count, seed=test.seed)
+def held_out_states(config: RunConfig, samples: Dataset) -> RandomStates:
+    """Return the sampler of the held-out states; where ``samples`` do not fill the ranges, they lie between those."""
+    test, within = config.sampling.test, None
+    if not registry().get("sampler", config.sampling.sampler).fills_ranges:
+        within = SampledRange.around(samples.inputs, samples.x()[samples.responses().stable])
+    return RandomStates(config.sampling.input_space(), count=test.count, seed=test.seed, within=within)
+
+
+def drop_misplaced(held_out: Dataset, states: RandomStates) -> None:
+    """Empty a data set whose held-out states lie elsewhere than ``states`` asks for: the samples have changed."""
+    known = [request for request in states.ask() if request.key in held_out]
+    if any(held_out.inputs_of(request.key) != request.x for request in known):
+        held_out.drop(held_out.keys)
 
 
 def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:

@@ -30,12 +30,14 @@ from porocore.report.context import (
 from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import LoadCase, OutputCheck
 from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.samplers.active import LearningSampler
 from porocore.states import Array, Status
+from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.at_rest import edges
 from porocore.study.preflight.symmetry_notes import LARGEST_DEFECT
 from porocore.study.publication import crease_line, published_values
-from porocore.study.reach import flagged_place
+from porocore.study.reach import MORE, flagged_place
 from porocore.study.run_folder.files import LINEAR, direct_law, fallback_law
 from porocore.study.run_folder.provenance import versions
 from porocore.study.stages.results import RunResults
@@ -85,8 +87,18 @@ def _case(results: RunResults, load: float) -> LoadCase:
     closure = results.config.closure
     nonlinear, linear = others.pop(closure), others.pop(LINEAR)
     objective = results.config.surrogate_model == "potential"
-    flagged = flagged_place(nonlinear, results.surrogates[closure], objective, results.config.result_units)
+    surrogate, units = results.surrogates[closure], results.config.result_units
+    flagged = flagged_place(nonlinear, surrogate, objective, units, _more_states(results))
     return LoadCase(nonlinear, linear, tuple(others.values()), flagged=flagged)
+
+
+def _more_states(results: RunResults) -> str:
+    """Return what makes the sampler ask for more states: its tolerance, if it has ended before its budget."""
+    sampler = make_backend("sampler", results.config)
+    asked = len(results.dataset)
+    if isinstance(sampler, LearningSampler) and asked < sampler.count:
+        return f"lower sampling.tolerance, which ended the sampling after {asked} of {sampler.count} states"
+    return MORE
 
 
 def _overshoots(results: RunResults) -> Iterator[str]:

@@ -108,6 +108,14 @@ class ConductivityModel:
         t = self._variables(states)
         return strange | self.estimate.flagged(t, self.beyond_rest(t))
 
+    def next_to_closed(self, states: MacroState) -> npt.NDArray[np.bool_]:
+        """Return which of n states within all ranges are flagged since pores are closed in sampled states there."""
+        inputs = self.sampled.inputs
+        unrotated = inputs.without_rotation(states)
+        unit = inputs.to_unit(inputs.gather(unrotated))
+        near: npt.NDArray[np.bool_] = ((unit >= 0) & (unit <= 1)).all(axis=1) & self.closing
+        return near & self.sampled.outside(unrotated)
+
     def beyond_rest(self, t: Array) -> Array:
         """Return the upper triangle (6, n) of ln K_ref less its value at rest, at t (d, n) of the active variables."""
         return self.polynomial.evaluate(self._saturated(t)[0])
