@@ -15,6 +15,7 @@ from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.points import point_states
+from porocore.plugins.border import prediction_of
 from porocore.states import Array, MacroState
 
 #: A proposed range goes beyond what was reached by this share of its width.
@@ -164,7 +165,7 @@ def _worst(solution: MacroSolution, profile: Profile, element: int, surrogate: S
     """Return the first state of an element that the surrogate flags; its mean where it flags none of the points."""
     mesh = BodyMesh(solution.points, solution.cells)
     points = point_states(mesh, profile.u, profile.p, np.array([element]))
-    flagged = surrogate.predict(points, tangent=False).outside_training_range
+    flagged = prediction_of(surrogate, points, tangent=False).outside_training_range
     if flagged is None or not flagged.any():
         return MacroState(profile.grad_u[[element]], profile.element_p[[element]])
     return points[flagged][:1]
