@@ -154,6 +154,35 @@ ROWS = [
             ("that is a number", 7, "expected text, got 7"),
         )
     ),
+    *(
+        faulty(
+            f"image with {key} {value}",
+            {"cell.geometry": {"kind": "voxels", "path": "image.npy", "pore": 1, **more, key: value}},
+            expected,
+            files={"image.npy": npy(HALF)},
+        )
+        for key, value, more, expected in (
+            ("layer", 5, {"repeat": "layer"}, "cell.geometry.layer: expected at most 4 voxels"),
+            ("layer", 0, {"repeat": "layer"}, "cell.geometry.layer"),
+            ("repeat", "never", {}, "cell.geometry.repeat"),
+            ("voxel_size", 0, {}, "cell.geometry.voxel_size"),
+            ("voxel_size", "12 kPa", {}, "cell.geometry.voxel_size: expected a length"),
+            ("voxel_size", ["1 um", "2 um"], {}, "cell.geometry.voxel_size: expected a list of 3 entries"),
+            ("crop", [[0, 8], [0, 8]], {}, "cell.geometry.crop"),
+            ("voxel_size", ["1 um", "2 um", "x"], {}, "cell.geometry.voxel_size"),
+            ("voxel_size", float("nan"), {}, "cell.geometry.voxel_size"),
+        )
+    ),
+    faulty(
+        "image of voxels that contradict the scales",
+        {
+            "scales": {"modulus": "1 kPa", "length": "1 mm", "pore": "1 um", "viscosity": "1 mPa*s"},
+            "cell.viscosity": 1,
+            "cell.geometry": {"kind": "voxels", "path": "image.npy", "pore": 1, "voxel_size": "3 um"},
+        },
+        "scales.pore: expected 48 µm",
+        files={"image.npy": npy(HALF)},
+    ),
     faulty(
         "image with another checksum",
         {"cell.geometry": {"kind": "voxels", "path": "image.npy", "sha256": "0" * 64}},

@@ -16,6 +16,7 @@ from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.meshing.supercell import block, tiled
 from porocore.cell.meshing.tetrahedra import volume
+from porocore.errors import ConfigurationError
 from porocore.states import MacroState
 from porocore.testing.cell_laws.open_cells import noise
 from porocore.verification.local_fields.points import PointFields
@@ -136,7 +137,7 @@ def test_an_image_that_repeats_answers_like_its_period(one, two):
 
 
 def test_the_flow_through_a_deformed_box_is_that_through_the_cell(one, tmp_path):
-    solver, single = skfem(), cell(one, element="quadratic-straight")
+    solver, single = skfem(), cell(one)
     double = repeated(tmp_path / "two.vtu", single, (2, 1, 1))
     prepared = [solver.prepare(some, deformed=True) for some in (single, double)]
     a, b = (solver.solve(some, GENERAL, tangent=False).response.conductivity for some in prepared)
@@ -205,6 +206,13 @@ def test_walls_of_a_box_touch_like_those_of_its_period():
     np.testing.assert_allclose(two.forces.by_load, one.forces.by_load, atol=1e-8 * scale)
     a, b = (state.blocks("").second(GENERAL.grad_u[0], GENERAL.grad_u[0]) for state in (one, two))
     assert b == pytest.approx(a, rel=1e-8)
+
+
+def test_a_box_that_is_too_flat_for_its_elements_is_refused(tmp_path):
+    x = np.indices((4, 8, 8))[1]
+    flat = image(tmp_path / "flat.npy", x < 4, voxel_size=(1e-6, 6e-5, 6e-5))
+    with pytest.raises(ConfigurationError, match=r"its box is too flat: about .* tetrahedra would be made"):
+        Cell(geometry=flat, mesh=MeshSettings(size=0.1)).make_mesh("solid", "whole")
 
 
 def test_the_point_group_of_a_box_keeps_its_sides(tmp_path):

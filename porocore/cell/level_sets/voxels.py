@@ -45,7 +45,7 @@ class Voxels(FromFile, LevelSetGeometry):
     by a layer at its faces in which opposite sides of the image are blended."""
     layer: Annotated[int, Field(ge=1), Unit("voxels")] = 8
     """Thickness of that layer; the cell is smaller than the image by it along each axis."""
-    voxel_size: Annotated[Edge | tuple[Edge, Edge, Edge], Dimension("displacement", si=True)] | None = None
+    voxel_size: Annotated[Edge | tuple[Edge, Edge, Edge] | None, Dimension("displacement", si=True)] = None
     """Edge of a voxel, or its edges along x, y and z, such as 12 um; null: a cube of any size."""
     crop: Annotated[tuple[Span, Span, Span] | None, Unit("voxels")] = None
     """First voxel of the part that is used, and the one after its last, along x, y and z; null: all of the image."""

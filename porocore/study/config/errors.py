@@ -95,8 +95,8 @@ def _document_location(document: YamlDocument, error: ErrorDetails) -> Location:
     location = _without_tags(tuple(str(part) for part in error["loc"]))
     if error["type"] == "union_tag_invalid":
         return (*location, "kind")
-    if error["type"] == "missing":
-        return location
+    if error["type"] == "missing":  # an entry of a list, within the branch tuple[…] of a union
+        return tuple(part for part in location if not part.startswith("tuple["))
     while location and location not in document:
         location = location[:-1]
     return location
@@ -116,7 +116,7 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
         return f"{key}: unknown key; {_nearest(at[-1], names)}"
     if kind == "missing":
         if at[-1].isdigit():
-            branches = _branches(_hint(root, at[:-1])[0])
+            branches = _branches(_hint(root, place[:-1])[0])
             length = next(len(get_args(branch)) for branch in branches if get_origin(branch) is tuple)
             return unexpected(at[:-1], f"a list of {length} entries", document.value(at[:-1]))
         return f"{key}: missing; add '{cut(at[-1])}:' {_under(at)}"
