@@ -77,7 +77,7 @@ def main(options: argparse.Namespace) -> None:
         tasks = json.loads(path.read_text(encoding="utf-8"))
         found = [judged(task, config, options.clock, options.slower) for task in tasks]
         of_case = [[name, *row] for row in found if row is not None]
-        good += all(row[-1] == "yes" for row in of_case)
+        good += bool(of_case) and all(row[-1] == "yes" for row in of_case)
         rows += of_case or [[name, f"none of {PROMISED:g} s", "–", "–", "–", "–"]]
     print(table("(n) Clocks", ["run", "task", "s", "left at a fifth", "ratio", "within two"], rows))
     tasks = [row for row in rows if row[2] != "–"]
