@@ -7,6 +7,7 @@ import yaml
 from porocore.core.units.results import length_text
 from porocore.errors import ConfigurationError
 from porocore.study.config.loading import cell_from, load_config
+from porocore.study.config.schema import configuration_schema
 from porocore.study.preflight.at_rest import edges
 
 SCALES = {"modulus": "1 kPa", "length": "1 mm", "viscosity": "1 mPa*s"}
@@ -92,3 +93,7 @@ def test_lengths_have_the_unit_that_suits_them():
     assert length_text(1e-3, 5e-4) == "1 x 0.5 mm"
     assert length_text(2.0) == "2 m"
     assert length_text(1e-12) == "0.001 nm"
+
+
+def test_an_editor_does_not_ask_for_what_the_voxels_tell():
+    assert configuration_schema()["$defs"]["Scales"]["required"] == ["length"]

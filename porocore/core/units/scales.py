@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from porocore.core.echo import echo
 from porocore.core.models.strict import StrictModel
@@ -54,6 +54,9 @@ class Scales(StrictModel):
     ----------
     Dehghani & Zilian (2022), the section on non-dimensionalisation and the end of the numerical example.
     """
+
+    # An editor is not to ask for a pore size beside the size of a voxel.
+    model_config = ConfigDict(json_schema_extra={"required": ["length"]})
 
     force: Annotated[Positive, Dimension("force", si=True)] | None = None
     """f_c = E L², as in the paper; this or ``modulus``."""
