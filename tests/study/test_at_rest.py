@@ -15,7 +15,7 @@ from porocore.macro.problem import MacroProblem, MacroSetup, TimePlan
 from porocore.plugins import registry
 from porocore.report.metrics import time_to_fraction
 from porocore.study.config.loading import load_config
-from porocore.study.preflight.at_rest import at_rest, cell_lines
+from porocore.study.preflight.at_rest import at_rest, cell_lines, thin_fluid
 
 POISSON = 0.2
 
@@ -111,6 +111,24 @@ def test_moduli_and_permeability_are_those_of_the_scales():
         "Young's modulus 0.400 E",
         "permeability 1.00, 0.500, 0 along x, y, z d², conductivity K 2.00, 1.00, 0 along x, y, z",
     ]
+
+
+def test_a_plain_viscosity_that_was_meant_in_units_is_seen(tmp_path):
+    """With ``scales.viscosity: 1 mPa s`` a plain 0.001 is a fluid a thousand times thinner than water."""
+    text = BENCHMARK.with_name("brain-indentation.yaml").read_text(encoding="utf-8")
+    path = tmp_path / "study.yaml"
+    path.write_text(text, encoding="utf-8")
+    assert list(thin_fluid(load_config(path))) == []
+    plain = text.replace("viscosity: 1 Pa s", "viscosity: 1 mPa s").replace(
+        "viscosity: 1 mPa s\n", "viscosity: 0.001\n"
+    )
+    path.write_text(plain, encoding="utf-8")
+    (note,) = thin_fluid(load_config(path))
+    assert (
+        "1e-06 Pa s, but water has 0.001; cell.viscosity = 0.001 is a multiple of scales.viscosity = 0.001"
+        in note
+    )
+    assert list(thin_fluid(load_config(BENCHMARK))) == []
 
 
 def test_a_pore_size_that_is_off_by_ten_is_seen(tmp_path):

@@ -27,6 +27,8 @@ MOST_TETRAHEDRA, MOST_NODES = 20_000, 40_000
 SAME = 1e-3
 #: The end of a run and its steps lie within this factor of the time of consolidation, else there is a note.
 FAR = 100.0
+#: No liquid in a tissue, soil or filter has less than this viscosity [Pa s].
+THIN = 1e-4
 
 
 def at_rest(config: RunConfig) -> Iterator[str]:
@@ -39,6 +41,7 @@ def at_rest(config: RunConfig) -> Iterator[str]:
     PorocoreError
         The undeformed cell cannot be solved.
     """
+    yield from thin_fluid(config)
     try:
         registry.get("cell solver", config.fem.backend)
     except PluginError:
@@ -63,6 +66,19 @@ def at_rest(config: RunConfig) -> Iterator[str]:
 
 def _prescribed(config: RunConfig) -> Iterator[str]:
     return (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
+
+
+def thin_fluid(config: RunConfig) -> Iterator[str]:
+    """Yield a note where a plain number was taken for a multiple of the scale, but most likely meant Pa s."""
+    if config.scales is None:
+        return
+    viscosity = config.cell.viscosity * config.scales.factor("viscosity")
+    if viscosity < THIN:
+        yield (
+            f"note: the fluid has a viscosity of {viscosity:.4g} Pa s, but water has 0.001; cell.viscosity = "
+            f"{config.cell.viscosity:g} is a multiple of scales.viscosity = {config.scales.viscosity:g} Pa s; write it "
+            "with its unit, such as 1 mPa s"
+        )
 
 
 def cell_lines(c: LinearCoefficients, viscosity: float, units: ResultUnits) -> Iterator[str]:
