@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from porocore.cli.common import parse_inputs, parse_pressure
-from porocore.core.echo import cut, did_you_mean, echo
+from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -73,6 +73,7 @@ def read_state(
     ConfigurationError
         An option cannot be read, a component is given twice, or no cell can be in the state.
     """
+    from porocore.core.inputs.given_states import named_state
     from porocore.core.inputs.input_space import NAMES
     from porocore.core.inputs.possible_states import require_possible
 
@@ -81,13 +82,10 @@ def read_state(
     if not options:
         return dict(usual)
     found = parse_inputs("--at", "a state such as H22=-0.2,p=0.1", ",".join(at), scales) if at else {}
-    for name, value in found.items():
-        if name not in NAMES:
-            question = did_you_mean(name, NAMES, cutoff=0.5)
-            raise ConfigurationError(
-                f"--at: expected finite values of some of {', '.join(NAMES)}, got {cut(name)} = {value:g}"
-                + (f"; {question}" if question else "")
-            )
+    try:
+        named_state(found)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--at: {error}") from None
     if grad_u is not None:
         if twice := [name for name in found if name != "p"]:
             raise ConfigurationError(f"--grad-u: --at gives {twice[0]}, too; leave out one of the two")
@@ -97,7 +95,7 @@ def read_state(
         if "p" in found:
             raise ConfigurationError("--p: --at gives p, too; leave out one of the two")
         found["p"] = parse_pressure("--p", str(p), scales)
-    row = [found.get(name, 0.0) for name in NAMES]
+    row = named_state(found)
     require_possible(row[:9], row[9], modulus, " and ".join(options))
     return {name: value for name, value in found.items() if value}
 

@@ -6,7 +6,8 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,14 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from porocore.cell.cell import Cell
+from porocore.core.console import duration
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.store import ResultStore
 from porocore.interfaces.records import flatten_response
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.plugins.registry import registry
 from porocore.sampling.execution.solved_store import SolvedStore
-from porocore.states import CellResponse
+from porocore.states import CellResponse, MacroState
 
 #: Version of the equations of porocore and of their discretisation: raised with every correction that changes a number
 #: of a cell or of a surrogate, so that no store returns the old one. ``tests/study/test_store.py`` holds it to numbers.
@@ -40,8 +42,10 @@ def user_store() -> ResultStore | None:
     return ResultStore(Path(given) if given else user_cache_path("porocore") / "store")
 
 
-def chosen_store(store: str | Path | bool) -> ResultStore | None:
+def chosen_store(store: ResultStore | str | Path | bool) -> ResultStore | None:
     """Return the store at a path; the user's for True, none for False."""
+    if isinstance(store, ResultStore):
+        return store
     if store is True:
         return user_store()
     return None if store is False else ResultStore(Path(store))
@@ -61,21 +65,47 @@ def solved_states(
     return SolvedStore(store, cell_key(backend, options, cell, conductivity), **results)
 
 
+@contextmanager
+def told(
+    known: SolvedStore | None,
+    title: str,
+    tell: Callable[[str], None],
+    count: Callable[[float], None] = lambda seconds: None,
+    workers: int = 1,
+) -> Iterator[None]:
+    """Tell how many states the block took from the store, and give ``count`` the seconds that ``workers`` had taken."""
+    found, saved = (known.found, known.saved) if known else (0, 0.0)
+    try:
+        yield
+    finally:
+        if known is not None and known.found > found:
+            states, took = known.found - found, known.saved - saved
+            count(took / workers)
+            several = "states" if states > 1 else "state"
+            tell(f"{title}: {states} {several} came from the store, which saved {duration(took)}")
+
+
 def cell_key(backend: str, options: dict[str, Any], cell: Cell, conductivity: str) -> str:
     """Return the hash of all that the responses of a cell depend on, but the state."""
     solver = code_of(registry().get("cell solver", backend))
-    return _hash(solver, options, cell.specification(), conductivity)
+    # The other laws of the flux change no response, only what is made of it.
+    return _hash(solver, options, cell.specification(), conductivity == "deformed")
 
 
 def training_key(backend: str, options: dict[str, Any], seed: int, data: TrainingSet) -> str:
     """Return the hash of all that a trained surrogate depends on."""
     fitted = code_of(registry().get("surrogate", backend))
     described = repr((data.inputs, data.identity, data.symmetry, data.tolerance))
-    arrays = [data.states.grad_u, data.states.p, *_arrays(data.responses), *_arrays(data.reference)]
+    learned = arrays_hash(data.states, data.responses)
+    return _hash(fitted, options, seed, described, learned, arrays_hash(MacroState.zeros(1), data.reference))
+
+
+def arrays_hash(states: MacroState, responses: CellResponse) -> str:
+    """Return the hash of states and their responses."""
     digest = hashlib.sha256()
-    for array in arrays:
+    for array in (states.grad_u, states.p, responses.status, *flatten_response(responses).values()):
         digest.update(np.ascontiguousarray(array).tobytes())
-    return _hash(fitted, options, seed, described, digest.hexdigest())
+    return digest.hexdigest()
 
 
 def fetch_files(store: ResultStore | None, key: str, paths: Mapping[str, Path]) -> float | None:
@@ -140,10 +170,6 @@ def code_of(implementation: type[Any]) -> dict[str, Any]:
         "versions": {name: metadata.version(name) for name in sorted(set(names))},
         "sources": digest.hexdigest(),
     }
-
-
-def _arrays(response: CellResponse) -> list[Any]:
-    return [response.status, *flatten_response(response).values()]
 
 
 def _hash(*parts: Any) -> str:

@@ -12,11 +12,15 @@ from porocore.cell.stability.line import StabilityLine
 from porocore.cell.stability.map import MapPlan, follow_lines, write_tables
 from porocore.core.files.atomic import atomic_path, new_folder
 from porocore.core.files.plain_data import json_hash
+from porocore.core.files.store import ResultStore
 from porocore.core.inputs.possible_states import require_possible
 from porocore.errors import ConfigurationError, RunFolderError
+from porocore.interfaces.cell import CellSolver
+from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.checks import find_backends
 from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.store import chosen_store, solved_states, told
 
 FILE, PICTURE = "stability.h5", "stability.png"
 
@@ -70,6 +74,8 @@ def map_stability(
     *,
     resume: bool = False,
     on_event: Callable[[MapProgress], None] = lambda progress: None,
+    store: ResultStore | str | Path | bool = True,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> StabilityMap:
     """Map where the cell of a configuration creases, touches itself and becomes unstable.
 
@@ -85,6 +91,10 @@ def map_stability(
         Continue the map that the folder holds; finished lines are not solved again.
     on_event
         Called after every state and onset.
+    store
+        Folder of results that studies share; True: that of the user, False: none.
+    tell
+        Called with what came from the store.
 
     Raises
     ------
@@ -112,7 +122,7 @@ def map_stability(
         )
     find_backends(config, ["cell solver"])
     new_folder(folder)
-    lines = _solve(config, folder / FILE, plan, on_event)
+    lines = _solve(config, folder / FILE, plan, on_event, chosen_store(store), tell)
     picture = folder / PICTURE
     with atomic_path(picture) as part:
         part.write_bytes(png_bytes(stability_figure(plan, lines)))
@@ -120,7 +130,12 @@ def map_stability(
 
 
 def _solve(
-    config: RunConfig, path: Path, plan: MapPlan, on_event: Callable[[MapProgress], None]
+    config: RunConfig,
+    path: Path,
+    plan: MapPlan,
+    on_event: Callable[[MapProgress], None],
+    store: ResultStore | None,
+    tell: Callable[[str], None],
 ) -> list[StabilityLine]:
     solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
     if not isinstance(solver, EquilibriumCellSolver):
@@ -140,4 +155,7 @@ def _solve(
     described = plan.describe()
     identity = json_hash([config.stages.cell, described])
     provenance = {"config": config.resolved_yaml(), "plan": json.dumps(described)}
-    return follow_lines(solver, prepared, plan, path, identity, provenance, show)
+    known = solved_states(store, config.fem.backend, config.fem.options, config.cell)
+    solves: CellSolver = solver if known is None else StoringSolver(solver, known)
+    with told(known, "stability", tell):
+        return follow_lines(solves, prepared, plan, path, identity, provenance, show)

@@ -13,8 +13,8 @@ import pytest
 
 import porocore
 import porocore.study.stages
-from porocore.cli import main
 from porocore.cli.commands.cell import as_text
+from porocore.cli.entry import main
 from porocore.errors import ConfigurationError, SolveError
 from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
@@ -271,7 +271,7 @@ def solved(status="converged"):
 
 def test_cell_prints_one_json_object(porocore_command, pipeline):
     asked = []
-    pipeline.solve_cell = lambda config, grad_u, p: asked.append((config, grad_u, p)) or solved()
+    pipeline.solve_cell = lambda config, grad_u, p, **how: asked.append((config, grad_u, p)) or solved()
     status, out, err = porocore_command(
         "cell", benchmark_path(), "--grad-u", "-0.1 0 0; 0,0,1e-2; 0 0 0", "--p", "-0.05", "--json"
     )
@@ -284,7 +284,7 @@ def test_cell_prints_one_json_object(porocore_command, pipeline):
 
 
 def test_a_state_without_solution_is_an_answer_with_nulls_and_its_status(porocore_command, pipeline):
-    pipeline.solve_cell = lambda config, grad_u, p: solved("inverted")
+    pipeline.solve_cell = lambda config, grad_u, p, **how: solved("inverted")
     status, out, err = porocore_command("cell", "--json")
     assert (status, err) == (0, "")
     result = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
@@ -294,7 +294,7 @@ def test_a_state_without_solution_is_an_answer_with_nulls_and_its_status(porocor
 
 
 def test_a_state_without_solution_reads_as_its_status_and_no_dashes(porocore_command, pipeline):
-    pipeline.solve_cell = lambda config, grad_u, p: solved("inverted")
+    pipeline.solve_cell = lambda config, grad_u, p, **how: solved("inverted")
     status, out, err = porocore_command("cell")
     assert (status, err) == (0, "")
     assert "status: inverted – even the smallest load step leads to J ≤ 0; no data\n" in out

@@ -19,11 +19,11 @@ def asked(monkeypatch, capsys):
     """Give the state that ``cell COMMAND WORDS`` solves as ten numbers, or its message on standard error."""
     seen = []
 
-    def state(config, grad_u, p):
+    def state(config, grad_u, p, **how):
         seen.append([*np.ravel(grad_u), p])
         return {"status": "converged"}
 
-    def fields(config, folder, state, *, name=None, pictures=True):
+    def fields(config, folder, state, *, name=None, pictures=True, **how):
         from porocore.core.inputs.input_space import NAMES
 
         seen.append([state.get(name, 0.0) for name in NAMES])

@@ -157,7 +157,7 @@ def test_an_expected_error_of_many_long_lines_is_shortened(command, monkeypatch)
 
 
 def test_a_bug_in_a_thread_is_one_line(command, monkeypatch, state_folder):
-    def solve_cell(*args):
+    def solve_cell(*args, **how):
         thread = threading.Thread(target=raising(ZeroDivisionError("a bug")))
         thread.start()
         thread.join()

@@ -70,6 +70,16 @@ STUDY: dict[str, Any] = {
         "time": {"end": 240, "step": 6, "ramp_increments": 10, "ramp_step": 0.075, "profiles": [1, 10, 40]},
     },
 }
+#: The same study on a cell and with a network that take a second, for what does not depend on their numbers.
+QUICK = {
+    "cell.mesh": {"size": 0.5, "fluid_size": 0.5, "element": "linear"},
+    "sampling.tolerance": 0.5,
+    "sampling.test.count": 2,
+    "surrogate.options": {"epochs": 20},
+    "macro.body.elements": [1, 2, 1],
+    "macro.time": {"end": 60, "step": 20, "ramp_increments": 4, "ramp_step": 0.2, "profiles": []},
+    "macro.loads": [LOADS[1]],
+}
 PLAIN = (str(POROCORE),)
 #: Command lines whose training, or whose macro solves, write a checkpoint very often.
 EAGER_TRAINING = (

@@ -12,6 +12,7 @@ from study import (
     EAGER_TRAINING,
     ONE_LOAD,
     PLAIN,
+    QUICK,
     Running,
     assert_same_results,
     assert_tidy,
@@ -136,9 +137,14 @@ def test_workers_end_when_only_the_main_process_is_killed(
     assert_no_parts(run)
 
 
-def test_ctrl_c_while_sampling_keeps_what_ran_and_says_how_to_go_on(finished, two_workers, tmp_path, launch):
-    run = tmp_path / "a run"
-    running = launch("sample", two_workers, "--out", run)
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_ctrl_c_while_sampling_keeps_what_ran_and_says_how_to_go_on(tmp_path, launch, workers):
+    inputs = {"p": {"range": [0.0, 0.02], "step": 0.005}, "H22": {"range": [-0.02, 0.0], "step": 0.004}}
+    changes = QUICK | {"sampling.inputs": inputs}
+    config = write_study(tmp_path / "study.yaml", changes | {"sampling.workers": workers})
+    finished, run = tmp_path / "finished", tmp_path / "a run"
+    succeeded(porocore("sample", write_study(tmp_path / "one.yaml", changes), "--out", finished))
+    running = launch("sample", config, "--out", run)
     running.until(lambda: parts(run, "samples.h5") >= 3)
     assert running.stop(signal.SIGINT) == 130
     running.assert_gone()

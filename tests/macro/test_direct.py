@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
 from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.core.files.store import ResultStore
 from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.law import CellLaw
 from porocore.macro.laws import ClosedLaw, MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.direct import GRID, DirectCellLaw
 from porocore.sampling.execution import CellPool
+from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.states import CellResponse, MacroState, Status
 from porocore.testing.synthetic.cell import SOLID_FRACTION, respond
 from porocore.testing.synthetic.response import CONDUCTIVITY
@@ -227,3 +230,25 @@ def test_an_exception_of_the_solver_is_an_error_that_says_so(law, diary):
     diary.raise_at = -0.2
     with pytest.raises(PorocoreError, match=r"the cell solver raised ArithmeticError .* a pivot vanished"):
         law.predict(along(-0.1, -0.25))
+
+
+def test_what_another_run_has_solved_comes_from_the_store(diary, tmp_path):
+    """With the same bits and counts; a state that was reached from elsewhere is another one."""
+    runs, other = [], Diary()
+    for each in (diary, other):
+        known = SolvedStore(ResultStore(tmp_path), "cell")
+        with CellPool(make, (each,), known=known) as pool:
+            law = DirectCellLaw(pool, REST, "cell")
+            steps = [MacroState.zeros(3), along(-0.1, -0.2, -0.6), along(-0.15, -0.25, -0.3)]
+            found = [law.predict_from(*pair) for pair in itertools.pairwise(steps)]
+            runs.append((found, law.work.numbers(), known.found))
+    (first, counts, none), (again, counts_again, taken) = runs
+    assert len(diary.solves) == taken == counts["solves"] == 6
+    assert (none, other.solves) == (0, [])
+    assert counts_again == counts
+    for one, two in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one.stress, two.stress)
+        np.testing.assert_array_equal(one.tangent.stress_grad_u, two.tangent.stress_grad_u)
+    with CellPool(make, (other,), known=SolvedStore(ResultStore(tmp_path), "cell")) as pool:
+        DirectCellLaw(pool, REST, "cell").predict_from(along(-0.1), along(-0.15))
+    assert len(other.solves) == 1

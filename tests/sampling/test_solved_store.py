@@ -68,7 +68,7 @@ def test_damaged_and_missing_states_are_solved_again_and_change_nothing(first, t
     assert len(ResultStore(folder).files()) == len(files)
 
 
-@pytest.mark.parametrize("other", [{"identity": "cell-2"}, {"fields": False}, {"tangent": False}])
+@pytest.mark.parametrize("other", [{"identity": "cell-2"}, {"tangent": False}])
 def test_another_cell_or_other_results_are_not_found(first, tmp_path, other):
     _, folder = first
     known = store(folder, **other)
@@ -104,3 +104,15 @@ def test_a_store_that_cannot_be_written_costs_nothing_but_the_solves(first, tmp_
     again, _ = sweep(tmp_path / "again.h5", known=known)
     assert again.digest() == dataset.digest()
     assert known.store.fault
+
+
+def test_what_was_solved_with_fields_serves_who_wants_none_but_not_the_reverse(first, tmp_path):
+    _, folder = first
+    state = MacroState.zeros(1)
+    found = store(folder, fields=False).find("rest", state, None)
+    assert found is not None
+    assert found.field is None
+    lean = store(tmp_path / "lean", fields=False)
+    lean.keep(found, state, None)
+    assert lean.find("rest", state, None) is not None
+    assert store(tmp_path / "lean").find("rest", state, None) is None

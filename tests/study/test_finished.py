@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,8 +19,9 @@ RUN = FinishedRun("A & B", "A & B", "title: A & B\n", ("mind the gap",))
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "solutions").mkdir()
-    for name in ("samples.h5", "solutions/linear.h5", ".lock"):
+    for name in ("solutions", "figures"):
+        (tmp_path / name).mkdir()
+    for name in ("samples.h5", "solutions/linear.h5", "figures/settlement.svg", ".lock"):
         (tmp_path / name).write_text("what was found")
     RUN.keep(tmp_path)
     return tmp_path
@@ -46,6 +48,10 @@ def _removed(folder: Path) -> None:
     (folder / "samples.h5").unlink()
 
 
+def _without_figures(folder: Path) -> None:
+    shutil.rmtree(folder / "figures")
+
+
 def _added(folder: Path) -> None:
     (folder / "solutions" / "potential.h5").write_text("more")
 
@@ -64,7 +70,9 @@ def _of_another_version(folder: Path) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()) | {"porocore": "0.0.1"}))
 
 
-@pytest.mark.parametrize("change", [_changed, _removed, _added, _damaged, _truncated, _of_another_version])
+@pytest.mark.parametrize(
+    "change", [_changed, _removed, _without_figures, _added, _damaged, _truncated, _of_another_version]
+)
 def test_a_folder_that_was_changed_is_not(folder: Path, change: Callable[[Path], None]) -> None:
     change(folder)
     assert FinishedRun.find(folder) is None

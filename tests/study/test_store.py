@@ -107,11 +107,13 @@ def test_corrected_numbers_come_with_another_version_of_the_physics():
 def test_single_states_from_python_are_solved_once(monkeypatch, tmp_path):
     pytest.importorskip("porocore_fem_skfem")
     import porocore
-    from porocore.study.api import cells
+    from porocore.cell.equilibrium.solver import EquilibriumCellSolver
 
     solved = []
-    solve = cells.solution_of
-    monkeypatch.setattr(cells, "solution_of", lambda *a, **k: solved.append(len(a[2])) or solve(*a, **k))
+    solve = EquilibriumCellSolver.solve
+    monkeypatch.setattr(
+        EquilibriumCellSolver, "solve", lambda *a, **how: solved.append(len(a[2])) or solve(*a, **how)
+    )
     H = np.zeros((3, 3, 3))
     H[:, 1, 1] = [-0.02, -0.04, -0.06]
     cell = porocore.CellProblem(COARSE, store=tmp_path)

@@ -219,6 +219,25 @@ def test_candidates_in_processes(folder, command, log, monkeypatch):
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_another_run_on_the_same_samples_trains_none_again(folder, tmp_path, log, command):
+    """What is reported is what it took; on other samples all are trained."""
+    words = ("--depths", 1, "--widths", "4,8,16", "--activations", "tanh", "--store", tmp_path / "store")
+    status, out, err = command(folder.path, *words)
+    assert (status, len(log())) == (0, 3)
+    assert "came from the store" not in err
+    table = json.loads((folder.path / "tune.json").read_text())
+    shutil.rmtree(folder.path / "tune")
+    status, again, err = command(folder.path, *words)
+    assert (status, len(log())) == (0, 3)
+    assert "tuning: 3 trained networks came from the store, which saved " in err
+    assert again == out
+    assert json.loads((folder.path / "tune.json").read_text()) == table
+    shutil.rmtree(folder.path / "tune")
+    command(folder.path, *words[:-2], "--no-store")
+    assert len(log()) == 6
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_a_search_that_is_interrupted_goes_on(folder, fakes, log, command):
     """Ctrl-C in another process: finished candidates stay, the message says how to go on, no process is left."""
     path = os.pathsep.join(

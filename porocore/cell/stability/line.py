@@ -10,14 +10,14 @@ from functools import cached_property
 import numpy as np
 
 from porocore.cell.equilibrium.discrete import FactorError
-from porocore.cell.equilibrium.solver import EquilibriumCellSolver, PreparedCell
+from porocore.cell.equilibrium.solver import PreparedCell
 from porocore.cell.stability.acoustic import acoustic_minimum
 from porocore.cell.stability.inertia import WAVES, negative_pivots
 from porocore.cell.stability.modes import lowest_eigenvalues
 from porocore.core.echo import echo
 from porocore.core.models.bounds import MOST_POINTS, SMALLEST_INTERVAL
 from porocore.errors import ConfigurationError
-from porocore.interfaces.cell import CellField
+from porocore.interfaces.cell import CellField, CellSolver
 from porocore.plugins.border import solution_of
 from porocore.states import Array, CellResponse, IntArray, MacroState, Status
 
@@ -128,7 +128,7 @@ class _State:
 
 
 def follow_line(
-    solver: EquilibriumCellSolver,
+    solver: CellSolver,
     prepared: PreparedCell,
     start: Array,
     goal: Array,
@@ -192,7 +192,7 @@ def _check_symmetric(prepared: PreparedCell, start: Array, goal: Array) -> None:
 class _LineSolver:
     """Solver of the states of one line, each from the field of the one before."""
 
-    solver: EquilibriumCellSolver
+    solver: CellSolver
     prepared: PreparedCell
     start: Array
     goal: Array

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.equilibrium.solver import EquilibriumCellSolver, PreparedCell
+from porocore.cell.equilibrium.solver import PreparedCell
 from porocore.cell.stability.inertia import WAVES
 from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine, follow_line
 from porocore.core.echo import echo
@@ -21,6 +21,7 @@ from porocore.core.hdf5.contents import numbered
 from porocore.core.inputs.input_space import NAMES
 from porocore.core.models.bounds import MOST_LINES
 from porocore.errors import ConfigurationError, DataError
+from porocore.interfaces.cell import CellSolver
 from porocore.states import Array, Status
 
 FORMAT, VERSION = "porocore-stability", 1
@@ -110,7 +111,7 @@ class MapPlan:
 
 
 def follow_lines(
-    solver: EquilibriumCellSolver,
+    solver: CellSolver,
     prepared: PreparedCell,
     plan: MapPlan,
     path: Path,

@@ -12,9 +12,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from porocore.cli.common import command_group, interruptible, located, read_config
-from porocore.cli.options import ConfigArgument, FemOption, JsonOption
+from porocore.cli.common import chosen_store, command_group, interruptible, located, read_config
+from porocore.cli.options import ConfigArgument, FemOption, JsonOption, NoStoreOption, StoreOption
 from porocore.cli.states import STATE_HELP, AtOption, GradUOption, PressureOption, read_state
+from porocore.core.console import Console
 from porocore.core.files.plain_data import json_ready
 from porocore.core.units.results import speaking
 
@@ -48,6 +49,8 @@ def state(
     p: PressureOption = None,
     fem: FemOption = None,
     as_json: JsonOption = False,
+    store: StoreOption = None,
+    no_store: NoStoreOption = False,
 ) -> None:
     """Solve the cell for one macroscopic state, by default at rest.
 
@@ -55,6 +58,7 @@ def state(
     with --json only. Where the configuration has scales, they have its output units. The status of a state without
     solution tells why there is none; its responses are null in the JSON object.
     """
+    kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
     units = settings.result_units
     with interruptible(), located(path), speaking(units):
@@ -64,7 +68,8 @@ def state(
         from porocore.study.stages import pipeline
 
         row = [found.get(name, 0.0) for name in NAMES]
-        solved = pipeline.solve_cell(settings, [row[:3], row[3:6], row[6:9]], row[9])
+        asked = ([row[:3], row[3:6], row[6:9]], row[9])
+        solved = pipeline.solve_cell(settings, *asked, store=kept, tell=Console().note)
         result = json_ready(figures_with_units(solved, units))
     typer.echo(json.dumps(result, allow_nan=False) if as_json else as_text(result))
 
@@ -80,6 +85,8 @@ def fields(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of file and pictures.")] = Path(
         "runs/fields"
     ),
+    store: StoreOption = None,
+    no_store: NoStoreOption = False,
 ) -> None:
     """Solve one state, by default H22=-0.1, and write its local fields.
 
@@ -87,12 +94,15 @@ def fields(
     stresses. Draws the micro displacement on the deformed cell and the strain energy density on the undeformed one.
     Pictures need pyvista (pip install 'porocore[pictures]') and no display.
     """
+    kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
     asked = read_state(at, grad_u, p, settings.cell.modulus, {"H22": -0.1}, settings.scales)
     with interruptible(), located(path):
         from porocore.verification.local_fields.solve import write_local_fields
 
-        found = write_local_fields(settings, out, asked, pictures=not no_pictures)
+        found = write_local_fields(
+            settings, out, asked, pictures=not no_pictures, store=kept or False, tell=Console().note
+        )
     from porocore.states import Status
 
     typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")

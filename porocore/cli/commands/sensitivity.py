@@ -7,8 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import check_workers, command, interruptible, read_config
-from porocore.cli.options import ConfigArgument, FemOption, ResumeOption, WorkersOption
+from porocore.cli.common import check_workers, chosen_store, command, interruptible, read_config
+from porocore.cli.options import (
+    ConfigArgument,
+    FemOption,
+    NoStoreOption,
+    ResumeOption,
+    StoreOption,
+    WorkersOption,
+)
 from porocore.cli.tables import MINUS, page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import echo
@@ -42,6 +49,8 @@ def sensitivity(
         Path, typer.Option("--out", metavar="DIR", help="Folder of data, table and figures.")
     ] = Path("runs/sensitivity"),
     resume: ResumeOption = False,
+    store: StoreOption = None,
+    no_store: NoStoreOption = False,
 ) -> None:
     """Study the cell under one load at a time, both signs, as far as it can be solved.
 
@@ -49,28 +58,27 @@ def sensitivity(
     each load, as in the paper's section on numerical tests of the cell. Writes sensitivity.h5, sensitivity.csv and
     a figure for each of the paper's, and prints how far each load could be followed.
     """
+    kept = chosen_store(store, no_store)
     _, settings = read_config(config, fem)
     again = command(
-        "sensitivity",
-        config,
-        fem=fem,
-        loads=loads,
-        tolerance=tolerance,
-        workers=workers,
-        out=out,
-        resume=True,
-    )
+        "sensitivity", config, fem=fem, loads=loads, tolerance=tolerance, workers=workers, out=out, resume=True,
+        store=store, no_store=no_store,
+    )  # fmt: skip
     with interruptible(again):
         from porocore.verification.sensitivity.study import study_sensitivity
 
         check_workers(workers)
         plan = parse_loads(loads, tolerance)
-        with Console().task("sensitivity", "states") as task:
+        console = Console()
+        with console.task("sensitivity", "states") as task:
 
             def show(progress: SensitivityProgress) -> None:
                 task.update(progress.done, progress.expected, detail=str(progress))
 
-            found = study_sensitivity(settings, out, plan, workers=workers, resume=resume, on_state=show)
+            found = study_sensitivity(
+                settings, out, plan, workers=workers, resume=resume, on_state=show, store=kept or False,
+                tell=console.note,
+            )  # fmt: skip
     print_ends(found.study)
     for path in (found.table, *found.pictures.values()):
         typer.echo(path)

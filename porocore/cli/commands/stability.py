@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import command, interruptible, parse_inputs, parse_pressure, read_config
-from porocore.cli.options import ConfigArgument, FemOption, ResumeOption
+from porocore.cli.common import (
+    chosen_store,
+    command,
+    interruptible,
+    parse_inputs,
+    parse_pressure,
+    read_config,
+)
+from porocore.cli.options import ConfigArgument, FemOption, NoStoreOption, ResumeOption, StoreOption
 from porocore.cli.tables import decimals, page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import echo
@@ -51,6 +58,8 @@ def stability(
         "runs/stability"
     ),
     resume: ResumeOption = False,
+    store: StoreOption = None,
+    no_store: NoStoreOption = False,
 ) -> None:
     """Map where the cell creases and touches itself, and where it becomes unstable.
 
@@ -58,10 +67,11 @@ def stability(
     modes of all wave vectors with components 0 and π (periods one and two), and for loss of rank-one convexity of W.
     Every onset is bisected. Writes stability.h5, states.csv, onsets.csv and stability.png, and prints the onsets.
     """
+    kept = chosen_store(store, no_store)
     _, settings = read_config(config, fem)
     again = command(
         "stability", config, fem=fem, along=along, across=across, steps=steps, tolerance=tolerance,
-        eigenvalues=eigenvalues, out=out, resume=True,
+        eigenvalues=eigenvalues, out=out, resume=True, store=store, no_store=no_store,
     )  # fmt: skip
     with interruptible(again), speaking(settings.result_units):
         from porocore.core.inputs.input_space import value_text
@@ -75,7 +85,9 @@ def stability(
                 detail = f"{plan.across} = {value_text(plan.across, progress.value)}, {progress.found}"
                 task.update(progress.done, progress.expected, detail=detail)
 
-            found = map_stability(settings, out, plan, resume=resume, on_event=show)
+            found = map_stability(
+                settings, out, plan, resume=resume, on_event=show, store=kept or False, tell=console.note
+            )  # fmt: skip
         if len(found.lines) == 1:
             print_states(plan, found.lines[0])
         print_onsets(plan, found.lines)

@@ -73,19 +73,20 @@ def check(
     surrogate: SurrogateOption = None,
     closure: ClosureOption = None,
 ) -> None:
-    """Check a configuration and outline its run; nothing is written.
+    """Check a configuration and outline its run; no folder is made.
 
     Meshes the cell and the body, and looks for surfaces, boundary conditions, probes and backends. Solves the
     undeformed cell, unless it is large, and tells what follows from it: moduli, permeability, and the time in which the
-    body consolidates.
+    body consolidates. A later run finds that cell in the store.
     """
     from porocore.study.preflight.at_rest import at_rest
     from porocore.study.preflight.checks import check_backends, outline
+    from porocore.study.store import user_store
 
     path, settings = read_config(config, fem, surrogate, closure, macro)
     with interruptible(), located(path):
         check_backends(settings)
-        for line in chain(outline(settings), at_rest(settings)):
+        for line in chain(outline(settings), at_rest(settings, user_store())):
             typer.echo(line)
     typer.echo(f"no faults; next: {command('run', config)}")
 

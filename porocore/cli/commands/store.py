@@ -22,6 +22,7 @@ KINDS = {
     "cells": "undeformed cells",
     "surrogates": "trained surrogates",
     "training-curves": "losses of their training",
+    "tunings": "networks tried by tune",
 }
 DAY = 86400.0
 

@@ -164,6 +164,8 @@ def solve(
     closure: ClosureOption = None,
     law: LawOption = None,
     fallback: FallbackOption = FallbackName.none,
+    store: StoreOption = None,
+    no_store: NoStoreOption = False,
 ) -> None:
     """Solve the macroscopic problem, with the surrogate and linearly.
 
@@ -179,7 +181,7 @@ def solve(
     from porocore.study.stages.solving import USUAL_LAWS, law_names, with_fallback
     from porocore.study.stages.stage_files import train_command
 
-    folder = _open(run)
+    folder, kept = _open(run), chosen_store(store, no_store)
     folder.require(folder.dataset, "sample")
     laws = with_fallback(tuple(kind.value for kind in law) if law else USUAL_LAWS, fallback)
     own = backends.with_closure(folder.config, closure)
@@ -190,8 +192,9 @@ def solve(
     solver = _shared_solver(own.with_backends(macro=backend), laws)
     rank, _ = parallel.launched()
     again = command(
-        "solve", run, fem=fem, macro=macro, closure=closure, law=law, fallback=_unless_none(fallback)
-    )
+        "solve", run, fem=fem, macro=macro, closure=closure, law=law, fallback=_unless_none(fallback), store=store,
+        no_store=no_store,
+    )  # fmt: skip
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
         console = Console(nowhere if rank else None)
         with (
@@ -203,7 +206,7 @@ def solve(
 
             pipeline.solve(
                 folder, own, console=console, solver=solver, backend=backend, laws=laws,
-                direct_closure=direct_closure,
+                direct_closure=direct_closure, store=kept,
             )  # fmt: skip
         console.note(f"next: {command('report', run)}")
     if rank == 0:

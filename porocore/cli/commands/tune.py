@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import check_workers, command, interruptible, read_config
-from porocore.cli.options import OutOption, SurrogateOption, WorkersOption
+from porocore.cli.common import check_workers, chosen_store, command, interruptible, read_config
+from porocore.cli.options import NoStoreOption, OutOption, StoreOption, SurrogateOption, WorkersOption
 from porocore.core.console import Console
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
@@ -34,6 +34,8 @@ def tune(
     ] = 10.0,
     workers: WorkersOption = None,
     out: OutOption = None,
+    store: StoreOption = None,
+    no_store: NoStoreOption = False,
 ) -> None:
     """Try networks of several sizes and choose the smallest that is about as good as the best.
 
@@ -47,6 +49,7 @@ def tune(
     if not 0 <= margin < float("inf"):
         raise ConfigurationError(f"--margin: expected a percentage of at least 0, got {margin:g}")
     check_workers(workers)
+    kept = chosen_store(store, no_store)
     sizes = (_numbers("--depths", depths), _numbers("--widths", widths), _words(activations))
     if target.is_dir():
         if out is not None:
@@ -60,19 +63,20 @@ def tune(
         grid = candidates(config, *sizes)
         folder = RunFolder.claim(Path("runs") / path.stem if out is None else out, settings, resume=True)
     again = command(
-        "tune", folder.path, surrogate=surrogate, depths=depths, widths=widths, activations=activations
-    )
+        "tune", folder.path, surrogate=surrogate, depths=depths, widths=widths, activations=activations,
+        store=store, no_store=no_store,
+    )  # fmt: skip
     console = Console()
     with interruptible(again), folder:
         from porocore.study.stages import pipeline
-        from porocore.study.store import user_store
         from porocore.study.tuning import tune as tuning
 
         if not target.is_dir():
-            store = user_store()
-            pipeline.solve_reference(folder, folder.config, console=console, store=store)
-            pipeline.sample(folder, folder.config, console=console, store=store)
-        found = tuning.tune(folder, config, grid, console=console, margin=margin / 100, workers=workers)
+            pipeline.solve_reference(folder, folder.config, console=console, store=kept)
+            pipeline.sample(folder, folder.config, console=console, store=kept)
+        found = tuning.tune(
+            folder, config, grid, console=console, margin=margin / 100, workers=workers, store=kept
+        )
     _print(console, config, found, margin)
 
 

@@ -1,13 +1,15 @@
-"""States as users write them: one or n, as numbers, nested lists or arrays."""
+"""States as users write them: one by its components' names, or n as numbers, nested lists or arrays."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.echo import cut
+from porocore.core.echo import cut, did_you_mean
+from porocore.core.inputs.input_space import NAMES
 from porocore.errors import ConfigurationError
 from porocore.states import Array, MacroState
 
@@ -36,6 +38,26 @@ def given_states(grad_u: npt.ArrayLike, p: npt.ArrayLike = 0.0) -> MacroState:
             f"p: expected one number, or one for each of the n = {len(H)} states of grad_u, got shape {pressures.shape}"
         )
     return MacroState(H, np.broadcast_to(pressures, len(H)).copy())
+
+
+def named_state(components: Mapping[str, float]) -> Array:
+    """Return a state (10,), H row by row, then p, from the components that are not zero.
+
+    Raises
+    ------
+    ConfigurationError
+        A name is unknown, or a value no finite number.
+    """
+    row = np.zeros(10)
+    for name, value in components.items():
+        if name not in NAMES or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+            question = "" if name in NAMES else did_you_mean(str(name), NAMES, cutoff=0.5)
+            raise ConfigurationError(
+                f"expected finite values of some of {', '.join(NAMES)}, got {cut(str(name))} = {cut(str(value))}"
+                + (f"; {question}" if question else "")
+            )
+        row[NAMES.index(name)] = value
+    return row
 
 
 def _numbers(name: str, value: Any) -> Array:

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 
 #: Seconds in which running work may be finished after Ctrl-C.
-GRACE = 3.0
+GRACE = 2.0
 #: Seconds after the first Ctrl-C until it is raised in a block that has neither finished its work nor ended.
 PATIENCE = GRACE + 0.5
 #: Seconds after which a Ctrl-C that has not ended the block is acknowledged.

@@ -50,11 +50,10 @@ class CellPool:
         Time limit for the solve of one state [s].
     like
         A response of this cell, as a pattern for those of lost states. By default, that of the first solved state.
-    on_warning
-        Called with warnings for the user.
+    on_warning, on_start
+        Called with warnings for the user, and before the first state is solved.
     known
-        Store of solved states of this cell with the same ``tangent`` and ``fields``. A state that it holds is not
-        solved, and every other is added to it.
+        Solved states of this cell with the same results, to take from and to add to.
 
     Raises
     ------
@@ -76,19 +75,20 @@ class CellPool:
         like: CellResponse | None = None,
         on_warning: Callable[[str], None] = lambda text: None,
         known: SolvedStore | None = None,
+        on_start: Callable[[], None] = lambda: None,
     ) -> None:
         self.workers = workers
         self._recipe = Recipe(uuid4().hex, factory, args, tangent, fields)
         #: States over which workers died, and a response of this cell as a pattern for them.
         self.losses = Losses(like, state_seconds)
-        self._limit = state_seconds
+        self._limit, self._on_start = state_seconds, on_start
         self._warn, self._warned = on_warning, set[str]()
         self._waiting: deque[PendingState] = deque()
         self._running: dict[Future[Any], tuple[Worker, PendingState | None]] = {}
         self._finished: deque[FinishedSolve] = deque()
         self._failures: deque[PorocoreError] = deque()
         self._finishing = False
-        self._known = known
+        self.known = known
         check_choice(executor, workers, scheduler, state_seconds)
         self._make_workers = partial(
             make_worker_backend, executor, workers, scheduler, state_seconds, self._recipe.token
@@ -99,6 +99,7 @@ class CellPool:
     def _backend(self) -> WorkerBackend:
         """Worker backend, started at the first state."""
         if self._made is None:
+            self._on_start()
             self._made = self._make_workers()
             self._tell(self._made.warnings)
         return self._made
@@ -125,7 +126,7 @@ class CellPool:
         PorocoreError
             The scheduler cannot be reached.
         """
-        if self._known is not None and (known := self._known.find(key, state, start)):
+        if self.known is not None and (known := self.known.find(key, state, start)):
             self._finish(known)
             return
         self._waiting.append(PendingState(key, state, start))
@@ -192,9 +193,8 @@ class CellPool:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is not None and not issubclass(kind, Exception) and self._running:
-            # The caller was interrupted while it waited, so the running solves have no receiver.
-            self._backend.abort()
+        if kind is not None and not issubclass(kind, Exception) and self._made is not None:
+            self._made.abort()  # interrupted: running solves have no receiver
         else:
             self.close()
 
@@ -272,8 +272,8 @@ class CellPool:
             self._waiting.appendleft(task)
         else:
             assert task is not None
-            if self._known is not None:
-                self._known.keep(result, task.state, task.start)
+            if self.known is not None:
+                self.known.keep(result, task.state, task.start)
             self._finish(result)
 
     def _finish(self, result: FinishedSolve) -> None:

@@ -6,14 +6,16 @@ import hashlib
 import io
 import time
 import zipfile
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from porocore.core.files.store import ResultStore
-from porocore.interfaces.cell import CellField
+from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import build_response, flatten_response
+from porocore.plugins.border import conductivity_of, solution_of
 from porocore.sampling.execution.tasks import FinishedSolve
 from porocore.states import Array, CellResponse, MacroState, Status
 
@@ -34,7 +36,8 @@ class SolvedStore:
     identity
         Hash of the cell, the backend with its version and options, and the version of the equations.
     tangent, fields
-        Results of each solve, see :meth:`porocore.CellSolver.solve`.
+        Results of each solve, see :meth:`porocore.CellSolver.solve`. What was solved with fields serves those who want
+        none, too.
     found, saved
         Number of states that the store held, and the seconds that their solves had taken.
     """
@@ -49,7 +52,7 @@ class SolvedStore:
     def find(self, key: str, state: MacroState, start: CellField | None) -> FinishedSolve | None:
         """Return the solve of a state (one row) that started from a field, under the name ``key``; None if unknown."""
         found = self.store.find(STATES, self._hash(state, start))
-        if found is None:
+        if found is None or (self.fields and not found.facts.get("fields")):
             return None
         try:
             with np.load(io.BytesIO(found.payload), allow_pickle=False) as arrays:
@@ -57,7 +60,7 @@ class SolvedStore:
         except _FOREIGN:
             return None
         self.found, self.saved = self.found + 1, self.saved + solve.seconds
-        return solve
+        return solve if self.fields else replace(solve, field=None)
 
     def keep(self, solve: FinishedSolve, state: MacroState, start: CellField | None) -> None:
         """Keep a finished solve, one without values too; not one that was lost, since it was never finished."""
@@ -70,25 +73,11 @@ class SolvedStore:
             arrays["field/domain"] = np.array(field.domain)
         payload = io.BytesIO()
         np.savez(payload, **arrays)
-        facts = {"seconds": solve.seconds, "cell": self.identity}
+        facts = {"seconds": solve.seconds, "cell": self.identity, "fields": self.fields}
         self.store.keep(STATES, self._hash(state, start), payload.getvalue(), facts)
 
-    def responses(self, states: MacroState, solve: Callable[[MacroState], CellResponse]) -> CellResponse:
-        """Return the responses of n states from the undeformed cell; ``solve`` solves those that are not known."""
-        known = [self.find("", states[i : i + 1], None) for i in range(len(states))]
-        rows = [None if found is None else found.response for found in known]
-        missing = [i for i, row in enumerate(rows) if row is None]
-        if missing:
-            began = time.perf_counter()
-            solved = solve(states[missing])
-            seconds = (time.perf_counter() - began) / len(missing)
-            for k, i in enumerate(missing):
-                rows[i] = solved[k : k + 1]
-                self.keep(FinishedSolve("", solved[k : k + 1], None, seconds), states[i : i + 1], None)
-        return CellResponse.concatenate([row for row in rows if row is not None])
-
     def _hash(self, state: MacroState, start: CellField | None) -> str:
-        found = hashlib.sha256(repr((self.identity, self.tangent, self.fields)).encode())
+        found = hashlib.sha256(repr((self.identity, self.tangent)).encode())
         arrays: list[Array] = [state.grad_u, state.p]
         if start is not None:
             found.update(start.domain.encode())
@@ -96,6 +85,64 @@ class SolvedStore:
         for array in arrays:
             found.update(np.ascontiguousarray(array, dtype=float).tobytes())
         return found.hexdigest()[:40]
+
+
+class StoringSolver(CellSolver[Any]):
+    """Cell solver that takes from a store what it holds, and adds what it solves.
+
+    Parameters
+    ----------
+    solver
+        Solves the other states.
+    known
+        Solved states of the prepared cell; the results of each call count, not its own.
+    """
+
+    def __init__(self, solver: CellSolver[Any], known: SolvedStore) -> None:
+        self._solver, self.known = solver, known
+
+    def prepare(self, cell: Any) -> Any:
+        """Return the cell as the solver prepares it."""
+        return self._solver.prepare(cell)
+
+    def conductivity(self, prepared: Any) -> Array:
+        """Return the conductivity as the solver computes it."""
+        return conductivity_of(self._solver, prepared)
+
+    def solve(
+        self,
+        prepared: Any,
+        states: MacroState,
+        *,
+        start: Sequence[CellField | None] | None = None,
+        tangent: bool = True,
+        fields: bool = False,
+    ) -> CellSolution:
+        """Return the solutions of n states, of which those that are not known are solved together."""
+        n, known = len(states), replace(self.known, tangent=tangent, fields=fields, found=0, saved=0.0)
+        starts = [None] * n if start is None else list(start)
+        rows = [known.find("", states[i : i + 1], starts[i]) for i in range(n)]
+        self.known.found, self.known.saved = self.known.found + known.found, self.known.saved + known.saved
+        missing = [i for i in range(n) if rows[i] is None]
+        if missing or not n:
+            began = time.perf_counter()
+            how: dict[str, Any] = {} if start is None else {"start": [starts[i] for i in missing]}
+            solution = solution_of(
+                self._solver, prepared, states[missing], tangent=tangent, fields=fields, **how
+            )
+            if not n:
+                return solution
+            seconds = (time.perf_counter() - began) / len(missing)
+            reached = solution.fields
+            if reached is None:  # also where fields are asked for, of a solver that has none
+                known, reached = replace(known, fields=False), [None] * len(missing)
+            for k, i in enumerate(missing):
+                solved = FinishedSolve("", solution.response[k : k + 1], reached[k], seconds)
+                known.keep(solved, states[i : i + 1], starts[i])
+                rows[i] = solved
+        found = [row for row in rows if row is not None]
+        response = CellResponse.concatenate([row.response for row in found])
+        return CellSolution(response, [row.field for row in found] if known.fields else None)
 
 
 def _finished(key: str, arrays: dict[str, Array], seconds: float) -> FinishedSolve:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,8 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.plugins.registry import registry
-from porocore.states import Array, CellResponse, MacroState
+from porocore.sampling.execution.solved_store import StoringSolver
+from porocore.states import Array, CellResponse
 from porocore.study.config.loading import cell_from
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.study.store import chosen_store, solved_states
@@ -72,7 +73,8 @@ class CellProblem:
         registry().find("cell solver", fem)
         self._solver: CellSolver
         self._solver, self._prepared = prepare_cell(fem, options, self.cell)
-        self._known = partial(solved_states, chosen_store(store), fem, options, self.cell, fields=False)
+        if known := solved_states(chosen_store(store), fem, options, self.cell):
+            self._solver = StoringSolver(self._solver, known)
 
     @cached_property
     def porosity(self) -> float:
@@ -111,9 +113,4 @@ class CellProblem:
         states = given_states(grad_u, p)
         if not len(states):
             raise ConfigurationError("grad_u: expected at least one state, got none")
-        known = self._known(tangent=tangent)
-        solve = partial(self._solve, tangent=tangent)
-        return solve(states) if known is None else known.responses(states, solve)
-
-    def _solve(self, states: MacroState, tangent: bool) -> CellResponse:
         return solution_of(self._solver, self._prepared, states, tangent=tangent).response

@@ -176,7 +176,15 @@ class Study:
         grid = candidates(self.config, depths, widths, activations)
         self.sample()
         with self.folder as folder:
-            return tune(folder, self.config, grid, console=self._console, margin=margin, workers=workers)
+            return tune(
+                folder,
+                self.config,
+                grid,
+                console=self._console,
+                margin=margin,
+                workers=workers,
+                store=self._store,
+            )
 
     def solve(self, laws: Sequence[LawKind] = USUAL_LAWS) -> Solutions:
         """Solve the macroscopic problem under every load with each of ``laws``.
@@ -195,7 +203,7 @@ class Study:
         if not self.folder.surrogate_of(self.config).exists():
             self.train()
         with self.folder as folder:
-            names = pipeline.solve(folder, self.config, console=self._console, laws=laws)
+            names = pipeline.solve(folder, self.config, console=self._console, laws=laws, store=self._store)
         units = self.config.result_units
         return Solutions(
             {

@@ -179,7 +179,7 @@ class RunConfig(StrictModel):
     def stages(self) -> StageIdentities:
         """Identity of each stage, independent of title, scales, units, scenarios, workers and macro.options."""
         inputs = [(name, swept.model_dump()) for name, swept in self.sampling.inputs.items()]
-        cell = _hash(self.cell.specification(), self.fem.model_dump())
+        cell = cell_identity(self.cell, self.fem)
         how = self.sampling.model_dump(include={"sampler", "tolerance", "options"})
         # The samples hold more where the flow is solved as well.
         more = (self.conductivity,) if self.conductivity == "deformed" else ()
@@ -194,6 +194,11 @@ class RunConfig(StrictModel):
     def identity(self) -> str:
         """Hash of the whole run."""
         return _hash(asdict(self.stages))
+
+
+def cell_identity(cell: Cell, fem: FemSettings) -> str:
+    """Return the hash of a cell and of how it is solved."""
+    return _hash(cell.specification(), fem.model_dump())
 
 
 def differences(one: RunConfig, other: RunConfig) -> list[str]:

@@ -7,19 +7,20 @@ from collections.abc import Iterator
 import numpy as np
 
 from porocore.cell.meshing.mesh import Domain
+from porocore.core.files.store import ResultStore
 from porocore.core.units.results import ResultUnits, length_text
 from porocore.core.units.scales import QUANTITIES
 from porocore.errors import PluginError
 from porocore.macro.drainage import drainage_time
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.problem import body_mesh
-from porocore.macro.reference import CellReference
 from porocore.plugins import registry
 from porocore.report.format import number
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.reach_notes import predicted_reach, prescribed_reach
-from porocore.study.stages.stage_files import linear_coefficients, prepare_cell
+from porocore.study.stages.reference import undeformed
+from porocore.study.stages.stage_files import linear_coefficients
 
 #: Tetrahedra of the part of the cell that is solved, and nodes of the body, beyond which a check would take long.
 MOST_TETRAHEDRA, MOST_NODES = 20_000, 40_000
@@ -31,7 +32,7 @@ FAR = 100.0
 THIN = 1e-4
 
 
-def at_rest(config: RunConfig) -> Iterator[str]:
+def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str]:
     """Yield what the undeformed cell makes of the study, line by line; the cell is solved, unless it is large.
 
     With its moduli the body is solved linearly, which predicts what leaves the sampled ranges.
@@ -54,8 +55,7 @@ def at_rest(config: RunConfig) -> Iterator[str]:
         yield f"at rest: not solved here, since the cell has {count:,} tetrahedra; 'porocore cell' solves it"
         yield from _prescribed(config)
         return
-    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, cell)
-    reference = CellReference.compute(solver, prepared, cell, config.stages.cell)
+    reference = undeformed(cell, config.fem, config.conductivity, store)
     coefficients = linear_coefficients(reference, config)
     yield "at rest, drained:"
     yield from (f"  {line}" for line in cell_lines(coefficients, cell.viscosity, config.result_units))

@@ -39,10 +39,13 @@ def run(
     if all(path.exists() for path in solutions) and kept_report(folder, config, console=console):
         console.note(f"the run is finished; to write its report again: porocore report {folder.path}")
         return folder.report
-    if not folder.surrogate_of(config).exists():
-        registry().get("surrogate", config.surrogate.backend).load_libraries()
-    solve_reference(folder, config, console=console, store=store)
-    sample(folder, config, console=console, store=store)
+
+    def begin() -> None:
+        if not folder.surrogate_of(config).exists():
+            registry().get("surrogate", config.surrogate.backend).load_libraries()
+
+    solve_reference(folder, config, console=console, store=store, begin=begin)
+    sample(folder, config, console=console, store=store, begin=begin)
     train(folder, config, console=console, store=store)
-    solve(folder, config, console=console, laws=laws)
+    solve(folder, config, console=console, laws=laws, store=store)
     return report(folder, config, console=console)

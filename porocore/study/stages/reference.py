@@ -3,32 +3,45 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from porocore.cell.cell import Cell
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.macro.drainage import undrained
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import conductivity_of, solution_of
+from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import MacroState, Status
-from porocore.study.config.config import RunConfig
+from porocore.study.config.config import RunConfig, cell_identity
+from porocore.study.config.sections import FemSettings
 from porocore.study.preflight.symmetry_notes import broken_by_the_mesh
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages.stage_files import load_reference, prepare_cell
 from porocore.study.stages.stage_times import StageClock, timed
-from porocore.study.store import cell_key, fetch_files, keep_files
+from porocore.study.store import cell_key, fetch_files, keep_files, solved_states, told
 
 
 def solve_reference(
-    folder: RunFolder, config: RunConfig, *, console: Console, store: ResultStore | None = None
+    folder: RunFolder,
+    config: RunConfig,
+    *,
+    console: Console,
+    store: ResultStore | None = None,
+    begin: Callable[[], None] = lambda: None,
 ) -> None:
-    """Solve the undeformed cell unless folder or store hold it; tell its properties and what is wrong with them."""
+    """Solve the undeformed cell unless folder or store hold it; tell its properties and what is wrong with them.
+
+    ``begin`` is called before it is solved.
+    """
     if not folder.reference.exists():
         with timed(folder.timings, "cell") as clock:
-            _solve_rest(folder.reference, config, store, clock)
+            _solve_rest(folder.reference, config.cell, config.fem, config.conductivity, store, clock, begin)
     reference = load_reference(folder, config)
     diagonal = config.result_units.texts(np.diag(reference.conductivity), "conductivity")
     console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
@@ -39,25 +52,58 @@ def solve_reference(
         console.warn(warning)
 
 
-def _solve_rest(path: Path, config: RunConfig, store: ResultStore | None, clock: StageClock) -> None:
-    fem, cell, files = config.fem, config.cell, {"cells": path}
-    key = "" if store is None else cell_key(fem.backend, fem.options, cell, config.conductivity)
+def undeformed(cell: Cell, fem: FemSettings, conductivity: str, store: ResultStore | None) -> CellReference:
+    """Return the undeformed cell, from the store if it is there.
+
+    Raises
+    ------
+    PorocoreError
+        It cannot be solved.
+    """
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "cell.json"
+        _solve_rest(path, cell, fem, conductivity, store, StageClock())
+        return CellReference.load(path, cell_identity(cell, fem))
+
+
+def _solve_rest(
+    path: Path,
+    cell: Cell,
+    fem: FemSettings,
+    conductivity: str,
+    store: ResultStore | None,
+    clock: StageClock,
+    begin: Callable[[], None] = lambda: None,
+) -> None:
+    files = {"cells": path}
+    key = "" if store is None else cell_key(fem.backend, fem.options, cell, conductivity)
     if (saved := fetch_files(store, key, files)) is not None:
         clock.add(saved)
         return
-    solver, prepared = prepare_cell(fem.backend, fem.options, cell, config.conductivity)
-    CellReference.compute(solver, prepared, cell, config.stages.cell).save(path)
+    begin()
+    solver, prepared = prepare_cell(fem.backend, fem.options, cell, conductivity)
+    CellReference.compute(solver, prepared, cell, cell_identity(cell, fem)).save(path)
     keep_files(store, key, files, clock.seconds)
 
 
-def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
+def solve_cell(
+    config: RunConfig,
+    grad_u: Any,
+    p: float,
+    *,
+    store: ResultStore | None = None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> dict[str, Any]:
     """Solve one state of the cell; return the responses and their derivatives as nested dictionaries of arrays.
 
-    A solid that is not connected has no responses; at rest, porosity and conductivity are returned.
+    A solid that is not connected has no responses; at rest, porosity and conductivity are returned. ``tell`` is called
+    with what came from the store.
     """
     began = time.perf_counter()
-    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell, config.conductivity)
+    arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
+    (solver, prepared), known = prepare_cell(*arguments), solved_states(store, *arguments)
     conductivity = conductivity_of(solver, prepared)
+    solver = solver if known is None else StoringSolver(solver, known)
     geometry = config.cell.geometry
     if (disconnected := config.cell.disconnected) and p == 0 and not np.any(grad_u):
         return {
@@ -68,7 +114,9 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
         }
     rest = solution_of(solver, prepared, MacroState.zeros(1), tangent=False).response
     ready = time.perf_counter()
-    response = solution_of(solver, prepared, MacroState.single(grad_u, p)).response
+    saved_at_rest, saved = (0.0 if known is None else known.saved), list[float]()
+    with told(known, "cell", tell, saved.append):
+        response = solution_of(solver, prepared, MacroState.single(grad_u, p)).response
     found: dict[str, Any] = {
         "porosity": geometry.porosity if rest.fluid_volume is None else float(rest.fluid_volume[0]),
         "conductivity": conductivity,
@@ -84,4 +132,9 @@ def solve_cell(config: RunConfig, grad_u: Any, p: float) -> dict[str, Any]:
     for part, holder in (("tangent", response.tangent), ("peaks", response.extrema)):
         if holder is not None:
             found[part] = {name: value[0] for name, value in vars(holder).items() if value is not None}
-    return found | {"seconds": {"set_up": ready - began, "solve": time.perf_counter() - ready}}
+    return found | {
+        "seconds": {
+            "set_up": ready - began + saved_at_rest,
+            "solve": time.perf_counter() - ready + sum(saved),
+        }
+    }

@@ -5,7 +5,9 @@ States that the data sets hold are not solved again.
 
 from __future__ import annotations
 
-from porocore.core.console import Console, duration
+from collections.abc import Callable
+
+from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.core.units.results import speaking
 from porocore.interfaces.sampler import Sampler
@@ -27,7 +29,7 @@ from porocore.study.stages.stage_files import (
     prepare_cell,
 )
 from porocore.study.stages.stage_times import timed
-from porocore.study.store import solved_states
+from porocore.study.store import solved_states, told
 
 
 def sample(
@@ -37,10 +39,12 @@ def sample(
     console: Console,
     retry_lost: bool = False,
     store: ResultStore | None = None,
+    begin: Callable[[], None] = lambda: None,
 ) -> None:
     """Solve the sampler's states and the held-out random states; those that ``store`` holds are taken from there.
 
-    With ``retry_lost``, states over which workers died or hung in an earlier session are solved again.
+    ``begin`` is called before the first is solved. With ``retry_lost``, states over which workers died or hung in an
+    earlier session are solved again.
     """
     inputs = config.sampling.input_space()
     for warning in uncovered(inputs, config.cell.point_group):
@@ -59,7 +63,9 @@ def sample(
     with (
         speaking(config.result_units),
         listening(console.note),
-        CellPool(prepare_cell, arguments, **options, on_warning=console.warn, known=known) as pool,
+        CellPool(
+            prepare_cell, arguments, **options, on_warning=console.warn, known=known, on_start=begin
+        ) as pool,
     ):
         states = sampler
         for title, path, identity in stages:
@@ -70,15 +76,12 @@ def sample(
                 states = held_out_states(config, samples)
             if retry_lost:
                 dataset.drop(dataset.ended(Status.lost))
-            found, saved = (known.found, known.saved) if known else (0, 0.0)
-            with timed(folder.timings, title) as clock:
+            with (
+                timed(folder.timings, title) as clock,
+                told(known, title, console.note, clock.add, pool.workers),
+            ):
                 summary = _campaign(title, states, pool, dataset, console)
-                if known:
-                    clock.add((known.saved - saved) / pool.workers)
             _tell(title, summary, folder, console)
-            if known and known.found > found:
-                took = duration(known.saved - saved)
-                console.note(f"{title}: {known.found - found} states came from the store, which saved {took}")
     if known and known.store.fault:
         console.warn(f"{known.store.fault}; the solved states are in the run folder alone")
 

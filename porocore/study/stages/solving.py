@@ -14,6 +14,7 @@ from typing import Literal, get_args
 
 from porocore.core.console import Console
 from porocore.core.echo import echo, suggestion
+from porocore.core.files.store import ResultStore
 from porocore.core.units.results import ResultUnits, speaking
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
@@ -27,10 +28,10 @@ from porocore.macro.laws.direct import DirectCellLaw
 from porocore.macro.laws.direct_record import SolvesCells, cost_recorded
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import MacroProblem
-from porocore.macro.reference import CellReference
 from porocore.plugins.border import body_solution_of
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
+from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.abilities import require_parts
@@ -45,7 +46,8 @@ from porocore.study.stages.stage_files import (
     prepare_cell,
     training_set,
 )
-from porocore.study.stages.stage_times import timed
+from porocore.study.stages.stage_times import StageClock, timed
+from porocore.study.store import solved_states, told
 
 LawKind = Literal["surrogate", "linear", "direct", "fallback"]
 #: Laws that are solved by default.
@@ -54,17 +56,24 @@ USUAL_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
 
 @dataclass(frozen=True)
 class RunLaw:
-    """A law of a run, and for one that solves cells their solver and the record of its work."""
+    """A law of a run, and for one that solves cells their solver, the record of its work and the pool."""
 
     law: MacroLaw
     cells: SolvesCells | None = None
     record: Path | None = None
+    pool: CellPool | None = None
 
     def cost_recorded(self, solution: str) -> AbstractContextManager[None]:
         """Add the cells that the block solves to the record of ``solution``."""
         if self.cells is None or self.record is None:
             return nullcontext()
         return cost_recorded(self.record, solution, self.cells.work)
+
+    def taken_told(self, title: str, console: Console, clock: StageClock) -> AbstractContextManager[None]:
+        """Tell what the block takes from the store, and count on the clock what it saves."""
+        if self.pool is None:
+            return nullcontext()
+        return told(self.pool.known, title, console.note, clock.add, self.pool.workers)
 
 
 def solve(
@@ -76,12 +85,13 @@ def solve(
     backend: str | None = None,
     laws: Sequence[LawKind] = USUAL_LAWS,
     direct_closure: str | None = None,
+    store: ResultStore | None = None,
 ) -> list[str]:
     """Solve the macro problem under every load with each of ``laws``; return the laws' names.
 
     With ``solver``, named ``backend``, solutions of other backends are replaced; otherwise the configured one solves
     what is missing. All processes that share a solver call this. ``direct_closure`` closes the cells of direct FE²;
-    by default the closure of ``config`` does.
+    by default the closure of ``config`` does. Cells that a law solves are taken from ``store`` where it holds them.
 
     Raises
     ------
@@ -91,7 +101,7 @@ def solve(
     require_laws(laws)
     with ExitStack() as stack:
         stack.enter_context(speaking(config.result_units))
-        chosen = macro_laws(folder, config, stack, laws, direct_closure or config.closure)
+        chosen = macro_laws(folder, config, stack, laws, direct_closure or config.closure, store)
         if solver is None:
             solver = make_backend("macro solver", config)
         for load in config.macro.loads:
@@ -135,6 +145,7 @@ def macro_laws(
     stack: ExitStack,
     kinds: Sequence[LawKind] = USUAL_LAWS,
     direct_closure: str = "potential",
+    store: ResultStore | None = None,
 ) -> dict[str, RunLaw]:
     """Return the laws of a run by name; processes that a law needs end with ``stack``."""
     reference = load_reference(folder, config)
@@ -147,26 +158,26 @@ def macro_laws(
         elif kind == "linear":
             laws[name] = RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
         elif kind == "fallback":
-            laws[name] = _learning(folder, config, stack, reference, name)
+            laws[name] = _learning(folder, config, stack.enter_context(_pool(config, store)), stack, name)
         else:
             rest = reference.resting(config.conductivity)
             identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
-            cells = DirectCellLaw(stack.enter_context(_pool(config)), rest, identity)
+            pool = stack.enter_context(_pool(config, store))
+            cells = DirectCellLaw(pool, rest, identity)
             closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
-            laws[name] = RunLaw(ClosedLaw(cells, closure, name=name), cells, folder.direct_work)
+            laws[name] = RunLaw(ClosedLaw(cells, closure, name=name), cells, folder.direct_work, pool)
     return laws
 
 
-def _pool(config: RunConfig) -> CellPool:
+def _pool(config: RunConfig, store: ResultStore | None) -> CellPool:
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
-    return CellPool(prepare_cell, arguments, **config.sampling.pool_options())
+    known: SolvedStore | None = solved_states(store, *arguments)
+    return CellPool(prepare_cell, arguments, **config.sampling.pool_options(), known=known)
 
 
-def _learning(
-    folder: RunFolder, config: RunConfig, stack: ExitStack, reference: CellReference, name: str
-) -> RunLaw:
+def _learning(folder: RunFolder, config: RunConfig, pool: CellPool, stack: ExitStack, name: str) -> RunLaw:
     """Return the law whose surrogate learns the states outside the sampled range that the run reaches."""
-    surrogate = load_surrogate(folder, config)
+    reference, surrogate = load_reference(folder, config), load_surrogate(folder, config)
     dataset = Dataset.create_or_open(
         folder.fallback,
         inputs=config.sampling.input_space(),
@@ -175,7 +186,7 @@ def _learning(
     )
     stack.enter_context(dataset.writing())
     adaptive = AdaptiveSurrogate(
-        stack.enter_context(_pool(config)),
+        pool,
         dataset,
         training_set(folder, config),
         partial(make_backend, "surrogate", config),
@@ -189,7 +200,7 @@ def _learning(
         identity=f"{config.stages.training} with fallback",
         name=name,
     )
-    return RunLaw(law, adaptive, folder.fallback_work)
+    return RunLaw(law, adaptive, folder.fallback_work, pool)
 
 
 def _solve_load(
@@ -210,10 +221,11 @@ def _solve_load(
         if prepared is None:
             require_parts(type(solver), backend or config.macro_backend, problem)
             prepared = solver.prepare(problem)
-        checkpoint = folder.macro_checkpoint(name, load)
+        checkpoint, clock = folder.macro_checkpoint(name, load), StageClock()
         with (
-            communicator.holding(timed(folder.timings, f"macro, {name}, load {load:g}")),
+            communicator.holding(timed(folder.timings, f"macro, {name}, load {load:g}", clock)),
             run.cost_recorded(path.stem),
+            run.taken_told(path.stem, console, clock),
             body_progress(console, f"{name}, load {load:g}", problem, config.result_units) as (show, say),
         ):
             if run.cells is not None:

@@ -35,10 +35,10 @@ class StageClock:
 
 
 @contextmanager
-def timed(path: Path, stage: str) -> Iterator[StageClock]:
+def timed(path: Path, stage: str, clock: StageClock | None = None) -> Iterator[StageClock]:
     """Add the block's wall time to what ``stage`` has taken so far, also when the block is interrupted.
 
-    Yields the clock of the block.
+    Yields the clock of the block, a new one unless it is given.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def timed(path: Path, stage: str) -> Iterator[StageClock]:
     RunFolderError
         The disk is full or read-only.
     """
-    record, clock = _record(path), StageClock()
+    record, clock = _record(path), clock or StageClock()
     with added_up(path, record, stage, lambda: {"seconds": clock.seconds, "runs": 1}):
         yield clock
 

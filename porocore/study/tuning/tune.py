@@ -7,6 +7,7 @@ the best is chosen. The run folder keeps finished candidates, so that an interru
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import numpy as np
 from porocore.core.console import Console
 from porocore.core.files.plain_data import stable_hash, write_json
 from porocore.core.files.reading import read_json
+from porocore.core.files.store import ResultStore
 from porocore.errors import DataError
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import CellResponse, MacroState
@@ -22,6 +24,7 @@ from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages.stage_files import training_set
 from porocore.study.tuning.candidates import Candidate, with_architecture, with_options
+from porocore.study.tuning.known import KnownTrainings
 from porocore.study.tuning.tables import FORMAT, VERSION, write_tables
 from porocore.study.tuning.training import Result, train_candidate
 from porocore.study.tuning.workers import Task, run_tasks
@@ -54,6 +57,7 @@ def tune(
     console: Console,
     margin: float = 0.1,
     workers: int | None = None,
+    store: ResultStore | None = None,
 ) -> Tuning:
     """Train candidates on the samples of a run, choose one, and write tables and figure.
 
@@ -67,6 +71,8 @@ def tune(
         Share by which the error of the chosen network may exceed that of the best.
     workers
         Processes; by default as configured for sampling.
+    store
+        Networks that it knows are not trained.
 
     Raises
     ------
@@ -82,7 +88,9 @@ def tune(
             task.update(done, len(grid), detail=detail)
 
         count = config.sampling.worker_count() if workers is None else workers
-        results = train_all(folder, config, grid, workers=count, on_result=show)
+        results = train_all(
+            folder, config, grid, workers=count, on_result=show, store=store, tell=console.note
+        )
     chosen = smallest_good(results, margin)
     return Tuning(results, chosen, write_tables(folder, config, results, chosen, margin))
 
@@ -94,17 +102,25 @@ def train_all(
     *,
     workers: int = 1,
     on_result: Callable[[int, Result | None], None] | None = None,
+    store: ResultStore | None = None,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> list[Result]:
     """Train all candidates that the folder does not hold; return all results, smallest network first.
 
     See :func:`tune`; ``on_result`` is called with the number of results and the latest one, first for those that the
-    folder holds. The workers have one thread each.
+    folder and the store hold. The workers have one thread each. ``tell`` is called with what came from the store.
     """
     # No candidate may leave out the states that it flags.
     data = replace(training_set(folder, config), tolerance=None)
     held_out = _held_out(folder, config)
     places = {candidate: _place(folder, config, candidate) for candidate in grid}
     results = {candidate: found for candidate, path in places.items() if (found := _read(path)) is not None}
+    missing = [candidate for candidate in grid if candidate not in results]
+    known = KnownTrainings(store, config, data, held_out) if store is not None else None
+    if known is not None:
+        for candidate, result in known.find(missing, tell).items():
+            _write(places[candidate], result)
+            results[candidate] = result
     if on_result is not None:
         on_result(len(results), None)
     tasks: list[Task] = [
@@ -113,12 +129,15 @@ def train_all(
         if candidate not in results
     ]
     by_key = {candidate.key: candidate for candidate in grid}
-    for key, result in run_tasks(tasks, (data, *held_out), workers):
-        candidate = by_key[key]
-        _write(places[candidate], result)
-        results[candidate] = result
-        if on_result is not None:
-            on_result(len(results), result)
+    with closing(run_tasks(tasks, (data, *held_out), workers)) as finished:
+        for key, result in finished:
+            candidate = by_key[key]
+            _write(places[candidate], result)
+            if known is not None:
+                known.keep(candidate, result)
+            results[candidate] = result
+            if on_result is not None:
+                on_result(len(results), result)
     return sorted(results.values(), key=lambda r: (r.parameters, r.depth, r.activation))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children, get_context
@@ -19,7 +19,9 @@ Task = tuple[str, tuple[Callable[..., Any], tuple[Any, ...]]]
 _shared: tuple[Any, ...] = ()
 
 
-def run_tasks(tasks: list[Task], shared: tuple[Any, ...], workers: int) -> Iterator[tuple[str, Any]]:
+def run_tasks(
+    tasks: list[Task], shared: tuple[Any, ...], workers: int
+) -> Generator[tuple[str, Any], None, None]:
     """Yield (key, result) of each task, called with its arguments followed by ``shared``, in the order of completion.
 
     With one worker, or one task, they run in this process. Workers ignore Ctrl-C and end when this generator is

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from porocore.cell.cell import Cell
-from porocore.core.echo import cut
 from porocore.core.files.atomic import new_folder
-from porocore.core.inputs.input_space import NAMES, value_text
+from porocore.core.files.store import ResultStore
+from porocore.core.inputs.given_states import named_state
+from porocore.core.inputs.input_space import value_text
 from porocore.core.inputs.possible_states import require_possible
 from porocore.core.units.results import speaking
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.plugins.border import solution_of
 from porocore.report.text import MEANINGS
+from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import Array, CellResponse, MacroState, Status
 from porocore.study.config.config import RunConfig
 from porocore.study.config.sections import FemSettings
 from porocore.study.preflight.checks import find_backends
 from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.store import chosen_store, solved_states, told
 from porocore.verification.local_fields.nodal import NodalFields
 from porocore.verification.local_fields.points import PointFields
 from porocore.verification.local_fields.vtu import write_fields
@@ -70,6 +71,8 @@ def solve_and_write(
     *,
     name: str = "fields",
     pictures: bool = True,
+    store: ResultStore | None = None,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> LocalFields:
     """Solve one state and write ``<name>.vtu``, ``disp_<name>.png`` and ``energy_<name>.png``.
 
@@ -83,6 +86,8 @@ def solve_and_write(
         Inputs H11 … H33 and p that are not zero.
     pictures
         Draw the pictures, which needs pyvista.
+    store, tell
+        Store of solved states, and what is called with what came from it.
 
     Raises
     ------
@@ -93,7 +98,7 @@ def solve_and_write(
     RunFolderError
         A file cannot be written.
     """
-    response, points = solve_fields(cell, fem, state)
+    response, points = solve_fields(cell, fem, state, store, tell)
     nodal = NodalFields(points)
     vtu = write_fields(folder / f"{name}.vtu", nodal)
     drawn: dict[str, Path] = {}
@@ -113,6 +118,8 @@ def write_local_fields(
     *,
     name: str | None = None,
     pictures: bool = True,
+    store: ResultStore | str | Path | bool = True,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> LocalFields:
     """Solve one state of the cell of a configuration and write its local fields.
 
@@ -128,6 +135,10 @@ def write_local_fields(
         Name of the files; by default it tells the state.
     pictures
         Draw two pictures, which needs pyvista.
+    store
+        Folder of results that studies share; True: that of the user, False: none. A state that it holds is not solved.
+    tell
+        Called with what came from the store.
 
     Raises
     ------
@@ -143,7 +154,16 @@ def write_local_fields(
             name = ",".join(f"{key}={value_text(key, value)}" for key, value in state.items()) or "rest"
         name = re.sub(r"[^A-Za-z0-9.+-]+", "_", name.strip())[:LONGEST_NAME]
         folder = new_folder(Path(folder))
-        return solve_and_write(config.cell, config.fem, folder, state, name=name, pictures=pictures)
+        return solve_and_write(
+            config.cell,
+            config.fem,
+            folder,
+            state,
+            name=name,
+            pictures=pictures,
+            store=chosen_store(store),
+            tell=tell,
+        )
 
 
 def state_row(cell: Cell, state: Mapping[str, float]) -> Array:
@@ -154,25 +174,26 @@ def state_row(cell: Cell, state: Mapping[str, float]) -> Array:
     ConfigurationError
         An input is unknown or not finite, or no cell can be in the state.
     """
-    row = np.zeros(10)
-    for name, value in state.items():
-        if name not in NAMES or not np.isfinite(value):
-            raise ConfigurationError(
-                f"expected finite values of some of {', '.join(NAMES)}, got {cut(name)} = {value:g}"
-            )
-        row[NAMES.index(name)] = value
+    row = named_state(state)
     require_possible(row[:9], row[9], cell.modulus, state_text(state))
     return row
 
 
 def solve_fields(
-    cell: Cell, fem: FemSettings, state: Mapping[str, float]
+    cell: Cell,
+    fem: FemSettings,
+    state: Mapping[str, float],
+    store: ResultStore | None = None,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> tuple[CellResponse, PointFields]:
     """Response and fields of one state; errors as of ``solve_and_write``."""
     row = state_row(cell, state)
     solver, prepared = prepare_cell(fem.backend, fem.options, cell)
     asked = MacroState.single(row[:9], row[9])
-    solution = solution_of(solver, prepared, asked, tangent=False, fields=True)
+    if known := solved_states(store, fem.backend, fem.options, cell):
+        solver = StoringSolver(solver, known)
+    with told(known, "cell", tell):
+        solution = solution_of(solver, prepared, asked, tangent=False, fields=True)
     if solution.fields is None:
         raise ConfigurationError(
             f"--fem: backend '{fem.backend}' gives no fields of its cell; choose one that does, such as skfem"

@@ -11,16 +11,18 @@ from typing import Any
 from porocore.cell.cell import Cell
 from porocore.core.files.atomic import new_folder
 from porocore.core.files.plain_data import json_hash
+from porocore.core.files.store import ResultStore
 from porocore.core.inputs.possible_states import require_possible
 from porocore.errors import DataError, RunFolderError
 from porocore.macro.laws.pull_back import ConductivityLaw
-from porocore.macro.reference import CellReference
 from porocore.sampling.execution import CellPool
 from porocore.states import Status
 from porocore.study.config.config import RunConfig
 from porocore.study.config.sections import FemSettings
 from porocore.study.preflight.checks import find_backends
+from porocore.study.stages.reference import undeformed
 from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.store import chosen_store, solved_states, told
 from porocore.verification.sensitivity.file import load, save
 from porocore.verification.sensitivity.line import HalfLine, HalfLineSolve
 from porocore.verification.sensitivity.plan import StudyPlan, states_of
@@ -78,6 +80,8 @@ def study_sensitivity(
     workers: int | None = None,
     resume: bool = False,
     on_state: Callable[[SensitivityProgress], None] = lambda progress: None,
+    store: ResultStore | str | Path | bool = True,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> SensitivityFiles:
     """Study the cell of a configuration under one load at a time, as far as it can be solved.
 
@@ -95,6 +99,10 @@ def study_sensitivity(
         Continue the study that the folder holds.
     on_state
         Called after every state.
+    store
+        Folder of results that studies share; True: that of the user, False: none. A state that it holds is not solved.
+    tell
+        Called with what came from the store.
 
     Raises
     ------
@@ -119,15 +127,10 @@ def study_sensitivity(
         )
     find_backends(config, ["cell solver"])
     study = run_study(
-        config.cell,
-        config.fem,
-        new_folder(folder),
-        plan,
-        conductivity=config.conductivity,
-        workers=config.sampling.worker_count() if workers is None else workers,
-        on_state=on_state,
-        provenance={"config": config.resolved_yaml()},
-    )
+        config.cell, config.fem, new_folder(folder), plan, conductivity=config.conductivity,
+        workers=config.sampling.worker_count() if workers is None else workers, on_state=on_state,
+        provenance={"config": config.resolved_yaml()}, store=chosen_store(store), tell=tell,
+    )  # fmt: skip
     return SensitivityFiles(study, write_table(folder, study), write_figures(folder, study))
 
 
@@ -141,6 +144,8 @@ def run_study(
     workers: int = 1,
     on_state: Callable[[SensitivityProgress], None] = lambda progress: None,
     provenance: Mapping[str, str] | None = None,
+    store: ResultStore | None = None,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> Sensitivity:
     """Solve every half line of a plan that ``folder`` does not hold yet; see :func:`study_sensitivity`.
 
@@ -158,7 +163,7 @@ def run_study(
         The undeformed cell cannot be solved, or a worker process died.
     """
     plan, path = StudyPlan() if plan is None else plan, folder / FILE
-    study = _load_or_begin(path, cell, fem, plan, conductivity, dict(provenance or {}))
+    study = _load_or_begin(path, cell, fem, plan, conductivity, dict(provenance or {}), store)
     half_lines = [
         HalfLineSolve(name, sign, goal, plan.sweeps[name].step, plan.tolerance, study.rest)
         for name, sign, goal in plan.half_lines()
@@ -166,7 +171,11 @@ def run_study(
     ]
     if half_lines:
         arguments = (fem.backend, fem.options, cell, conductivity)
-        with CellPool(prepare_cell, arguments, workers=min(workers, len(half_lines))) as pool:
+        known, workers = solved_states(store, *arguments), min(workers, len(half_lines))
+        with (
+            CellPool(prepare_cell, arguments, workers=workers, known=known) as pool,
+            told(known, "sensitivity", tell),
+        ):
             for line in _Campaign(study, pool, half_lines, on_state).lines():
                 study.lines[line_name(line.load, line.sign)] = line
                 save(path, study)
@@ -180,6 +189,7 @@ def _load_or_begin(
     plan: StudyPlan,
     conductivity: ConductivityLaw,
     provenance: dict[str, str],
+    store: ResultStore | None,
 ) -> Sensitivity:
     """Return the study that the file holds, or a new one with the undeformed cell alone."""
     identity = study_identity(cell, fem, plan, conductivity)
@@ -190,8 +200,7 @@ def _load_or_begin(
                 f"{path}: holds the study of another cell, backend or plan; choose another --out or delete it"
             )
         return study
-    solver, prepared = prepare_cell(fem.backend, fem.options, cell, conductivity)
-    reference = CellReference.compute(solver, prepared, cell, identity)
+    reference = undeformed(cell, fem, conductivity, store)
     rest = reference.resting(conductivity)
     study = Sensitivity(plan, identity, rest, reference.conductivity, {}, provenance, conductivity)
     save(path, study)
