@@ -16,6 +16,8 @@ from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate
 from porocore_fem_skfem.operators import Pattern
 
 SENSITIVITY_TOLERANCE = 1e-11
+#: Iterations with multigrid.
+LIMIT = 400
 
 
 class Constraints:
@@ -23,18 +25,24 @@ class Constraints:
 
     ``base`` is the undeformed cell's and never changes, so that a solve does not depend on the one before it;
     ``own`` is renewed within a solve. ``active`` is the one in use, ``shift`` what last made an indefinite tangent
-    definite.
+    definite. ``points`` (nodes, 3) are those of the nodes, of which ``places`` has one component after the other.
     """
 
     shift = 0.0
 
-    def __init__(self, places: Pattern, free: IntArray, solver: str) -> None:
-        self.free, self._solver = free, solver
+    def __init__(self, places: Pattern, free: IntArray, points: Array, solver: str) -> None:
+        self.free, self._points, self._solver = free, points, solver
         indptr, indices, self._kept = places.restricted(free)
         self.pattern = SymmetricPattern(indptr, indices)
-        translations = np.zeros((len(free), 3))
-        translations[np.arange(len(free)), free // (places.n // 3)] = 1.0
-        self._make = partial(choose_factor, indptr, indices, solver=solver, near_kernel=translations)
+        component, node = np.divmod(free, len(points))
+        self._make = partial(
+            choose_factor,
+            indptr,
+            indices,
+            solver=solver,
+            near_kernel=_rigid_motions(points)[component, node],
+            places=3 * node + component,
+        )
         self._base: SymmetricFactor | None = None
         self._own: SymmetricFactor | None = None
         self._factored: Array | None = None
@@ -54,7 +62,7 @@ class Constraints:
 
     def widened(self, places: Pattern) -> Constraints:
         """Return the same unknowns with further places of the matrix and the same undeformed cell's factor."""
-        wider = Constraints(places, self.free, self._solver)
+        wider = Constraints(places, self.free, self._points, self._solver)
         wider._base, wider.active, wider.shift = self._base, self._base, self.shift
         return wider
 
@@ -85,8 +93,10 @@ class Constraints:
             moved[diagonal] += shift * float(np.abs(entries[diagonal]).mean())
             return precondition(rhs) if self.factorise(moved) <= 0 else None
 
+        # Multigrid is no better for being set up anew: it only comes near to any tangent.
+        limit = PATIENCE if self.active is not None and self.active.negative >= 0 else LIMIT
         try:
-            solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy, limit=PATIENCE)
+            solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy, limit=limit)
             if not solved.converged and self.factorise(entries) <= 0:
                 solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy)
             if solved.converged:
@@ -113,7 +123,17 @@ def sensitivities(
     if factor.negative >= 0:  # a direct one, which serves indefinite matrices
         solved = refine(matrix, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE)
     else:
-        solved = conjugate_gradients(matrix.dot, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE)
+        solved = conjugate_gradients(
+            matrix.dot, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE, limit=LIMIT
+        )
     U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
     mixed = R.T @ U
     return U, mixed + mixed.T + U.T @ (matrix @ U), solved.indefinite
+
+
+def _rigid_motions(points: Array) -> Array:
+    """Return the translations and the rotations about the middle as (components, nodes, 6)."""
+    x = points - points.mean(axis=0)
+    turned = np.cross(np.eye(3)[:, None], x)  # (axes, nodes, components)
+    moved = np.broadcast_to(np.eye(3)[:, None], (3, len(x), 3))
+    return np.concatenate([moved, turned]).transpose(2, 1, 0)

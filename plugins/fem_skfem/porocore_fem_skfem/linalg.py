@@ -16,13 +16,14 @@ from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
 from porocore.errors import ConfigurationError
-from porocore.states import Array
+from porocore.states import Array, IntArray
 from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.checks import Indices
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SymmetricFactor
 
-#: Beyond this number of unknowns a factor grows faster than multigrid does.
-DIRECT_LIMIT = 100_000
+#: Beyond this number of unknowns multigrid is taken. Two factors have 2.3 GB at 126,000, where a state with its
+#: derivatives takes 13 s with them; multigrid takes 23 s at 46,000.
+DIRECT_LIMIT = 150_000
 #: Largest system in three dimensions for which SuperLU is fast enough.
 SUPERLU_LIMIT = 6_000
 
@@ -65,26 +66,63 @@ class SuperLUFactor(SymmetricFactor):
 
 
 class MultigridFactor(SymmetricFactor):
-    """One V-cycle of smoothed aggregation (pyamg); ``near_kernel`` are the rigid translations."""
+    """One V-cycle of smoothed aggregation (pyamg).
 
-    def __init__(self, indptr: Indices, indices: Indices, near_kernel: Array) -> None:
+    Parameters
+    ----------
+    near_kernel : (n, k)
+        Fields of little energy, such as rigid motions.
+    places : (n,)
+        Place of each unknown in a list with three for every node, so that whole nodes are aggregated; None: a node has
+        one unknown.
+    """
+
+    def __init__(
+        self, indptr: Indices, indices: Indices, near_kernel: Array, places: IntArray | None = None
+    ) -> None:
         super().__init__(indptr, indices)
         self._pattern = SymmetricPattern(indptr, indices)
-        self._near_kernel = self._checked(near_kernel, ((self.n, near_kernel.shape[1]),), "near kernel")
+        near = self._checked(near_kernel, ((self.n, near_kernel.shape[1]),), "near kernel")
+        self._places, self._block = (np.arange(self.n), 1) if places is None else (_without_gaps(places), 3)
+        self._size = self._block * (int(self._places.max(initial=-1)) // self._block + 1)
+        self._near_kernel = np.zeros((self._size, near.shape[1]))
+        self._near_kernel[self._places] = near
         self.negative = -1
 
     def _factor(self, data: Array) -> None:
         from pyamg import smoothed_aggregation_solver
 
         hierarchy = smoothed_aggregation_solver(
-            self._pattern.full(data), B=self._near_kernel, symmetry="symmetric", max_coarse=500
+            self._in_blocks(data),
+            B=self._near_kernel,
+            symmetry="symmetric",
+            max_coarse=500,
+            improve_candidates=None,
         )
         self._cycle = hierarchy.aspreconditioner()
 
+    def _in_blocks(self, data: Array) -> sparse.bsr_matrix:
+        """Return the matrix in blocks of nodes, with 1 on the diagonal for an unknown that a node lacks."""
+        entries = self._pattern.full(data).tocoo()
+        lacking = np.setdiff1d(np.arange(self._size), self._places)
+        rows = np.concatenate([self._places[entries.row], lacking])
+        columns = np.concatenate([self._places[entries.col], lacking])
+        values = np.concatenate([entries.data, np.ones(len(lacking))])
+        whole = sparse.csr_matrix((values, (rows, columns)), shape=(self._size, self._size))
+        return whole.tobsr(blocksize=(self._block, self._block))
+
     def _solve(self, rhs: Array) -> Array:
+        padded = np.zeros((self._size, *rhs.shape[1:]))
+        padded[self._places] = rhs
         if rhs.ndim == 1:
-            return np.asarray(self._cycle @ rhs)
-        return np.stack([self._cycle @ column for column in rhs.T], axis=1)
+            return np.asarray(self._cycle @ padded)[self._places]
+        return np.stack([self._cycle @ column for column in padded.T], axis=1)[self._places]
+
+
+def _without_gaps(places: IntArray) -> IntArray:
+    """Return the places in a list of those nodes alone that have an unknown."""
+    _, node = np.unique(places // 3, return_inverse=True)
+    return np.asarray(3 * node + places % 3)
 
 
 class SymmetricPattern:
@@ -108,11 +146,18 @@ class SymmetricPattern:
 
 
 def choose_factor(
-    indptr: Indices, indices: Indices, *, solver: str, near_kernel: Array, single: bool = True
+    indptr: Indices,
+    indices: Indices,
+    *,
+    solver: str,
+    near_kernel: Array,
+    places: IntArray | None = None,
+    single: bool = True,
 ) -> SymmetricFactor:
     """Return the fastest installed solver for the size; ``solver`` forces one of pardiso, superlu, amg.
 
-    ``single`` precision is for a factor that preconditions; only PARDISO offers it.
+    ``near_kernel`` and ``places`` are those of :class:`MultigridFactor`. ``single`` precision is for a factor that
+    preconditions; only PARDISO offers it.
     """
     n = len(indptr) - 1
     have_pardiso = pardiso.library() is not None
@@ -127,7 +172,7 @@ def choose_factor(
             raise ConfigurationError("fem.options.solver: pardiso is not installed; run pip install mkl")
         return pardiso.PardisoFactor(indptr, indices, single=single)
     if solver == "amg" and have_amg:
-        return MultigridFactor(indptr, indices, near_kernel)
+        return MultigridFactor(indptr, indices, near_kernel, places)
     if solver == "superlu":
         return SuperLUFactor(indptr, indices)
     raise ConfigurationError(

@@ -141,8 +141,10 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         if parity not in self._constraints:
             fixed = np.zeros((3, self.n_nodes), dtype=bool)
             fixed[:, self.nodes] = held_displacements(self.mesh, parity).T
+            points = np.zeros((self.n_nodes, 3))
+            points[self.nodes] = self.mesh.points
             self._constraints[parity] = Constraints(
-                self.scatter.pattern, np.flatnonzero(~fixed.ravel()), self.solver
+                self.scatter.pattern, np.flatnonzero(~fixed.ravel()), points, self.solver
             )
         return self._constraints[parity]
 
