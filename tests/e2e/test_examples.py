@@ -80,7 +80,7 @@ def test_a_filter_conducts_less_where_it_is_squeezed_and_as_much_as_a_whole(tmp_
     assert rates["piola", 0.12] / rates["piola", 0.02] > 1.08
     flow = rates["deformed", 0.02], rates["deformed", 0.12]
     assert flow == pytest.approx(FILTER, rel=SAME)
-    assert flow == pytest.approx(FILTER_DIRECT, rel=1e-3)
+    assert flow == pytest.approx(FILTER_DIRECT, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -141,10 +141,10 @@ def test_an_indenter_feels_the_brain_relax(tmp_path):
 
 #: Greatest and last stress on the piston.
 CONFINED = (0.13891430, 0.07789690)
-#: Flow per pressure under the two. Twelve states give a ln K_ref of second degree since the symmetry ties its
-#: coefficients; the first degree, all that untied ones allowed, was 0.3 % and 0.6 % below direct FE².
-FILTER = (0.01971561, 0.01961452)
-#: The same by ``porocore solve RUN --law direct``, 0.01 % and 0.06 % above.
+#: Flow per pressure under the two.
+FILTER = (0.01971802, 0.01962596)
+#: The same by ``porocore solve RUN --law direct``, within 0.002 %. Ranges in which pore walls touch at a corner, where
+#: there is no conductivity, were 0.01 % and 0.06 % off.
 FILTER_DIRECT = (0.01971811, 0.01962566)
 #: Pressure on the axis when the load is there and at its peak; greatest and last widening.
 UNCONFINED = (0.01545034, 0.01779981, 0.03510832, 0.02116112)
