@@ -1,5 +1,7 @@
 """Memory and time that ``porocore check`` expects of the mesh of the cell, before it is meshed."""
 
+from dataclasses import replace
+
 import pytest
 from invoked import BENCHMARK
 
@@ -7,13 +9,13 @@ from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.study.config.loading import load_config
-from porocore.study.preflight import workload
+from porocore.study.preflight import cost, workload
 from porocore.testing.cell_laws.open_cells import image_cell
 
 
-def study(tmp_path, size, **sampling):
+def study(tmp_path, size, fluid_size=0.2, **sampling):
     geometry = image_cell(tmp_path / "image.npy", 0, 16)
-    mesh = MeshSettings(size=size, fluid_size=0.2)
+    mesh = MeshSettings(size=size, fluid_size=fluid_size)
     config = load_config(BENCHMARK.with_name("soil-strip.yaml"))
     new = {
         "cell": Cell(geometry=geometry, mesh=mesh),
@@ -23,8 +25,8 @@ def study(tmp_path, size, **sampling):
 
 
 def test_the_nodes_of_an_image_are_known_before_it_is_meshed(tmp_path):
-    config = study(tmp_path, 0.1)
-    nodes = len(config.cell.make_mesh("solid", "whole").points)
+    config = study(tmp_path, 0.1, 0.1)
+    nodes = [len(config.cell.make_mesh(phase, "whole").points) for phase in ("solid", "fluid")]
     assert workload.expected_nodes(config) == pytest.approx(nodes, rel=0.3)
 
 
@@ -34,7 +36,7 @@ def test_a_mesh_beyond_the_memory_is_refused_with_a_size_that_fits(tmp_path, mon
         workload.require_memory(study(tmp_path, 3 / 64, executor="serial"))
     size = float(str(refused.value).split("take ")[1].split()[0])
     assert 0.055 < size < 0.08
-    workload.require_memory(study(tmp_path, 1.02 * size, executor="serial"))
+    workload.require_memory(study(tmp_path, size, executor="serial"))
 
 
 def test_processes_share_the_memory_that_the_mesh_needs(tmp_path, monkeypatch):
@@ -57,8 +59,50 @@ def test_an_eighth_is_an_eighth():
     assert workload.share_solved(sheared) == 1
 
 
-def test_a_solid_larger_than_any_measured_one_is_said():
-    assert workload.slow_states(12_000, 0.1) == ""
-    said = workload.slow_states(96_000, 0.05)
-    assert said.startswith("96,000 nodes of the solid")
-    assert "cell.mesh.size: 0.1 has about 12,000" in said
+def test_a_state_that_takes_long_is_said_with_a_size_that_does_not():
+    there = cost.STATE.nodes_for(60)
+    assert workload.slow_states(0.99 * there, 0.1) == ""
+    said = workload.slow_states(8 * there, 0.05)
+    assert said.startswith(f"a state of {8 * there:,.0f} nodes of the solid takes about ")
+    assert "beyond what was measured" in said
+    assert said.endswith("cell.mesh.size: 0.1 takes 60 s")
+
+
+def test_a_fluid_beyond_the_memory_is_refused_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(workload, "memory_here", lambda: 1e9)
+    config = study(tmp_path, 0.2, executor="serial")
+    fine = config.cell.model_copy(update={"mesh": MeshSettings(size=0.2, fluid_size=0.02)})
+    workload.require_memory(config)
+    with pytest.raises(ConfigurationError, match=r"cell.mesh.fluid_size: at 0.02 the fluid has"):
+        workload.require_memory(config.model_copy(update={"cell": fine}))
+
+
+@pytest.mark.parametrize("law", [cost.FIRST, cost.STATE, cost.CONDUCTIVITY, cost.SOLID, cost.FLUID])
+def test_the_cost_is_that_measured_and_grows_on_beyond(law):
+    assert [law.at(n) for n in law.nodes] == pytest.approx(law.values)
+    assert law.at(0) == 0
+    n, last = law.nodes[-1], law.values[-1]
+    assert 2 * last < law.at(3 * n) < 9 * last  # more than linear or nearly so, less than quadratic
+    assert law.nodes_for(law.at(3 * n)) == pytest.approx(3 * n)
+    assert law.at(law.nodes[0] / 4) < law.values[0]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0.3, "0.3 s"), (5.04, "5 s"), (119, "120 s"), (600, "10 min"), (1e5, "28 h")]
+)
+def test_a_rough_time_is_read_in_its_unit(seconds, text):
+    assert workload.as_time(seconds) == text
+
+
+def test_the_time_of_a_study_is_that_of_its_states_on_its_workers():
+    one = workload.Workload(40, 1, 10, 2, 5, 2, 20_000, 30_000)
+    four = replace(one, workers=4)
+    each, flow, first = cost.STATE.at(20_000), cost.CONDUCTIVITY.at(30_000), cost.FIRST.at(20_000)
+    assert one.cell_time == pytest.approx(first + 40 * each + flow)
+    assert four.cell_time == pytest.approx(first + 10 * each + flow)
+    assert replace(one, deformed=True).state == pytest.approx(each + flow)
+    eighth = replace(one, parts=(1 / 8, 1 / 8))
+    assert eighth.state == pytest.approx(cost.STATE.at(2_500))
+    said = list(four.as_lines())
+    assert "20,000 nodes of the solid and 30,000 of the fluid" in said[1]
+    assert said[1].endswith(f"{workload.as_time(four.cell_time)} in all on 4 quiet cores")

@@ -21,9 +21,9 @@ from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.checks import Indices
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SymmetricFactor
 
-#: Beyond this number of unknowns multigrid is taken. Two factors have 2.3 GB at 126,000, where a state with its
-#: derivatives takes 13 s with them; multigrid takes 23 s at 46,000.
-DIRECT_LIMIT = 150_000
+#: Beyond this number of unknowns multigrid is taken. At 314,000 a state with its derivatives takes 87 s and 7 GB with
+#: factors; multigrid takes 23 s at 46,000, where factors take 2.3 s.
+DIRECT_LIMIT = 350_000
 #: Largest system in three dimensions for which SuperLU is fast enough.
 SUPERLU_LIMIT = 6_000
 
@@ -83,7 +83,8 @@ class MultigridFactor(SymmetricFactor):
         super().__init__(indptr, indices)
         self._pattern = SymmetricPattern(indptr, indices)
         near = self._checked(near_kernel, ((self.n, near_kernel.shape[1]),), "near kernel")
-        self._places, self._block = (np.arange(self.n), 1) if places is None else (_without_gaps(places), 3)
+        self._places: IntArray = np.arange(self.n) if places is None else _without_gaps(places)
+        self._block = 1 if places is None else 3
         self._size = self._block * (int(self._places.max(initial=-1)) // self._block + 1)
         self._near_kernel = np.zeros((self._size, near.shape[1]))
         self._near_kernel[self._places] = near
@@ -115,8 +116,10 @@ class MultigridFactor(SymmetricFactor):
         padded = np.zeros((self._size, *rhs.shape[1:]))
         padded[self._places] = rhs
         if rhs.ndim == 1:
-            return np.asarray(self._cycle @ padded)[self._places]
-        return np.stack([self._cycle @ column for column in padded.T], axis=1)[self._places]
+            whole: Array = np.asarray(self._cycle @ padded)
+        else:
+            whole = np.stack([self._cycle @ column for column in padded.T], axis=1)
+        return whole[self._places]
 
 
 def _without_gaps(places: IntArray) -> IntArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 
 import numpy as np
@@ -29,6 +30,7 @@ from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.at_rest import edges
+from porocore.study.preflight.resolution import resolution
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import check_time_functions
 from porocore.study.preflight.workload import Workload, require_memory, share_solved, sheared, slow_states
@@ -158,6 +160,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield config.title or "a study without a title"
     quality = measure_mesh_quality(config.cell)
     yield from (f"cell: {line}" if i == 0 else f"  {line}" for i, line in enumerate(quality_lines(quality)))
+    yield from resolution(config.cell)
     config.cell.require_pores()
     config.cell.require_stiffness()
     _require_that_the_fluid_follows(config)
@@ -177,8 +180,9 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
     yield from _body(config)
     expected = backends.make_backend("sampler", config).expected
-    nodes = quality.solid.nodes if quality.solid else 0
-    yield f"work: {Workload.of(config, expected, len(place(config).cells), nodes).as_line()}"
+    nodes, fluid = (phase.nodes if phase else 0 for phase in (quality.solid, quality.fluid))
+    nodes *= math.prod(config.cell.supercell)
+    yield from Workload.of(config, expected, len(place(config).cells), (nodes, fluid)).as_lines()
     if slow := slow_states(nodes * share_solved(config), config.cell.mesh.size):
         yield f"note: {slow}"
     yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))

@@ -1,28 +1,25 @@
-"""Numbers of solves, bytes on disk and bytes of memory of a study, before anything is solved."""
+"""Numbers of solves, bytes on disk, memory and time of a study, before anything is solved."""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
+from porocore.study.preflight import cost
 
 #: Memory of one process that solves cells [bytes], shared pages counted once: in the benchmark with either
-#: finite-element backend; of the libraries alone; for each node of the solid that is solved. The last is the largest of
-#: 0.68 GB at 12,017 nodes, 1.58 GB at 42,164 and 3.7 GB at 102,597 (images, scikit-fem).
-PROCESS, LIBRARIES, SOLID_NODE = 2.7e8, 2e8, 4e4
+#: finite-element backend, and of the libraries alone.
+PROCESS, LIBRARIES = 2.7e8, 2e8
 #: Nodes for each tetrahedron that a geometry expects; measured 1.7 to 2.4 of second order on images, since
 #: more tetrahedra are made at the wall.
 NODES_OF_TETRAHEDRON = {"linear": 0.27, "quadratic-straight": 2.0, "quadratic-curved": 2.0}
-#: Largest number of nodes of the solid for which the time of a state was measured, and that time on one quiet core [s].
-TIMED, SECONDS = 12_000, 10
-#: The time of a state goes with this power of the nodes; a sheared state of 8,444 took 17 times as long as one of an
-#: eighth (medians of 64 each).
-POWER = 1.4
+#: A state that takes longer on one core is noted [s].
+LONG = 60.0
 #: Bytes of a solved state with its derivatives, and of each node of its field.
 STATE, NODE = 4_000, 24
 #: Numbers of one time step in a history, and of one quadrature point in a kept field.
@@ -47,10 +44,12 @@ class Workload:
         Macro runs: each load with the cell's law and linearly.
     elements, profiles
         Elements of the body, and times at which fields are kept.
-    nodes
-        Nodes of the cell's solid.
-    process
-        Memory of one process that solves cells [bytes].
+    solid, fluid
+        Nodes of the cell's solid and fluid.
+    parts
+        Shares of them that are solved.
+    deformed
+        True if every state also has the flow through its deformed pore.
     """
 
     states: int
@@ -59,12 +58,14 @@ class Workload:
     runs: int
     elements: int
     profiles: int
-    nodes: int
-    process: float = PROCESS
+    solid: int
+    fluid: int
+    parts: tuple[float, float] = (1.0, 1.0)
+    deformed: bool = False
 
     @classmethod
-    def of(cls, config: RunConfig, states: int, elements: int, nodes: int) -> Workload:
-        """Return the counts of ``config``, of which the first three are known from its sampler and meshes."""
+    def of(cls, config: RunConfig, states: int, elements: int, nodes: tuple[int, int]) -> Workload:
+        """Return the counts of ``config``, of which the others are known from its sampler and meshes."""
         time = config.macro.time
         steps = time.ramp_increments + int((time.end - time.ramp_increments * time.ramp_step) / time.step) + 1
         return cls(
@@ -74,26 +75,55 @@ class Workload:
             2 * len(config.macro.loads),
             elements,
             len(time.profiles) + 2,
-            nodes,
-            process_memory(nodes * share_solved(config)),
+            *nodes,
+            (share_solved(config), share_of_flow(config)),
+            config.conductivity == "deformed",
         )
 
     @property
     def disk(self) -> float:
         """Approximate final size of the run folder [bytes]."""
         fields = self.profiles * self.elements * POINTS_OF_ELEMENT * POINT * 8
-        return self.states * (STATE + NODE * self.nodes) + self.runs * (self.steps * STEP * 8 + fields)
+        return self.states * (STATE + NODE * self.solid) + self.runs * (self.steps * STEP * 8 + fields)
 
     @property
     def memory(self) -> float:
         """Approximate memory of all processes that solve cells [bytes]."""
-        return max(1, self.workers) * self.process
+        solid, fluid = self._solved
+        return max(max(1, self.workers) * process_memory(solid), LIBRARIES + cost.FLUID.at(fluid))
 
-    def as_line(self) -> str:
-        """Return the counts for reading."""
-        return (
-            f"{self.states} states of the cell, {self.runs} macro runs of {self.steps} steps or more; "
+    @property
+    def state(self) -> float:
+        """Approximate time of one state with its derivatives on one quiet core [s]."""
+        return cost.STATE.at(self._solved[0]) + (self.conductivity if self.deformed else 0.0)
+
+    @property
+    def conductivity(self) -> float:
+        """Approximate time of K on one quiet core [s]."""
+        return cost.CONDUCTIVITY.at(self._solved[1])
+
+    @property
+    def cell_time(self) -> float:
+        """Approximate time of all cell problems, K included, of which the states share the workers [s]."""
+        each = cost.FIRST.at(self._solved[0]) + math.ceil(self.states / max(1, self.workers)) * self.state
+        return self.conductivity + each
+
+    @property
+    def _solved(self) -> tuple[float, float]:
+        return self.solid * self.parts[0], self.fluid * self.parts[1]
+
+    def as_lines(self) -> Iterator[str]:
+        """Yield the counts for reading."""
+        yield (
+            f"work: {self.states} states of the cell, {self.runs} macro runs of {self.steps} steps or more; "
             f"some {self.disk / 1e9:.2g} GB on disk, {self.memory / 1e9:.2g} GB of memory while cells are solved"
+        )
+        solid, fluid = self._solved
+        workers = max(1, self.workers)
+        yield (
+            f"  cell problems of {solid:,.0f} nodes of the solid and {fluid:,.0f} of the fluid: "
+            f"{as_time(self.state)} for a state with its derivatives, {as_time(self.conductivity)} for K; "
+            f"{as_time(self.cell_time)} in all on {workers} quiet {'core' if workers == 1 else 'cores'}"
         )
 
 
@@ -130,30 +160,40 @@ def sheared(config: RunConfig, nodes: int, more: Iterable[str] = ()) -> list[str
     sampled, names = shears(config.sampling.inputs), shears(more or config.sampling.inputs)
     if not config.cell.mirrored or not names or (more and sampled):
         return []
-    eighth, whole = (_rounded(state_seconds(nodes * share)) for share in (1 / 8, 1))
+    eighth, whole = (as_time(cost.STATE.at(nodes * share)) for share in (1 / 8, 1))
     them = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
     is_ = "would be" if more else "is" if len(names) == 1 else "are"
     return [
-        f"since {them} {is_} sampled, states are solved on the whole cell instead of an eighth: some {whole} s a state "
-        f"on one quiet core instead of {eighth} s"
+        f"since {them} {is_} sampled, states are solved on the whole cell instead of an eighth: some {whole} a state "
+        f"on one quiet core instead of {eighth}"
     ]
 
 
-def _rounded(seconds: float) -> str:
-    return f"{seconds:.1g}" if seconds < 10 else f"{round(seconds, 1 - len(str(int(seconds)))):.0f}"
+def share_of_flow(config: RunConfig) -> float:
+    """Return the share of the fluid on which its flow is solved."""
+    return 1 / 8 if config.cell.symmetric else 1.0
 
 
-def expected_nodes(config: RunConfig) -> float:
-    """Return the approximate number of nodes of the solid that is solved, without meshing it."""
-    cell = config.cell
-    tetrahedra = cell.geometry.elements(cell.mesh.size) * (1 - cell.geometry.porosity)
-    nodes = tetrahedra * math.prod(cell.supercell) * NODES_OF_TETRAHEDRON[cell.mesh.element]
-    return nodes * share_solved(config)
+def expected_nodes(config: RunConfig) -> tuple[float, float]:
+    """Return the approximate numbers of nodes of the solid and of the fluid that are solved, without meshing them."""
+    geometry, mesh = config.cell.geometry, config.cell.mesh
+    solid = geometry.elements(mesh.size) * (1 - geometry.porosity) * NODES_OF_TETRAHEDRON[mesh.element]
+    # The flow is quadratic on every mesh, and that of one cell.
+    fluid = geometry.elements(mesh.fluid_size) * geometry.porosity * NODES_OF_TETRAHEDRON["quadratic-curved"]
+    return solid * math.prod(config.cell.supercell) * share_solved(config), fluid * share_of_flow(config)
 
 
 def process_memory(nodes: float) -> float:
     """Return the memory of one process that solves a solid of so many nodes [bytes]."""
-    return max(PROCESS, LIBRARIES + SOLID_NODE * nodes)
+    return max(PROCESS, LIBRARIES + cost.SOLID.at(nodes))
+
+
+def as_time(seconds: float) -> str:
+    """Return a time that is known roughly, for reading."""
+    for unit, length in (("days", 86_400), ("h", 3600), ("min", 60), ("s", 1)):
+        if seconds >= 2 * length:
+            return f"{float(f'{seconds / length:.2g}'):g} {unit}"
+    return f"{seconds:.1g} s"
 
 
 def require_memory(config: RunConfig) -> None:
@@ -167,14 +207,20 @@ def require_memory(config: RunConfig) -> None:
     workers, there = workers_here(config), memory_here()
     if there is None or workers == 0:
         return
-    nodes, size = expected_nodes(config), config.cell.mesh.size
-    process = process_memory(nodes)
-    if process > there:
-        larger = size * (SOLID_NODE * nodes / max(there - LIBRARIES, LIBRARIES)) ** (1 / 3)
-        raise ConfigurationError(
-            f"cell.mesh.size: at {size:g} the solid has about {nodes:,.0f} nodes, and solving it needs some "
-            f"{process / 1e9:.3g} GB of memory, but this machine has {there / 1e9:.3g} GB; take {larger:.2g} or more"
-        )
+    (nodes, flow), mesh = expected_nodes(config), config.cell.mesh
+    process, fluid = process_memory(nodes), LIBRARIES + cost.FLUID.at(flow)
+    spare = max(there - LIBRARIES, LIBRARIES)
+    for key, count, phase, needs, law in (
+        ("size", nodes, "solid", process, cost.SOLID),
+        ("fluid_size", flow, "fluid", fluid, cost.FLUID),
+    ):
+        if needs > there:
+            larger = getattr(mesh, key) * (count / law.nodes_for(spare)) ** (1 / 3)
+            raise ConfigurationError(
+                f"cell.mesh.{key}: at {getattr(mesh, key):g} the {phase} has about {count:,.0f} nodes, and solving it "
+                f"needs some {needs / 1e9:.3g} GB of memory, but this machine has {there / 1e9:.3g} GB; take "
+                f"{_at_least(larger)} or more, or a part of the cell"
+            )
     if workers > 1 and workers * process > there:
         raise ConfigurationError(
             f"sampling.workers: {workers} processes need some {workers * process / 1e9:.3g} GB of memory, "
@@ -183,20 +229,23 @@ def require_memory(config: RunConfig) -> None:
         )
 
 
-def state_seconds(nodes: float) -> float:
-    """Return the approximate time of a state on one quiet core, given the nodes of the solid that are solved [s]."""
-    return float(SECONDS * (nodes / TIMED) ** POWER)
-
-
 def slow_states(nodes: float, size: float) -> str:
-    """Return a note on a solid for which the time of a state was not measured; empty for a smaller one."""
-    if nodes <= TIMED:
+    """Return a note on a solid of which a state takes long; empty for a smaller one."""
+    seconds = cost.STATE.at(nodes)
+    if seconds <= LONG:
         return ""
-    larger = size * (nodes / TIMED) ** (1 / 3)
+    larger = size * (nodes / cost.STATE.nodes_for(LONG)) ** (1 / 3)
+    beyond = ", which is beyond what was measured" if nodes > 1.2 * cost.SOLIDS[-1] else ""
     return (
-        f"{nodes:,.0f} nodes of the solid are solved at a time; {TIMED:,} take some {SECONDS} s a state on one core, "
-        f"more were not measured and may take many minutes; cell.mesh.size: {larger:.2g} has about {TIMED:,}"
+        f"a state of {nodes:,.0f} nodes of the solid takes about {as_time(seconds)} on one core{beyond}; "
+        f"cell.mesh.size: {_at_least(larger)} takes {as_time(LONG)}"
     )
+
+
+def _at_least(size: float) -> str:
+    """Return a size in two digits, rounded up."""
+    digits = 1 - math.floor(math.log10(size))
+    return f"{math.ceil(round(size * 10**digits, 6)) / 10**digits:g}"
 
 
 def require_states(config: RunConfig, expected: int) -> None:

@@ -1,0 +1,48 @@
+"""Thinnest wall and narrowest pore of an image, in elements of the cell's mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.cell.level_sets.thickness import least_thickness
+from porocore.cell.level_sets.voxels import Voxels
+
+#: Elements across a wall or a pore below which bending or flow through it is not resolved.
+FEWEST = 2.0
+#: Voxels across a wall or a pore that the smoothed image still has.
+SEEN = 2.0
+
+
+def resolution(cell: Cell) -> Iterator[str]:
+    """Yield how many elements resolve the thinnest parts of an image, and notes where they are too few.
+
+    Nothing is known of cells that are no images.
+    """
+    geometry = cell.geometry
+    if not isinstance(geometry, Voxels):
+        return
+    solid = geometry.solid
+    whole = geometry.unfolding == "whole"
+    voxel = np.array(geometry.sides) * (1.0 if whole else 0.5) / solid.shape
+    notes = []
+    for name, phase, key, size in (
+        ("thinnest wall", solid, "size", cell.mesh.size),
+        ("narrowest pore", ~solid, "fluid_size", cell.mesh.fluid_size),
+    ):
+        thickness = least_thickness(phase, voxel, periodic=whole)
+        if not np.isfinite(thickness):
+            continue
+        elements, voxels = thickness / size, thickness / voxel.min()
+        yield (
+            f"  {name}: some {voxels:.2g} voxels or {thickness:.2g} of the cell, {elements:.2g} elements of "
+            f"mesh.{key}"
+        )
+        if elements < FEWEST and voxels >= SEEN:
+            notes.append(
+                f"note: {elements:.2g} elements across the {name} resolve it poorly; cell.mesh.{key}: "
+                f"{thickness / FEWEST:.2g} has {FEWEST:g} there"
+            )
+    yield from notes
