@@ -40,7 +40,7 @@ def test_a_mesh_beyond_the_memory_is_refused_with_a_size_that_fits(tmp_path, mon
 
 
 def test_processes_share_the_memory_that_the_mesh_needs(tmp_path, monkeypatch):
-    monkeypatch.setattr(workload, "memory_here", lambda: 4e9)
+    monkeypatch.setattr(workload, "memory_here", lambda: 6e9)
     with pytest.raises(
         ConfigurationError, match=r"sampling.workers: 8 processes need .*; take at most [23]$"
     ):
