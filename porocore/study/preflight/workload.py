@@ -98,6 +98,11 @@ class Workload:
         return cost.STATE.at(self._solved[0]) + (self.conductivity if self.deformed else 0.0)
 
     @property
+    def first(self) -> float:
+        """Approximate time that the first state of a process takes longer than any other [s]."""
+        return cost.FIRST.at(self._solved[0])
+
+    @property
     def conductivity(self) -> float:
         """Approximate time of K on one quiet core [s]."""
         return cost.CONDUCTIVITY.at(self._solved[1])
@@ -105,7 +110,7 @@ class Workload:
     @property
     def cell_time(self) -> float:
         """Approximate time of all cell problems, K included, of which the states share the workers [s]."""
-        each = cost.FIRST.at(self._solved[0]) + math.ceil(self.states / max(1, self.workers)) * self.state
+        each = self.first + math.ceil(self.states / max(1, self.workers)) * self.state
         return self.conductivity + each
 
     @property
@@ -122,7 +127,8 @@ class Workload:
         workers = max(1, self.workers)
         yield (
             f"  cell problems of {solid:,.0f} nodes of the solid and {fluid:,.0f} of the fluid: "
-            f"{as_time(self.state)} for a state with its derivatives, {as_time(self.conductivity)} for K; "
+            f"{as_time(self.state)} for a state with its derivatives, {as_time(self.state + self.first)} for the "
+            f"first, {as_time(self.conductivity)} for K; "
             f"{as_time(self.cell_time)} in all on {workers} quiet {'core' if workers == 1 else 'cores'}"
         )
 
