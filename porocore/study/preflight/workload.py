@@ -109,8 +109,8 @@ class Workload:
 
     @property
     def cell_time(self) -> float:
-        """Approximate time of all cell problems, K included, of which the states share the workers [s]."""
-        each = self.first + math.ceil(self.states / max(1, self.workers)) * self.state
+        """Approximate time of all cell problems, K and the state at rest included; the states share the workers [s]."""
+        each = self.first + (1 + math.ceil(self.states / max(1, self.workers))) * self.state
         return self.conductivity + each
 
     @property
