@@ -13,6 +13,7 @@ from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.series import all_series
 from porocore.report.format import measured, number
 from porocore.report.loading_mode import LoadingMode, force_name, reactions
+from porocore.report.words.components import symmetric
 from porocore.states import Array
 
 
@@ -39,7 +40,7 @@ def fluid_velocity(profile: Profile) -> Array:
 def dimensional_rows(
     metrics: dict[str, Any],
     solution: MacroSolution,
-    conductivity: float,
+    conductivity: Array,
     units: Mapping[str, ResultUnits],
     loading_mode: LoadingMode,
 ) -> list[DimensionalRow]:
@@ -50,7 +51,7 @@ def dimensional_rows(
     solution
         The nonlinear one; its profiles give the largest fluid velocity.
     conductivity
-        K_22 of the undeformed cell.
+        K (3, 3) of the undeformed cell.
     loading_mode
         The load is a stress only where it scales one; forces are listed where a surface is moved, settlements
         where they are a result.
@@ -70,7 +71,10 @@ def dimensional_rows(
     rows += [
         ("largest pore pressure", "pressure", found["max_pressure"]),
         ("drained volume", "volume", found["drained"]),
-        ("conductivity of the undeformed cell", "conductivity", conductivity),
+        *(
+            (f"conductivity {name} of the undeformed cell", "conductivity", value)
+            for name, value in symmetric("K", conductivity)
+        ),
     ]
     for name, force in (reactions(solution) if loading_mode.displaced else {}).items():
         for which in ("peak", "final"):
@@ -100,10 +104,13 @@ FIGURES = {
     "conductivity": "conductivity",
     "deformed_conductivity": "conductivity",
     "conductivity_grad_u": "conductivity",
+    "permeability": "permeability",
     "Q_11": "compliance",
+    "Q": "compliance",
     "C_eff_2222": "stress",
+    "C_eff": "stress",
     "biot_modulus": "stress",
-    "consolidation_coefficient": "diffusivity",
+    "consolidation_coefficients": "diffusivity",
     "final_settlement": "displacement",
     "time_to_95_percent": "time",
     "time_to_99_percent": "time",

@@ -21,20 +21,18 @@ from porocore.report.law_differences import COMPARED, law_differences
 from porocore.report.loading_mode import reactions
 from porocore.report.metrics import LoadCase, case_metrics, rms_percent, worst_percent
 from porocore.report.page import Picture, Pictures, environment
-from porocore.report.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
 from porocore.report.text import (
     FOLLOWER,
     MEANINGS,
     all_warnings,
     benchmark_rows,
     case_sentences,
-    cell_rows,
-    conductivity_sentence,
     flagged_sentence,
     force_sentences,
-    linear_rows,
     whole_words,
 )
+from porocore.report.words.cell import cell_rows, conductivity_sentence, linear_rows, mesh_rows
+from porocore.report.words.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
 from porocore.states import Array, MacroState, Status
 
 #: Pictures that stand in the page alone.
@@ -93,7 +91,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         ],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
         dimensional=[
-            dimensional_rows(m, case.nonlinear, float(conductivity[1, 1]), units, context.loading_mode)
+            dimensional_rows(m, case.nonlinear, conductivity, units, context.loading_mode)
             for m, case in zip(metrics, context.cases, strict=True)
             if units
         ],
@@ -101,6 +99,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         conductivity=[conductivity_sentence(case, context.cell) for case in context.cases],
         cell_rows=cell_rows(context.cell, published),
         linear_rows=linear_rows(context.cell),
+        mesh_rows=mesh_rows(context.cell.mesh),
         cell_picture=_cell_picture(context, pictures),
         statuses=_statuses(context.sampling),
         solved=solved_sentence(solved_shares(context.sampling)),

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from porocore.core.units.results import ResultUnits, spoken
-from porocore.macro.laws.pull_back import is_isotropic
-from porocore.report.context import CellSummary, Published, ReportContext, SurrogateSummary
-from porocore.report.format import NONE, difference, in_unit, measured, number, plain, unit
+from porocore.core.units.results import ResultUnits
+from porocore.report.context import Published, ReportContext, SurrogateSummary
+from porocore.report.format import difference, measured, number, plain
 from porocore.report.loading_mode import force_name, reactions
 from porocore.report.metrics import LoadCase, case_metrics, case_warnings, flagged_shares, is_flagged
+from porocore.report.words.cell import ComparisonRow
 from porocore.states import Status
 
 #: Said where a pressure follows the deformed surface.
@@ -35,15 +32,6 @@ MEANINGS: dict[Status, str] = {
     Status.lost: "two workers died or exceeded the time limit while solving it, which the cell need not have caused; "
     "no data",
 }
-
-
-@dataclass(frozen=True)
-class ComparisonRow:
-    """Quantity with its published value and that of this run."""
-
-    name: str
-    published: str
-    found: str
 
 
 def case_sentences(metrics: dict[str, Any]) -> list[str]:
@@ -158,90 +146,6 @@ def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[Compar
             f"{_time(linear['time_to_99_percent'])})",
         ),
     ]
-
-
-def cell_rows(cell: CellSummary, published: Published | None) -> list[ComparisonRow]:
-    """Return porosity, conductivity and micro–macro tangents of the undeformed cell."""
-    linear = cell.linear
-    M, Q = linear.mean_grad_grad_u, linear.mean_grad_p
-    said = [NONE] * 5
-    if published is not None:
-        said = [
-            number(published.porosity, 2),
-            measured(published.conductivity_viscosity / cell.viscosity, "conductivity", 4),
-            number(published.mean_grad_2222, 2),
-            number(published.mean_grad_2211, 2),
-            measured(published.mean_grad_p_11, "compliance", 3),
-        ]
-    viscosity = spoken().text(cell.viscosity, "viscosity")
-    found = (
-        ("porosity φ_f", "", cell.porosity),
-        (f"K₁₁ at μ_f = {viscosity}", "conductivity", linear.conductivity[0, 0]),
-        ("M₂₂₂₂", "", M[1, 1, 1, 1]),
-        ("M₂₂₁₁", "", M[1, 1, 0, 0]),
-        ("Q₁₁", "compliance", Q[0, 0]),
-    )
-    rows = [
-        ComparisonRow(name, text, measured(float(value), quantity))
-        for text, (name, quantity, value) in zip(said, found, strict=True)
-    ]
-    scales = spoken().scales
-    if scales is not None:
-        permeability = float(linear.conductivity[0, 0]) * cell.viscosity * scales.factor("permeability")
-        rows.insert(2, ComparisonRow("permeability K₁₁ μ_f", NONE, f"{number(permeability)} m²"))
-    return rows
-
-
-def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
-    """Return the coefficients of linear poroelasticity."""
-    linear, units = cell.linear, spoken()
-    by, times = ("", "1") if units.given else (" / E", "E")
-    return [
-        (f"drained stiffness C_eff,2222{by}", measured(float(linear.stiffness[1, 1, 1, 1]), "stress")),
-        ("Biot coefficient α₂₂", number(float(linear.biot[1, 1]))),
-        (f"inverse Biot modulus {times} / M_B", measured(linear.storage, "compliance")),
-        ("consolidation coefficient c_v", measured(linear.consolidation_coefficient(), "diffusivity")),
-    ]
-
-
-#: Transformation of K, by whether it rotates with the solid.
-_TRANSFORMED = {
-    False: "transformed by the mean deformation gradient F̄ of the solid as in the paper: K_t = F̄⁻¹ K F̄⁻ᵀ",
-    True: "transformed by the mean deformation gradient F̄ = R̄ Ū of the solid and rotates with it: K_t = Ū⁻¹ K Ū⁻¹",
-}
-
-
-def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
-    """Return the conductivity of the flux in words, with its component 22 at the last profile."""
-    if cell.law == "deformed":
-        found = (
-            "The conductivity K_ref relates ∇p to the flux through reference area. It is that of the deformed pore: "
-            "the flow was solved in the deformed pore of every sampled state, and a surrogate was trained on the "
-            "results. The figures show K_t = K_ref/det F̄."
-        )
-    else:
-        turned = cell.law == "piola" and not is_isotropic(cell.linear.conductivity)
-        found = (
-            f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}. The figures show K_t. "
-            "The flux through reference area follows K_ref = det F̄ K_t. Compression along an axis raises K_t "
-            "and K_ref along this axis, although the pores become narrower. The time of consolidation depends on "
-            "this increase."
-        )
-    if not case.nonlinear.profiles:
-        return found
-    last = case.nonlinear.profiles[-1]
-    rest = measured(float(cell.linear.conductivity[1, 1]), "conductivity", 3)
-    K_t, K_ref = (
-        " to ".join(
-            dict.fromkeys(in_unit(float(end(K[:, 1, 1])), "conductivity", 3) for end in (np.min, np.max))
-        )
-        for K in (last.conductivity, last.reference_conductivity)
-    )
-    return (
-        f"{found} At t = {_time(last.time)} the values in the body are {K_ref} for K_ref,22 and {K_t} for K_t,22"
-        f"{unit('conductivity')}; "
-        f"in the undeformed cell both are {rest}."
-    )
 
 
 def _unjudged(surrogate: SurrogateSummary) -> list[str]:

@@ -37,7 +37,8 @@ from porocore.report.html import render, write_report
 from porocore.report.loading_mode import LoadingMode, reactions
 from porocore.report.metrics import LoadCase, OutputCheck, case_metrics
 from porocore.report.page import file_stem
-from porocore.report.text import all_warnings, conductivity_sentence
+from porocore.report.text import all_warnings
+from porocore.report.words.cell import conductivity_sentence
 from porocore.states import CellResponse, CellTangent, Status
 from porocore.study.publication import DEHGHANI_ZILIAN
 

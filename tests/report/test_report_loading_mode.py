@@ -96,7 +96,7 @@ def test_rows_with_units_are_those_of_the_drive(plug, column):
     case = LoadCase(plug, column(law="linear"))
 
     def names(loading_mode):
-        rows = dimensional_rows(case_metrics(case), plug, 1.0, {"this study": UNITS}, loading_mode)
+        rows = dimensional_rows(case_metrics(case), plug, np.eye(3), {"this study": UNITS}, loading_mode)
         return {row.name: row.values[0] for row in rows}
 
     stressed, moved = names(LoadingMode()), names(LoadingMode(("y+",), stressed=False))

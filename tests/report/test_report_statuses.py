@@ -8,7 +8,7 @@ import pytest
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.report.context import SamplingSummary
-from porocore.report.statuses import (
+from porocore.report.words.statuses import (
     SHARES,
     solved_sentence,
     solved_shares,

@@ -13,7 +13,7 @@ from porocore.report.dimensional import dimensional_metrics, figures_with_units
 from porocore.report.law_differences import law_differences
 from porocore.report.loading_mode import reactions
 from porocore.report.metrics import case_metrics, rms_percent, without_settlement, worst_percent
-from porocore.report.statuses import solved_shares, visited_shares
+from porocore.report.words.statuses import solved_shares, visited_shares
 from porocore.states import Status
 from porocore.study.stages.results import RunResults
 
@@ -62,17 +62,22 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
 
 
 def _cell(results: RunResults) -> dict[str, Any]:
-    reference, coefficients = results.reference, results.coefficients
+    reference, c = results.reference, results.coefficients
     return {
         "porosity": reference.porosity,
         "conductivity": reference.conductivity.tolist(),
-        "M_2222": float(coefficients.mean_grad_grad_u[1, 1, 1, 1]),
-        "M_2211": float(coefficients.mean_grad_grad_u[1, 1, 0, 0]),
-        "Q_11": float(coefficients.mean_grad_p[0, 0]),
-        "C_eff_2222": float(coefficients.stiffness[1, 1, 1, 1]),
-        "biot_coefficient": float(coefficients.biot[1, 1]),
-        "biot_modulus": coefficients.biot_modulus,
-        "consolidation_coefficient": coefficients.consolidation_coefficient(),
+        "permeability": (reference.conductivity * results.config.cell.viscosity).tolist(),
+        "M_2222": float(c.mean_grad_grad_u[1, 1, 1, 1]),
+        "M_2211": float(c.mean_grad_grad_u[1, 1, 0, 0]),
+        "M": c.mean_grad_grad_u.tolist(),
+        "Q_11": float(c.mean_grad_p[0, 0]),
+        "Q": c.mean_grad_p.tolist(),
+        "C_eff_2222": float(c.stiffness[1, 1, 1, 1]),
+        "C_eff": c.stiffness.tolist(),
+        "biot_coefficient": float(c.biot[1, 1]),
+        "biot_tensor": c.biot.tolist(),
+        "biot_modulus": c.biot_modulus,
+        "consolidation_coefficients": [c.consolidation_coefficient(axis) for axis in range(3)],
     }
 
 

@@ -1,0 +1,1 @@
+"""Words and rows of the report: the cell, its states."""

@@ -1,0 +1,139 @@
+"""The cell of the report: its coefficients along each axis, its mesh, and the conductivity of the flux."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.core.units.results import spoken
+from porocore.interfaces.solution import Profile
+from porocore.macro.laws.pull_back import is_isotropic
+from porocore.report.context import CellSummary, Published
+from porocore.report.format import NONE, in_unit, measured, number, unit
+from porocore.report.metrics import LoadCase
+from porocore.report.words.components import PAIRS, family, is_one, of_fourth_order, symmetric
+from porocore.states import Array
+
+#: Ends of the names of facts on the mesh of a part, as a reader finds them.
+_PARTS = {"in the eighth": "in one eighth of the cell, by symmetry", "in the whole": "in the whole cell"}
+
+
+@dataclass(frozen=True)
+class ComparisonRow:
+    """Quantity with its published value and that of this run."""
+
+    name: str
+    published: str
+    found: str
+
+
+def cell_rows(cell: CellSummary, published: Published | None) -> list[ComparisonRow]:
+    """Return porosity, conductivity and micro–macro tangents of the undeformed cell."""
+    linear, scales = cell.linear, spoken().scales
+    said = {} if published is None else _said(published, cell.viscosity)
+    rows = [("porosity φ_f", measured(cell.porosity, ""))]
+    viscosity = spoken().text(cell.viscosity, "viscosity")
+    for name, value in symmetric("K", linear.conductivity):
+        rows.append((f"{name} at μ_f = {viscosity}", measured(value, "conductivity")))
+    if scales is not None:
+        factor = cell.viscosity * scales.factor("permeability")
+        for name, value in symmetric("k", linear.conductivity):
+            rows.append((f"permeability {name}", f"{number(value * factor)} m²"))
+    rows += [(name, measured(value, "")) for name, value in of_fourth_order("M", linear.mean_grad_grad_u)]
+    rows += [(name, measured(value, "compliance")) for name, value in symmetric("Q", linear.mean_grad_p)]
+    return [
+        ComparisonRow(name, next((text for part, text in said.items() if part in name), NONE), found)
+        for name, found in rows
+    ]
+
+
+def _said(published: Published, viscosity: float) -> dict[str, str]:
+    """Return what the publication says, by the name of its component."""
+    return {
+        "φ_f": number(published.porosity, 2),
+        "K₁₁": measured(published.conductivity_viscosity / viscosity, "conductivity", 4),
+        "M₂₂₂₂": number(published.mean_grad_2222, 2),
+        "M₂₂₁₁": number(published.mean_grad_2211, 2),
+        "Q₁₁": measured(published.mean_grad_p_11, "compliance", 3),
+    }
+
+
+def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
+    """Return the coefficients of linear poroelasticity, along each axis where they differ."""
+    linear, units = cell.linear, spoken()
+    by, times = ("", "1") if units.given else (" / E", "E")
+    kinds = (
+        [(i, i, i, i) for i in range(3)],
+        [(i, i, j, j) for i, j in PAIRS],
+        [(i, j, i, j) for i, j in PAIRS],
+    )
+    stiffness = [row for places in kinds for row in family("C_eff,", linear.stiffness, places)]
+    along = [linear.consolidation_coefficient(axis) for axis in range(3)]
+    names = [f"along {axis}" for axis in "xyz"]
+    c_v = [("along each axis", along[0])] if is_one(along) else list(zip(names, along, strict=True))
+    return [
+        *((f"drained stiffness {name}{by}", measured(value, "stress")) for name, value in stiffness),
+        *((f"Biot coefficient {name}", number(value)) for name, value in symmetric("α", linear.biot)),
+        (f"inverse Biot modulus {times} / M_B", measured(linear.storage, "compliance")),
+        *((f"consolidation coefficient c_v {axis}", measured(value, "diffusivity")) for axis, value in c_v),
+    ]
+
+
+def mesh_rows(mesh: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return the facts on the mesh; counts of tetrahedra of an eighth with those of the whole cell."""
+    rows = []
+    for name, value in mesh.items():
+        part = next((each for each in _PARTS if name.endswith(each)), "")
+        count = value.replace(",", "")
+        if part == "in the eighth" and "tetrahedra" in name and count.isdigit():
+            value = f"{value} ({8 * int(count):,} in the whole cell)"
+        rows.append((name.removesuffix(part) + _PARTS.get(part, ""), value))
+    return rows
+
+
+#: Transformation of K, by whether it rotates with the solid.
+_TRANSFORMED = {
+    False: "transformed by the mean deformation gradient F̄ of the solid as in the paper: K_t = F̄⁻¹ K F̄⁻ᵀ",
+    True: "transformed by the mean deformation gradient F̄ = R̄ Ū of the solid and rotates with it: K_t = Ū⁻¹ K Ū⁻¹",
+}
+
+
+def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
+    """Return the conductivity of the flux in words, with its component 22 at the last profile."""
+    if cell.law == "deformed":
+        found = (
+            "The conductivity K_ref relates ∇p to the flux through reference area. It is that of the deformed pore: "
+            "the flow was solved in the deformed pore of every sampled state, and a surrogate was trained on the "
+            "results. The figures show K_t = K_ref/det F̄."
+        )
+    else:
+        turned = cell.law == "piola" and not is_isotropic(cell.linear.conductivity)
+        found = (
+            f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}. The figures show K_t. "
+            "The flux through reference area follows K_ref = det F̄ K_t. Compression along an axis raises K_t "
+            "and K_ref along this axis, although the pores become narrower. The time of consolidation depends on "
+            "this increase."
+        )
+    if not case.nonlinear.profiles:
+        return found
+    last = case.nonlinear.profiles[-1]
+    K = cell.linear.conductivity
+    told = [_at_axis(i, last, K) for i in ((1,) if is_isotropic(K) else range(3))]
+    return f"{found} At t = {measured(last.time, 'time', 3)} the values in the body are {'; '.join(told)}."
+
+
+def _at_axis(i: int, profile: Profile, K: Array) -> str:
+    """Return K_ref and K_t along an axis, from least to largest in the body, and K of the undeformed cell."""
+    transformed, through_reference = (
+        " to ".join(
+            dict.fromkeys(in_unit(float(end(values[:, i, i])), "conductivity", 3) for end in (np.min, np.max))
+        )
+        for values in (profile.conductivity, profile.reference_conductivity)
+    )
+    at = f"{i + 1}{i + 1}"
+    return (
+        f"{through_reference} for K_ref,{at} and {transformed} for K_t,{at}{unit('conductivity')}; "
+        f"in the undeformed cell both are {measured(float(K[i, i]), 'conductivity', 3)}"
+    )
