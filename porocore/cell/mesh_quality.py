@@ -179,10 +179,11 @@ def quality_lines(quality: MeshQuality) -> list[str]:
         if phase is None:
             lines.append(f"{name}: none")
             continue
+        eighth = f" ({phase.tetrahedra // 8:,} in an eighth)" if quality.unfolding != "whole" else ""
         lines.append(
-            f"{name}: {phase.tetrahedra:,} tetrahedra, {phase.nodes:,} nodes; dihedral angles from "
-            f"{phase.smallest_angle:.1f}° (99 % from {phase.low_angle:.1f}°); least stretch of curved tetrahedra "
-            f"{phase.least_stretch:.2f}"
+            f"{name}: {phase.tetrahedra:,} tetrahedra in the whole cell{eighth}, {phase.nodes:,} nodes; "
+            f"dihedral angles from {phase.smallest_angle:.1f}° (99 % from {phase.low_angle:.1f}°); "
+            f"least stretch of curved tetrahedra {phase.least_stretch:.2f}"
         )
         if phase.regions:
             shares = ", ".join(f"{region} {share:.4g}" for region, share in phase.regions.items())

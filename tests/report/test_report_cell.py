@@ -1,0 +1,92 @@
+"""The coefficients of a cell in the report: one row for each axis along which they differ, labelled, with units."""
+
+import numpy as np
+import pytest
+
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.core.units.results import OutputUnits, ResultUnits, speaking
+from porocore.core.units.scales import Scales
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.report.context import CellSummary
+from porocore.report.words.cell import cell_rows, linear_rows, mesh_rows
+from porocore.report.words.components import symmetric
+from porocore.states import CellResponse, CellTangent
+
+UNITS = ResultUnits(
+    Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(length="mm", stress="kPa", time="s")
+)
+
+
+def summary(K, Q=(-0.1, -0.1, -0.1), stiffer=0.0):
+    """A cell with its conductivity, diagonal of Q, and M that is larger along the second axis."""
+    M = np.zeros((1, 3, 3, 3, 3))
+    for i in range(3):
+        for j in range(3):
+            M[0, i, i, j, j] = -0.23 if i == j else -0.075
+    M[0, 1, 1, 1, 1] += stiffer
+    tangent = CellTangent(mean_grad_grad_u=M, mean_grad_p=np.diag(Q)[None])
+    response = CellResponse(np.zeros((1, 3, 3)), np.zeros(1, int), tangent=tangent)
+    linear = LinearCoefficients.from_reference(response, 0.6, NeoHookean(), np.array(K, dtype=float))
+    return CellSummary("a cell", 0.4, 2.0, linear)
+
+
+def test_a_cell_that_is_the_same_along_all_axes_has_one_row_of_each():
+    cell = summary(np.diag([2.0, 2.0, 2.0]))
+    names = [row.name for row in cell_rows(cell, None)]
+    assert names == [
+        "porosity φ_f",
+        "K₁₁ = K₂₂ = K₃₃ at μ_f = 2",
+        "M₁₁₁₁ = M₂₂₂₂ = M₃₃₃₃",
+        "M₂₂₁₁ and all other M_iijj",
+        "Q₁₁ = Q₂₂ = Q₃₃",
+    ]
+    assert [name for name, _ in linear_rows(cell)][-2:] == [
+        "inverse Biot modulus E / M_B",
+        "consolidation coefficient c_v along each axis",
+    ]
+
+
+def test_an_orthotropic_cell_shows_every_axis_with_its_unit():
+    cell = summary(np.diag([0.1, 2.0, 8.0]), Q=(-0.1, -0.2, -0.3), stiffer=0.1)
+    with speaking(UNITS):
+        rows = {row.name: row.found for row in cell_rows(cell, None)}
+        linear = dict(linear_rows(cell))
+    # μ_f is 2 times 1 Pa s; k = K μ_f d², d = 5 µm.
+    assert {name: rows[f"permeability {name}"] for name in ("k₁₁", "k₂₂", "k₃₃")} == {
+        "k₁₁": "5.000 · 10⁻¹² m²",
+        "k₂₂": "1.000 · 10⁻¹⁰ m²",
+        "k₃₃": "4.000 · 10⁻¹⁰ m²",
+    }
+    assert [name for name in rows if name.startswith("K")] == [f"K{i}{i} at μ_f = 2 Pa s" for i in "₁₂₃"]
+    assert (rows["Q₂₂"], rows["M₂₂₂₂"]) == ("−0.1000 1/kPa", "−0.1300")
+    found = {axis: float(linear[f"consolidation coefficient c_v along {axis}"].split()[0]) for axis in "xyz"}
+    factor = UNITS.factor("diffusivity")
+    assert found == {
+        axis: pytest.approx(cell.linear.consolidation_coefficient(i) * factor, rel=1e-3)
+        for i, axis in enumerate("xyz")
+    }
+    assert {"Biot coefficient α₁₁", "Biot coefficient α₂₂", "drained stiffness C_eff,2222"} <= linear.keys()
+
+
+def test_what_lies_off_the_diagonal_is_shown_where_it_is_more_than_the_mesh():
+    K = np.diag([1.0, 1.0, 100.0])
+    K[0, 1] = K[1, 0] = 0.01
+    K[0, 2] = K[2, 0] = 0.005
+    assert [name for name, _ in symmetric("K", K)] == ["K₁₁", "K₂₂", "K₃₃", "K₁₂"]
+    along_one = np.diag([0.0, 0.0, 5.0])
+    along_one[0, 1] = along_one[1, 0] = 1e-15
+    assert [name for name, _ in symmetric("K", along_one)] == ["K₁₁", "K₂₂", "K₃₃"]
+
+
+def test_counts_of_an_eighth_come_with_those_of_the_whole_cell():
+    facts = {
+        "element": "linear",
+        "solid tetrahedra in the eighth": "4,680",
+        "solid nodes in the eighth": "8,297",
+    }
+    assert mesh_rows(facts) == [
+        ("element", "linear"),
+        ("solid tetrahedra in one eighth of the cell, by symmetry", "4,680 (37,440 in the whole cell)"),
+        ("solid nodes in one eighth of the cell, by symmetry", "8,297"),
+    ]
+    assert mesh_rows({"solid tetrahedra in the whole": "8"}) == [("solid tetrahedra in the whole cell", "8")]
