@@ -152,30 +152,40 @@ def figures_with_units(figures: Any, units: ResultUnits, name: str = "") -> Any:
         return {key: figures_with_units(value, units, key) for key, value in figures.items()}
     quantity = FIGURES.get(name)
     if quantity is not None and figures is not None:
-        value = np.asarray(figures, dtype=float) * units.factor(quantity)
-        return {"value": value.tolist(), "unit": units.name(quantity), "dimensionless": figures}
+        return {
+            "value": _each(figures, quantity, units),
+            "unit": units.name(quantity),
+            "dimensionless": figures,
+        }
     if isinstance(figures, list):
         return [figures_with_units(each, units) for each in figures]
     return figures
+
+
+def _each(figures: Any, quantity: str, units: ResultUnits) -> Any:
+    if hasattr(figures, "tolist"):
+        figures = figures.tolist()
+    if isinstance(figures, list | tuple):
+        return [_each(each, quantity, units) for each in figures]
+    return float("nan") if figures is None else units.value(float(figures), quantity)
 
 
 def dimensional_metrics(solutions: Iterable[MacroSolution], units: ResultUnits) -> list[dict[str, Any]]:
     """Return the last and the largest value of every quantity with a unit, and its time, ready for JSON."""
     found = []
     for solution in solutions:
-        time = solution.history.time * units.factor("time")
+        times = solution.history.time
         series = {}
         for each in all_series(solution):
             if not each.quantity or each.name == "time":
                 continue
-            values = each.values * units.factor(each.quantity)
-            largest = int(np.abs(values).argmax())
+            largest = int(np.abs(each.values).argmax())
             series[each.name] = {
                 "unit": units.name(each.quantity),
-                "final": float(values[-1]),
-                "largest": float(values[largest]),
-                "at": float(time[largest]),
+                "final": units.value(float(each.values[-1]), each.quantity),
+                "largest": units.value(float(each.values[largest]), each.quantity),
+                "at": units.value(float(times[largest]), "time"),
             }
         head = {"law": solution.law, "load": solution.load, "time_unit": units.name("time")}
-        found.append({**head, "end_time": float(time[-1]), "series": series})
+        found.append({**head, "end_time": units.value(float(times[-1]), "time"), "series": series})
     return found

@@ -61,7 +61,7 @@ def write_vtu_series(
     for i, profile in enumerate(solution.profiles):
         file = f"{name}-{i:0{digits}d}.vtu"
         _write_profile(folder / file, solution, profile, units)
-        time = profile.time * units.factor("time")
+        time = units.value(profile.time, "time")
         entries.append(f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(file)}/>\n')
     series = folder / f"{name}.pvd"
     with atomic_path(series) as part:

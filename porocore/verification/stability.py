@@ -13,7 +13,9 @@ from porocore.cell.stability.map import MapPlan, follow_lines, write_tables
 from porocore.core.files.atomic import atomic_path, new_folder
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
+from porocore.core.inputs.input_space import value_text
 from porocore.core.inputs.possible_states import require_possible
+from porocore.core.units.results import speaking
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.interfaces.cell import CellSolver
 from porocore.sampling.execution.solved_store import StoringSolver
@@ -114,7 +116,10 @@ def map_stability(
     for value in plan.values:
         _, goal = plan.ends(value)
         require_possible(
-            goal[:9], goal[9], config.cell.modulus, f"--along and --across: {plan.across} = {value:g}"
+            goal[:9],
+            goal[9],
+            config.cell.modulus,
+            f"--along and --across: {plan.across} = {value_text(plan.across, value)}",
         )
     if (folder / FILE).exists() and not resume:
         raise RunFolderError(
@@ -124,9 +129,10 @@ def map_stability(
     new_folder(folder)
     lines = _solve(config, folder / FILE, plan, on_event, chosen_store(store), tell)
     picture = folder / PICTURE
-    with atomic_path(picture) as part:
-        part.write_bytes(png_bytes(stability_figure(plan, lines)))
-    return StabilityMap(plan, lines, write_tables(folder, plan, lines), picture)
+    with speaking(config.result_units):
+        with atomic_path(picture) as part:
+            part.write_bytes(png_bytes(stability_figure(plan, lines)))
+        return StabilityMap(plan, lines, write_tables(folder, plan, lines), picture)
 
 
 def _solve(

@@ -1,15 +1,18 @@
-"""``porocore stability`` in a study with scales: its tables have units."""
+"""``porocore stability`` in a study with scales: its tables, files and figure have units."""
+
+import csv
 
 import numpy as np
 import pytest
 
 from porocore.cell.stability.inertia import WAVES
 from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
-from porocore.cell.stability.map import MapPlan
+from porocore.cell.stability.map import MapPlan, write_tables
 from porocore.cli.commands.stability import parse_plan, print_onsets, print_states
 from porocore.core.units.results import OutputUnits, ResultUnits, speaking
 from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
+from porocore.report.figures.stability import stability_figure
 from porocore.states import Status
 
 UNITS = ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))
@@ -70,3 +73,47 @@ def test_without_scales_they_are_multiples(line, capsys):
     assert "p at which it begins, ± 0.005" in words
     assert "0.2000" in words
     assert "kPa" not in words
+
+
+def read(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_files_have_units_in_the_names_of_their_columns(line, tmp_path):
+    line.eigenvalues[:] = 0.5
+    with speaking(UNITS):
+        states, onsets = map(read, write_tables(tmp_path, PLAN, [line]))
+    assert [row["p [kPa]"] for row in states] == ["0", "0.4", "0.8"]
+    assert [row["H22"] for row in states] == ["-0.1"] * 3
+    assert states[0]["acoustic [kPa]"] == "0.2"
+    assert states[0]["eigenvalue_110 [kPa/d²]"] == "1"
+    assert (onsets[0]["H22"], onsets[0]["p_crease_from [kPa]"]) == ("-0.1", "0.4")
+
+
+def labels(figure):
+    return {text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel())}
+
+
+def test_the_figure_has_units(line):
+    line.eigenvalues[:] = 0.5
+    with speaking(UNITS):
+        figure, both = stability_figure(PLAN, [line]), stability_figure(PLAN, [line, line])
+    assert {"pore pressure $p$ [kPa]", "lowest eigenvalue [kPa/$d^2$]", "acoustic\nminimum [kPa]"} <= labels(
+        figure
+    )
+    np.testing.assert_allclose(
+        figure.axes[-2].get_lines()[0].get_xydata(), [[0, 0.2], [0.4, 0.2], [0.8, 0.2]]
+    )
+    crease = next(drawn for drawn in figure.axes[0].get_lines() if drawn.get_label() == "crease")
+    assert crease.get_xdata()[0] == pytest.approx(0.4)
+    assert {"pore pressure $p$ [kPa]", "$H_{22}$ [–]"} <= labels(both)
+    onset = next(drawn for drawn in both.axes[0].get_lines() if str(drawn.get_label()).startswith("crease"))
+    np.testing.assert_allclose(onset.get_xydata(), [[0.4, -0.1]] * 2)
+    assert both.axes[0].get_xlim() == pytest.approx((-0.024, 0.824))
+
+
+def test_the_figure_without_scales_is_in_multiples(line):
+    line.eigenvalues[:] = 0.5
+    found = labels(stability_figure(PLAN, [line]))
+    assert {r"pore pressure $p$$\,/E$ [–]", "lowest eigenvalue [$E/d^2$]", "acoustic\nminimum [$E$]"} <= found

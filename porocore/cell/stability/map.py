@@ -20,6 +20,7 @@ from porocore.core.hdf5 import Contents, Kind, atomic_hdf5, opened
 from porocore.core.hdf5.contents import numbered
 from porocore.core.inputs.input_space import NAMES
 from porocore.core.models.bounds import MOST_LINES
+from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError, DataError
 from porocore.interfaces.cell import CellSolver
 from porocore.states import Array, Status
@@ -181,22 +182,50 @@ def _read_line(file: Contents, group: str) -> StabilityLine:
 
 
 def write_tables(folder: Path, plan: MapPlan, lines: Sequence[StabilityLine]) -> tuple[Path, Path]:
-    """Write states.csv with one row a state and onsets.csv with one row a line, and return their paths."""
+    """Write states.csv, a row for each state, and onsets.csv, a row for each line; return their paths.
+
+    Values are in the units of the study, which stand in the names of the columns.
+    """
+    units = spoken()
     inputs = (*plan.along, plan.across)
     columns = [NAMES.index(name) for name in inputs]
-    header = [*inputs, "status", "contact_share", "min_gap", "acoustic"]
-    header += [f"negative_pivots_{wave}" for wave in WAVES] + [f"eigenvalue_{wave}" for wave in WAVES]
+    header = [*(input_titled(name) for name in inputs), "status", "contact_share", "min_gap"]
+    header += [units.titled("acoustic", "stress"), *(f"negative_pivots_{wave}" for wave in WAVES)]
+    header += [eigenvalue_titled(f"eigenvalue_{wave}") for wave in WAVES]
+    factors, stress = np.array([input_factor(name) for name in inputs]), units.factor("stress")
     rows: list[list[Any]] = []
     for line in lines:
         for k, theta in enumerate(line.states()):
-            row: list[Any] = [*theta[columns], Status(int(line.status[k])).name]
-            row += [line.contact_share[k], line.min_gap[k], line.acoustic[k]]
-            rows.append([*row, *line.pivots[k], *line.eigenvalues[k]])
+            row: list[Any] = [*theta[columns] * factors, Status(int(line.status[k])).name]
+            row += [line.contact_share[k], line.min_gap[k], line.acoustic[k] * stress]
+            rows.append([*row, *line.pivots[k], *line.eigenvalues[k] * stress])
     states = write_csv(folder / "states.csv", header, rows)
     leading, across = NAMES.index(plan.leading), NAMES.index(plan.across)
-    header = [plan.across, *(f"{plan.leading}_{event}_{side}" for event in EVENTS for side in ("from", "to"))]
+    header = [input_titled(plan.across)]
+    header += [input_titled(plan.leading, f"_{event}_{side}") for event in EVENTS for side in ("from", "to")]
+    of_line, factor = input_factor(plan.across), input_factor(plan.leading)
     rows = []
     for line in lines:
         span = line.goal[leading] - line.start[leading]
-        rows.append([line.start[across], *(line.start[leading] + line.onsets * span).ravel()])
+        onsets = (line.start[leading] + line.onsets * span) * factor
+        rows.append([line.start[across] * of_line, *onsets.ravel()])
     return states, write_csv(folder / "onsets.csv", header, rows)
+
+
+def input_titled(name: str, ending: str = "") -> str:
+    """Return an input as the title of a column, with its unit."""
+    return spoken().titled(name + ending, _quantity(name))
+
+
+def input_factor(name: str) -> float:
+    """Return the factor of the values of an input in the units of the study."""
+    return spoken().factor(_quantity(name))
+
+
+def eigenvalue_titled(name: str, edge: str = "d²") -> str:
+    """Return an eigenvalue as a title, with scales in stress per squared edge d of the cell."""
+    return f"{name} [{spoken().name('stress')}/{edge}]" if spoken().given else name
+
+
+def _quantity(name: str) -> str:
+    return "pressure" if name == "p" else ""

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import check_workers, chosen_store, command, interruptible, read_config
+from porocore.cli.common import (
+    check_workers,
+    chosen_store,
+    command,
+    interruptible,
+    parse_pressure,
+    read_config,
+)
 from porocore.cli.options import (
     ConfigArgument,
     FemOption,
@@ -19,9 +26,11 @@ from porocore.cli.options import (
 from porocore.cli.tables import MINUS, page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import echo
+from porocore.core.units.results import speaking
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from porocore.core.units.scales import Scales
     from porocore.verification.sensitivity.plan import StudyPlan, Sweep
     from porocore.verification.sensitivity.results import Sensitivity
     from porocore.verification.sensitivity.study import SensitivityProgress
@@ -37,12 +46,16 @@ def sensitivity(
         typer.Option(
             metavar="LIST",
             help="Loads, separated by commas: uniaxial (H11), volumetric (H11 = H22 = H33), shear (H12), pressure (p). "
-            "Each may name its goals on either side and its step, as in shear=-0.5:0.5:0.1.",
+            "Each may name its goals on either side and its step, as in shear=-0.5:0.5:0.1; with scales those "
+            "of the pressure may have a unit, as in pressure=-1 kPa:2 kPa.",
         ),
     ] = _ALL,
     tolerance: Annotated[
         float,
-        typer.Option(metavar="X", help="Width of the interval in which the last solvable state is found."),
+        typer.Option(
+            metavar="X",
+            help="Width of the interval in which the last solvable state is found; of p a multiple of E.",
+        ),
     ] = 0.01,
     workers: WorkersOption = None,
     out: Annotated[
@@ -64,11 +77,11 @@ def sensitivity(
         "sensitivity", config, fem=fem, loads=loads, tolerance=tolerance, workers=workers, out=out, resume=True,
         store=store, no_store=no_store,
     )  # fmt: skip
-    with interruptible(again):
+    with interruptible(again), speaking(settings.result_units):
         from porocore.verification.sensitivity.study import study_sensitivity
 
         check_workers(workers)
-        plan = parse_loads(loads, tolerance)
+        plan = parse_loads(loads, tolerance, settings.scales)
         console = Console()
         with console.task("sensitivity", "states") as task:
 
@@ -79,13 +92,15 @@ def sensitivity(
                 settings, out, plan, workers=workers, resume=resume, on_state=show, store=kept or False,
                 tell=console.note,
             )  # fmt: skip
-    print_ends(found.study)
+        print_ends(found.study)
     for path in (found.table, *found.pictures.values()):
         typer.echo(path)
 
 
-def parse_loads(text: str, tolerance: float) -> StudyPlan:
+def parse_loads(text: str, tolerance: float, scales: Scales | None = None) -> StudyPlan:
     """Return the plan of a text such as ``"uniaxial,shear=-0.5:0.5:0.1"``; omitted goals and steps are the default.
+
+    With ``scales`` goals and step of the pressure may have a unit.
 
     Raises
     ------
@@ -101,22 +116,27 @@ def parse_loads(text: str, tolerance: float) -> StudyPlan:
             raise ConfigurationError(f"--loads: expected some of {', '.join(LOADS)}, got {echo(name)}")
         if name in sweeps:
             raise ConfigurationError(f"--loads: '{name}' is there twice")
-        sweeps[name] = _sweep(name, part, numbers)
+        sweeps[name] = _sweep(name, part, numbers, scales)
     try:
         return StudyPlan(sweeps, tolerance)
     except ConfigurationError as error:
         raise ConfigurationError(f"--tolerance: {error}") from None
 
 
-def _sweep(name: str, part: str, numbers: str) -> Sweep:
+def _sweep(name: str, part: str, numbers: str, scales: Scales | None) -> Sweep:
     """Return the sweep of one load from its goals and step, ``lower:upper`` or ``lower:upper:step``."""
-    from porocore.verification.sensitivity.plan import SWEEPS, Sweep
+    from porocore.core.units.quantities import has_unit
+    from porocore.verification.sensitivity.plan import SWEEPS, Sweep, load_quantity
+
+    def read(number: str) -> float:
+        with_unit = load_quantity(name) == "pressure" and has_unit(number)
+        return parse_pressure(f"--loads {name}", number, scales) if with_unit else float(number)
 
     default = SWEEPS[name]
     if "=" not in part:
         return default
     try:
-        lower, upper, *step = (float(number) for number in numbers.split(":"))
+        lower, upper, *step = map(read, numbers.split(":"))
         if len(step) > 1:
             raise ValueError
     except ValueError:
@@ -126,23 +146,26 @@ def _sweep(name: str, part: str, numbers: str) -> Sweep:
     try:
         return Sweep(lower, upper, step[0] if step else default.step)
     except ConfigurationError as error:
-        raise ConfigurationError(f"--loads: {name}: {error}") from None
+        of_e = " in multiples of the modulus" if load_quantity(name) and scales is not None else ""
+        raise ConfigurationError(f"--loads: {name}: {error}{of_e}") from None
 
 
 def print_ends(study: Sensitivity) -> None:
     """Print how far each load was followed, and why it ends there."""
+    from porocore.core.inputs.input_space import value_text
     from porocore.report.text import MEANINGS
     from porocore.states import Status
+    from porocore.verification.sensitivity.plan import LOADS
     from porocore.verification.sensitivity.results import line_name
 
     headings = ("load", "first contact", "first unstable", "last solved", "why it ends there")
     table = plain_table(headings, range(1, 4))
     for line in (study.lines[line_name(name, sign)] for name, sign, _ in study.plan.half_lines()):
-        row = [f"{line.load} {'+' if line.sign > 0 else '−'}"]
+        row, moved = [f"{line.load} {'+' if line.sign > 0 else '−'}"], LOADS[line.load][0]
         for status in (Status.contact, Status.unstable):
             there = line.values[line.response.status == status]
-            row.append(f"{there[0]:.4g}".translate(MINUS) if len(there) else "–")
-        row.append(f"{line.values[line.response.valid][-1]:.4g}".translate(MINUS))
+            row.append(value_text(moved, there[0], 4).translate(MINUS) if len(there) else "–")
+        row.append(value_text(moved, line.values[line.response.valid][-1], 4).translate(MINUS))
         end = line.end
         row.append("goal reached" if end is None else f"{end.name.replace('_', ' ')}: {MEANINGS[end]}")
         table.add_row(*row)

@@ -140,20 +140,15 @@ def _finite(text: str) -> float:
     return value
 
 
-def _unit(name: str) -> tuple[str, float]:
-    """Return an input with its unit, and the factor of its values."""
-    quantity = "pressure" if name == "p" else ""
-    return spoken().titled(name, quantity), spoken().factor(quantity)
-
-
 def print_states(plan: MapPlan, line: StabilityLine) -> None:
     """Print the states of a line."""
     from porocore.cell.stability.inertia import FAMILIES, WAVES
+    from porocore.cell.stability.map import eigenvalue_titled, input_factor, input_titled
     from porocore.core.inputs.input_space import NAMES
     from porocore.states import Status
 
     asked = any(math.isfinite(x) for x in line.eigenvalues.ravel())
-    title, factor = _unit(plan.leading)
+    title, factor, stress = input_titled(plan.leading), input_factor(plan.leading), spoken().factor("stress")
     headings = [
         title,
         "status",
@@ -162,7 +157,7 @@ def print_states(plan: MapPlan, line: StabilityLine) -> None:
         *(f"modes {name}" for name in FAMILIES),
         spoken().titled("acoustic", "stress"),
     ]
-    headings += [f"λ {name}" for name in FAMILIES] if asked else []
+    headings += [eigenvalue_titled(f"λ {name}") for name in FAMILIES] if asked else []
     table = plain_table(headings, range(len(headings)))
     columns = [[WAVES.index(wave) for wave in waves] for waves in FAMILIES.values()]
     for k, theta in enumerate(line.states()):
@@ -173,8 +168,8 @@ def print_states(plan: MapPlan, line: StabilityLine) -> None:
         ]
         row += [f"{100 * line.contact_share[k]:.2f} %", decimals(line.min_gap[k], 3)]
         row += ["?" if (count < 0).any() else str(count.sum()) for count in counts]
-        row.append(decimals(line.acoustic[k] * spoken().factor("stress"), 4))
-        row += [decimals(line.eigenvalues[k, c].min(), 3) for c in columns] if asked else []
+        row.append(decimals(line.acoustic[k] * stress, 4))
+        row += [decimals(line.eigenvalues[k, c].min() * stress, 3) for c in columns] if asked else []
         table.add_row(*row)
     page().print(table)
 
@@ -182,11 +177,13 @@ def print_states(plan: MapPlan, line: StabilityLine) -> None:
 def print_onsets(plan: MapPlan, lines: Sequence[StabilityLine]) -> None:
     """Print the onsets of every line."""
     from porocore.cell.stability.inertia import FAMILIES
+    from porocore.cell.stability.map import input_factor, input_titled
     from porocore.core.inputs.input_space import NAMES
     from porocore.states import Status
 
     leading, across = NAMES.index(plan.leading), NAMES.index(plan.across)
-    (begins, factor), (title, of_line) = _unit(plan.leading), _unit(plan.across)
+    begins, title = input_titled(plan.leading), input_titled(plan.across)
+    factor, of_line = input_factor(plan.leading), input_factor(plan.across)
     headings = [title, "crease", *(f"mode {name}" for name in FAMILIES), "acoustic"]
     headings += ["line ends at", "with status"]
     heading = f"{begins} at which it begins, ± {plan.line.tolerance / 2 * factor:.4g}"

@@ -24,6 +24,8 @@ MEANS = {
     "flow": ("flow",),
     "conductivity": ("conductivity",),
 }
+#: Digits that survive a scale, its unit and their product, and the sum of some hundred steps of time.
+KNOWN_DIGITS = 14
 _FIELD = {quantity: name for name, quantities in MEANS.items() for quantity in quantities}
 
 
@@ -111,6 +113,12 @@ class ResultUnits:
             return 1.0
         unit = unit_in_si(self.units.of(quantity), quantity)
         return float(QUANTITIES[quantity].factor(self.scales.exact) / unit)
+
+    def value(self, value: float, quantity: str) -> float:
+        """Return a dimensionless result in its unit, 2 rather than 1.9999999999999998; without scales as it is."""
+        if not self.given or not quantity:
+            return value
+        return float(f"{value * self.factor(quantity):.{KNOWN_DIGITS}g}")
 
     def name(self, quantity: str) -> str:
         """Return the name of the unit, such as ``mm``; a dash without scales or for a plain number."""

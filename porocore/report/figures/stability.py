@@ -12,8 +12,9 @@ from matplotlib.ticker import MaxNLocator
 
 from porocore.cell.stability.inertia import FAMILIES, WAVES
 from porocore.cell.stability.line import EVENTS, StabilityLine
-from porocore.cell.stability.map import MapPlan
+from porocore.cell.stability.map import MapPlan, eigenvalue_titled, input_factor
 from porocore.core.inputs.input_space import NAMES
+from porocore.core.units.results import spoken
 from porocore.report.figures.style import (
     BLACK,
     BLUE,
@@ -24,12 +25,13 @@ from porocore.report.figures.style import (
     ORANGE,
     PURPLE,
     VERMILLION,
+    axis_label,
     new_figure,
     styled,
 )
 from porocore.states import Array, Status
 
-SYMBOLS = {"H11": "$H_{11}$", "H22": "$H_{22}$", "H33": "$H_{33}$", "p": r"pore pressure $p\,/E$"}
+SYMBOLS = {"H11": "$H_{11}$", "H22": "$H_{22}$", "H33": "$H_{33}$", "p": "pore pressure $p$"}
 #: Percent of the wall in contact from which a map is shaded.
 LEAST_SHARE = 0.01
 _OF_WAVE: dict[str, dict[str, Any]] = {
@@ -63,36 +65,44 @@ def stability_figure(plan: MapPlan, lines: Sequence[StabilityLine]) -> Figure:
 
 
 def _over_both(plan: MapPlan, lines: Sequence[StabilityLine]) -> Figure:
-    leading, across = NAMES.index(plan.leading), NAMES.index(plan.across)
+    inputs = [NAMES.index(plan.leading), NAMES.index(plan.across)]
+    _, across = inputs
+    factors = np.array([input_factor(plan.leading), input_factor(plan.across)])
     lines = sorted(lines, key=lambda line: float(line.start[across]))
     figure = new_figure(7.6, 5.6)
     axes = figure.subplots()
-    _contact(figure, axes, lines, leading, across)
-    states = np.concatenate([line.states() for line in lines])
+    _contact(figure, axes, lines, inputs, factors)
+    states = np.concatenate([line.states()[:, inputs] for line in lines]) * factors
     status = np.concatenate([line.status for line in lines])
     solved = np.isin(status, [s for s in Status if s.has_values])
-    axes.plot(
-        *states[solved][:, [leading, across]].T, ls="", marker=".", ms=3.5, color=GREY, label="solved state"
-    )
+    axes.plot(*states[solved].T, ls="", marker=".", ms=3.5, color=GREY, label="solved state")
     if not solved.all():
-        failed = states[~solved][:, [leading, across]].T
+        failed = states[~solved].T
         axes.plot(
             *failed, ls="", marker="x", ms=7, mew=1.6, color=VERMILLION, label="no solution; the line ends"
         )
     for label, events, look in _ONSETS:
-        points = np.array([line.onset(*events)[[leading, across]] for line in lines])
+        points = np.array([line.onset(*events)[inputs] for line in lines]) * factors
         if np.isfinite(points).any():
             axes.plot(*points.T, label=label, ms=5.5, **look)
-    axes.set(xlabel=f"{SYMBOLS[plan.leading]} [–]", ylabel=f"{SYMBOLS[plan.across]} [–]")
-    for limits, setter in ((states[:, leading], axes.set_xlim), (states[:, across], axes.set_ylim)):
+    axes.set(xlabel=_label(plan.leading), ylabel=_label(plan.across))
+    for limits, setter in ((states[:, 0], axes.set_xlim), (states[:, 1], axes.set_ylim)):
         low, high = float(limits.min()), float(limits.max())
         setter(low - 0.03 * (high - low), high + 0.03 * (high - low))
     figure.legend(loc="outside upper left", ncols=2, handlelength=2.6, columnspacing=1.4)
     return figure
 
 
-def _contact(figure: Figure, axes: Axes, lines: Sequence[StabilityLine], leading: int, across: int) -> None:
+def _label(name: str) -> str:
+    """Return the label of the axis of an input."""
+    return axis_label(SYMBOLS[name], "pressure" if name == "p" else "", spoken())
+
+
+def _contact(
+    figure: Figure, axes: Axes, lines: Sequence[StabilityLine], inputs: Sequence[int], factors: Array
+) -> None:
     """Shade the share of the wall in contact; nothing where there is none."""
+    leading, across = inputs
     largest = max((float(np.nanmax(line.contact_share, initial=0.0)) for line in lines), default=0.0)
     if largest <= 0:
         return
@@ -108,7 +118,7 @@ def _contact(figure: Figure, axes: Axes, lines: Sequence[StabilityLine], leading
     levels = np.array(MaxNLocator(8).tick_values(0.0, 100 * largest))
     levels[0] = LEAST_SHARE
     greys = [str(level) for level in np.linspace(0.95, 0.6, len(levels) - 1)]
-    filled = axes.contourf(x, y, 100 * share, levels=levels, colors=greys)
+    filled = axes.contourf(x * factors[0], y * factors[1], 100 * share, levels=levels, colors=greys)
     bar = figure.colorbar(filled, ax=axes, shrink=0.85, pad=0.02)
     bar.set_ticks(list(levels[1:]))
     bar.set_label("pore wall in contact [%]")
@@ -135,24 +145,26 @@ def _along(plan: MapPlan, line: StabilityLine) -> Figure:
     figure = new_figure(7.6, 7.6 if asked else 6.0)
     ratios = (1, 1.3, 1, 1) if asked else (1, 1, 1)
     panels = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios))
-    x = line.states()[:, NAMES.index(plan.leading)]
+    factor, units = input_factor(plan.leading), spoken()
+    x, stress = line.states()[:, NAMES.index(plan.leading)] * factor, units.factor("stress")
     for name, waves in FAMILIES.items():
         columns = [WAVES.index(wave) for wave in waves]
         pivots = np.where(line.pivots[:, columns] < 0, np.nan, line.pivots[:, columns]).sum(axis=1)
         look = {**_OF_WAVE[name], "ms": 4.5}
         panels[0].plot(x, pivots, label=_NAMES[name], drawstyle="steps-mid", **look)
         if asked:
-            panels[1].plot(x, _least(line.eigenvalues[:, columns]), **look)
+            panels[1].plot(x, _least(line.eigenvalues[:, columns]) * stress, **look)
     panels[0].set_ylabel("unstable modes")
     panels[0].yaxis.set_major_locator(MaxNLocator(4, integer=True))
     if asked:
-        panels[1].set_ylabel(r"lowest eigenvalue [$E/L^2$]")
-    panels[-2].plot(x, line.acoustic, color=PURPLE, marker="v", ms=4.5)
-    panels[-2].set_ylabel("acoustic\nminimum [$E$]")
+        name = "lowest eigenvalue"
+        panels[1].set_ylabel(eigenvalue_titled(name, "$d^2$") if units.given else rf"{name} [$E/d^2$]")
+    panels[-2].plot(x, line.acoustic * stress, color=PURPLE, marker="v", ms=4.5)
+    panels[-2].set_ylabel(f"acoustic\nminimum [{units.name('stress') if units.given else '$E$'}]")
     panels[-1].plot(x, 100 * line.contact_share, color=BLACK, marker=".")
     panels[-1].set_ylabel("wall in\ncontact [%]")
-    panels[-1].set_xlabel(f"{SYMBOLS[plan.leading]} [–]")
-    crease = line.onset("crease")[NAMES.index(plan.leading)]
+    panels[-1].set_xlabel(_label(plan.leading))
+    crease = line.onset("crease")[NAMES.index(plan.leading)] * factor
     for axes in panels:
         if axes in panels[1:-1]:
             axes.axhline(0.0, color=GREY, lw=1.0)

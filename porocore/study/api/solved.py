@@ -152,7 +152,9 @@ class Solved:
             for name, (quantity, words) in HISTORY.items()
             if name != "time"
         }
-        coordinates: dict[str, Any] = {"time": self._variable(("time",), history.time, "time", "time")}
+        time = self._variable(("time",), history.time, "time", "time")
+        times = np.array([self.units.value(float(t), "time") for t in history.time])
+        coordinates: dict[str, Any] = {"time": (time[0], times, time[2])}
         places = {name: values[:, :3] for name, values in s.probes.items()}
         pressures = {name: values[:, 3] for name, values in s.probes.items()}
         no_plane = np.full(len(history.time), np.nan)
@@ -215,7 +217,7 @@ class Solved:
             ("outside", profile.outside_training_range, 1.0),
         ):
             grid.cell_data[name] = values.reshape(count, -1) * factor if values.ndim > 1 else values * factor
-        grid.field_data["time"] = np.array([profile.time * self.units.factor("time")])
+        grid.field_data["time"] = np.array([self.units.value(profile.time, "time")])
         return grid
 
     def _variable(self, dims: tuple[str, ...], values: Array, quantity: str, words: str) -> Any:

@@ -30,6 +30,7 @@ from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.at_rest import edges
+from porocore.study.preflight.left_out import left_out
 from porocore.study.preflight.resolution import resolution
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import check_time_functions
@@ -248,6 +249,7 @@ def _body(config: RunConfig) -> Iterator[str]:
         f"solutions: loads {loads}, each with the cell's law and linearly, "
         f"up to t = {units.text(macro.time.end, 'time')}, {steps} {units.text(macro.time.step, 'time')}"
     )
+    yield from (f"  {line}" for line in left_out(macro, units))
 
 
 def _said(boundary: Boundary | None, units: ResultUnits) -> str:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from porocore.core.files.atomic import atomic_path
+from porocore.core.units.results import spoken
 from porocore.report.figures.style import (
     BLACK,
     BLUE,
@@ -29,6 +30,8 @@ from porocore.report.figures.style import (
     styled,
 )
 from porocore.states import Status
+from porocore.verification.sensitivity.plan import load_quantity
+from porocore.verification.sensitivity.quantities import quantity_of
 from porocore.verification.sensitivity.results import LoadResponses, Sensitivity, line_name
 
 TITLES = {
@@ -38,12 +41,13 @@ TITLES = {
     "pressure": "pore pressure $p$",
 }
 AXES = {
-    "uniaxial": "$H_{11}$ [–]",
-    "volumetric": "$H_{11} = H_{22} = H_{33}$ [–]",
-    "shear": "$H_{12}$ [–]",
-    "pressure": "$p$ [$E$]",
+    "uniaxial": "$H_{11}$",
+    "volumetric": "$H_{11} = H_{22} = H_{33}$",
+    "shear": "$H_{12}$",
+    "pressure": "$p$",
 }
-ALL_LOADS = "load: components of $H$ [–], or $p$ [$E$]"
+#: Units of figures without scales.
+_MULTIPLES = {"pressure": "$E$", "stress": "$E$", "energy-density": "$E$", "compliance": "$1/E$"}
 COLOURS = {"uniaxial": BLUE, "volumetric": VERMILLION, "shear": GREEN, "pressure": PURPLE}
 SEVERAL = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 STROKES = ("-", DASHED, DOTTED, (0, (5, 1.5, 1, 1.5)))
@@ -96,6 +100,22 @@ def known_figures(study: Sensitivity) -> list[str]:
     return [name for name in FIGURES if study.rest.extrema is not None or name not in OF_EXTREMA]
 
 
+def _label(words: str, quantity: str) -> str:
+    """Return the label of an axis in the units of the study, in multiples of E without scales."""
+    unit = spoken().name(quantity) if spoken().given else _MULTIPLES.get(quantity, "–")
+    return f"{words} [{unit}]"
+
+
+def _label_all_loads(study: Sensitivity) -> str:
+    """Return the label of an axis that all loads share; 1 is H = 1, and p as large as the scale of stress."""
+    if len(study.loads) == 1:
+        (load,) = study.loads
+        return _label(AXES[load], load_quantity(load))
+    scale = spoken().text(1.0, "pressure") if spoken().given else "$E$"
+    p = f", or $p$ [{scale}]" if "pressure" in study.loads else ""
+    return f"load: components of $H$ [–]{p}"
+
+
 @styled
 def _together(label: str, curves: Curves, study: Sensitivity) -> Figure:
     """All loads in one panel: for each the quantities with their names and strokes."""
@@ -104,8 +124,10 @@ def _together(label: str, curves: Curves, study: Sensitivity) -> Figure:
     for load, along in study.loads.items():
         for quantity, name, stroke in curves[load]:
             title = f"{TITLES[load]}: {name}" if name else TITLES[load]
-            _curve(axes, study, along, quantity, {"color": COLOURS[load], "ls": stroke, "label": title})
-    axes.set(xlabel=ALL_LOADS, ylabel=label)
+            look = {"color": COLOURS[load], "ls": stroke, "label": title}
+            _curve(axes, study, along, quantity, look, load_quantity(load) if len(study.loads) == 1 else "")
+    of = quantity_of(next(iter(curves.values()))[0][0])
+    axes.set(xlabel=_label_all_loads(study), ylabel=_label(label, of))
     _finish(figure, [axes], study)
     figure.legend(loc="outside upper left", ncols=2, handlelength=2.6, columnspacing=1.4)
     return figure
@@ -126,9 +148,9 @@ def _panels(
         for k, component in enumerate(components[load]):
             name = symbol.format(*component)
             look = {"color": SEVERAL[k], "ls": STROKES[k % len(STROKES)], "label": name}
-            _curve(axes, study, along, f"{quantity}_{component}", look)
+            _curve(axes, study, along, f"{quantity}_{component}", look, load_quantity(load))
         axes.set_title(TITLES[load])
-        axes.set(xlabel=AXES[load], ylabel=label)
+        axes.set(xlabel=_label(AXES[load], load_quantity(load)), ylabel=_label(label, quantity_of(quantity)))
         wide = min(4, len(components[load]))
         axes.legend(
             loc="upper center", bbox_to_anchor=(0.5, -0.17), ncols=wide, handlelength=2.6, columnspacing=1.2
@@ -137,19 +159,27 @@ def _panels(
     return figure
 
 
-def _curve(axes: Axes, study: Sensitivity, along: LoadResponses, quantity: str, look: dict[str, Any]) -> None:
+def _curve(
+    axes: Axes,
+    study: Sensitivity,
+    along: LoadResponses,
+    quantity: str,
+    look: dict[str, Any],
+    of_load: str = "",
+) -> None:
     """The states with values, those in contact or unstable marked, and where a line ends before its goal."""
     y = along.quantities[quantity]
     y = np.where(np.abs(y) < 1e-9, 0.0, y)  # what is zero by symmetry, up to the tolerance of the solves
-    axes.plot(along.values, y, **look)
+    x, y = along.values * spoken().factor(of_load), y * spoken().factor(quantity_of(quantity))
+    axes.plot(x, y, **look)
     for status, marker in _MARKS.items():
         here = along.status == status
-        axes.plot(along.values[here], y[here], ls="", color=look["color"], **marker)
+        axes.plot(x[here], y[here], ls="", color=look["color"], **marker)
     solved = np.flatnonzero(np.isfinite(along.values) & np.isin(along.status, _WITH_VALUES))
     for sign, last in ((1, solved[-1]), (-1, solved[0])):
         line = study.lines.get(line_name(along.load, sign))
         if line is not None and line.end is not None:
-            axes.plot(along.values[last], y[last], ls="", color=look["color"], **_END)
+            axes.plot(x[last], y[last], ls="", color=look["color"], **_END)
 
 
 _WITH_VALUES = [status for status in Status if status.has_values]
@@ -200,26 +230,26 @@ _Q: Curves = {
 FIGURES: dict[str, Callable[[Sensitivity], Figure]] = {
     "dyu1_Av_1": partial(
         _together,
-        r"average $\overline{\nabla_Y u^1}$ [–], component of the load",
+        r"average $\overline{\nabla_Y u^1}$, component of the load",
         _gradient("avg_grad", _AVERAGE),
     ),
-    "dyu1_Av_2": partial(_panels, r"average $\overline{\nabla_Y u^1}$ [–]", "avg_grad", _AVERAGE, OTHERS),
+    "dyu1_Av_2": partial(_panels, r"average $\overline{\nabla_Y u^1}$", "avg_grad", _AVERAGE, OTHERS),
     "dyu1_max_1": partial(
-        _together, r"maximum of $|\nabla_Y u^1|$ [–], component of the load", _gradient("max_grad", _LARGEST)
+        _together, r"maximum of $|\nabla_Y u^1|$, component of the load", _gradient("max_grad", _LARGEST)
     ),
-    "dyu1_max_2": partial(_panels, r"maximum of $|\nabla_Y u^1|$ [–]", "max_grad", _LARGEST, OTHERS),
-    "psi_Av": partial(_together, r"average $\overline{\Psi}$ [$E$]", _each(("avg_energy", "", "-"))),
-    "psi_max": partial(_together, r"maximum of $\Psi$ [$E$]", _each(("max_energy", "", "-"))),
-    "K11": partial(_together, "$(K_t)_{11} / K_{11}$ [–]", _each(("Kt_11", "", "-"))),
-    "K22": partial(_together, "$(K_t)_{22} / K_{22}$ [–]", _each(("Kt_22", "", "-"))),
-    "Mijkl_reference": partial(_panels, r"$\langle M \rangle_s$ [–]", "M", "$M_{{{0}{1}{2}{3}}}$", FOURTH),
+    "dyu1_max_2": partial(_panels, r"maximum of $|\nabla_Y u^1|$", "max_grad", _LARGEST, OTHERS),
+    "psi_Av": partial(_together, r"average $\overline{\Psi}$", _each(("avg_energy", "", "-"))),
+    "psi_max": partial(_together, r"maximum of $\Psi$", _each(("max_energy", "", "-"))),
+    "K11": partial(_together, "$(K_t)_{11} / K_{11}$", _each(("Kt_11", "", "-"))),
+    "K22": partial(_together, "$(K_t)_{22} / K_{22}$", _each(("Kt_22", "", "-"))),
+    "Mijkl_reference": partial(_panels, r"$\langle M \rangle_s$", "M", "$M_{{{0}{1}{2}{3}}}$", FOURTH),
     "Mijkl_deformed": partial(
-        _panels, r"$\hat J\,\langle M \rangle_s$ [–]", "M_hat", r"$\hat J M_{{{0}{1}{2}{3}}}$", FOURTH
+        _panels, r"$\hat J\,\langle M \rangle_s$", "M_hat", r"$\hat J M_{{{0}{1}{2}{3}}}$", FOURTH
     ),
-    "Q_11": partial(_together, r"$\langle Q \rangle_s$ [$1/E$]", _Q),
+    "Q_11": partial(_together, r"$\langle Q \rangle_s$", _Q),
     "Biot_Modulus": partial(
         _together,
-        r"$M = -1/\mathrm{tr}\,Q$ and $\tilde M = M/\hat J$ [$E$]",
+        r"$M = -1/\mathrm{tr}\,Q$ and $\tilde M = M/\hat J$",
         _each(("biot", r"$M$", "-"), ("biot_hat", r"$\tilde M$", DASHED)),
     ),
 }

@@ -23,6 +23,11 @@ LOADS: dict[str, tuple[str, ...]] = {
 }
 
 
+def load_quantity(load: str) -> str:
+    """Return the quantity of a load's values for their unit; '' is a plain number."""
+    return "pressure" if LOADS[load] == ("p",) else ""
+
+
 @dataclass(frozen=True)
 class Sweep:
     """Goals of one load on both sides of zero, and its largest step.
@@ -72,7 +77,7 @@ class StudyPlan:
     sweeps
         By the names of ``LOADS``.
     tolerance
-        Width of the interval in which the end of what can be solved is found, in the unit of the load.
+        Width of the interval in which the end of what can be solved is found, of the pressure a multiple of E.
     """
 
     sweeps: Mapping[str, Sweep] = field(default_factory=lambda: dict(SWEEPS))

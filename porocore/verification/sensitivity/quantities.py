@@ -12,6 +12,15 @@ from porocore.states import Array, CellResponse, MacroState
 
 #: Of the largest K_ii: what is less is no conductivity but round-off, as across a single channel.
 NO_FLOW = 1e-9
+#: By the first part of a name; all others are plain numbers.
+_WITH_UNIT = {"Q": "compliance", "biot": "stress"} | dict.fromkeys(
+    ("avg_energy", "max_energy"), "energy-density"
+)
+
+
+def quantity_of(name: str) -> str:
+    """Return the quantity of one of :func:`quantities` for its unit; '' is a plain number."""
+    return _WITH_UNIT.get(name, _WITH_UNIT.get(name.partition("_")[0], ""))
 
 
 def _by_component(name: str, tensors: Array) -> dict[str, Array]:

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from porocore.core.files.plain_data import write_csv
+from porocore.core.units.results import spoken
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.states import Array, CellResponse, IntArray, Status
 from porocore.verification.sensitivity.line import HalfLine
-from porocore.verification.sensitivity.plan import LOADS, StudyPlan, states_of
-from porocore.verification.sensitivity.quantities import quantities
+from porocore.verification.sensitivity.plan import LOADS, StudyPlan, load_quantity, states_of
+from porocore.verification.sensitivity.quantities import quantities, quantity_of
 
 
 def line_name(load: str, sign: int) -> str:
@@ -108,7 +109,9 @@ class Sensitivity:
 
 
 def write_table(folder: Path, study: Sensitivity) -> Path:
-    """Write ``sensitivity.csv``, a row for each state, load by load; returns its path.
+    """Write ``sensitivity.csv``, a row for each state, load by load, in the units of the study; returns its path.
+
+    With scales the unit of a load stands beside its value, those of the quantities in their names.
 
     Raises
     ------
@@ -116,10 +119,19 @@ def write_table(folder: Path, study: Sensitivity) -> Path:
         The file cannot be written.
     """
     names = list(next(iter(study.loads.values())).quantities)
-    rows = (
-        [name, float(value), Status(int(along.status[k])).name, float(along.seconds[k])]
-        + [float(along.quantities[quantity][k]) for quantity in names]
-        for name, along in study.loads.items()
-        for k, value in enumerate(along.values)
-    )
-    return write_csv(folder / "sensitivity.csv", ["load", "value", "status", "seconds", *names], rows)
+    units, kinds = spoken(), [quantity_of(name) for name in names]
+    rows = []
+    for name, along in study.loads.items():
+        of_load = load_quantity(name)
+        unit = [units.name(of_load) if of_load else "-"] if units.given else []
+        for k, value in enumerate(along.values):
+            given = [name, float(value * units.factor(of_load)), *unit]
+            given += [Status(int(along.status[k])).name, float(along.seconds[k])]
+            found = (
+                along.quantities[each][k] * units.factor(kind)
+                for each, kind in zip(names, kinds, strict=True)
+            )
+            rows.append([*given, *map(float, found)])
+    head = ["load", "value", *(["unit"] if units.given else []), "status", "seconds"]
+    head += [units.titled(each, kind) for each, kind in zip(names, kinds, strict=True)]
+    return write_csv(folder / "sensitivity.csv", head, rows)

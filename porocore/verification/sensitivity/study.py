@@ -12,7 +12,9 @@ from porocore.cell.cell import Cell
 from porocore.core.files.atomic import new_folder
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
+from porocore.core.inputs.input_space import value_text
 from porocore.core.inputs.possible_states import require_possible
+from porocore.core.units.results import speaking
 from porocore.errors import DataError, RunFolderError
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.sampling.execution import CellPool
@@ -25,7 +27,7 @@ from porocore.study.stages.stage_files import prepare_cell
 from porocore.study.store import chosen_store, solved_states, told
 from porocore.verification.sensitivity.file import load, save
 from porocore.verification.sensitivity.line import HalfLine, HalfLineSolve
-from porocore.verification.sensitivity.plan import StudyPlan, states_of
+from porocore.verification.sensitivity.plan import LOADS, StudyPlan, states_of
 from porocore.verification.sensitivity.results import Sensitivity, line_name, write_table
 
 FILE = "sensitivity.h5"
@@ -50,7 +52,8 @@ class SensitivityProgress:
     expected: int
 
     def __str__(self) -> str:
-        return f"{self.load} {self.value:g} {self.status.name.replace('_', ' ')}"
+        value = value_text(LOADS[self.load][0], self.value)
+        return f"{self.load} {value} {self.status.name.replace('_', ' ')}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +122,10 @@ def study_sensitivity(
     for name, _, goal in plan.half_lines():
         state = states_of(name, goal)
         require_possible(
-            state.grad_u[0], float(state.p[0]), config.cell.modulus, f"--loads: {name} = {goal:g}"
+            state.grad_u[0],
+            float(state.p[0]),
+            config.cell.modulus,
+            f"--loads: {name} = {value_text(LOADS[name][0], goal)}",
         )
     if (folder / FILE).exists() and not resume:
         raise RunFolderError(
@@ -131,7 +137,8 @@ def study_sensitivity(
         workers=config.sampling.worker_count() if workers is None else workers, on_state=on_state,
         provenance={"config": config.resolved_yaml()}, store=chosen_store(store), tell=tell,
     )  # fmt: skip
-    return SensitivityFiles(study, write_table(folder, study), write_figures(folder, study))
+    with speaking(config.result_units):
+        return SensitivityFiles(study, write_table(folder, study), write_figures(folder, study))
 
 
 def run_study(

@@ -1,0 +1,39 @@
+"""Defaults of the macroscale that a study with scales leaves out: multiples of a scale, told in the study's unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pydantic import BaseModel
+
+from porocore.core.models.walk import Place, walk
+from porocore.core.units.dimensions import Dimension
+from porocore.core.units.results import ResultUnits
+from porocore.macro.problem import MacroSetup
+
+
+def left_out(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
+    """Yield a line for each section of ``macro`` that leaves out values with a unit; nothing without scales."""
+    if not units.given:
+        return
+    found: dict[str, dict[str, list[str]]] = {}
+    for place in walk(MacroSetup, macro):
+        dimension = next((extra for extra in place.metadata if isinstance(extra, Dimension)), None)
+        value = place.value
+        if dimension is None or not isinstance(value, float) or not value:
+            continue
+        field = _field(place)
+        assert field.above is not None
+        if field.path[-1] not in field.above.value.model_fields_set:
+            values = found.setdefault(".".join(("macro", *field.above.path)), {})
+            values.setdefault(str(field.path[-1]), []).append(units.text(value, dimension.quantity))
+    for section, keys in found.items():
+        said = "; ".join(f"{key} {', '.join(values)}" for key, values in keys.items())
+        yield f"left out of {section}, so multiples of the scales: {said}"
+
+
+def _field(place: Place) -> Place:
+    """Return the field of a section that holds a value, or the value itself where it is one."""
+    while place.above is not None and not isinstance(place.above.value, BaseModel):
+        place = place.above
+    return place
