@@ -1,6 +1,7 @@
 """``porocore stability`` in a study with scales: its tables, files and figure have units."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from porocore.cell.stability.inertia import WAVES
 from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
 from porocore.cell.stability.map import MapPlan, write_tables
 from porocore.cli.commands.stability import parse_plan, print_onsets, print_states
+from porocore.core.inputs.input_space import NAMES
 from porocore.core.units.results import OutputUnits, ResultUnits, speaking
 from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
@@ -97,8 +99,10 @@ def labels(figure):
 
 def test_the_figure_has_units(line):
     line.eigenvalues[:] = 0.5
+    step = np.eye(10)[NAMES.index("H22")] * 0.1
+    other = replace(line, start=line.start - step, goal=line.goal - step)
     with speaking(UNITS):
-        figure, both = stability_figure(PLAN, [line]), stability_figure(PLAN, [line, line])
+        figure, both = stability_figure(PLAN, [line]), stability_figure(PLAN, [line, other])
     assert {"pore pressure $p$ [kPa]", "lowest eigenvalue [kPa/$d^2$]", "acoustic\nminimum [kPa]"} <= labels(
         figure
     )
@@ -109,7 +113,7 @@ def test_the_figure_has_units(line):
     assert crease.get_xdata()[0] == pytest.approx(0.4)
     assert {"pore pressure $p$ [kPa]", "$H_{22}$ [–]"} <= labels(both)
     onset = next(drawn for drawn in both.axes[0].get_lines() if str(drawn.get_label()).startswith("crease"))
-    np.testing.assert_allclose(onset.get_xydata(), [[0.4, -0.1]] * 2)
+    np.testing.assert_allclose(onset.get_xydata(), [[0.4, -0.2], [0.4, -0.1]])
     assert both.axes[0].get_xlim() == pytest.approx((-0.024, 0.824))
 
 

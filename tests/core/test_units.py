@@ -12,6 +12,7 @@ from porocore.core.files.yaml_document import YamlDocument
 from porocore.core.units.quantities import UnitError, has_unit, in_si, pretty
 from porocore.core.units.results import OutputUnits, ResultUnits, speaking
 from porocore.core.units.scales import Scales
+from porocore.core.units.texts import value_of
 from porocore.errors import ConfigurationError
 from porocore.macro.series import all_series, write_series
 from porocore.study.config.config import differences
@@ -304,6 +305,16 @@ def test_results_come_in_the_units_asked_for():
         assert units.name(quantity) == name
     assert (ResultUnits().factor("time"), ResultUnits().name("time")) == (1.0, "–")
     assert pretty("um*m^-2") == "µm m⁻²"
+
+
+def test_a_time_reads_as_it_was_written():
+    """One of three read 0.30000000000000004 h after it had been made dimensionless and was converted back."""
+    units = ResultUnits(Scales(modulus=2000, length=0.01, pore=5e-6), OutputUnits(time="h"))
+    tenths = {k / 10: value_of(f"{k / 10} h", "time", units.scales) for k in range(1, 400)}
+    assert any(value * units.factor("time") != hours for hours, value in tenths.items())
+    assert [units.value(value, "time") for value in tenths.values()] == list(tenths)
+    assert ResultUnits().value(0.1 + 0.2, "time") == 0.1 + 0.2
+    assert units.value(0.1 + 0.2, "") == 0.1 + 0.2
 
 
 def test_the_history_is_a_table_with_units_in_its_header(tmp_path, column):

@@ -19,6 +19,7 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
+from porocore.core.units.texts import value_of
 from porocore.errors import RunFolderError
 from porocore.macro.closure_error import ClosureError
 from porocore.macro.laws.linear import LinearCoefficients
@@ -475,6 +476,10 @@ def test_figures_of_metrics_have_their_unit_beside_them():
     assert (found["load"], found["nonlinear"]["steps"]) == (-0.2, 3)
     assert found["nonlinear"]["time_to_95_percent"] is None
     assert figures_with_units(given, ResultUnits()) == given
+    times = [value_of(f"{k / 10} min", "time", units.scales) for k in range(1, 30)]
+    told = figures_with_units({"end_time": times, "potential": np.array([[1.0], [2.0]])}, units)
+    assert told["end_time"]["value"] == [k / 10 for k in range(1, 30)]
+    assert np.shape(told["potential"]["value"]) == (2, 1)
 
 
 def test_every_figure_of_a_solution_has_a_unit_or_is_known_to_have_none(context):

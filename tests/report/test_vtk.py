@@ -11,6 +11,7 @@ import pytest
 
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
+from porocore.core.units.texts import value_of
 from porocore.errors import RunFolderError
 from porocore.report.vtk import write_vtu_series
 
@@ -106,5 +107,8 @@ def test_with_scales_places_times_and_fields_have_units(solution, tmp_path):
     np.testing.assert_allclose(mesh.points, 10 * solution.points, rtol=1e-14)
     np.testing.assert_allclose(mesh.point_data["u [mm]"], 10 * profile.u, rtol=1e-14)
     np.testing.assert_allclose(mesh.point_data["p [mmHg]"], 2e3 / 133.322387415 * profile.p, rtol=1e-14)
+    (profile,) = [replace(solution.profiles[0], time=value_of("0.3 min", "time", units.scales))]
+    path = write_vtu_series(tmp_path, "column", replace(solution, profiles=(profile,)), units)
+    assert 'timestep="0.3"' in path.read_text(encoding="utf-8")
     names = {"H", "mean_grad", "deformation", "K_t [mm²/(mmHg min)]", "P_E [mmHg]", "flux [mm/min]"}
     assert set(mesh.cell_data) == names | {"element_p [mmHg]", "outside"}

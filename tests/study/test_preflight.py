@@ -12,12 +12,15 @@ import porocore
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.core.inputs.input_space import NAMES, InputSpace
 from porocore.core.inputs.possible_states import least_volume
+from porocore.core.units.results import OutputUnits, ResultUnits
+from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
-from porocore.macro.problem import TimePlan
+from porocore.macro.problem import MacroSetup, TimePlan
 from porocore.plugins import registry
 from porocore.study import backends
 from porocore.study.config.loading import load_config
 from porocore.study.preflight.checks import check_backends, check_sampling, outline, place
+from porocore.study.preflight.left_out import left_out
 from porocore.study.preflight.reach_notes import prescribed_reach
 
 
@@ -35,6 +38,7 @@ def test_check_tells_what_a_run_would_do():
         "u_2 = 0 to -0.6 mm until t = 20 s",
         "probe beneath the punch at 0, 8, 0 mm",
         "up to t = 2000 s",
+        "left out of macro.time, so multiples of the scales: smallest_step ",
         "no faults; next: porocore run",
     ):
         assert part in done.stdout, part
@@ -65,6 +69,31 @@ def test_check_refuses_a_solid_that_a_run_refuses(tmp_path):
         load_config(path).cell.require_stiffness()
     assert str(refused.value) in str(done.exception)
     assert "is not connected across the periodic cell" in str(refused.value)
+
+
+def test_check_says_what_left_out_defaults_mean(tmp_path):
+    """A plan in minutes that leaves out ramp_step got a ramp of half an hour."""
+    scales = Scales(modulus=5e5, length=1e-3, pore=23e-9)
+    units = ResultUnits(scales, OutputUnits(length="mm", time="min"))
+    boundary = {"y+": {"pressure": 0}}
+    given = {
+        "body": {"kind": "box", "size": [1, 1, 1]},
+        "time": {"end": 3, "step": 0.1},
+        "boundary": boundary,
+    }
+    scale = scales.factor("time") / 60
+    assert 0.05 * scale == pytest.approx(3.151, rel=1e-3)
+    (line,) = left_out(MacroSetup.model_validate(given), units)
+    assert line == (
+        "left out of macro.time, so multiples of the scales: ramp_step 3.151 min; smallest_step 6.301e-05 min; "
+        "profiles 63.01 min"
+    )
+    time, body = sorted(left_out(MacroSetup.model_validate({"boundary": boundary}), units), reverse=True)
+    assert time.split(": ")[1].startswith("end 6301 min; step 31.51 min; ramp_step 3.151 min")
+    assert body == "left out of macro.body, so multiples of the scales: size 0.1 mm, 7.5 mm, 0.1 mm"
+    assert not list(left_out(MacroSetup.model_validate(given), ResultUnits()))
+    plan = {"end": 3, "step": 0.1, "ramp_step": 0.05, "smallest_step": 1e-6, "profiles": []}
+    assert not list(left_out(MacroSetup.model_validate(given | {"time": plan}), units))
 
 
 def test_check_refuses_a_cell_without_pores(tmp_path, monkeypatch):

@@ -10,6 +10,7 @@ import pytest
 from porocore.core.files.plain_data import merged
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
+from porocore.core.units.texts import value_of
 from porocore.errors import ConfigurationError, DataError, PluginError
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.series import all_series
@@ -103,6 +104,8 @@ def test_a_solution_as_a_dataset(solution):
         assert dimensional[name].attrs["long_name"]
         np.testing.assert_allclose(dimensional[name], plain[name].values * UNITS.factor(quantity), rtol=1e-14)
     assert dimensional.attrs["law"] == solution.law
+    history = replace(solution.history, time=np.full(steps, value_of("0.3 h", "time", UNITS.scales)))
+    assert set(Solved(replace(solution, history=history), UNITS).to_xarray().time.values) == {0.3}
 
 
 def test_a_solution_as_a_grid(solution):
@@ -159,6 +162,9 @@ def test_figures_and_metrics_have_the_units(solution):
     assert found["series"]["y-: force 2"]["unit"] == "mN"
     assert found["series"]["y-: force 2"]["final"] == pytest.approx(200 * solution.reactions["y-"][-1, 1])
     assert found["series"]["settlement"]["at"] == pytest.approx(found["end_time"])
+    times = np.full(len(solution.history.time), value_of("0.3 h", "time", UNITS.scales))
+    (found,) = dimensional_metrics([replace(solution, history=replace(solution.history, time=times))], UNITS)
+    assert (found["series"]["settlement"]["at"], found["end_time"]) == (0.3, 0.3)
 
 
 def test_the_table_of_the_report_has_the_units_of_the_study(case):

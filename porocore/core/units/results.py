@@ -24,8 +24,8 @@ MEANS = {
     "flow": ("flow",),
     "conductivity": ("conductivity",),
 }
-#: Digits that survive a scale, its unit and their product, and the sum of some hundred steps of time.
-KNOWN_DIGITS = 14
+#: Digits that survive a value, its factor and their product, each rounded to the nearest float.
+KNOWN_DIGITS = 15
 _FIELD = {quantity: name for name, quantities in MEANS.items() for quantity in quantities}
 
 
