@@ -113,14 +113,7 @@ def map_stability(
     from porocore.report.figures.style import png_bytes
 
     folder = Path(folder)
-    for value in plan.values:
-        _, goal = plan.ends(value)
-        require_possible(
-            goal[:9],
-            goal[9],
-            config.cell.modulus,
-            f"--along and --across: {plan.across} = {value_text(plan.across, value)}",
-        )
+    _require_possible(config, plan)
     if (folder / FILE).exists() and not resume:
         raise RunFolderError(
             f"{folder} already holds a map; add --resume to continue it, or choose another --out"
@@ -133,6 +126,14 @@ def map_stability(
         with atomic_path(picture) as part:
             part.write_bytes(png_bytes(stability_figure(plan, lines)))
         return StabilityMap(plan, lines, write_tables(folder, plan, lines), picture)
+
+
+def _require_possible(config: RunConfig, plan: MapPlan) -> None:
+    """Refuse goals at which no cell can be."""
+    for value in plan.values:
+        _, goal = plan.ends(value)
+        where = f"--along and --across: {plan.across} = {value_text(plan.across, value)}"
+        require_possible(goal[:9], goal[9], config.cell.modulus, where)
 
 
 def _solve(

@@ -119,14 +119,7 @@ def study_sensitivity(
     from porocore.verification.sensitivity.figures import write_figures
 
     folder, plan = Path(folder), StudyPlan() if plan is None else plan
-    for name, _, goal in plan.half_lines():
-        state = states_of(name, goal)
-        require_possible(
-            state.grad_u[0],
-            float(state.p[0]),
-            config.cell.modulus,
-            f"--loads: {name} = {value_text(LOADS[name][0], goal)}",
-        )
+    _require_possible(config, plan)
     if (folder / FILE).exists() and not resume:
         raise RunFolderError(
             f"{folder} already holds a study; add --resume to continue it, or choose another --out"
@@ -139,6 +132,13 @@ def study_sensitivity(
     )  # fmt: skip
     with speaking(config.result_units):
         return SensitivityFiles(study, write_table(folder, study), write_figures(folder, study))
+
+
+def _require_possible(config: RunConfig, plan: StudyPlan) -> None:
+    """Refuse goals at which no cell can be."""
+    for name, _, goal in plan.half_lines():
+        state, where = states_of(name, goal), f"--loads: {name} = {value_text(LOADS[name][0], goal)}"
+        require_possible(state.grad_u[0], float(state.p[0]), config.cell.modulus, where)
 
 
 def run_study(
