@@ -99,7 +99,7 @@ def test_figures_have_units(study):
     with speaking(UNITS):
         biot, panels = FIGURES["Biot_Modulus"](study), FIGURES["Mijkl_reference"](study)
     # One axis for all loads: a pressure as large as the scale of stress stands where a strain is 1.
-    assert biot.axes[0].get_xlabel() == "load: components of $H$ [–], or $p$ [2 kPa]"
+    assert biot.axes[0].get_xlabel() == "load: components of $H$ [–], or $p$ in multiples of 2 kPa"
     assert biot.axes[0].get_ylabel().endswith("[kPa]")
     np.testing.assert_allclose(drawn(biot)[0], [[x, 20 / 3] for x in (0, 0.1, 0.2)])
     assert [axes.get_xlabel() for axes in panels.axes[:2]] == ["$H_{11}$ [–]", "$p$ [kPa]"]

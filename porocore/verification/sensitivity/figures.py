@@ -111,8 +111,8 @@ def _label_all_loads(study: Sensitivity) -> str:
     if len(study.loads) == 1:
         (load,) = study.loads
         return _label(AXES[load], load_quantity(load))
-    scale = spoken().text(1.0, "pressure") if spoken().given else "$E$"
-    p = f", or $p$ [{scale}]" if "pressure" in study.loads else ""
+    scale = f"in multiples of {spoken().text(1.0, 'pressure')}" if spoken().given else "[$E$]"
+    p = f", or $p$ {scale}" if "pressure" in study.loads else ""
     return f"load: components of $H$ [–]{p}"
 
 
