@@ -33,7 +33,7 @@ from porocore.study.preflight.at_rest import edges
 from porocore.study.preflight.left_out import left_out
 from porocore.study.preflight.resolution import resolution
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
-from porocore.study.preflight.time_functions import check_time_functions
+from porocore.study.preflight.time_functions import check_time_functions, late_functions
 from porocore.study.preflight.workload import Workload, require_memory, share_solved, sheared, slow_states
 
 #: Points of a table that are shown.
@@ -190,7 +190,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield from (f"note: {warning}" for warning in sheared(config, nodes))
     planes = Symmetry.of(config.macro).normals
     yield from (f"note: {warning}" for warning in unmirrored(planes, config.cell.point_group))
-    yield from (f"note: {warning}" for warning in _late(config))
+    yield from (f"note: {warning}" for warning in late_functions(config.macro, units))
     # K is not known yet, but along which axes it is positive.
     percolates = np.diag([float(axis not in quality.blocked) for axis in "xyz"])
     yield from (f"note: {warning}" for warning in undrained(config.macro, percolates))
@@ -287,16 +287,3 @@ def _value(value: Value, quantity: str, units: ResultUnits) -> str:
     if len(points) > MOST_POINTS:
         points[MOST_POINTS - 1 : -1] = ["…"]
     return f"({'; '.join(points)})"
-
-
-def _late(config: RunConfig) -> Iterator[str]:
-    """Yield notes of functions of time that go on after the end of the run, as a missing unit may cause."""
-    end, units = config.macro.time.end, config.result_units
-    for name, boundary in config.macro.boundary.items():
-        last = max((max(course.corners, default=0.0) for course in boundary.time_functions), default=0.0)
-        if last > end:
-            last_time, end_time = (units.text(t, "time") for t in (last, end))
-            yield (
-                f"the function of time on the surface {name} goes on until t = {last_time}, beyond the "
-                f"end, {end_time}, and is cut there; check macro.time.end and the unit of the time"
-            )

@@ -1,7 +1,8 @@
-"""Check of every function of time over the whole run, before anything is solved."""
+"""Check of every function of time over the run, before anything is solved, and notes of those that go beyond it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -12,7 +13,7 @@ from porocore.core.formulas.domain import first_fault
 from porocore.core.formulas.expressions import Expression
 from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.models.walk import walk
-from porocore.core.units.results import spoken
+from porocore.core.units.results import ResultUnits, spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroSetup
@@ -57,3 +58,16 @@ def run_times(setup: MacroSetup) -> Array:
         times.append(stepper.time)
     found: Array = np.unique(np.concatenate([times, np.linspace(0, setup.time.end, DENSE + 1)]))
     return found
+
+
+def late_functions(setup: MacroSetup, units: ResultUnits) -> Iterator[str]:
+    """Yield notes of functions of time that go on after the end of the run, as a missing unit may cause."""
+    end = setup.time.end
+    for name, boundary in setup.boundary.items():
+        last = max((max(course.corners, default=0.0) for course in boundary.time_functions), default=0.0)
+        if last > end:
+            last_time, end_time = (units.text(t, "time") for t in (last, end))
+            yield (
+                f"the function of time on the surface {name} goes on until t = {last_time}, beyond the "
+                f"end, {end_time}, and is cut there; check macro.time.end and the unit of the time"
+            )
