@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from porocore.cell.materials.neo_hookean import NeoHookean as NeoHookean
     from porocore.core.inputs.input_space import InputSpace as InputSpace
     from porocore.core.inputs.sampled_range import SampledRange as SampledRange
+    from porocore.core.units.results import ResultUnits as ResultUnits
     from porocore.errors import ConfigurationError as ConfigurationError
     from porocore.errors import DataError as DataError
     from porocore.errors import PluginError as PluginError
@@ -85,6 +86,7 @@ _HOMES = {
     ],
     "porocore.plugins.hookspecs": ["Offer", "hookimpl"],
     "porocore.core.inputs.input_space": ["InputSpace"],
+    "porocore.core.units.results": ["ResultUnits"],
     "porocore.interfaces.cell": ["CellField", "CellSolution", "CellSolver"],
     "porocore.interfaces.macro": ["MacroSolver"],
     "porocore.interfaces.sampler": ["Exploration", "Request", "Sampler", "StudyFacts", "StudySampler"],

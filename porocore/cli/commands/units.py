@@ -12,6 +12,7 @@ from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from porocore.core.units.results import ResultUnits
     from porocore.core.units.scales import Scales
 
 
@@ -19,8 +20,9 @@ def units(
     values: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="QUANTITY=VALUE",
-            help="Dimensionless values, such as time=38 pressure=0.2.",
+            metavar="[CONFIG] QUANTITY=VALUE",
+            help="A configuration whose scales are taken, then values: dimensionless ones such as time=38, or with their "
+            "unit where there is one set of scales, such as 'p=1 kPa'.",
             show_default="1 of every quantity",
         ),
     ] = None,
@@ -37,21 +39,52 @@ def units(
     length: Annotated[float | None, typer.Option(metavar="M", help="Its length L.")] = None,
     viscosity: Annotated[float, typer.Option(metavar="PA_S", help="Its viscosity μ_c.")] = 1.0,
 ) -> None:
-    """Convert dimensionless results to SI units.
+    """Convert dimensionless results to SI units, and values with units to dimensionless numbers.
 
-    The scenarios of the paper are brain tissue and soil; four characteristic values give any other.
+    The scales are those of a configuration, whose output_units are shown as well; those of the paper's scenarios brain tissue
+    and soil; or four characteristic values of your own.
     """
     from porocore.core.units.scales import QUANTITIES, known_quantity
 
-    scenarios = _scenarios(scenario, force, pore, length, viscosity)
-    wanted = [_value(text) for text in values or [f"{name}=1" for name in QUANTITIES]]
-    headings = ("quantity", "dimensionless", *scenarios, "unit", "scale")
-    table = plain_table(headings, range(1, len(headings) - 2))
+    texts = list(values or ())
+    study = _study(texts.pop(0)) if texts and _is_configuration(texts[0]) else None
+    options = any(option is not None for option in (force, pore, length)) or scenario
+    if study is not None and options:
+        raise ConfigurationError(
+            "expected either a configuration, which has scales of its own, or --scenario, --force, --pore and --length; "
+            "got both"
+        )
+    own = study and study.scales
+    scenarios = {"SI": own} if own else _scenarios(scenario, force, pore, length, viscosity)
+    only = next(iter(scenarios.values())) if len(scenarios) == 1 else None
+    wanted = [_value(text, only) for text in texts or [f"{name}=1" for name in QUANTITIES]]
+    asked = () if study is None else ("output_units", "unit")
+    headings = ("quantity", "dimensionless", *asked, *scenarios, "unit", "scale")
+    table = plain_table(headings, [k for k in range(1, len(headings) - 2) if headings[k] != "unit"])
     for name, value in wanted:
         quantity = known_quantity(name)
         found = [f"{value * scales.factor(name):.4g}" for scales in scenarios.values()]
-        table.add_row(name, f"{value:g}", *found, quantity.unit, quantity.formula)
+        mine = [] if study is None else [f"{value * study.factor(name):.4g}", study.name(name)]
+        table.add_row(name, f"{value:.6g}", *mine, *found, quantity.unit, quantity.formula)
     page().print(table)
+
+
+def _is_configuration(text: str) -> bool:
+    """Return whether a word is the path of a configuration rather than a quantity without its value."""
+    return "=" not in text and text.endswith((".yaml", ".yml"))
+
+
+def _study(path: str) -> ResultUnits:
+    """Return the units of a configuration, which has scales."""
+    from porocore.study.config.loading import load_config
+
+    found = load_config(path, cell_only=True).result_units
+    if not found.given:
+        raise ConfigurationError(
+            f"{path}: expected 'scales:' with modulus, pore and length, got none; add them, or leave the configuration "
+            "out and give --force, --pore and --length"
+        )
+    return found
 
 
 def _scenarios(
@@ -78,10 +111,25 @@ def _scenarios(
     return found or dict(SCENARIOS)
 
 
-def _value(text: str) -> tuple[str, float]:
-    name, _, number = text.partition("=")
+def _value(text: str, scales: Scales | None) -> tuple[str, float]:
+    """Return the name and the dimensionless value; ``scales``, unless there are several, for values with units."""
+    from porocore.core.units.quantities import UnitError, has_unit
+    from porocore.core.units.scales import quantity_name
+    from porocore.core.units.texts import value_of
+
+    name, _, given = text.partition("=")
+    if has_unit(given):
+        if scales is None:
+            raise ConfigurationError(
+                f"{echo(text)} has a unit, and there are several scales; give a configuration, one --scenario, or --force, "
+                "--pore and --length"
+            )
+        try:
+            return name, value_of(given, quantity_name(name), scales)
+        except UnitError as error:
+            raise ConfigurationError(f"{echo(name)}: {error}") from None
     try:
-        value = float(number)
+        value = float(given)
         if not abs(value) <= LARGEST_NUMBER:
             raise ValueError
     except ValueError:

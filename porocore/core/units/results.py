@@ -11,7 +11,7 @@ from pydantic import ValidationInfo, field_validator
 
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.quantities import UnitError, pretty, unit_in_si
-from porocore.core.units.scales import QUANTITIES, Scales
+from porocore.core.units.scales import QUANTITIES, Scales, quantity_name
 
 #: Of :class:`OutputUnits`, the quantities that each field stands for; the first is the field's own.
 MEANS = {
@@ -91,6 +91,9 @@ def _power(unit: str, exponent: int) -> str:
 class ResultUnits:
     """Factors and names of units for results; without scales everything stays dimensionless.
 
+    A dimensionless result times ``factor`` of its quantity is in the unit ``name``, and a value in this unit by the factor is
+    dimensionless. Quantities are those that ``porocore units`` lists, such as stress, conductivity and length.
+
     Attributes
     ----------
     scales
@@ -108,7 +111,14 @@ class ResultUnits:
         return self.scales is not None
 
     def factor(self, quantity: str) -> float:
-        """Return the factor of a dimensionless result; 1 without scales or for a plain number, whose name is ''."""
+        """Return the factor of a dimensionless result; 1 without scales or for a plain number, whose name is ''.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such quantity; ``porocore units`` lists them.
+        """
+        quantity = quantity and quantity_name(quantity)
         if self.scales is None or not quantity:
             return 1.0
         unit = unit_in_si(self.units.of(quantity), quantity)
@@ -122,6 +132,7 @@ class ResultUnits:
 
     def name(self, quantity: str) -> str:
         """Return the name of the unit, such as ``mm``; a dash without scales or for a plain number."""
+        quantity = quantity and quantity_name(quantity)
         if self.scales is None or not quantity:
             return "–"
         return pretty(self.units.of(quantity))

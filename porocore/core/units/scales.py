@@ -128,11 +128,28 @@ QUANTITIES: dict[str, Quantity] = {
     "pore-size": Quantity("m", "d", lambda s: s.pore),
 }
 
+#: Names that configurations and states have for some quantities.
+OTHER_NAMES = {"length": "displacement", "p": "pressure"}
+
 #: The two of the paper.
 SCENARIOS: dict[str, Scales] = {
     "brain-tissue": Scales(force=1e-3, pore=2e-6, viscosity=1.0, length=1e-3),
     "soil": Scales(force=1.5e6, pore=2e-4, viscosity=1.0, length=1.0),
 }
+
+
+def quantity_name(name: str) -> str:
+    """Return the name of a quantity in :data:`QUANTITIES`, given this or another name of it.
+
+    Raises
+    ------
+    ConfigurationError
+        It is unknown.
+    """
+    known = OTHER_NAMES.get(name, name)
+    if known not in QUANTITIES:
+        raise ConfigurationError(f"unknown quantity {echo(name)}; expected one of {', '.join(QUANTITIES)}")
+    return known
 
 
 def known_quantity(name: str) -> Quantity:
@@ -143,9 +160,7 @@ def known_quantity(name: str) -> Quantity:
     ConfigurationError
         It is unknown.
     """
-    if name not in QUANTITIES:
-        raise ConfigurationError(f"unknown quantity {echo(name)}; expected one of {', '.join(QUANTITIES)}")
-    return QUANTITIES[name]
+    return QUANTITIES[quantity_name(name)]
 
 
 def known_scenario(name: str) -> Scales:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.core.inputs.given_states import given_states
+from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroTangent
 from porocore.states import Array, _Batch
@@ -86,6 +87,8 @@ class Law:
         Macroscopic law.
     porosity
         φ_f, fluid volume of the undeformed cell, for a law that counts only changes of it.
+    units
+        Units of the study, which responses do not have: ``law.units.factor("stress")`` takes their stress to its unit.
 
     Examples
     --------
@@ -100,8 +103,8 @@ class Law:
     ((2, 3, 3, 3, 3), array([False, False]))
     """
 
-    def __init__(self, law: MacroLaw, porosity: float) -> None:
-        self._law, self.porosity = law, porosity
+    def __init__(self, law: MacroLaw, porosity: float, units: ResultUnits | None = None) -> None:
+        self._law, self.porosity, self.units = law, porosity, units or ResultUnits()
 
     def __repr__(self) -> str:
         return f"<law '{self.name}'>"

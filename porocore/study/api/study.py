@@ -14,6 +14,7 @@ from porocore.core.console import Console
 from porocore.core.echo import did_you_mean, echo
 from porocore.core.files.plain_data import merged
 from porocore.core.files.yaml_document import YamlDocument
+from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws.point_law import Law
@@ -127,6 +128,11 @@ class Study:
             check_backends(self.config)
         return RunFolder.claim(self.path, self.config, resume=True)
 
+    @property
+    def units(self) -> ResultUnits:
+        """Units of the study: ``factor("stress")`` takes dimensionless results to ``output_units``; 1 without scales."""
+        return self.config.result_units
+
     def check(self) -> list[str]:
         """Check the study, and return an outline of its run, line by line; only the undeformed cell is solved."""
         with located(self._document):
@@ -204,10 +210,9 @@ class Study:
             self.train()
         with self.folder as folder:
             names = pipeline.solve(folder, self.config, console=self._console, laws=laws, store=self._store)
-        units = self.config.result_units
         return Solutions(
             {
-                load: LawsSolved({law: Solved(load_solution(folder, law, load), units) for law in names})
+                load: LawsSolved({law: Solved(load_solution(folder, law, load), self.units) for law in names})
                 for load in self.config.macro.loads
             }
         )
@@ -236,7 +241,7 @@ class Study:
             if not folder.reference.exists():
                 pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
             (run,) = macro_laws(folder, self.config, stack, (kind,)).values()
-            return Law(run.law, load_reference(folder, self.config).porosity)
+            return Law(run.law, load_reference(folder, self.config).porosity, self.units)
 
     def report(self) -> Path:
         """Write the report, and return the path of the page."""
