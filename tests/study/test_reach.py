@@ -96,13 +96,34 @@ def test_check_says_that_a_shear_takes_the_whole_cell(tmp_path):
     assert said[1].startswith("  H12: {range: [")
     found = re.fullmatch(
         r"note: since H12.* would be sampled, states are solved on the whole cell instead of an eighth: "
-        r"some (\S+) (s|min) a state on one quiet core instead of (\S+) (s|min)",
+        r"some (\S+) (s|min) a state on one quiet core instead of (\S+) (s|min); H12 .*",
         said[-1],
     )
     seconds = {"s": 1, "min": 60}
     assert float(found[1]) * seconds[found[2]] > 4 * float(found[3]) * seconds[found[4]]
     sampled = inputs | {"H12": (-0.2, 0.2)}
     assert "whole cell" not in "".join(predicted_reach(study(tmp_path, boundary, sampled), coefficients()))
+
+
+def test_check_says_how_little_an_unsampled_shear_matters(tmp_path):
+    """It told the cost of sampling it, 100 s a state instead of 5 s, and not that it is 4 % of the strain."""
+    boundary = {"y-": {"displacement": [0, 0, 0]}, "y+": {"displacement": [0.005, -0.1, 0], "pressure": 0}}
+    inputs = {name: (-0.2, 0.2) for name in ("H11", "H22", "H33", "p")}
+    config = study(tmp_path, boundary, inputs)
+    said = list(predicted_reach(config, coefficients()))[-1]
+    name, value, share, square = re.search(
+        r"; (H\d\d) = (\S+) is (\S+) % of the largest component of H; without sampling it states stay flagged, and "
+        r"results change by no more than about the square of this share, (\S+) %$",
+        said,
+    ).groups()
+    (solution,) = linear_reach.linear_solutions(config, coefficients())
+    H = config.sampling.input_space().without_rotation(visited(solution, ResultUnits())[0]).grad_u
+    shear = np.abs(H[:, int(name[1]) - 1, int(name[2]) - 1]).max()
+    assert abs(float(value.replace("−", "-"))) == pytest.approx(shear, rel=0.06)
+    assert float(share) == pytest.approx(100 * shear / np.abs(H).max(), rel=0.05)
+    assert float(square) == pytest.approx(float(share) ** 2 / 100, rel=0.06)
+    learned = config.model_copy(update={"surrogate": config.surrogate.model_copy(update={"model": "mlp"})})
+    assert "square" not in "".join(predicted_reach(learned, coefficients()))
 
 
 @pytest.mark.parametrize("fails", [False, True])

@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
+import porocore
 from porocore.core.files.plain_data import merged
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
@@ -74,6 +75,22 @@ def test_columns_say_what_is_positive(solution):
     peak = compressed.forces["y-"]["peak"]
     in_units = Solved(solution, units=UNITS).forces["y-"]["peak"]
     assert in_units == {"value": pytest.approx(200 * peak), "unit": "mN", "dimensionless": peak}
+
+
+def test_units_are_public_and_name_what_they_do_not_know():
+    """They were those of a solution alone; nothing converted what the law returns."""
+    study = Study("brain-indentation", progress=False)
+    assert isinstance(study.units, porocore.ResultUnits)
+    assert (study.units.factor("length"), study.units.name("length")) == (10, "mm")
+    assert study.units.factor("p") == study.units.factor("stress") == 2000
+    assert study.units.factor("conductivity") == pytest.approx((5e-3) ** 2 / 1)
+    assert Study("cartilage-confined", progress=False).units.factor("stress") == 1
+    for units in (UNITS, ResultUnits()):
+        for ask in (units.factor, units.name):
+            with pytest.raises(
+                ConfigurationError, match="unknown quantity 'stres'; expected one of displacement"
+            ):
+                ask("stres")
 
 
 def test_a_solution_as_a_dataset(solution):

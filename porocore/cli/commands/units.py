@@ -21,8 +21,8 @@ def units(
         list[str] | None,
         typer.Argument(
             metavar="[CONFIG] QUANTITY=VALUE",
-            help="A configuration whose scales are taken, then values: dimensionless ones such as time=38, or with their "
-            "unit where there is one set of scales, such as 'p=1 kPa'.",
+            help="Configuration that has the scales, if any; then values: dimensionless ones such as time=38, or "
+            "ones with a unit such as 'p=1 kPa', where there is one set of scales.",
             show_default="1 of every quantity",
         ),
     ] = None,
@@ -37,25 +37,29 @@ def units(
     ] = None,
     pore: Annotated[float | None, typer.Option(metavar="M", help="Its pore size d.")] = None,
     length: Annotated[float | None, typer.Option(metavar="M", help="Its length L.")] = None,
-    viscosity: Annotated[float, typer.Option(metavar="PA_S", help="Its viscosity μ_c.")] = 1.0,
+    viscosity: Annotated[
+        float | None, typer.Option(metavar="PA_S", help="Its viscosity μ_c.", show_default="1")
+    ] = None,
 ) -> None:
     """Convert dimensionless results to SI units, and values with units to dimensionless numbers.
 
-    The scales are those of a configuration, whose output_units are shown as well; those of the paper's scenarios brain tissue
-    and soil; or four characteristic values of your own.
+    The scales are those of a configuration, whose output_units are shown, too; those of the paper's brain tissue and
+    soil; or four characteristic values of your own.
     """
     from porocore.core.units.scales import QUANTITIES, known_quantity
 
     texts = list(values or ())
     study = _study(texts.pop(0)) if texts and _is_configuration(texts[0]) else None
-    options = any(option is not None for option in (force, pore, length)) or scenario
-    if study is not None and options:
+    own = any(option is not None for option in (force, pore, length, viscosity))
+    if study is not None and (own or scenario):
         raise ConfigurationError(
-            "expected either a configuration, which has scales of its own, or --scenario, --force, --pore and --length; "
-            "got both"
+            "expected either a configuration, which has scales of its own, or --scenario, --force, --pore, --length "
+            "and --viscosity; got both"
         )
-    own = study and study.scales
-    scenarios = {"SI": own} if own else _scenarios(scenario, force, pore, length, viscosity)
+    if study is not None and study.scales is not None:
+        scenarios = {"SI": study.scales}
+    else:
+        scenarios = _scenarios(scenario, force, pore, length, 1.0 if viscosity is None else viscosity)
     only = next(iter(scenarios.values())) if len(scenarios) == 1 else None
     wanted = [_value(text, only) for text in texts or [f"{name}=1" for name in QUANTITIES]]
     asked = () if study is None else ("output_units", "unit")
@@ -121,8 +125,8 @@ def _value(text: str, scales: Scales | None) -> tuple[str, float]:
     if has_unit(given):
         if scales is None:
             raise ConfigurationError(
-                f"{echo(text)} has a unit, and there are several scales; give a configuration, one --scenario, or --force, "
-                "--pore and --length"
+                f"{echo(text)} has a unit, and there are several scales; give a configuration, one --scenario, or "
+                "--force, --pore and --length"
             )
         try:
             return name, value_of(given, quantity_name(name), scales)

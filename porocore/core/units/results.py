@@ -91,8 +91,8 @@ def _power(unit: str, exponent: int) -> str:
 class ResultUnits:
     """Factors and names of units for results; without scales everything stays dimensionless.
 
-    A dimensionless result times ``factor`` of its quantity is in the unit ``name``, and a value in this unit by the factor is
-    dimensionless. Quantities are those that ``porocore units`` lists, such as stress, conductivity and length.
+    A dimensionless result times ``factor`` of its quantity is in the unit ``name``; a value in this unit by the factor
+    is dimensionless. Quantities are those that ``porocore units`` lists, such as stress, conductivity and length.
 
     Attributes
     ----------

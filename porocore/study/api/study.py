@@ -130,7 +130,7 @@ class Study:
 
     @property
     def units(self) -> ResultUnits:
-        """Units of the study: ``factor("stress")`` takes dimensionless results to ``output_units``; 1 without scales."""
+        """Units of the study; ``units.factor("stress")`` takes dimensionless stresses to ``output_units``."""
         return self.config.result_units
 
     def check(self) -> list[str]:

@@ -25,8 +25,8 @@ from porocore.report.metrics import LEAST_FLAGGED
 from porocore.states import Array, MacroState
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.linear_reach import linear_solutions, too_large
-from porocore.study.preflight.workload import sheared
-from porocore.study.reach import ROUND_OFF, Reach, advice, beyond, visited
+from porocore.study.preflight.workload import sheared, shears
+from porocore.study.reach import MINUS, ROUND_OFF, Reach, advice, beyond, visited
 
 #: States, and place and time of each.
 Found = tuple[MacroState, Callable[[int], str]]
@@ -66,7 +66,25 @@ def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iter
     )
     yield from (f"  {each.line(units)}, since {each.in_words(units)}" for each in reached)
     nodes = len(config.cell.make_mesh("solid", "whole").points)
-    yield from (f"note: {note}" for note in sheared(config, nodes, [each.name for each in reached]))
+    for note in sheared(config, nodes, [each.name for each in reached]):
+        yield f"note: {note}{_without(config, reached, found)}"
+
+
+def _without(config: RunConfig, reached: Sequence[Reach], found: Sequence[Found]) -> str:
+    """Return what leaving the reached shears out would change, for a cell with mirrors and no sampled shear.
+
+    A mirror turns the signs of two of the three shears and leaves the cell as it is, so the energy is even in them; a
+    potential has the stiffness against them at rest.
+    """
+    if config.surrogate_model != "potential":
+        return ""
+    shear = max((each for each in reached if each.name in shears(NAMES)), key=lambda each: abs(each.value))
+    share = abs(shear.value) / max(float(np.abs(states.grad_u).max()) for states, _ in found)
+    return (
+        f"; {shear.name} = {shear.value:.2g} is {percent(share)} of the largest component of H; without sampling it "
+        "states stay flagged, and results change by no more than about the square of this share, "
+        f"{100 * share**2:.2g} %"
+    ).translate(MINUS)
 
 
 def prescribed_reach(config: RunConfig, mesh: BodyMesh) -> list[str]:
