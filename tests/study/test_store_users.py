@@ -31,7 +31,10 @@ def _sensitivity(folder: Path, how: dict[str, Any]) -> list[Any]:
     plan = StudyPlan({"uniaxial": Sweep(-0.02, 0.0, 0.01)})
     found = porocore.study_sensitivity(CONFIG, folder, plan, **how).study
     line = found.lines["uniaxial-"]
-    return [line.values, line.response.stress, line.response.tangent.stress_grad_u, line.seconds]
+    at_rest = found.rest.extrema
+    assert at_rest is not None
+    extrema = [at_rest.min_jacobian, line.response.extrema.grad, line.response.extrema.energy]
+    return [line.values, line.response.stress, line.response.tangent.stress_grad_u, *extrema, line.seconds]
 
 
 def _stability(folder: Path, how: dict[str, Any]) -> list[Any]:

@@ -17,12 +17,13 @@ from porocore.core.inputs.possible_states import require_possible
 from porocore.core.units.results import speaking
 from porocore.errors import DataError, RunFolderError
 from porocore.macro.laws.pull_back import ConductivityLaw
+from porocore.macro.reference import CellReference
 from porocore.sampling.execution import CellPool
+from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import Status
 from porocore.study.config.config import RunConfig
 from porocore.study.config.sections import FemSettings
 from porocore.study.preflight.checks import find_backends
-from porocore.study.stages.reference import undeformed
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.study.store import chosen_store, solved_states, told
 from porocore.verification.sensitivity.file import load, save
@@ -126,10 +127,17 @@ def study_sensitivity(
         )
     find_backends(config, ["cell solver"])
     study = run_study(
-        config.cell, config.fem, new_folder(folder), plan, conductivity=config.conductivity,
-        workers=config.sampling.worker_count() if workers is None else workers, on_state=on_state,
-        provenance={"config": config.resolved_yaml()}, store=chosen_store(store), tell=tell,
-    )  # fmt: skip
+        config.cell,
+        config.fem,
+        new_folder(folder),
+        plan,
+        conductivity=config.conductivity,
+        workers=config.sampling.worker_count() if workers is None else workers,
+        on_state=on_state,
+        provenance={"config": config.resolved_yaml()},
+        store=chosen_store(store),
+        tell=tell,
+    )
     with speaking(config.result_units):
         return SensitivityFiles(study, write_table(folder, study), write_figures(folder, study))
 
@@ -207,7 +215,11 @@ def _load_or_begin(
                 f"{path}: holds the study of another cell, backend or plan; choose another --out or delete it"
             )
         return study
-    reference = undeformed(cell, fem, conductivity, store)
+    # As one of the states, since the file of an undeformed cell has no extrema.
+    arguments = (fem.backend, fem.options, cell, conductivity)
+    (solver, prepared), known = prepare_cell(*arguments), solved_states(store, *arguments)
+    solver = solver if known is None else StoringSolver(solver, known)
+    reference = CellReference.compute(solver, prepared, cell, identity)
     rest = reference.resting(conductivity)
     study = Sensitivity(plan, identity, rest, reference.conductivity, {}, provenance, conductivity)
     save(path, study)
