@@ -127,17 +127,10 @@ def study_sensitivity(
         )
     find_backends(config, ["cell solver"])
     study = run_study(
-        config.cell,
-        config.fem,
-        new_folder(folder),
-        plan,
-        conductivity=config.conductivity,
-        workers=config.sampling.worker_count() if workers is None else workers,
-        on_state=on_state,
-        provenance={"config": config.resolved_yaml()},
-        store=chosen_store(store),
-        tell=tell,
-    )
+        config.cell, config.fem, new_folder(folder), plan, conductivity=config.conductivity,
+        workers=config.sampling.worker_count() if workers is None else workers, on_state=on_state,
+        provenance={"config": config.resolved_yaml()}, store=chosen_store(store), tell=tell,
+    )  # fmt: skip
     with speaking(config.result_units):
         return SensitivityFiles(study, write_table(folder, study), write_figures(folder, study))
 
