@@ -8,15 +8,17 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 from porocore.core.console import Console, Task
+from porocore.interfaces.sampler import Outlook
 from porocore.interfaces.surrogate import TrainingProgress
 from porocore.macro.integration.forecast import StepForecast
 from porocore.plugins.registry import registry
-from porocore.sampling.forecast import StateForecast
+from porocore.sampling.forecast import Guess, StateForecast
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
@@ -81,7 +83,10 @@ class Recorder(Console):
         with ExitStack() as stack:
             for kind, method, of in (
                 (StepForecast, "add", lambda time: time),
-                (StateForecast, "add", lambda x, expected, outward: [x, expected, outward]),
+                (StateForecast, "__init__", lambda inputs, guess: ["guess", *astuple(guess)]),
+                (StateForecast, "look", lambda outlook: ["look", *astuple(outlook)]),
+                (StateForecast, "decided", lambda seconds: ["decided", seconds]),
+                (StateForecast, "add", lambda x, expected, **more: ["add", x, expected, *more.values()]),
                 (TrainingCurveFile, "add", lambda p: [p.epoch, p.epochs, p.ends]),
             ):
                 stack.enter_context(patch.object(kind, method, self._heard(getattr(kind, method), of)))
@@ -118,23 +123,46 @@ def replayed(
     column, now, shown = ("wall", "cpu").index(clock), 0.0, []
     title, work = task["title"], (0.0, 1.0)
     replay = Task(title, "", "", lambda share: None, lambda: now)
-    steps = states = None
+    steps, inputs = None, config.sampling.input_space()
+    states = StateForecast(inputs)
+    # What was told in seconds of the wall clock.
+    scale = slower * task["seconds"][column] / task["seconds"][0]
     if "load " in title:
         steps = StepForecast(config.macro.problem(float(title.rpartition(" ")[2])))
-    elif title != "training":
-        states = StateForecast(config.sampling.input_space())
     for *times, done, total, told in task["reports"]:
         now = slower * times[column]
         if steps is not None:
             for time_reached in told:
                 steps.add(time_reached)
             work = steps.work if told else work
-        elif states is not None:
-            for x, expected, outward in told:
-                states.add(tuple(x), expected, outward=outward)
-            work = states.work
+        elif title != "training":
+            for kind, *values in told:
+                if kind == "guess":
+                    states = StateForecast(inputs, scaled(Guess(*values), scale))
+                else:
+                    _tell(states, kind, values, scale, now)
+            replay.update(done, total, seconds=states.seconds())
+            shown.append((now, replay.left))
+            continue
         else:
             work = (done, TrainingProgress(int(done), int(total), 0.0, 0.0, *told[-1][2:]).left)
         replay.update(done, total, work=work)
         shown.append((now, replay.left))
     return shown, slower * task["seconds"][column]
+
+
+def scaled(guess: Guess, scale: float) -> Guess:
+    """Return a guess on a clock that goes so many times as fast."""
+    seconds = {name: scale * getattr(guess, name) for name in ("start", "state", "decision")}
+    return replace(guess, **seconds)
+
+
+def _tell(states: StateForecast, kind: str, values: list[Any], scale: float, now: float) -> None:
+    if kind == "look":
+        states.look(Outlook(*values))
+    elif kind == "decided":
+        states.decided(scale * values[0])
+    else:
+        x, expected, outward, seconds, _ = values
+        known = None if seconds is None else scale * seconds
+        states.add(tuple(x), expected, outward=outward, seconds=known, now=now)

@@ -101,6 +101,7 @@ class Task:
         failed: int = 0,
         detail: str = "",
         work: tuple[float, float] | None = None,
+        seconds: float | None = None,
     ) -> None:
         """Report where the work stands.
 
@@ -115,9 +116,12 @@ class Task:
         work
             Work that is done and work that is left, in any unit, from whose pace the time left is estimated; by default
             those in units of the task. What the first report finds done, in a resumed run, does not count.
+        seconds
+            Seconds left, where something better than the pace tells them.
         """
         now = self._clock()
-        self.left = self._pace.left(now, *(work or (done, total - done)))
+        paced = self._pace.left(now, *(work or (done, total - done)))
+        self.left = paced if seconds is None else seconds if seconds > 0 else None
         if self._first is None and self.left is not None:
             self._first = now + self.left
         self._parts, self._detail = [f"{self.begins}{done:g} of {total:g} {self.unit}".rstrip()], detail

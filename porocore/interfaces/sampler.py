@@ -32,6 +32,31 @@ class Request:
     start: str | None = None
 
 
+@dataclass(frozen=True)
+class Outlook:
+    """States that a sampler foresees, for the time left that the progress shows.
+
+    Attributes
+    ----------
+    expected
+        Estimated number of all states, or the most.
+    fewest
+        How many there will be at least.
+    asked
+        How many were asked for.
+    batch
+        States of a further round, on which the sampler decides in a time that counts; 0: it does not.
+    decision
+        Seconds of such a decision on a quiet core, roughly.
+    """
+
+    expected: int
+    fewest: int
+    asked: int = 0
+    batch: int = 0
+    decision: float = 0.0
+
+
 class Sampler(ABC):
     """Chooses states by ask and tell.
 
@@ -65,6 +90,11 @@ class Sampler(ABC):
     @abstractmethod
     def expected(self) -> int:
         """Estimated number of all states, for the progress display."""
+
+    @property
+    def outlook(self) -> Outlook:
+        """The states foreseen; a sampler that may end early, or takes time to decide on further states, says so."""
+        return Outlook(self.expected, self.expected)
 
 
 @dataclass(frozen=True, eq=False)

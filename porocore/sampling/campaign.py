@@ -15,11 +15,14 @@ from porocore.plugins.border import CheckedSampler, origin_of
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool, FinishedSolve
 from porocore.sampling.execution.interrupts import GRACE, finishing
-from porocore.sampling.forecast import StateForecast
+from porocore.sampling.forecast import Guess, StateForecast
 from porocore.states import CellResponse, Status
 
 #: Done after Ctrl-C before a campaign ends.
 FINISHED_FIRST = f"states that end within {GRACE:g} s"
+
+#: Decisions on a further round that took longer [s] are followed by a report of their own.
+TOLD = 0.5
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,8 @@ class CampaignProgress:
     expected: int
     #: Known states without values.
     failed: int
-    #: Work done and left, in units of what a state near rest costs.
-    work: tuple[float, float]
+    #: Seconds that are left, as they are estimated; None: nothing is known about them.
+    seconds: float | None
     #: Interrupted: running solves are finished and kept; a second interrupt stops at once.
     stopping: bool = False
 
@@ -57,13 +60,15 @@ def run_campaign(
     dataset: Dataset,
     *,
     on_progress: Callable[[CampaignProgress], None] | None = None,
+    guess: Guess | None = None,
 ) -> CampaignSummary:
     """Solve the states of ``sampler`` until it is done; each is kept before the sampler receives it.
 
     States that the dataset holds already are taken from there, so an interrupted campaign continues. A request names
     the state whose field it starts from, and that field comes from the dataset; so neither interruptions nor the number
     of workers change a result, if the solver's answer depends on nothing but the state and the start. A state that
-    workers died over or hung over twice is kept with the status ``lost``.
+    workers died over or hung over twice is kept with the status ``lost``. Times are estimated from ``guess`` until
+    they are measured.
 
     Raises
     ------
@@ -82,7 +87,7 @@ def run_campaign(
     with dataset.writing():
         if pool.losses.like is None and len(dataset):
             pool.losses.like = dataset.response(dataset.keys[0])
-        campaign = _Campaign(sampler, pool, dataset, on_progress)
+        campaign = _Campaign(sampler, pool, dataset, on_progress, guess)
         with finishing(FINISHED_FIRST) as interrupt:
             try:
                 campaign.run(interrupt)
@@ -114,6 +119,7 @@ class _Campaign:
         pool: CellPool,
         dataset: Dataset,
         on_progress: Callable[[CampaignProgress], None] | None,
+        guess: Guess | None,
     ) -> None:
         self.sampler = CheckedSampler(sampler, dataset.inputs)
         self.pool, self.dataset, self.on_progress = pool, dataset, on_progress
@@ -122,11 +128,11 @@ class _Campaign:
         self.running: dict[str, Request] = {}
         self.counts: Counter[Status] = Counter()
         self.solved = self.reused = 0
-        self.forecast = StateForecast(dataset.inputs)
+        self.forecast = StateForecast(dataset.inputs, guess or Guess(workers=pool.workers))
 
     def run(self, interrupt: threading.Event) -> None:
-        self.ask()
         self.report(stopping=False)
+        self.ask()
         while self.queue or self.running:
             while self.queue and self.pool.has_room and not interrupt.is_set():
                 self.submit(self.queue.popleft())
@@ -136,9 +142,9 @@ class _Campaign:
             outcome = self.pool.wait_unless(interrupt.is_set)
             if outcome is None:
                 continue
-            self.tell(self.keep(outcome), outcome.response)
-            self.ask()
+            self.tell(self.keep(outcome), outcome.response, outcome.seconds)
             self.report(stopping=interrupt.is_set())
+            self.ask()
         if not self.sampler.done:
             raise PluginError(
                 f"{origin_of(self.sampler.sampler)} asks for no more states, but says that it is not done; report this "
@@ -146,7 +152,7 @@ class _Campaign:
             )
 
     def ask(self) -> None:
-        while requests := self.sampler.ask():
+        while requests := self.decide():
             for request in requests:
                 if request.key not in self.dataset:
                     self.queue.append(request)
@@ -159,6 +165,17 @@ class _Campaign:
                     )
                 self.reused += 1
                 self.tell(request, self.dataset.response(request.key))
+
+    def decide(self) -> list[Request]:
+        ready = bool(self.counts) and not self.queue and not self.running
+        began = time.perf_counter()
+        requests = self.sampler.ask()
+        if ready:
+            seconds = time.perf_counter() - began
+            self.forecast.decided(seconds)
+            if seconds > TOLD:
+                self.report(stopping=False)
+        return requests
 
     def submit(self, request: Request) -> None:
         if request.start is not None and request.start not in self.dataset:
@@ -176,10 +193,11 @@ class _Campaign:
         self.solved += 1
         return request
 
-    def tell(self, request: Request, response: CellResponse) -> None:
+    def tell(self, request: Request, response: CellResponse, seconds: float | None = None) -> None:
         self.counts[Status(int(response.status[0]))] += 1
         self.sampler.tell(request.key, response)
-        self.forecast.add(request.x, self.sampler.expected, outward=request.start is not None)
+        now, outward = time.perf_counter() - self.began, request.start is not None
+        self.forecast.add(request.x, self.sampler.expected, outward=outward, seconds=seconds, now=now)
 
     def finish_running(self, within: float = math.inf) -> None:
         for outcome in self.pool.finish_running(time.monotonic() + within):
@@ -190,8 +208,9 @@ class _Campaign:
             return
         done = self.counts.total()
         expected = max(self.sampler.expected, done)
+        self.forecast.look(self.sampler.outlook)
         failed = sum(n for status, n in self.counts.items() if not status.has_values)
-        self.on_progress(CampaignProgress(done, expected, failed, self.forecast.work, stopping))
+        self.on_progress(CampaignProgress(done, expected, failed, self.forecast.seconds(), stopping))
 
     def summary(self) -> CampaignSummary:
         counts = {status: self.counts[status] for status in Status if self.counts[status]}

@@ -21,6 +21,8 @@ UNSEEN = 1.5
 DECAYING = 1.0
 #: Fewest steps, and the ratio of their times, that tell a growth of their own.
 TOLD_BY, RATIO = 8, 3.0
+#: Of so many steps one is not cut: before a stop, the last two share the way.
+UNCUT = 3
 #: Steps after a kink before their length says something.
 SETTLED = 3
 #: Steps that are played through at most; the rest counts as equally long.
@@ -57,8 +59,7 @@ class Stretch:
         if k < len(self.since):
             return self.lengths[min(max(k, SETTLED - 1), len(self.since) - 1)]
         longer = (max(since, last) / last) ** growth.power * math.exp(min(growth.rate * (since - last), 50.0))
-        # The last one may have been cut at a stop.
-        return float(max(self.lengths[-2:]) * longer)
+        return float(max(self.lengths[-UNCUT:]) * longer)
 
     @property
     def slope(self) -> float | None:
@@ -66,7 +67,7 @@ class Stretch:
         half = len(self.since) // 2
         if len(self.since) < TOLD_BY or self.since[-1] < RATIO * self.since[half - 1]:
             return None
-        longer = math.log(max(self.lengths[-2:]) / max(self.lengths[half - 2 : half]))
+        longer = math.log(max(self.lengths[-UNCUT:]) / max(self.lengths[half - UNCUT : half]))
         return max(longer / math.log(self.since[-1] / self.since[half - 1]), 0.0)
 
 

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from porocore.core.inputs.input_space import InputSpace
-from porocore.interfaces.sampler import Request, Sampler
+from porocore.interfaces.sampler import Outlook, Request, Sampler
 from porocore.plugins.border.origin import refuse
 from porocore.plugins.hookspecs import short_repr
 from porocore.states import CellResponse
@@ -64,6 +64,20 @@ class CheckedSampler:
             return int(expected)
         except (TypeError, ValueError, OverflowError):
             raise refuse(self.sampler, f"expected: must be a number, got {short_repr(expected)}") from None
+
+    @property
+    def outlook(self) -> Outlook:
+        """The states foreseen.
+
+        Raises
+        ------
+        PluginError
+            It is no :class:`Outlook`.
+        """
+        outlook: Any = self.sampler.outlook
+        if not isinstance(outlook, Outlook):
+            raise refuse(self.sampler, f"outlook: expected an Outlook, got {short_repr(outlook)}")
+        return outlook
 
     def _fault(self, request: Any) -> str:
         if not isinstance(request, Request):

@@ -12,7 +12,7 @@ import numpy as np
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.models.bounds import LARGEST_SEED
 from porocore.interfaces.records import flatten_response
-from porocore.interfaces.sampler import Judgement, StudyFacts, StudySampler, make_anew
+from porocore.interfaces.sampler import Judgement, Outlook, StudyFacts, StudySampler, make_anew
 from porocore.interfaces.surrogate import TrainingSet, least_states
 from porocore.sampling.samplers.candidates import (
     MOST_CORNER_INPUTS,
@@ -46,6 +46,9 @@ class LearningSampler(RoundSampler, StudySampler):
     _study: StudyFacts | None = None
 
     seeded = True
+    tolerance: float | None
+    #: Seconds in which a round is chosen on a quiet core, roughly.
+    decision: float = 0.1
 
     def __init__(
         self, inputs: InputSpace, count: int, initial: int | None, usual: int, batch: int, seed: int
@@ -121,6 +124,19 @@ class LearningSampler(RoundSampler, StudySampler):
             return None
         candidates = self.inputs.scatter(from_unit(self.inputs, unit))
         return self.study.judge(data, self.study.responses, candidates)
+
+    @property
+    def outlook(self) -> Outlook:
+        """The budget, the fewest states with which the sampling may end, and the rounds between."""
+        asked = len(self.points)
+        fewest = self.expected if self.tolerance is None else max(self.least, least_states(len(self.inputs)))
+        fewest = min(max(fewest, asked), self.expected)
+        return Outlook(self.expected, fewest, asked, self.round_size(self.count), self.decision)
+
+    @property
+    def least(self) -> int:
+        """States before which no tolerance ends the sampling."""
+        return self.initial
 
     @property
     def stable(self) -> BoolArray:

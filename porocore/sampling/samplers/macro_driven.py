@@ -26,6 +26,10 @@ LATTICE = 500
 MOST_CANDIDATES = 1024
 #: Visited states nearer to a known one than this share of the mean spacing of the known ones are taken as known.
 APART = 0.25
+#: Seconds of a time step of the macro runs on a quiet core, roughly: 0.02 to 0.06 on up to 27 elements.
+STEP_SECONDS = 0.04
+#: The macro runs of so many rounds have to agree.
+AGREEING = 3
 
 
 class MacroDriven(LearningSampler):
@@ -86,6 +90,7 @@ class MacroDriven(LearningSampler):
         self.tolerance = positive("sampling.tolerance", tolerance)
         self.elements = whole("sampling.options.elements", elements, 1)
         self.steps = whole("sampling.options.steps", steps, 2)
+        self.decision = STEP_SECONDS * self.steps
         #: Results of the macro runs after each round.
         self.results: list[Array] = []
 
@@ -129,11 +134,17 @@ class MacroDriven(LearningSampler):
         self.results = [np.array(found, dtype=float) for found in notes]
 
     @property
+    def least(self) -> int:
+        """States with which macro runs of three rounds agree at the earliest."""
+        rounds = max(AGREEING - 1 - len(self.results), 0)
+        return max(len(self.points), self.initial) + rounds * self.batch
+
+    @property
     def converged(self) -> bool:
         """True when the last two rounds have changed no result."""
-        if len(self.results) < 3:
+        if len(self.results) < AGREEING:
             return False
-        last = np.stack(self.results[-3:])
+        last = np.stack(self.results[-AGREEING:])
         return bool((np.abs(np.diff(last, axis=0)) <= self.tolerance * np.abs(last[1:])).all())
 
     def _filling(self, size: int) -> Array:

@@ -15,9 +15,11 @@ from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_ca
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.interrupts import listening
-from porocore.states import Status
+from porocore.sampling.forecast import Guess
+from porocore.states import Array, Status
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
+from porocore.study.preflight.guess import guessed_times
 from porocore.study.preflight.symmetry_notes import uncovered
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.provenance import versions
@@ -68,36 +70,43 @@ def sample(
         ) as pool,
     ):
         states = sampler
+        solved: Array | None = None
         for title, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
             if path == folder.test_dataset:
                 samples = Dataset.open(folder.dataset)
+                solved = samples.seconds()
                 drop_misplaced(dataset, held_out_states(config, samples))
                 states = held_out_states(config, samples)
             if retry_lost:
                 dataset.drop(dataset.ended(Status.lost))
+            guess = guessed_times(config, states, solved)
             with (
                 timed(folder.timings, title) as clock,
                 told(known, title, console.note, clock.add, pool.workers),
             ):
-                summary = _campaign(title, states, pool, dataset, console)
+                summary = _campaign(title, states, pool, dataset, console, guess)
             _tell(title, summary, folder, console)
     if known and known.store.fault:
         console.warn(f"{known.store.fault}; the solved states are in the run folder alone")
 
 
 def _campaign(
-    title: str, sampler: Sampler, pool: CellPool, dataset: Dataset, console: Console
+    title: str, sampler: Sampler, pool: CellPool, dataset: Dataset, console: Console, guess: Guess
 ) -> CampaignSummary:
     with console.task(title, "states") as task:
 
         def show(progress: CampaignProgress) -> None:
             detail = "stopping" if progress.stopping else ""
             task.update(
-                progress.done, progress.expected, failed=progress.failed, detail=detail, work=progress.work
+                progress.done,
+                progress.expected,
+                failed=progress.failed,
+                detail=detail,
+                seconds=progress.seconds,
             )
 
-        return run_campaign(sampler, pool, dataset, on_progress=show)
+        return run_campaign(sampler, pool, dataset, on_progress=show, guess=guess)
 
 
 def _tell(title: str, summary: CampaignSummary, folder: RunFolder, console: Console) -> None:

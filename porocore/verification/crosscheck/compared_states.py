@@ -122,7 +122,8 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> SharedSa
             with console.task(f"{title}, {backend}", "states") as task:
 
                 def show(progress: CampaignProgress, task: Any = task) -> None:
-                    task.update(progress.done, progress.expected, failed=progress.failed, work=progress.work)
+                    failed, seconds = progress.failed, progress.seconds
+                    task.update(progress.done, progress.expected, failed=failed, seconds=seconds)
 
                 seconds += run_campaign(source, pool, dataset, on_progress=show).seconds
             datasets.append((dataset.states(), dataset.responses()))

@@ -1,0 +1,45 @@
+"""Times of a sampling before anything of it is measured."""
+
+from __future__ import annotations
+
+import os
+
+from porocore.interfaces.sampler import Sampler
+from porocore.sampling.forecast import Guess
+from porocore.states import Array
+from porocore.study.config.config import RunConfig
+from porocore.study.preflight.workload import expected_nodes, state_seconds, workers_here
+
+#: Seconds of a quiet core in which a process has loaded the libraries and prepared the cell: coarse cells.
+START = 0.7
+#: Seconds of a state on the coarsest cells: 0.04 to 0.3.
+LEAST = 0.15
+
+
+def guessed_times(config: RunConfig, sampler: Sampler, solved: Array | None = None) -> Guess:
+    """Return the times that a sampling is likely to take on this machine with what else it has to do at present.
+
+    Parameters
+    ----------
+    config
+        With cell, workers and solver.
+    sampler
+        Tells how long it takes to decide.
+    solved
+        Seconds of states that these workers have solved before.
+    """
+    workers, slow = workers_here(config), slowness()
+    decision = sampler.outlook.decision * slow
+    if solved is not None and len(solved):
+        return Guess(max(workers, 1), 0.0, float(solved.mean()), decision, first=1.0)
+    start = 0.0 if workers == 1 else START * slow
+    state = (LEAST + state_seconds(expected_nodes(config))) * slow
+    return Guess(max(workers, 1), start, state, decision)
+
+
+def slowness() -> float:
+    """Return how many processes share a core of this machine, at least 1."""
+    try:
+        return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+    except (AttributeError, OSError):
+        return 1.0
