@@ -8,7 +8,8 @@ from porocore.interfaces.sampler import Sampler
 from porocore.sampling.forecast import Guess
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.workload import expected_nodes, state_seconds, workers_here
+from porocore.study.preflight import cost
+from porocore.study.preflight.workload import expected_nodes, workers_here
 
 #: Seconds of a quiet core in which a process has loaded the libraries and prepared the cell: coarse cells.
 START = 0.7
@@ -33,7 +34,7 @@ def guessed_times(config: RunConfig, sampler: Sampler, solved: Array | None = No
     if solved is not None and len(solved):
         return Guess(max(workers, 1), 0.0, float(solved.mean()), decision, first=1.0)
     start = 0.0 if workers == 1 else START * slow
-    state = (LEAST + state_seconds(expected_nodes(config))) * slow
+    state = (LEAST + cost.STATE.at(expected_nodes(config)[0])) * slow
     return Guess(max(workers, 1), start, state, decision)
 
 
