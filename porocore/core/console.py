@@ -129,6 +129,11 @@ class Task:
             self._parts.append(f"{failed} failed")
         self._show(min(1.0, done / total) if total > 0 else 1.0)
 
+    def done_at_once(self, detail: str) -> None:
+        """Report work that is done and has no steps to count."""
+        self._parts, self._detail = [], detail
+        self._show(1.0)
+
     def text(self, room: int) -> str:
         """Return what the last report said, in a line of ``room`` characters."""
         return self._fitting(room, "" if self.left is None else f"{roughly(self.left)} left", ", ")

@@ -18,7 +18,7 @@ from porocore.report.figures.profiles import chosen_times, is_column, profile_at
 from porocore.report.figures.series import panels
 from porocore.report.format import plain
 from porocore.report.law_differences import COMPARED, law_differences
-from porocore.report.loading_mode import reactions
+from porocore.report.loading_mode import end_words, no_relaxation, reactions
 from porocore.report.metrics import LoadCase, case_metrics, rms_percent, worst_percent
 from porocore.report.page import Picture, Pictures, environment
 from porocore.report.text import (
@@ -112,6 +112,8 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
             for surrogate in (context.surrogate, *context.other_surrogates)
         ],
         settles=context.loading_mode.settles,
+        end_words=end_words,
+        no_relaxation=no_relaxation,
         whole=whole_words(context.cases[0].nonlinear.copies),
         force_unit=f" [{context.units.name('force')}]" if context.units.given else "",
         time_unit=f" [{context.units.name('time')}]" if context.units.given else "",
@@ -186,6 +188,7 @@ def _samples_figure(context: ReportContext) -> Figure:
         training=sampling.training,
         visited=[path for case in context.cases for path in _visited(case, sampling)],
         crease=context.cell.crease,
+        column=is_column(context.cases[0].nonlinear),
     )
 
 

@@ -18,6 +18,8 @@ from porocore.states import Array
 VISIBLE = 1e-6
 #: Components that differ by less than this share are the same.
 SAME = 1e-3
+#: A force that ends less than this share below its peak does not relax, and has no times of it.
+LEAST_DROP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,16 @@ def force_name(force: dict[str, Any]) -> str:
     return f"force {sense}" if sense.startswith("along") else f"{sense} force"
 
 
+def end_words(force: dict[str, Any]) -> str:
+    """Return what a force is at the end."""
+    return "in equilibrium" if force["equilibrium"] is not None else "still changing"
+
+
+def no_relaxation() -> str:
+    """Return why a force has no times of relaxation."""
+    return f"drop below {100 * LEAST_DROP:g} %"
+
+
 def relaxation(time: Array, force: Array) -> dict[str, Any]:
     """Return the summary of a force (steps,) that peaks and relaxes, ready for JSON.
 
@@ -100,16 +112,18 @@ def relaxation(time: Array, force: Array) -> dict[str, Any]:
     dict
         ``peak`` with its sign, ``time_of_peak``, ``final``; ``drift``, the change over the last tenth of the time as a
         share of the final force; ``equilibrium``, the final force unless it drifts by more than 0.1 %, then None;
-        ``peak_over_final``; ``relaxed_50_percent`` and ``relaxed_95_percent``, the times from the peak until the force
-        has come so far toward the final one. What is not defined is None.
+        ``peak_over_final``; ``drop``, by which share of the peak the final force lies below it; ``relaxed_50_percent``
+        and ``relaxed_95_percent``, the times from the peak until the force has come so far toward the final one, None
+        where it drops by less than 0.1 %. What is not defined is None.
     """
     step = int(np.abs(force).argmax())
     peak, final, since = float(force[step]), float(force[-1]), time[step:] - time[step]
     before = float(np.interp(time[-1] - 0.1 * (time[-1] - time[0]), time, force))
     drift = abs(final - before) / abs(final) if final else None
-    relaxes = abs(peak - final) > SAME * abs(peak)
+    drop = (peak - final) / peak if peak else 0.0
     times = [
-        time_to_fraction(since, peak - force[step:], share) if relaxes else None for share in (0.5, 0.95)
+        time_to_fraction(since, peak - force[step:], share) if drop > LEAST_DROP else None
+        for share in (0.5, 0.95)
     ]
     return {
         "peak": peak,
@@ -118,6 +132,7 @@ def relaxation(time: Array, force: Array) -> dict[str, Any]:
         "drift": drift,
         "equilibrium": final if drift is not None and drift <= STEADY_TOLERANCE else None,
         "peak_over_final": peak / final if final else None,
+        "drop": drop,
         "relaxed_50_percent": times[0],
         "relaxed_95_percent": times[1],
     }

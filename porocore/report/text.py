@@ -8,7 +8,7 @@ from typing import Any
 from porocore.core.units.results import ResultUnits
 from porocore.report.context import Published, ReportContext, SurrogateSummary
 from porocore.report.format import difference, measured, number, plain
-from porocore.report.loading_mode import force_name, reactions
+from porocore.report.loading_mode import end_words, force_name, no_relaxation, reactions
 from porocore.report.metrics import LoadCase, case_metrics, case_warnings, flagged_shares, is_flagged
 from porocore.report.words.cell import ComparisonRow
 from porocore.states import Status
@@ -88,12 +88,12 @@ def force_sentences(case: LoadCase, moved: Sequence[str], units: ResultUnits) ->
 def _force_sentence(where: str, force: dict[str, Any], units: ResultUnits) -> str:
     """Return a summary of :func:`porocore.report.loading_mode.relaxation` in words."""
     peak, final = (_value(force[key], "force", units) for key in ("peak", "final"))
+    settled = end_words(force) if force["equilibrium"] is not None else f"at the end, {end_words(force)}"
     begin = f"The {force_name(force)} on {where} is {peak} at its peak, at t = "
     begin += _value(force["time_of_peak"], "time", units, 3)
     if force["relaxed_50_percent"] is None:
-        return f"{begin}, and {final} at the end."
+        return f"{begin}, and {final} {settled}: a {no_relaxation()}, so no time of relaxation is given."
     half, most = (_value(force[f"relaxed_{n}_percent"], "time", units, 3) for n in (50, 95))
-    settled = "in equilibrium" if force["equilibrium"] is not None else "at the end, still changing"
     ratio = "" if force["peak_over_final"] is None else f", a ratio of {number(force['peak_over_final'], 3)}"
     relaxed = f"It has relaxed by 50 % {half} after the peak and by 95 % {most} after it."
     return f"{begin}, and {final} {settled}{ratio}. {relaxed}"

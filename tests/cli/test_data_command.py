@@ -15,7 +15,9 @@ import pytest
 from fake_cell import IDENTITY, INPUTS, response
 from typer.testing import CliRunner
 
-from porocore.cli.commands.data import data
+from porocore.cli.commands.data import _input_range, data
+from porocore.core.units.results import OutputUnits, ResultUnits
+from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError, DataError, PluginError, RunFolderError
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import SolvedState, flatten_response
@@ -86,7 +88,7 @@ def test_info(dataset: Dataset) -> None:
     text = run("info", dataset.path)
     assert "4 states" in text
     assert "statuses: 3 converged, 1 lost" in text
-    assert "p in [-0.1, 0.2], found [-0.05, 0.2]" in text
+    assert "p in [-0.1, 0.2] E, found [-0.05, 0.2] E" in text
     assert "3 with u¹" in text
     assert "config: 2 lines" in text
     assert "config:\n    a\n    b" in run("info", dataset.path, "--provenance")
@@ -95,6 +97,13 @@ def test_info(dataset: Dataset) -> None:
     assert facts["seconds"] == {"sum": 1.75, "median": 0.5}
     assert facts["inputs"]["p"] == {"range": [-0.1, 0.2], "found": [-0.05, 0.2]}
     assert facts["not_merged"] == 0
+
+
+def test_ranges_have_the_units_of_the_study() -> None:
+    units = ResultUnits(Scales(modulus=40e3, length=1e-3, pore=1e-5), OutputUnits(stress="kPa"))
+    told = {"range": [-0.005, 0.025], "found": [-0.005, 0.02]}
+    assert _input_range("p", told, units) == "  p in [-0.2, 1] kPa, found [-0.2, 0.8] kPa"
+    assert _input_range("H22", {**told, "found": None}, units) == "  H22 in [-0.005, 0.025], nothing yet"
 
 
 def test_info_of_a_running_and_of_an_empty_one(tmp_path: Path) -> None:

@@ -21,6 +21,13 @@ class Terminal(io.StringIO):
         return True
 
 
+def test_work_without_steps_counts_none():
+    stream = io.StringIO()
+    with Console(stream, lambda: 0.0).task("training", "epochs") as task:
+        task.done_at_once("loss 1.00e-03")
+    assert stream.getvalue().strip() == "training: loss 1.00e-03; took 0.0 s"
+
+
 def test_plain_lines_come_now_and_then_and_tell_failures_and_rest():
     stream, clock = io.StringIO(), Clock()
     with Console(stream, clock).task("sampling", "states") as task:

@@ -1,12 +1,14 @@
 """The figure of a deformed body: curved facets, and ticks that keep clear of each other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from porocore.macro.body.element import ELEMENTS
 from porocore.macro.body.kinds import Box
 from porocore.macro.body.mesh import boundary_facets
-from porocore.report.figures.body import _ticks
+from porocore.report.figures.body import _ticks, body_figure
 from porocore.report.figures.facets import front, pieces
 
 
@@ -48,3 +50,15 @@ def test_the_corner_in_front_has_one_number_and_a_short_axis_too():
     assert _ticks(0.0, 10.0, 1.0, open_end=True) == [2.5, 5, 7.5, 10]
     assert _ticks(0.0, 0.5, 0.12, open_end=True) == [0.4]
     assert _ticks(-1.0, 1.0, 0.9, open_end=True)[0] > -1
+
+
+def test_a_pressure_that_is_round_off_is_drawn_as_zero(column):
+    solution = column()
+    profile, n = solution.profiles[0], len(solution.points)
+    noise = 1e-15 * np.random.default_rng(0).normal(size=n)
+    for p, told in ((noise, 0.0), (0.3 + noise, 0.3)):
+        figure = body_figure(solution, replace(profile, p=p))
+        (bar,) = [axes for axes in figure.axes if axes.get_label() == "<colorbar>"]
+        np.testing.assert_allclose(bar.get_yticks(), [told], rtol=0, atol=1e-12)
+    varying = body_figure(solution, replace(profile, p=np.linspace(0, 1e-3, n)))
+    assert len(varying.axes[-1].get_yticks()) > 2

@@ -140,6 +140,16 @@ def test_samples_by_status():
     assert len(markers) == len(Status)  # told apart without colour
     assert "states in the column" in legend(figure)
     assert_no_overlap(figure)
+    low, high = x[:, 1].min(), x[:, 1].max()
+    assert (
+        f"on no axis, but projected:\n$\\partial u_1 / \\partial X_2$ from −{-low:.2f} to {high:.2f}"
+        in axes.get_xlabel()
+    )
+    place = np.tile(x[:1], (5, 1))
+    (axes,) = samples_figure(inputs, x, status, visited=[place], column=False).axes
+    (states,) = [line for line in axes.get_lines() if line.get_label() == "states in the body"]
+    assert states.get_marker() == "*", "a path of one place is seen"
+    assert states.get_linewidth() == 0, "neighbours in the list are no neighbours in the body"
 
 
 def test_samples_of_one_input_and_of_an_unknown_one():

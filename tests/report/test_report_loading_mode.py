@@ -75,6 +75,7 @@ def test_peak_and_final_force_of_every_surface(plug):
         "drift": pytest.approx(0.0, abs=1e-12),
         "equilibrium": pytest.approx(0.3),
         "peak_over_final": pytest.approx(8 / 3),
+        "drop": pytest.approx(5 / 8),
         "relaxed_50_percent": pytest.approx(step * 0.25 / fall),
         "relaxed_95_percent": pytest.approx(step * 0.475 / fall),
     }
@@ -139,6 +140,18 @@ def test_times_of_an_exponential_relaxation():
     assert relaxation(time, time)["relaxed_50_percent"] is None
 
 
+def test_a_force_that_hardly_drops_says_why_it_has_no_time_of_relaxation(plug):
+    force = np.minimum(1, plug.history.time / 5) * (1 + 3e-4 * (plug.history.time < 50))
+    drained = replace(plug, compression={"y+": force}, reactions={"y+": np.outer(force, [0, -1, 0])})
+    found = reactions(drained)["y+"]
+    assert found["drop"] == pytest.approx(3e-4, rel=1e-3)
+    assert found["relaxed_95_percent"] is None
+    (sentence, _) = force_sentences(LoadCase(drained, drained), ("y+",), UNITS)
+    assert sentence.endswith(
+        "200.0 mN in equilibrium: a drop below 0.1 %, so no time of relaxation is given."
+    )
+
+
 def test_a_run_under_prescribed_displacement_is_told_by_its_force(plug, column):
     case = LoadCase(plug, replace(plug, law="linear"))
     first, second = force_sentences(case, ("y+",), UNITS)
@@ -151,6 +164,7 @@ def test_a_run_under_prescribed_displacement_is_told_by_its_force(plug, column):
     early = LoadCase(
         replace(plug, compression={"y+": force}, reactions={"y+": np.outer(force, [0, -1, 0])}), plug
     )
+    assert "at the end, still changing" in force_sentences(early, ("y+",), UNITS)[0]
     (warning,) = force_warnings(early, ("y+",))
     assert "still changed by" in warning
     assert force_sentences(LoadCase(column(), column()), ("y+",), UNITS) == []

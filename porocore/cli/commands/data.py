@@ -14,6 +14,7 @@ from porocore.cli.options import JsonOption
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 
 if TYPE_CHECKING:
+    from porocore.core.units.results import ResultUnits
     from porocore.sampling.datasets.dataset import Dataset
 
 FileArgument = Annotated[
@@ -46,7 +47,7 @@ def info(
         typer.echo(json.dumps(found if len(found) > 1 else found[0], allow_nan=False))
         return
     for k, facts in enumerate(found):
-        typer.echo(("\n" if k else "") + _as_text(facts, provenance))
+        typer.echo(("\n" if k else "") + _as_text(facts, provenance, _units(file)))
 
 
 @data.command()
@@ -237,7 +238,28 @@ def _facts(dataset: Dataset) -> dict[str, Any]:
     }
 
 
-def _as_text(facts: dict[str, Any], whole: bool) -> str:
+def _units(target: Path) -> ResultUnits:
+    """Return the units of the study of a run folder; a file alone has none."""
+    from porocore.core.units.results import ResultUnits
+    from porocore.study.run_folder.folder import RunFolder
+
+    return RunFolder.open(target).written.result_units if target.is_dir() else ResultUnits()
+
+
+def _input_range(name: str, told: dict[str, Any], units: ResultUnits) -> str:
+    """Return sampled and found range of an input; a pressure without scales is a multiple of E."""
+    quantity = "pressure" if name == "p" else ""
+    unit = f" {units.name(quantity) if units.given else 'E'}" if quantity else ""
+
+    def between(ends: list[float]) -> str:
+        low, high = (end * units.factor(quantity) for end in ends)
+        return f"[{low:g}, {high:g}]{unit}"
+
+    found = "nothing yet" if told["found"] is None else f"found {between(told['found'])}"
+    return f"  {name} in {between(told['range'])}, {found}"
+
+
+def _as_text(facts: dict[str, Any], whole: bool, units: ResultUnits) -> str:
     from porocore.core.console import duration
 
     megabytes = facts["bytes"] / 1e6
@@ -246,11 +268,7 @@ def _as_text(facts: dict[str, Any], whole: bool) -> str:
         f"{facts['path']}: {facts['states']} states, {megabytes:.3g} MB, identity {facts['identity']}",
         f"  statuses: {', '.join(statuses) or 'none'}",
     ]
-    for name, told in facts["inputs"].items():
-        low, high = told["range"]
-        found = told["found"]
-        said = "nothing yet" if found is None else f"found [{found[0]:g}, {found[1]:g}]"
-        lines.append(f"  {name} in [{low:g}, {high:g}], {said}")
+    lines += [_input_range(name, told, units) for name, told in facts["inputs"].items()]
     if facts["states"]:
         lines.append(f"  responses: {', '.join(facts['responses'])}")
         if "with_conductivity" in facts:

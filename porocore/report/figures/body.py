@@ -21,6 +21,8 @@ from porocore.states import Array
 COLOURS = "viridis"
 #: From which height and azimuth in degrees the body is seen; y is up, and the corner of least x and z in front.
 VIEW = (22, -145)
+#: A pressure below this share of the largest in the run is zero, and one that varies by less is uniform.
+ROUND_OFF = 1e-9
 #: Surfaces of more facets are drawn without the edges of their elements.
 MOST_WITH_EDGES = 2000
 #: The drawn axes, which are z, x and y of the body.
@@ -42,20 +44,37 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
     """
     units = units or ResultUnits()
     places = (solution.points + profile.u)[:, [2, 0, 1]] * units.factor("displacement")
-    pressure = profile.p * units.factor("pressure")
+    pressure, uniform = _pressure(solution, profile)
+    pressure = pressure * units.factor("pressure")
     low, high = float(pressure.min()), float(pressure.max())
-    if high - low < 1e-12:
-        low, high = low - 0.5e-12, high + 0.5e-12
+    if uniform:
+        around = abs(low) if low else 1.0
+        low, high = low - 0.5 * around, low + 0.5 * around
     colours = ScalarMappable(Normalize(low, high), COLOURS)
     figure = new_figure(5.4, 4.4)
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
     _frame(axes, places, units)
     _surface(axes, solution, places, pressure, colours)
     figure.colorbar(
-        colours, ax=axes, shrink=0.7, pad=0.13, label=axis_label("pore pressure $p$", "pressure", units)
+        colours,
+        ax=axes,
+        shrink=0.7,
+        pad=0.13,
+        label=axis_label("pore pressure $p$", "pressure", units),
+        ticks=[float(pressure[0])] if uniform else None,
     )
     axes.set_title(f"$t$ = {units.text(profile.time, 'time', 6)}")
     return figure
+
+
+def _pressure(solution: MacroSolution, profile: Profile) -> tuple[Array, bool]:
+    """Return p without round-off, and whether it is the same everywhere; what is zero up to round-off is zero."""
+    largest = max(float(np.abs(each.p).max()) for each in (*solution.profiles, profile))
+    slack = ROUND_OFF * max(largest, float(solution.history.pressure_max.max()), np.finfo(float).eps)
+    if np.ptp(profile.p) > slack:
+        return profile.p, False
+    mean = float(profile.p.mean())
+    return np.full_like(profile.p, 0.0 if abs(mean) <= slack else mean), True
 
 
 def _surface(

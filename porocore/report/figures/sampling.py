@@ -27,8 +27,11 @@ from porocore.report.figures.style import (
     new_figure,
     styled,
 )
+from porocore.report.format import number
 from porocore.states import Array, IntArray, Status
 
+#: Inputs that no axis shows in a line.
+IN_A_LINE = 2
 #: Marker, colour, filled, size and label of each status; shape and fill tell them apart without colour.
 MARKERS: dict[Status, tuple[str, str, bool, float, str]] = {
     Status.converged: ("o", BLUE, True, 3.6, "converged"),
@@ -51,6 +54,7 @@ def samples_figure(
     pair: tuple[str, str] | None = None,
     visited: Sequence[Array] = (),
     crease: tuple[float, float] | None = None,
+    column: bool = True,
 ) -> Figure:
     """Draw the sampled states in the plane of two inputs, by status.
 
@@ -68,9 +72,13 @@ def samples_figure(
         Names of the inputs on the two axes; None: H22 and p if both were sampled, else the first two. A study
         of one input has an axis of that input only.
     visited : sequence of (k, d)
-        Paths of states that the macro runs went through, drawn as lines.
+        States in the body at one time each: of a column a line along its axis, of any other body markers.
     crease : (2,)
         (a, b) of the line H_22 = a + b p beyond which ridges fold; drawn if the axes are H22 and p.
+    column
+        Whether the body is a column.
+
+    Inputs on no axis are named under it with the range of their values in the sampled states.
     """
     columns = _columns(inputs, pair)
     figure = new_figure(6.4, 4.6 if len(columns) == 2 else 2.2)
@@ -83,16 +91,49 @@ def samples_figure(
     _states(axes, plane, status)
     if crease is not None and names == ("H22", "p"):
         _crease(axes, crease, inputs)
-    for k, path in enumerate(visited):
-        label = "states in the column" if k == 0 else "_nolegend_"
-        axes.plot(*_project(path, columns, factors).T, color=GREEN, lw=1.6, label=label)
-    axes.set_xlabel(axis_label(names[0]))
+    _visited(axes, [_project(path, columns, factors) for path in visited], column)
+    axes.set_xlabel("\n".join([axis_label(names[0]), *_elsewhere(inputs, x, columns)]))
     if len(names) == 2:
         axes.set_ylabel(axis_label(names[1]))
     else:
         axes.yaxis.set_visible(False)
     legend_above(figure, axes, columns=3)
     return figure
+
+
+def _visited(axes: Axes, paths: Sequence[Array], column: bool) -> None:
+    """Draw the states in the body; a line carries markers, without which a path of one place is invisible."""
+    for k, path in enumerate(paths):
+        axes.plot(
+            *path.T,
+            color=GREEN,
+            lw=1.6 if column else 0,
+            marker="*",
+            ms=7,
+            mew=0,
+            # The ends and a few between tell a line from a place.
+            markevery=max(1, len(path) // 4) if column else None,
+            label=f"states in the {'column' if column else 'body'}" if k == 0 else "_nolegend_",
+            rasterized=not column,
+            zorder=3,
+        )
+
+
+def _elsewhere(inputs: InputSpace, x: Array, columns: Sequence[int]) -> list[str]:
+    """Return lines on the inputs that no axis shows."""
+    others = [i for i in range(len(inputs)) if i not in columns]
+    if not others or not len(x):
+        return []
+    told = []
+    for i in others:
+        name = inputs.names[i]
+        factor, by = (spoken().factor("pressure"), spoken()) if name == "p" else (1.0, None)
+        low, high = (number(float(end(x[:, i])) * factor, 2) for end in (np.min, np.max))
+        sign = "$p$" if name == "p" else rf"$\partial u_{name[1]} / \partial X_{name[2]}$"
+        unit = f" {by.name('pressure')}" if by is not None and by.given else ""
+        told.append(f"{sign} from {low} to {high}{unit}")
+    lines = [", ".join(told[k : k + IN_A_LINE]) for k in range(0, len(told), IN_A_LINE)]
+    return ["on no axis, but projected:", *lines]
 
 
 def axis_label(name: str) -> str:

@@ -120,7 +120,8 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
         description=f"{f'model {model}, ' if model else ''}{closure} closure",
         training_states=int(results.dataset.responses().stable.sum()),
         outputs=output_checks(results.dataset, results.held_out, surrogate),
-        curve=None if table is None else TrainingCurve(*table.T),
+        # A fit that is done at once has no curve.
+        curve=None if table is None or len(table) < 2 else TrainingCurve(*table.T),
         closure_error=_closure_error(config, results.reference, results.dataset),
         closure=closure,
         exact_closure="stress" in CLOSURES[closure].responses,

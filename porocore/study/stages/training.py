@@ -5,6 +5,7 @@ An interrupted training continues from its checkpoint.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,9 @@ def train(
         def show(progress: TrainingProgress) -> None:
             curve.add(progress)
             losses = f"loss {progress.loss:.2e}, validation {progress.validation_loss:.2e}"
+            if progress.epochs == 1:
+                task.done_at_once("" if math.isnan(progress.loss) else f"loss {progress.loss:.2e}")
+                return
             work = (progress.epoch, progress.left)
             task.update(progress.epoch, progress.epochs, detail=losses, work=work)
 
