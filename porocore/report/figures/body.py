@@ -70,7 +70,7 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
 def _pressure(solution: MacroSolution, profile: Profile) -> tuple[Array, bool]:
     """Return p without round-off, and whether it is the same everywhere; what is zero up to round-off is zero."""
     largest = max(float(np.abs(each.p).max()) for each in (*solution.profiles, profile))
-    slack = ROUND_OFF * max(largest, float(solution.history.pressure_max.max()), np.finfo(float).eps)
+    slack = ROUND_OFF * max(largest, float(solution.history.pressure_max.max()), float(np.finfo(float).eps))
     if np.ptp(profile.p) > slack:
         return profile.p, False
     mean = float(profile.p.mean())
