@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,12 @@ EMBEDDED = Pictures()
 PROFILES = ("p", "settlement", "H22", "mean_grad_22", "mean_grad_11", "K22", "K11")
 
 
-def write_report(path: Path, context: ReportContext, figures_folder: Path | None = None) -> None:
+def write_report(
+    path: Path,
+    context: ReportContext,
+    figures_folder: Path | None = None,
+    tell: Callable[[str], None] = lambda name: None,
+) -> None:
     """Write the page to ``path``, atomically: figures are embedded, nothing is fetched, nothing is executed.
 
     Parameters
@@ -52,13 +57,15 @@ def write_report(path: Path, context: ReportContext, figures_folder: Path | None
         What it shows.
     figures_folder
         Where each figure is kept as PNG and SVG; None: nowhere.
+    tell
+        Called with the name of each figure before it is drawn.
 
     Raises
     ------
     RunFolderError
         The file cannot be written.
     """
-    html = render(context, Pictures(figures_folder))
+    html = render(context, Pictures(figures_folder, tell))
     with atomic_path(path) as part:
         part.write_text(html, encoding="utf-8")
 

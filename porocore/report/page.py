@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import re
 import unicodedata
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,26 +35,31 @@ class Pictures:
     ----------
     folder
         Where the files are written; None: nowhere.
+    tell
+        Called with the name of each figure before it is drawn.
     """
 
     folder: Path | None = None
+    tell: Callable[[str], None] = lambda name: None
 
     def svg(self, name: str, figure: Figure, text: str) -> Picture:
         """Return a figure of lines and markers; its files are called ``name``."""
-        self._keep(name, figure)
-        return svg_picture(figure, text)
+        return svg_picture(self._drawn(name, figure, {"svg": svg_bytes, "png": png_bytes}), text)
 
     def png(self, name: str, figure: Figure, text: str) -> Picture:
         """Return a figure with very many parts; its files are called ``name``."""
-        self._keep(name, figure)
-        return png_picture(figure, text)
+        return png_picture(self._drawn(name, figure, {"png": png_bytes, "svg": svg_bytes}), text)
 
-    def _keep(self, name: str, figure: Figure) -> None:
-        if self.folder is None:
-            return
-        for ending, write in (("png", png_bytes), ("svg", svg_bytes)):
-            with atomic_path(self.folder / f"{file_stem(name)}.{ending}") as part:
-                part.write_bytes(write(figure))
+    def _drawn(self, name: str, figure: Figure, forms: dict[str, Callable[[Figure], bytes]]) -> bytes:
+        """Return the figure in the first of the forms; keep it in all of them."""
+        self.tell(name)
+        first, *others = forms
+        drawn = forms[first](figure)
+        if self.folder is not None:
+            for ending in (first, *others):
+                with atomic_path(self.folder / f"{file_stem(name)}.{ending}") as part:
+                    part.write_bytes(drawn if ending == first else forms[ending](figure))
+        return drawn
 
 
 def file_stem(name: str) -> str:
@@ -95,11 +101,11 @@ def retitled(page: str, heading: tuple[str, str], configuration: tuple[str, str]
     return page
 
 
-def svg_picture(figure: Figure, text: str) -> Picture:
-    """Return a figure of lines and markers as SVG."""
-    return Picture(f"data:image/svg+xml;base64,{base64.b64encode(svg_bytes(figure)).decode('ascii')}", text)
+def svg_picture(drawn: bytes, text: str) -> Picture:
+    """Return an SVG document to embed."""
+    return Picture(f"data:image/svg+xml;base64,{base64.b64encode(drawn).decode('ascii')}", text)
 
 
-def png_picture(figure: Figure, text: str) -> Picture:
-    """Return a figure as an image, which is smaller where it has very many parts."""
-    return Picture(f"data:image/png;base64,{base64.b64encode(png_bytes(figure)).decode('ascii')}", text)
+def png_picture(drawn: bytes, text: str) -> Picture:
+    """Return a PNG image to embed, which is smaller than SVG where there are very many parts."""
+    return Picture(f"data:image/png;base64,{base64.b64encode(drawn).decode('ascii')}", text)

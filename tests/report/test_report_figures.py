@@ -26,6 +26,7 @@ from porocore.report.figures import (
 from porocore.report.figures.cell import surface_triangles
 from porocore.report.figures.profiles import ColumnAxis
 from porocore.report.figures.series import early_peak
+from porocore.report.figures.style import new_figure
 from porocore.report.metrics import OutputCheck
 from porocore.states import Status
 
@@ -312,3 +313,32 @@ def test_only_an_early_peak_stretches_the_axis():
     )  # a tenth of the time is wide enough
     again = peak + np.sin(time) * (time > 20)
     assert early_peak(time, [again]) is None  # most comes later
+
+
+def test_ticks_are_plain_and_a_factor_beside_the_axis_is_a_formula():
+    """A formula at every tick made most of the time of a report."""
+    figure = new_figure(3, 2)
+    axes = figure.add_subplot()
+    axes.plot([-2e-6, 1e-6], [-1, 2])
+    drawn = png_bytes(figure)
+    labels = [text.get_text() for axis in (axes.xaxis, axes.yaxis) for text in axis.get_ticklabels()]
+    assert "\N{MINUS SIGN}1" in labels
+    assert not any("$" in label for label in labels)
+    assert "10^{" in axes.xaxis.get_offset_text().get_text()
+    assert png_bytes(figure) == drawn
+
+
+def test_a_figure_is_laid_out_once_and_looks_the_same_in_each_form(pair, monkeypatch):
+    figure = profile_figure(*pair, "p")
+    laid_out = []
+    execute = type(figure.get_layout_engine()).execute
+    monkeypatch.setattr(
+        type(figure.get_layout_engine()),
+        "execute",
+        lambda self, figure: laid_out.append(figure) or execute(self, figure),
+    )
+    svg_bytes(figure)
+    place = figure.axes[0].get_position().bounds
+    png_bytes(figure)
+    assert laid_out == [figure]
+    assert figure.axes[0].get_position().bounds == place

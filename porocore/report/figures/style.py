@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
 
 from porocore.core.units.results import ResultUnits
 
@@ -99,18 +100,37 @@ def lighter(colour: str, share: float = 0.62) -> tuple[float, float, float]:
     return red, green, blue
 
 
+class PlainTicks(ScalarFormatter):
+    """Numbers at ticks as plain text, which looks the same as by the parser of formulas and is far faster.
+
+    A factor such as 10⁻³ beside the axis remains a formula.
+    """
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Return the number at a tick."""
+        return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
+
+
 @styled
 def svg_bytes(figure: Figure) -> bytes:
     """Return the figure as an SVG document; text is drawn as paths, so that it looks the same everywhere."""
-    buffer = io.BytesIO()
     # The resolution is that of parts which are drawn as an image.
-    figure.savefig(buffer, format="svg", dpi=160, metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
+    return _saved(figure, "svg", 160, {"Date": None, "Creator": None})
 
 
 @styled
 def png_bytes(figure: Figure, dpi: int = 160) -> bytes:
     """Return the figure as a PNG image."""
+    return _saved(figure, "png", dpi, {"Software": None})
+
+
+def _saved(figure: Figure, form: str, dpi: int, metadata: Any) -> bytes:
+    """Return the figure as a file; its first one lays it out, for all others."""
+    for axes in figure.axes:
+        for axis in axes._axis_map.values():  # type: ignore[attr-defined]
+            if type(axis.get_major_formatter()) is ScalarFormatter:
+                axis.set_major_formatter(PlainTicks())
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    figure.savefig(buffer, format=form, dpi=dpi, metadata=metadata)
+    figure.set_layout_engine(None)
     return buffer.getvalue()

@@ -37,15 +37,29 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
     samples = Dataset.open(folder.dataset, identity=config.stages.sampling)
     finished(folder, folder.test_dataset, config.stages.test, held_out_states(config, samples))
     config = _shown(folder, config)
-    with speaking(config.result_units), timed(folder.timings, "report"):
+    with (
+        speaking(config.result_units),
+        timed(folder.timings, "report"),
+        console.task("report", "parts") as task,
+    ):
+        parts = 3
+        task.update(0, parts, detail="reading the results")
         results = RunResults.load(folder, config)
         for solution in results.all_solutions:
             law, load = solution.law, solution.load
+            task.update(0, parts, detail=f"files for ParaView, {law}")
             write_vtu_series(folder.fields, folder.solution(law, load).stem, solution, config.result_units)
             write_series(folder.history(law, load), solution, config.result_units)
+        task.update(1, parts, detail="figures of merit")
         context = report_context(results)
         metrics = figures_of_merit(results, context)
-        write_report(folder.report, context, folder.figures)
+        write_report(
+            folder.report,
+            context,
+            folder.figures,
+            lambda name: task.update(2, parts, detail=f"figure {name}"),
+        )
+        task.update(parts, parts)
         warnings = tuple(all_warnings(context))
     for warning in warnings:
         console.warn(warning)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from porocore.report.figures.style import svg_bytes
 from porocore.report.page import Picture, environment, svg_picture
 from porocore.study.run_folder.provenance import versions
 from porocore.verification.crosscheck.check import CrossCheck
@@ -121,7 +122,7 @@ def _pictures(result: CrossCheck) -> list[Picture]:
     laws = dict.fromkeys(run.law for run in result.bodies if run.solution is not None)
     return [
         svg_picture(
-            difference_figure([run for run in result.bodies if run.law == law]),
+            svg_bytes(difference_figure([run for run in result.bodies if run.law == law])),
             f"Law {law}: histories and their differences",
         )
         for law in laws
