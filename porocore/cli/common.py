@@ -7,7 +7,7 @@ import os
 import shlex
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -28,6 +28,13 @@ INTERRUPTED = 130
 
 class Interrupted(Exception):
     """Ctrl-C, with the command to continue as text."""
+
+
+def in_units_of(settings: RunConfig) -> AbstractContextManager[None]:
+    """Return a context whose messages have the units of a configuration."""
+    from porocore.core.units.results import speaking
+
+    return speaking(settings.result_units)
 
 
 @contextmanager

@@ -79,7 +79,7 @@ def test_every_example_obeys_the_schema(path, validator):
         ("macro.time.end", 0),
         ("closure", 3),
         ("closure", "mean-gradients"),
-        ("scales", {"length": "1 mm"}),
+        ("scales", {"modulus": "1 kPa", "pore": "1 um"}),
     ],
 )
 def test_the_schema_refuses_what_is_faulty(key, value, validator):

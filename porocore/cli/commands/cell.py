@@ -12,12 +12,11 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from porocore.cli.common import chosen_store, command_group, interruptible, located, read_config
+from porocore.cli.common import chosen_store, command_group, in_units_of, interruptible, located, read_config
 from porocore.cli.options import ConfigArgument, FemOption, JsonOption, NoStoreOption, StoreOption
 from porocore.cli.states import STATE_HELP, AtOption, GradUOption, PressureOption, read_state
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_ready
-from porocore.core.units.results import speaking
 
 #: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
 ZERO = 1e-12
@@ -61,7 +60,7 @@ def state(
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
     units = settings.result_units
-    with interruptible(), located(path), speaking(units):
+    with interruptible(), located(path), in_units_of(settings):
         found = read_state(at, grad_u, p, settings.cell.modulus, {}, settings.scales)
         from porocore.core.inputs.input_space import NAMES
         from porocore.report.dimensional import figures_with_units

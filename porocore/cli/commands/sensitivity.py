@@ -11,6 +11,7 @@ from porocore.cli.common import (
     check_workers,
     chosen_store,
     command,
+    in_units_of,
     interruptible,
     parse_pressure,
     read_config,
@@ -26,7 +27,6 @@ from porocore.cli.options import (
 from porocore.cli.tables import MINUS, page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import echo
-from porocore.core.units.results import speaking
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def sensitivity(
         "sensitivity", config, fem=fem, loads=loads, tolerance=tolerance, workers=workers, out=out, resume=True,
         store=store, no_store=no_store,
     )  # fmt: skip
-    with interruptible(again), speaking(settings.result_units):
+    with interruptible(again), in_units_of(settings):
         from porocore.verification.sensitivity.study import study_sensitivity
 
         check_workers(workers)

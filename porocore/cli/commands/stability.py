@@ -11,6 +11,7 @@ import typer
 from porocore.cli.common import (
     chosen_store,
     command,
+    in_units_of,
     interruptible,
     parse_inputs,
     parse_pressure,
@@ -20,7 +21,6 @@ from porocore.cli.options import ConfigArgument, FemOption, NoStoreOption, Resum
 from porocore.cli.tables import decimals, page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import echo
-from porocore.core.units.results import speaking, spoken
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def stability(
         "stability", config, fem=fem, along=along, across=across, steps=steps, tolerance=tolerance,
         eigenvalues=eigenvalues, out=out, resume=True, store=store, no_store=no_store,
     )  # fmt: skip
-    with interruptible(again), speaking(settings.result_units):
+    with interruptible(again), in_units_of(settings):
         from porocore.core.inputs.input_space import value_text
         from porocore.verification.stability import map_stability
 
@@ -145,6 +145,7 @@ def print_states(plan: MapPlan, line: StabilityLine) -> None:
     from porocore.cell.stability.inertia import FAMILIES, WAVES
     from porocore.cell.stability.map import eigenvalue_titled, input_factor, input_titled
     from porocore.core.inputs.input_space import NAMES
+    from porocore.core.units.results import spoken
     from porocore.states import Status
 
     asked = any(math.isfinite(x) for x in line.eigenvalues.ravel())
