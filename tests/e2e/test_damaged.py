@@ -61,11 +61,12 @@ def test_a_foreign_hdf5_file(a_copy, name):
     refuse(run, READERS[name], name)
 
 
-def test_states_and_surrogate_of_another_cell(a_copy, other_cell):
+def test_states_and_surrogate_of_another_cell(a_copy, finished, other_cell):
     run = a_copy("samples.h5")
     shutil.copy(other_cell / "samples.h5", run)
     refused = refuse(run, "sample", "samples.h5")
     assert "holds solved states of another cell or other settings" in refused
+    shutil.copy(finished / "samples.h5", run)
     shutil.copy(other_cell / "surrogate.h5", run)
     for step in ("train", "solve", "report"):
         refused = refuse(run, step, "surrogate.h5")
