@@ -30,7 +30,7 @@ PACED = 8
 
 @dataclass(frozen=True)
 class Guess:
-    """What is known about times before anything is measured.
+    """Knowledge of times before anything is measured.
 
     Attributes
     ----------
