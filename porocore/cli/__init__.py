@@ -17,24 +17,26 @@ def main() -> None:
     try:
         command()
     except SystemExit as end:
-        _leave_if_interrupted(end.code)
+        _leave(end.code)
         raise
 
 
-def _leave_if_interrupted(status: object) -> None:
-    """End an interrupted command at once, unless MPI must be told.
+def _leave(status: object) -> None:
+    """End a command that is done or interrupted at once, unless MPI must be told.
 
-    All files are closed and all workers ended by now; the libraries would take seconds to unload.
+    All files are closed and all workers ended by now; the libraries would take seconds to unload, many on a busy
+    machine.
     """
-    from porocore.cli.common import INTERRUPTED
+    from porocore.cli.common import INTERRUPTED, TERMINATED
     from porocore.core.parallel import launched
 
-    if status != INTERRUPTED or launched()[1] > 1:
+    status = status or 0
+    if status not in (0, INTERRUPTED, TERMINATED) or launched()[1] > 1:
         return
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):  # nobody reads it any more
             stream.flush()
-    os._exit(INTERRUPTED)
+    os._exit(int(str(status)))
 
 
 __all__ = ["main"]

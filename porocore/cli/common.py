@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import shlex
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -22,12 +23,16 @@ if TYPE_CHECKING:
     from porocore.core.units.scales import Scales
     from porocore.study.config.config import RunConfig
 
-#: Exit status after Ctrl-C.
-INTERRUPTED = 130
+#: Exit status after Ctrl-C, and after SIGTERM.
+INTERRUPTED, TERMINATED = 130, 143
 
 
 class Interrupted(Exception):
-    """Ctrl-C, with the command to continue as text."""
+    """Ctrl-C or SIGTERM, with the command to continue as text and the exit status."""
+
+    def __init__(self, message: str, status: int = INTERRUPTED) -> None:
+        super().__init__(message)
+        self.status = status
 
 
 def in_units_of(settings: RunConfig) -> AbstractContextManager[None]:
@@ -39,10 +44,14 @@ def in_units_of(settings: RunConfig) -> AbstractContextManager[None]:
 
 @contextmanager
 def interruptible(advice: str = "") -> Iterator[None]:
-    """Acknowledge Ctrl-C and turn it into :class:`Interrupted`; typer would end silently, as at the end of a stream."""
+    """Acknowledge Ctrl-C or SIGTERM and turn it into :class:`Interrupted`; typer would end silently, as at an EOF."""
     from porocore.sampling.execution.interrupts import listening
 
     message = f"interrupted; continue with: {advice}" if advice else "interrupted"
+    came: set[int] = set()
+
+    def status() -> int:
+        return TERMINATED if signal.SIGTERM in came else INTERRUPTED
 
     def say(text: str) -> None:
         if launched()[0] == 0:
@@ -51,15 +60,15 @@ def interruptible(advice: str = "") -> Iterator[None]:
     def end() -> None:
         # The bar of a terminal hides the cursor.
         say(f"\x1b[?25h\n{message}" if sys.stderr.isatty() else message)
-        os._exit(INTERRUPTED)
+        os._exit(status())
 
     try:
-        with listening(say, end):
+        with listening(say, end, came):
             yield
     except EOFError as error:
         raise UnexpectedError(f"EOFError: {error}") from error
     except KeyboardInterrupt as error:
-        raise Interrupted(message) from error
+        raise Interrupted(message, status()) from error
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """The end of a command: an error becomes one message and an exit status.
 
 Exit status: 0 done, 1 a check that failed, 2 an error that the message explains, 70 an unexpected exception
-(sysexits.h: internal software error), 130 interrupted.
+(sysexits.h: internal software error), 130 interrupted by Ctrl-C, 143 by SIGTERM.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def ending() -> Iterator[None]:
     except PorocoreError as error:
         _stop(str(error), REFUSED)
     except Interrupted as interruption:
-        _stop(str(interruption), INTERRUPTED, "")
+        _stop(str(interruption), interruption.status, "")
     except KeyboardInterrupt:
         _stop("interrupted", INTERRUPTED, "")
     except OSError as error:

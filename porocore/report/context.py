@@ -202,11 +202,12 @@ class AdaptiveSurrogateCost:
 
 @dataclass(frozen=True)
 class Stage:
-    """Wall time of one stage of the run."""
+    """Wall time of one stage of the run, with an empty store; ``saved`` of it was not spent."""
 
     name: str
     seconds: float
     note: str = ""
+    saved: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -128,6 +128,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         compared=COMPARED,
         cases=[_case_pictures(case, context.units, pictures, bool(moved)) for case in context.cases],
         total_seconds=sum(stage.seconds for stage in context.stages),
+        saved_seconds=sum(stage.saved for stage in context.stages),
     )
 
 

@@ -20,7 +20,8 @@ from porocore.states import CellResponse, Status
 
 #: Done after Ctrl-C before a campaign ends.
 FINISHED_FIRST = f"states that end within {GRACE:g} s"
-
+#: Done until the first state is solved; workers may have to start before.
+STARTING = "at work on the first ones"
 #: Decisions on a further round that took longer [s] are followed by a report of their own.
 TOLD = 0.5
 
@@ -39,6 +40,8 @@ class CampaignProgress:
     seconds: float | None
     #: Interrupted: running solves are finished and kept; a second interrupt stops at once.
     stopping: bool = False
+    #: What goes on while no state ends for some time.
+    doing: str = ""
 
 
 @dataclass(frozen=True)
@@ -129,9 +132,11 @@ class _Campaign:
         self.counts: Counter[Status] = Counter()
         self.solved = self.reused = 0
         self.forecast = StateForecast(dataset.inputs, guess or Guess(workers=pool.workers))
+        #: A state was solved, not taken from a store.
+        self.measured = False
 
     def run(self, interrupt: threading.Event) -> None:
-        self.report(stopping=False)
+        self.report()
         self.ask()
         while self.queue or self.running:
             while self.queue and self.pool.has_room and not interrupt.is_set():
@@ -139,10 +144,14 @@ class _Campaign:
             if interrupt.is_set():
                 self.report(stopping=True)
                 return
+            if not self.measured:
+                self.report(doing=STARTING)
             outcome = self.pool.wait_unless(interrupt.is_set)
             if outcome is None:
                 continue
-            self.tell(self.keep(outcome), outcome.response, outcome.seconds)
+            self.measured |= not outcome.stored
+            seconds = None if outcome.stored else outcome.seconds
+            self.tell(self.keep(outcome), outcome.response, seconds)
             self.report(stopping=interrupt.is_set())
             self.ask()
         if not self.sampler.done:
@@ -168,13 +177,15 @@ class _Campaign:
 
     def decide(self) -> list[Request]:
         ready = bool(self.counts) and not self.queue and not self.running
+        if ready and not self.sampler.done:
+            self.report(doing=self.sampler.choosing)
         began = time.perf_counter()
         requests = self.sampler.ask()
         if ready:
             seconds = time.perf_counter() - began
             self.forecast.decided(seconds)
             if seconds > TOLD:
-                self.report(stopping=False)
+                self.report()
         return requests
 
     def submit(self, request: Request) -> None:
@@ -203,14 +214,14 @@ class _Campaign:
         for outcome in self.pool.finish_running(time.monotonic() + within):
             self.keep(outcome)
 
-    def report(self, *, stopping: bool) -> None:
+    def report(self, *, stopping: bool = False, doing: str = "") -> None:
         if self.on_progress is None:
             return
         done = self.counts.total()
         expected = max(self.sampler.expected, done)
         self.forecast.look(self.sampler.outlook)
         failed = sum(n for status, n in self.counts.items() if not status.has_values)
-        self.on_progress(CampaignProgress(done, expected, failed, self.forecast.seconds(), stopping))
+        self.on_progress(CampaignProgress(done, expected, failed, self.forecast.seconds(), stopping, doing))
 
     def summary(self) -> CampaignSummary:
         counts = {status: self.counts[status] for status in Status if self.counts[status]}

@@ -73,16 +73,16 @@ def told(
     count: Callable[[float], None] = lambda seconds: None,
     workers: int = 1,
 ) -> Iterator[None]:
-    """Tell how many states the block took from the store, and give ``count`` the seconds that ``workers`` had taken."""
+    """Tell how many states the block took from the store; tell and ``count`` the seconds that this saved."""
     found, saved = (known.found, known.saved) if known else (0, 0.0)
     try:
         yield
     finally:
         if known is not None and known.found > found:
-            states, took = known.found - found, known.saved - saved
-            count(took / workers)
+            states, took = known.found - found, (known.saved - saved) / workers
+            count(took)
             several = "states" if states > 1 else "state"
-            tell(f"{title}: {states} {several} came from the store, which saved {duration(took)}")
+            tell(f"{title}: {states} {several} came from the store, which saved about {duration(took)}")
 
 
 def cell_key(backend: str, options: dict[str, Any], cell: Cell, conductivity: str) -> str:

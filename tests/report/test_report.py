@@ -505,3 +505,13 @@ def test_every_figure_of_a_solution_has_a_unit_or_is_known_to_have_none(context)
     moved = {"punch": np.linspace(0, 1, len(context.cases[0].nonlinear.history.time))[:, None] * np.ones(3)}
     force = reactions(replace(context.cases[0].nonlinear, reactions=moved))["punch"]
     assert {*names(case_metrics(context.cases[0])), *names(force)} <= plain | set(FIGURES)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_times_that_a_store_saved_are_told(context):
+    """Times are those of an empty store, and a reader who waited less is told so."""
+    assert "empty store" not in render(context)
+    stages = (Stage("sampling", 300.0, "", 240.0), Stage("training", 30.0))
+    page = " ".join(render(replace(context, stages=stages)).split())
+    assert "wall time with<br>an empty store" in page
+    assert "This run itself took 1 min 30 s." in page

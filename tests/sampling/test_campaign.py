@@ -41,6 +41,8 @@ def test_the_dataset_holds_the_closed_form_and_the_failures(undisturbed: Dataset
 def test_progress_and_summary_count_every_state(tmp_path: Path) -> None:
     seen: list[CampaignProgress] = []
     dataset, summary = sample(tmp_path / "data.h5", on_progress=seen.append)
+    assert seen[1].doing == "at work on the first ones"
+    seen = [progress for progress in seen if not progress.doing]
     assert [progress.done for progress in seen] == list(range(len(dataset) + 1))
     # Nothing is known about the time of a state before the first.
     assert seen[0].seconds is None

@@ -72,8 +72,8 @@ class Program:
         assert self.process.stdout.readline() == "ready\n"
         time.sleep(0.1)
 
-    def interrupt(self) -> None:
-        self.process.send_signal(signal.SIGINT)
+    def interrupt(self, number: int = signal.SIGINT) -> None:
+        self.process.send_signal(number)
 
     def line(self) -> str:
         assert self.process.stderr is not None
@@ -109,6 +109,28 @@ def test_what_runs_is_finished_and_said_so_before() -> None:
     program.interrupt()
     assert program.line() == "Ctrl-C: what runs first; Ctrl-C again ends at once"
     assert program.end() == END
+
+
+@pytest.mark.parametrize("ignored", [False, True])
+def test_sigterm_is_like_ctrl_c_also_where_that_is_ignored(ignored: bool) -> None:
+    """Such as of a scheduler; a shell script starts programs in the background with Ctrl-C ignored."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN) if ignored else None
+    try:
+        program = Program("ignores")
+    finally:
+        if ignored:
+            signal.signal(signal.SIGINT, before)
+    program.interrupt(signal.SIGTERM)
+    assert program.line() == "SIGTERM: what runs first; SIGTERM again ends at once"
+    assert program.end() == (143, END[1])
+
+
+def test_a_second_sigterm_ends_a_library() -> None:
+    program = Program("native")
+    program.interrupt(signal.SIGTERM)
+    assert program.line().startswith("SIGTERM: ")
+    program.interrupt(signal.SIGTERM)
+    assert program.end() == (143, END[1])
 
 
 @pytest.mark.parametrize("times", [BRIEF, pytest.param(TRUE, marks=pytest.mark.slow)])
@@ -179,8 +201,11 @@ cli.main()
 """
 
 
-@pytest.mark.parametrize(("status", "processes", "waits"), [(130, 1, False), (130, 2, True), (2, 1, True)])
-def test_an_interrupted_command_does_not_wait_for_its_libraries(
+@pytest.mark.parametrize(
+    ("status", "processes", "waits"),
+    [(0, 1, False), (130, 1, False), (143, 1, False), (130, 2, True), (2, 1, True)],
+)
+def test_a_command_that_is_done_or_interrupted_does_not_wait_for_its_libraries(
     status: int, processes: int, waits: bool
 ) -> None:
     """What it has written is there; MPI, which would wait for a process that says nothing, is told."""

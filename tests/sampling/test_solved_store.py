@@ -56,6 +56,16 @@ def test_two_workers_take_from_it_too(first, tmp_path):
     assert again.digest() == dataset.digest()
 
 
+def test_what_is_taken_tells_nothing_about_the_time_left(first, tmp_path):
+    """It is there at once: "1 s left" was said when minutes were."""
+    _, folder = first
+    seen = []
+    sweep(tmp_path / "again.h5", known=store(folder), on_progress=seen.append)
+    assert {progress.seconds for progress in seen} == {None}
+    sweep(tmp_path / "solved.h5", on_progress=seen.append)
+    assert seen[-2].seconds is not None
+
+
 def test_damaged_and_missing_states_are_solved_again_and_change_nothing(first, tmp_path):
     dataset, folder = first
     files = sorted(file.path for file in ResultStore(folder).files())

@@ -41,3 +41,13 @@ def test_a_damaged_record_is_one_message(tmp_path: Path, content: str) -> None:
     (tmp_path / "timings.json").write_text(content)
     with pytest.raises(DataError, match="not a record of the stages' times"):
         stage_times(tmp_path / "timings.json")
+
+
+def test_what_a_store_saved_counts_and_is_known(tmp_path: Path) -> None:
+    path = tmp_path / "timings.json"
+    for _ in range(2):
+        with timed(path, "sampling") as clock:
+            clock.add(30.0)
+    found = stage_times(path)["sampling"]
+    assert found.saved == 60
+    assert 60 < found.seconds < 61

@@ -119,5 +119,5 @@ def test_nothing_is_said_of_an_empty_store(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert saved == [60.0]
-    assert said[0].startswith("direct: 2 states came from the store, which saved 1")
+    assert said[0].startswith("direct: 2 states came from the store, which saved about 1")
     assert STATES == "states"

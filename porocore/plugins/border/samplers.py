@@ -46,6 +46,11 @@ class CheckedSampler:
         self.sampler.tell(key, response)
 
     @property
+    def choosing(self) -> str:
+        """What it does when it is asked after a round, in a few words."""
+        return str(self.sampler.choosing)
+
+    @property
     def done(self) -> bool:
         """True when every state has been asked for and told."""
         return bool(self.sampler.done)

@@ -127,7 +127,7 @@ def png_bytes(figure: Figure, dpi: int = 160) -> bytes:
 def _saved(figure: Figure, form: str, dpi: int, metadata: Any) -> bytes:
     """Return the figure as a file; its first one lays it out, for all others."""
     for axes in figure.axes:
-        for axis in axes._axis_map.values():  # type: ignore[attr-defined]
+        for axis in axes._axis_map.values():
             if type(axis.get_major_formatter()) is ScalarFormatter:
                 axis.set_major_formatter(PlainTicks())
     buffer = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Ctrl-C: acknowledged at once, also while the main thread is in a library, and never lost.
+"""Ctrl-C: acknowledged at once, also while the main thread is in a library, and never lost; for commands SIGTERM, too.
 
 A thread hears of it as the system does. The first one raises KeyboardInterrupt, or where a block finishes something
 first, is noted; if the block has not ended some seconds later, it is raised again. A second one raises too, and if that
@@ -26,6 +26,8 @@ SOON = 0.3
 #: Seconds after a second Ctrl-C in which the block may end.
 LAST = 1.0
 _NOTHING = "ending the present step"
+#: Signals by their numbers, as a user knows them.
+_NAMES: dict[int, str] = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
 
 
 class _Listener:
@@ -33,11 +35,22 @@ class _Listener:
 
     Attributes
     ----------
+    signals
+        What is listened to.
+    came
+        Those that came.
     finishing
         What is finished before the block ends, innermost last, and the events that note a Ctrl-C.
     """
 
-    def __init__(self, say: Callable[[str], None], end: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        signals: list[signal.Signals],
+        came: set[int],
+        say: Callable[[str], None],
+        end: Callable[[], None],
+    ) -> None:
+        self.signals, self.came = signals, came
         self._say, self._end = say, end
         self.finishing: list[tuple[str, threading.Event]] = []
         self._heard = self._taken = 0
@@ -49,18 +62,20 @@ class _Listener:
     def open(self) -> None:
         """Begin to listen; only in the main thread."""
         self._wakeup = signal.set_wakeup_fd(self._near.fileno(), warn_on_full_buffer=False)
-        self._before = signal.signal(signal.SIGINT, self._take)
+        self._before = [signal.signal(number, self._take) for number in self.signals]
         self._thread.start()
 
     def close(self) -> None:
         """Put everything back as it was."""
-        signal.signal(signal.SIGINT, self._before)
+        for number, before in zip(self.signals, self._before, strict=True):
+            signal.signal(number, before)
         signal.set_wakeup_fd(self._wakeup)
         self._near.close()  # which ends the thread
         self._thread.join(LAST)
         self._far.close()
 
     def _take(self, number: int, frame: FrameType | None) -> None:
+        self.came.add(number)
         self._taken += 1
         if self.finishing and not self._late and max(self._taken, self._heard) == 1:
             self.finishing[-1][1].set()
@@ -78,7 +93,8 @@ class _Listener:
                 return
             elif self._own:
                 self._own -= 1
-            elif signal.SIGINT in news:
+            elif heard := {number for number in self.signals if number in news}:
+                self.came |= heard
                 now = time.monotonic()
                 self._heard += 1
                 if self._heard == 1:
@@ -90,33 +106,39 @@ class _Listener:
     def _acknowledge(self) -> None:
         what = self.finishing[-1][0] if self.finishing else _NOTHING
         with suppress(OSError, ValueError):  # nobody listens
-            self._say(f"Ctrl-C: {what} first; Ctrl-C again ends at once")
+            name = _NAMES[max(self.came, default=signal.SIGINT)]
+            self._say(f"{name}: {what} first; {name} again ends at once")
 
     def _again(self) -> None:
         # Elsewhere it has been raised, and the block may be cleaning up.
         if self.finishing:
             self._late, self._own = True, 1
             if sys.platform == "win32":
-                signal.raise_signal(signal.SIGINT)
+                signal.raise_signal(self.signals[0])
             else:  # which also wakes the main thread
-                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+                signal.pthread_kill(threading.main_thread().ident or 0, self.signals[0])
 
 
 _active: list[_Listener] = []
 
 
 @contextmanager
-def listening(say: Callable[[str], None], end: Callable[[], None] = lambda: None) -> Iterator[None]:
+def listening(
+    say: Callable[[str], None], end: Callable[[], None] = lambda: None, came: set[int] | None = None
+) -> Iterator[None]:
     """Acknowledge Ctrl-C during the block with one line to ``say``; call ``end`` if a second one does not end it.
 
-    Outside the main thread, where signals do not arrive, where Ctrl-C is ignored, and within another such block nothing
-    changes.
+    With ``came``, SIGTERM is taken like Ctrl-C, and the signals that came are put into it. Outside the main thread,
+    where signals do not arrive, within another such block, and for signals that are ignored nothing changes.
     """
     main = threading.current_thread() is threading.main_thread()
-    if not main or _active or signal.getsignal(signal.SIGINT) in (signal.SIG_IGN, None):
+    signals = [] if signal.getsignal(signal.SIGINT) in (signal.SIG_IGN, None) else [signal.SIGINT]
+    if came is not None and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signals.append(signal.SIGTERM)
+    if not main or _active or not signals:
         yield
         return
-    listener = _Listener(say, end)
+    listener = _Listener(signals, set() if came is None else came, say, end)
     listener.open()
     _active.append(listener)
     try:

@@ -153,4 +153,4 @@ def _finished(key: str, arrays: dict[str, Array], seconds: float) -> FinishedSol
     field = None
     if of_field:
         field = CellField(of_field["grad_u"], float(of_field["p"]), str(of_field["domain"]), of_field["u"])
-    return FinishedSolve(key, build_response(status, arrays), field, seconds)
+    return FinishedSolve(key, build_response(status, arrays), field, seconds, stored=True)

@@ -36,12 +36,13 @@ MOST_CELLS = 4
 
 @dataclass(frozen=True, eq=False)
 class FinishedSolve:
-    """Finished solve: one row, its field if requested, and the wall time [s]."""
+    """Finished solve: one row, its field if requested, the wall time [s], and whether it came from the store."""
 
     key: str
     response: CellResponse
     field: CellField | None
     seconds: float
+    stored: bool = False
 
     def record(self, inputs: InputSpace, x: tuple[float, ...], start: str | None = None) -> SolvedState:
         """Return the solve at ``inputs`` with the values ``x`` for a dataset, begun at the field of ``start``."""

@@ -97,7 +97,7 @@ def _campaign(
     with console.task(title, "states") as task:
 
         def show(progress: CampaignProgress) -> None:
-            detail = "stopping" if progress.stopping else ""
+            detail = "stopping" if progress.stopping else progress.doing
             task.update(
                 progress.done,
                 progress.expected,

@@ -12,10 +12,14 @@ from porocore.core.files.totals import Numbers, added_up, read_totals
 
 
 class StageTime(NamedTuple):
-    """Seconds of a stage, over all runs that worked on it: one, and one more for each time that it was resumed."""
+    """Seconds of a stage, over all runs that worked on it: one, and one more for each time that it was resumed.
+
+    They are those of an empty store: ``saved`` of them were not spent, because a store held results.
+    """
 
     seconds: float
     runs: int
+    saved: float = 0.0
 
 
 class StageClock:
@@ -28,6 +32,11 @@ class StageClock:
     def seconds(self) -> float:
         """Seconds so far, stored results included."""
         return time.perf_counter() - self._began + self._saved
+
+    @property
+    def saved(self) -> float:
+        """Seconds that stored results had taken."""
+        return self._saved
 
     def add(self, seconds: float) -> None:
         """Count the seconds that a result from the store had taken."""
@@ -48,7 +57,7 @@ def timed(path: Path, stage: str, clock: StageClock | None = None) -> Iterator[S
         The disk is full or read-only.
     """
     record, clock = _record(path), clock or StageClock()
-    with added_up(path, record, stage, lambda: {"seconds": clock.seconds, "runs": 1}):
+    with added_up(path, record, stage, lambda: {"seconds": clock.seconds, "runs": 1, "saved": clock.saved}):
         yield clock
 
 
@@ -60,7 +69,10 @@ def stage_times(path: Path) -> dict[str, StageTime]:
     DataError
         The record is damaged.
     """
-    return {stage: StageTime(entry["seconds"], int(entry["runs"])) for stage, entry in _record(path).items()}
+    return {
+        stage: StageTime(entry["seconds"], int(entry["runs"]), entry["saved"])
+        for stage, entry in _record(path).items()
+    }
 
 
 def _record(path: Path) -> dict[str, Numbers]:
@@ -70,4 +82,8 @@ def _record(path: Path) -> dict[str, Numbers]:
 def _numbers(entry: Any) -> Numbers:
     # Folders of porocore 0.1 have the seconds alone.
     entry = entry if isinstance(entry, dict) else {"seconds": entry, "runs": 1}
-    return {"seconds": float(entry["seconds"]), "runs": int(entry["runs"])}
+    return {
+        "seconds": float(entry["seconds"]),
+        "runs": int(entry["runs"]),
+        "saved": float(entry.get("saved", 0.0)),
+    }

@@ -66,8 +66,8 @@ def report_context(results: RunResults) -> ReportContext:
         surrogate=main,
         cases=cases,
         stages=tuple(
-            Stage(name, seconds, f"in {runs} runs" if runs > 1 else "")
-            for name, (seconds, runs) in results.timings.items()
+            Stage(name, each.seconds, f"in {each.runs} runs" if each.runs > 1 else "", each.saved)
+            for name, each in results.timings.items()
         ),
         provenance={**versions(), **reference.mesh, "run identity": config.identity},
         config_text=config.resolved_yaml(),
