@@ -119,3 +119,11 @@ def test_without_pyvista_the_files_are_written_and_the_message_tells_what_to_ins
     assert "pip install 'porocore[pictures]'" in err
     assert (tmp_path / "out" / "study_solid.vtu").exists()
     assert not (tmp_path / "out" / "study.png").exists()
+
+
+def test_tetrahedra_are_counted_in_the_whole_cell_and_in_an_eighth():
+    cell = Cell(mesh=COARSE)
+    whole, eighth = (len(cell.make_mesh("solid", part).cells) for part in ("whole", "eighth"))
+    assert whole == 8 * eighth
+    told = f"solid: {whole:,} tetrahedra in the whole cell ({eighth:,} in an eighth), "
+    assert [line for line in quality_lines(measure_mesh_quality(cell)) if line.startswith(told)]
