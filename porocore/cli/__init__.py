@@ -7,18 +7,29 @@ import sys
 from contextlib import suppress
 
 
+def program() -> None:
+    """Run the command line as a program of its own, which an interrupted one leaves at once."""
+    try:
+        main()
+    except SystemExit as end:
+        _leave(end.code)
+        raise
+
+
 def main() -> None:
-    """Entry point of the ``porocore`` command; its libraries are imported here, so that Ctrl-C finds it ready."""
+    """Run the command line; its libraries are imported here, so that Ctrl-C finds it ready.
+
+    Raises
+    ------
+    SystemExit
+        Always, with the status of the command.
+    """
     try:
         from porocore.cli.entry import main as command
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(130)
-    try:
-        command()
-    except SystemExit as end:
-        _leave(end.code)
-        raise
+    command()
 
 
 def _leave(status: object) -> None:
@@ -39,4 +50,4 @@ def _leave(status: object) -> None:
     os._exit(int(str(status)))
 
 
-__all__ = ["main"]
+__all__ = ["main", "program"]
