@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import suppress
 
 
 def program() -> None:
@@ -44,9 +43,11 @@ def _leave(status: object) -> None:
     status = status or 0
     if status not in (0, INTERRUPTED, TERMINATED) or launched()[1] > 1:
         return
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError, AttributeError):  # nobody reads it any more
-            stream.flush()
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except (OSError, ValueError, AttributeError):
+        return  # which Python reports as it does
     os._exit(int(str(status)))
 
 
