@@ -15,6 +15,9 @@ from porocore.cell.meshing.shape_functions import EDGES, FACETS
 from porocore.cell.meshing.tetrahedra import least_stretch, volume
 from porocore.states import Array, IntArray
 
+#: Sentence on a cell with closed pores.
+CLOSED_PORES = "closed pores: their fluid bears the same pressure p as that of the open ones"
+
 
 @dataclass(frozen=True)
 class PhaseQuality:
@@ -191,6 +194,8 @@ def quality_lines(quality: MeshQuality) -> list[str]:
         lines += [f"{name}, {_hangs(piece, len(phase.pieces) > 1)}" for piece in phase.pieces[:6]]
         if len(phase.pieces) > 6:
             lines.append(f"{name}, and {len(phase.pieces) - 6} smaller pieces")
+    if closed_pores(quality.fluid.pieces if quality.fluid else ()):
+        lines.append(CLOSED_PORES)
     alone = f"{quality.unmatched} facets without a partner"
     lines.append(f"opposite faces: {alone if quality.unmatched else 'every facet has its partner'}")
     if quality.disconnected:
@@ -199,6 +204,11 @@ def quality_lines(quality: MeshQuality) -> list[str]:
         why = "it does not run through" if quality.fluid else "there is none"
         lines.append(f"K = 0 along {', '.join(quality.blocked)}: of the fluid {why} there")
     return lines
+
+
+def closed_pores(fluid: Sequence[Piece]) -> bool:
+    """Return whether a piece of the fluid reaches no other cell."""
+    return any(piece.rank == 0 for piece in fluid)
 
 
 def _hangs(piece: Piece, several: bool) -> str:

@@ -64,7 +64,7 @@ class CellSummary:
     description
         One line on geometry and material.
     porosity, viscosity
-        φ_f and μ_f [-].
+        φ_f, that of the mesh, and μ_f [-].
     linear
         The linear limit, which carries K, M and Q of the undeformed cell.
     mesh
@@ -78,6 +78,8 @@ class CellSummary:
         Which conductivity the flux goes by, see :data:`~porocore.macro.laws.pull_back.ConductivityLaw`.
     remarks
         Sentences on the pores, such as how an image was made periodic, and the edges of the cell.
+    image_porosity
+        Porosity of the image; None where there is none.
     """
 
     description: str
@@ -89,6 +91,7 @@ class CellSummary:
     crease: tuple[float, float] | None = None
     law: ConductivityLaw = "piola"
     remarks: tuple[str, ...] = ()
+    image_porosity: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,7 @@
 """What ``porocore check`` says of the thinnest wall and the narrowest pore of an image."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 
@@ -20,24 +22,35 @@ def layers(tmp_path):
 
 
 def test_elements_across_the_thinnest_parts_are_counted(layers):
-    wall, pore = resolution(Cell(geometry=layers, mesh=MeshSettings(size=0.05, fluid_size=0.1)))
+    cell = Cell(geometry=layers, mesh=MeshSettings(size=0.05, fluid_size=0.1))
+    _, _, wall, pore = islice(resolution(cell), 4)
     assert wall == "  thinnest wall: some 3.5 voxels or 0.11 of the cell, 2.2 elements of mesh.size"
     assert pore.startswith("  narrowest pore: some 28 voxels or 0.86 of the cell")
     assert pore.endswith(" elements of mesh.fluid_size")
 
 
+def test_elements_are_told_in_voxels_and_in_the_unit_of_the_user(layers):
+    cell = Cell(geometry=layers, mesh=MeshSettings(size=0.125, fluid_size=0.0625))
+    assert next(resolution(cell)) == "  mesh.size 0.125 is 4 voxels"
+    solid, fluid = islice(resolution(cell, length=400e-6), 2)
+    assert solid == "  mesh.size 0.125 is 4 voxels, 50 µm"
+    assert fluid == "  mesh.fluid_size 0.0625 is 2 voxels, 25 µm"
+
+
 def test_too_few_elements_are_said_with_the_size_to_write(layers):
-    *_, note = resolution(Cell(geometry=layers, mesh=MeshSettings(size=0.1, fluid_size=0.1)))
+    found = resolution(Cell(geometry=layers, mesh=MeshSettings(size=0.1, fluid_size=0.1)))
+    note = next(line for line in found if "thinnest wall resolve" in line)
     assert note.startswith(
         "note: 1.1 elements across the thinnest wall resolve it poorly; cell.mesh.size: 0.055 has 2"
     )
-    fine = MeshSettings(size=0.0546, fluid_size=0.1)
+    fine = MeshSettings(size=0.0546, fluid_size=0.1, element="linear")
     assert not any("note" in line for line in resolution(Cell(geometry=layers, mesh=fine)))
 
 
 def test_of_a_mirrored_image_the_voxels_are_half_as_large(layers):
     mesh = MeshSettings(size=0.05, fluid_size=0.1)
-    wall, *_ = resolution(Cell(geometry=layers.model_copy(update={"repeat": "mirror"}), mesh=mesh))
+    cell = Cell(geometry=layers.model_copy(update={"repeat": "mirror"}), mesh=mesh)
+    _, _, wall = islice(resolution(cell), 3)
     assert wall == "  thinnest wall: some 3.5 voxels or 0.055 of the cell, 1.1 elements of mesh.size"
 
 

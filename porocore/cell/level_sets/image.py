@@ -149,6 +149,10 @@ class SmoothImage:
     def gradient(self, points: Array) -> Array:
         return np.stack(self._sums(points, (0, 1, 2))[1:], axis=1)
 
+    def at_voxels(self) -> Array:
+        """Return the values at the centres of the voxels, (n₁, n₂, n₃)."""
+        return self._everywhere((0.0, 0.0, 0.0), None) - self._level
+
     def _sums(self, points: Array, slopes: tuple[int, ...]) -> list[Array]:
         """Return the spline, and its derivatives by some of the coordinates."""
         place = (points - self.low) / self.voxel - 0.5

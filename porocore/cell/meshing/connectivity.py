@@ -34,11 +34,14 @@ class Piece:
         Number of independent directions in which it percolates, 0 for an isolated piece.
     axes
         Axes out of "xyz" along which it percolates.
+    inside
+        Centre of its largest tetrahedron.
     """
 
     volume: float
     rank: int
     axes: str
+    inside: tuple[float, ...] = ()
 
 
 @lru_cache(maxsize=8)
@@ -60,14 +63,19 @@ def pieces(mesh: CellMesh) -> tuple[Piece, ...]:
     # First the pieces within the cell; those that meet across its faces are then joined.
     number, part = connected_components(graph, directed=False)
     links = np.unique(np.column_stack([part[across], shifts]), axis=0)
-    roots, windings = _joined(number, links)
-    sizes = np.bincount(part, np.abs(volumes(mesh.points, mesh.cells)), number)
+    roots, windings = joined(number, links)
+    each, of_root = np.abs(volumes(mesh.points, mesh.cells)), np.array(roots)
+    sizes = np.bincount(part, each, number)
+    # The last one in this order is the largest of its part.
+    order = np.lexsort((each, of_root[part]))
+    largest = dict(zip(of_root[part][order].tolist(), order.tolist(), strict=True))
     found = []
     for root in sorted(set(roots)):
         ways = np.array(windings.get(root, [(0, 0, 0)]))
         axes = "".join(axis for axis, moves in zip("xyz", ways.any(axis=0), strict=True) if moves)
-        volume = float(sizes[np.array(roots) == root].sum())
-        found.append(Piece(volume, int(np.linalg.matrix_rank(ways)), axes))
+        volume = float(sizes[of_root == root].sum())
+        inside = mesh.points[mesh.cells[largest[root], :4]].mean(axis=0)
+        found.append(Piece(volume, int(np.linalg.matrix_rank(ways)), axes, tuple(inside.tolist())))
     return tuple(sorted(found, key=lambda piece: -piece.volume))
 
 
@@ -122,7 +130,7 @@ def _neighbours(mesh: CellMesh) -> tuple[IntArray, IntArray, IntArray]:
     return pairs[within], pairs[~within], shifts[~within]
 
 
-def _joined(count: int, links: IntArray) -> tuple[list[int], dict[int, list[tuple[int, ...]]]]:
+def joined(count: int, links: IntArray) -> tuple[list[int], dict[int, list[tuple[int, ...]]]]:
     """Return the root of each of ``count`` parts, and the windings of closed paths by root.
 
     A link (a, b, x, y, z) joins part b of the cell at (x, y, z) and part a of the cell at the origin.

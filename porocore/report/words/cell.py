@@ -34,6 +34,8 @@ def cell_rows(cell: CellSummary, published: Published | None) -> list[Comparison
     linear, scales = cell.linear, spoken().scales
     said = {} if published is None else _said(published, cell.viscosity)
     rows = [("porosity φ_f", measured(cell.porosity, ""))]
+    if cell.image_porosity is not None:
+        rows.append(("porosity of the image", measured(cell.image_porosity, "")))
     viscosity = spoken().text(cell.viscosity, "viscosity")
     for name, value in symmetric("K", linear.conductivity):
         rows.append((f"{name} at μ_f = {viscosity}", measured(value, "conductivity")))

@@ -140,7 +140,11 @@ def _axes(texts: list[str], values: Array) -> str:
 
 def edges(config: RunConfig) -> Iterator[str]:
     """Yield the edges of the cell where it has a length."""
-    geometry, scales = config.cell.geometry, config.scales
-    length = geometry.length if scales is None else scales.pore
+    length = cell_length(config)
     if length is not None:
-        yield f"  edges of the cell: {length_text(*(length * side for side in geometry.sides))}"
+        yield f"  edges of the cell: {length_text(*(length * side for side in config.cell.geometry.sides))}"
+
+
+def cell_length(config: RunConfig) -> float | None:
+    """Return the length of the cell [m]; None where it is not known."""
+    return config.cell.geometry.length if config.scales is None else config.scales.pore

@@ -29,7 +29,7 @@ from porocore.report.text import whole_words
 from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.at_rest import edges
+from porocore.study.preflight.at_rest import cell_length, edges
 from porocore.study.preflight.left_out import left_out
 from porocore.study.preflight.resolution import resolution
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
@@ -161,7 +161,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield config.title or "a study without a title"
     quality = measure_mesh_quality(config.cell)
     yield from (f"cell: {line}" if i == 0 else f"  {line}" for i, line in enumerate(quality_lines(quality)))
-    yield from resolution(config.cell)
+    yield from resolution(config.cell, cell_length(config))
     config.cell.require_pores()
     config.cell.require_stiffness()
     _require_that_the_fluid_follows(config)

@@ -7,8 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.cell.level_sets.agreement import disagreements, voxel_edges
 from porocore.cell.level_sets.thickness import least_thickness
 from porocore.cell.level_sets.voxels import Voxels
+from porocore.core.units.results import length_text
 
 #: Elements across a wall or a pore below which bending or flow through it is not resolved.
 FEWEST = 2.0
@@ -16,17 +18,21 @@ FEWEST = 2.0
 SEEN = 2.0
 
 
-def resolution(cell: Cell) -> Iterator[str]:
-    """Yield how many elements resolve the thinnest parts of an image, and notes where they are too few.
+def resolution(cell: Cell, length: float | None = None) -> Iterator[str]:
+    """Yield the size of the elements in voxels, how many lie across the thinnest parts of an image, and notes.
 
-    Nothing is known of cells that are no images.
+    The notes are on parts with too few elements, and on what the meshes have otherwise than the image. Nothing is known
+    of cells that are no images. ``length`` is that of the cell in metres, if it is known.
     """
     geometry = cell.geometry
     if not isinstance(geometry, Voxels):
         return
     solid = geometry.solid
     whole = geometry.unfolding == "whole"
-    voxel = np.array(geometry.sides) * (1.0 if whole else 0.5) / solid.shape
+    voxel = voxel_edges(geometry)
+    for key, size in (("size", cell.mesh.size), ("fluid_size", cell.mesh.fluid_size)):
+        text = "" if length is None else f", {length_text(size * length)}"
+        yield f"  mesh.{key} {size:g} is {size / voxel.min():.2g} voxels{text}"
     notes = []
     for name, phase, key, size in (
         ("thinnest wall", solid, "size", cell.mesh.size),
@@ -46,3 +52,4 @@ def resolution(cell: Cell) -> Iterator[str]:
                 f"{thickness / FEWEST:.2g} has {FEWEST:g} there"
             )
     yield from notes
+    yield from (f"note: {note}" for note in disagreements(cell))

@@ -8,6 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from porocore.cell.level_sets.agreement import disagreements
+from porocore.cell.level_sets.voxels import Voxels
+from porocore.cell.mesh_quality import CLOSED_PORES, closed_pores
+from porocore.cell.meshing.connectivity import pieces
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.closure_error import ClosureError, closure_error
@@ -72,7 +76,11 @@ def report_context(results: RunResults) -> ReportContext:
         provenance={**versions(), **reference.mesh, "run identity": config.identity},
         config_text=config.resolved_yaml(),
         published=published_values(config),
-        warnings=(*undrained(config.macro, reference.conductivity), *_overshoots(results)),
+        warnings=(
+            *undrained(config.macro, reference.conductivity),
+            *disagreements(config.cell),
+            *_overshoots(results),
+        ),
         other_surrogates=tuple(summaries.values()),
         direct=direct_costs(results),
         scenarios=config.scenarios,
@@ -231,7 +239,9 @@ def _outputs() -> Iterator[tuple[str, Any, str, str]]:
 
 def _cell_summary(results: RunResults) -> CellSummary:
     cell = results.config.cell
+    single = cell.model_copy(update={"supercell": (1, 1, 1)})
     solid = cell.make_mesh("solid", "whole")
+    closed = closed_pores(pieces(single.make_mesh("fluid", "whole")))
     return CellSummary(
         description=f"{cell.geometry.description}; {cell.solid.description}",
         porosity=results.reference.porosity,
@@ -241,5 +251,10 @@ def _cell_summary(results: RunResults) -> CellSummary:
         surface=(solid.points, solid.cells),
         crease=crease_line(cell),
         law=results.config.conductivity,
-        remarks=(*cell.geometry.notes, *(line.strip() for line in edges(results.config))),
+        remarks=(
+            *cell.geometry.notes,
+            *(line.strip() for line in edges(results.config)),
+            *([CLOSED_PORES] if closed else []),
+        ),
+        image_porosity=cell.geometry.porosity if isinstance(cell.geometry, Voxels) else None,
     )

@@ -1,0 +1,149 @@
+"""What the meshes of an image have otherwise than the image itself."""
+
+import re
+
+import numpy as np
+import pytest
+
+from porocore.cell.cell import Cell
+from porocore.cell.geometry.kinds import OrthogonalChannels, Voxels
+from porocore.cell.level_sets.agreement import disagreements
+from porocore.cell.level_sets.runs import necks, runs
+from porocore.cell.mesh_quality import CLOSED_PORES, measure_mesh_quality, quality_lines
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.cell.meshing.tetrahedra import volume
+
+
+def image(folder, pores, **settings):
+    np.save(folder / "image.npy", pores.astype(np.uint8))
+    return Voxels(kind="voxels", path=str(folder / "image.npy"), pore=1, **settings)
+
+
+def cell_of(geometry, size):
+    return Cell(geometry=geometry, mesh=MeshSettings(size=size, fluid_size=size, element="linear"))
+
+
+def necked(width):
+    """Chambers of 12 voxels along x with necks of a width between them, and wide channels along y and z."""
+    pores = np.zeros((24, 24, 24), bool)
+    low = 12 - width // 2
+    pores[:, low : low + width, low : low + width] = True
+    for axis in range(3):
+        np.moveaxis(pores, axis, 0)[slice(6, 18) if axis == 0 else slice(None), 6:18, 6:18] = True
+    return pores
+
+
+def test_a_mirrored_piece_runs_through_where_it_reaches_both_sides():
+    pores = np.zeros((6, 6, 6), bool)
+    pores[:, 1, 1] = True
+    pores[0:4, 4, 4] = True  # joins its own mirror image only
+    labels, axes = runs(pores, periodic=False)
+    assert [axes[labels[5, 1, 1]], axes[labels[0, 4, 4]], axes[0]] == ["x", "", ""]
+
+
+def test_a_periodic_piece_may_run_through_by_several_parts():
+    pores = np.zeros((6, 6, 6), bool)
+    pores[:3, 2, 2] = pores[2, 2:, 2] = True  # leaves at high y …
+    pores[2:, 0, 2] = True  # … and comes back at low y, on to the next cell along x and y
+    pores[2, 0, 2] = pores[5, 0:3, 2] = True
+    pores[5, 5, 5] = pores[0, 5, 5] = True  # crosses a side, but ends there
+    labels, axes = runs(pores, periodic=True)
+    assert labels[0, 2, 2] != labels[5, 0, 2]
+    assert {axes[labels[0, 2, 2]], axes[labels[5, 0, 2]]} == {"xy"}
+    assert axes[labels[5, 5, 5]] == axes[labels[0, 5, 5]] == ""
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("width", [3, 4, 6])
+def test_the_width_of_a_neck_is_known_to_a_voxel(width, periodic):
+    voxel = np.full(3, 0.1)
+    found = necks(necked(width), voxel, 0.8, periodic=periodic)
+    assert set(found) == {"x"}
+    assert found["x"] == pytest.approx(0.1 * width, abs=0.101)
+    assert necks(necked(width), voxel, 0.1 * (width - 1), periodic=periodic) == {}
+
+
+def test_a_neck_that_the_mesh_closes_is_named_with_its_axis(tmp_path):
+    # The lattice of the mesh has its nodes 4 voxels apart, none of them in the neck.
+    geometry = image(tmp_path, np.roll(necked(4), 2, axis=(1, 2)), repeat="periodic")
+    assert "x" not in "".join(p.axes for p in measure_mesh_quality(cell_of(geometry, 0.33)).fluid.pieces)
+    notes = list(disagreements(cell_of(geometry, 0.33)))
+    (closed,) = [note for note in notes if "do not" in note]
+    assert closed.startswith(
+        "the image's pores run through along x, those of the mesh do not: give cell.mesh.fluid_size"
+    )
+    size = float(re.search(r"fluid_size: ([\d.]+)", closed)[1])
+    assert "x" in measure_mesh_quality(cell_of(geometry, size)).fluid.pieces[0].axes
+
+
+def test_an_open_neck_of_less_than_two_elements_is_named(tmp_path):
+    geometry = image(tmp_path, necked(6), repeat="periodic")
+    (note,) = [note for note in disagreements(cell_of(geometry, 0.15)) if "necks" in note]
+    assert note.startswith("the image's pores run through along x by necks as narrow as 0.2")
+    assert "the permeability there depends on the mesh: give cell.mesh.fluid_size: 0.1" in note
+    assert [note for note in disagreements(cell_of(geometry, 0.1)) if "necks" in note] == []
+
+
+def test_what_smoothing_closes_asks_for_less_smoothing(tmp_path):
+    geometry = image(tmp_path, necked(3), repeat="periodic", smoothing=3)
+    (closed,) = [note for note in disagreements(cell_of(geometry, 0.06)) if "do not" in note]
+    assert "smoothing closes necks; give cell.geometry.smoothing: 0.5 and cell.mesh.fluid_size" in closed
+    better = geometry.model_copy(update={"smoothing": 0.5})
+    assert not any("do not" in note for note in disagreements(cell_of(better, 0.06)))
+
+
+def test_pieces_that_only_the_mesh_closes_are_counted(tmp_path):
+    """A chamber at the end of a neck: closed in the coarse mesh, open in the image."""
+    pores = np.zeros((24, 24, 24), bool)
+    for axis in range(3):
+        np.moveaxis(pores, axis, 0)[:, :7, :7] = True
+    pores[14:22, 14:22, 14:22] = pores[7:14, 17:19, 17:19] = pores[7:9, 5:19, 17:19] = True
+    notes = list(disagreements(cell_of(image(tmp_path, pores), 0.1)))
+    (shut,) = [note for note in notes if "open in the image" in note]
+    assert shut.startswith("of the mesh of the fluid 8 pieces of the volumes 0.0")
+    pores[7:9] = pores[9:14, 17:19, 17:19] = False  # closed in the image too
+    notes = list(disagreements(cell_of(image(tmp_path, pores), 0.1)))
+    assert not any("open in the image" in note for note in notes)
+
+
+def test_a_solid_that_the_mesh_cuts_is_named(tmp_path):
+    geometry = image(tmp_path, ~np.roll(necked(4), 2, axis=(1, 2)), repeat="periodic")
+    notes = list(disagreements(cell_of(geometry, 0.33)))
+    assert any(
+        note.startswith(
+            "the image's solid runs through along x, that of the mesh does not: give cell.mesh.size"
+        )
+        for note in notes
+    )
+
+
+def test_a_porosity_that_differs_comes_with_the_size_that_mends_it(tmp_path):
+    x, y, z = np.meshgrid(*[(np.arange(24) + 0.5) / 24 * 2 * np.pi] * 3, indexing="ij")
+    pores = np.sin(2 * x) * np.cos(y) + np.sin(y) * np.cos(2 * z) + np.sin(z) * np.cos(x) < -0.5
+    geometry = image(tmp_path, pores, repeat="periodic")
+    note = next(disagreements(cell_of(geometry, 0.2)))
+    of_image, of_mesh, size, limit = map(
+        float,
+        re.search(
+            r"image is ([\d.]+), .* solid ([\d.]+); .*size: ([\d.]+) .* within ([\d.]+)", note
+        ).groups(),
+    )
+    assert of_image == pytest.approx(geometry.porosity, abs=1e-4)
+    assert abs(of_image - of_mesh) > limit == pytest.approx(0.03 * geometry.porosity, rel=0.05)
+    mesh = cell_of(geometry, size).make_mesh("solid", "whole")
+    assert abs(1 - volume(mesh.points, mesh.cells) - geometry.porosity) < 1.5 * limit
+    assert not any("porosity" in note for note in disagreements(cell_of(geometry, size * 0.8)))
+
+
+def test_cells_without_an_image_have_no_disagreement():
+    assert list(disagreements(Cell(geometry=OrthogonalChannels()))) == []
+
+
+def test_the_pressure_of_closed_pores_is_said_once(tmp_path):
+    pores = np.zeros((16, 16, 16), bool)
+    pores[5:12, 5:12, 5:12] = True
+    closed = measure_mesh_quality(cell_of(image(tmp_path, pores, repeat="periodic"), 0.2))
+    assert quality_lines(closed).count(CLOSED_PORES) == 1
+    pores[:, 5:12, 5:12] = True
+    open_one = measure_mesh_quality(cell_of(image(tmp_path, pores, repeat="periodic"), 0.2))
+    assert CLOSED_PORES not in quality_lines(open_one)
