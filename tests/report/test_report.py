@@ -39,7 +39,7 @@ from porocore.report.loading_mode import LoadingMode, reactions
 from porocore.report.metrics import LoadCase, OutputCheck, case_metrics
 from porocore.report.page import file_stem
 from porocore.report.text import all_warnings
-from porocore.report.words.cell import conductivity_sentence
+from porocore.report.words.cell import cell_rows, conductivity_sentence
 from porocore.states import CellResponse, CellTangent, Status
 from porocore.study.publication import DEHGHANI_ZILIAN
 
@@ -270,6 +270,13 @@ def test_says_how_an_image_became_a_cell(context, unpictured):
     words = Page(render(replace(context, cell=cell))).words
     assert "A layer of 8 voxels is <blended>." in words
     assert "Edges of the cell: 1 x 1 x 2 µm." in words
+
+
+def test_shows_the_porosity_of_the_image_beside_that_of_the_mesh(context):
+    assert "porosity of the image" not in [row.name for row in cell_rows(context.cell, None)]
+    mesh, image, *_ = cell_rows(replace(context.cell, image_porosity=0.2731), None)
+    assert (mesh.name, mesh.found) == ("porosity φ_f", number(context.cell.porosity))
+    assert (image.name, image.found) == ("porosity of the image", "0.2731")
 
 
 def test_says_where_no_held_out_state_lies_in_the_sampled_range(context, unpictured):
