@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 
@@ -43,6 +44,10 @@ def _leave(status: object) -> None:
     status = status or 0
     if status not in (0, INTERRUPTED, TERMINATED) or launched()[1] > 1:
         return
+    if status == 0:
+        if "mpi4py" in sys.modules:  # mpirun -n 1 misses its word
+            return
+        atexit._run_exitfuncs()  # such as remove temporary files
     try:
         sys.stdout.flush()
         sys.stderr.flush()

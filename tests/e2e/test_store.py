@@ -52,6 +52,7 @@ def test_a_study_with_another_body_solves_no_cell_and_trains_nothing(first, tmp_
     count = len(Dataset.open(run / "samples.h5"))
     assert f"sampling: {count} states came from the store, which saved " in said
     assert "held-out states: 2 states came from the store" in said
+    assert f"store: {count + 2} of {count + 2} states were taken, 0 were solved" in said
     assert "training: surrogate.h5 came from the store" in said
     assert digests(other) == digests(run)
     assert contents(other / "surrogate.h5") == contents(run / "surrogate.h5")

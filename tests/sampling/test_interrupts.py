@@ -195,22 +195,34 @@ def command():
     print("what was written")
     sys.exit(int(sys.argv[1]))
 
+class Library:
+    def __del__(self):
+        print("unloaded")
+
+library = Library()
 atexit.register(print, "goodbye")
 entry.main = command
-cli.main()
+cli.program()
 """
 
 
 @pytest.mark.parametrize(
-    ("status", "processes", "waits"),
-    [(0, 1, False), (130, 1, False), (143, 1, False), (130, 2, True), (2, 1, True)],
+    ("status", "processes", "more"),
+    [
+        (0, 1, ["goodbye"]),
+        (130, 1, []),
+        (143, 1, []),
+        (0, 2, ["goodbye", "unloaded"]),
+        (130, 2, ["goodbye", "unloaded"]),
+        (2, 1, ["goodbye", "unloaded"]),
+    ],
 )
 def test_a_command_that_is_done_or_interrupted_does_not_wait_for_its_libraries(
-    status: int, processes: int, waits: bool
+    status: int, processes: int, more: list[str]
 ) -> None:
     """What it has written is there; MPI, which would wait for a process that says nothing, is told."""
     environment = os.environ | {"OMPI_COMM_WORLD_RANK": "0", "OMPI_COMM_WORLD_SIZE": str(processes)}
     command = [sys.executable, "-c", GOODBYE, str(status)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=2 * LONG)
     assert done.returncode == status
-    assert done.stdout.split("\n") == ["what was written", *(["goodbye"] if waits else []), ""]
+    assert done.stdout.split("\n") == ["what was written", *more, ""]

@@ -42,24 +42,27 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
         timed(folder.timings, "report"),
         console.task("report", "parts") as task,
     ):
-        parts = 3
-        task.update(0, parts, detail="reading the results")
+
+        def show(done: int, detail: str = "") -> None:
+            task.update(done, 3, detail=detail, seconds=0.0)  # parts tell nothing about each other's times
+
+        show(0, "reading the results")
         results = RunResults.load(folder, config)
         for solution in results.all_solutions:
             law, load = solution.law, solution.load
-            task.update(0, parts, detail=f"files for ParaView, {law}")
+            show(0, f"files for ParaView, {law}")
             write_vtu_series(folder.fields, folder.solution(law, load).stem, solution, config.result_units)
             write_series(folder.history(law, load), solution, config.result_units)
-        task.update(1, parts, detail="figures of merit")
+        show(1, "figures of merit")
         context = report_context(results)
         metrics = figures_of_merit(results, context)
         write_report(
             folder.report,
             context,
             folder.figures,
-            lambda name: task.update(2, parts, detail=f"figure {name}"),
+            lambda name: show(2, f"figure {name}"),
         )
-        task.update(parts, parts)
+        show(3)
         warnings = tuple(all_warnings(context))
     for warning in warnings:
         console.warn(warning)

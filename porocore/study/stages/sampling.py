@@ -70,6 +70,7 @@ def sample(
         ) as pool,
     ):
         states = sampler
+        ended = 0
         solved: Array | None = None
         for title, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
@@ -86,7 +87,10 @@ def sample(
                 told(known, title, console.note, clock.add, pool.workers),
             ):
                 summary = _campaign(title, states, pool, dataset, console, guess)
+            ended += summary.solved
             _tell(title, summary, folder, console)
+    if known and known.found:
+        console.note(f"store: {known.found} of {ended} states were taken, {ended - known.found} were solved")
     if known and known.store.fault:
         console.warn(f"{known.store.fault}; the solved states are in the run folder alone")
 
