@@ -521,4 +521,4 @@ def test_times_that_a_store_saved_are_told(context):
     stages = (Stage("sampling", 300.0, "", 240.0), Stage("training", 30.0))
     page = " ".join(render(replace(context, stages=stages)).split())
     assert "wall time with<br>an empty store" in page
-    assert "This run itself took 1 min 30 s." in page
+    assert "This run itself took 90 s." in page

@@ -185,7 +185,9 @@ def test_figures_and_metrics_have_the_units(solution):
 
 
 def test_the_table_of_the_report_has_the_units_of_the_study(case):
-    rows = dimensional_rows(case_metrics(case), case.nonlinear, 1.0, {"this study": UNITS}, LoadingMode())
+    rows = dimensional_rows(
+        case_metrics(case), case.nonlinear, np.eye(3), {"this study": UNITS}, LoadingMode()
+    )
     by_name = {row.name: row for row in rows}
     final = case.nonlinear.history.settlement[-1]
     text = by_name["final settlement"].values[0]
