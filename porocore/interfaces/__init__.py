@@ -2,7 +2,15 @@
 
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.sampler import Exploration, Explore, Request, Sampler, StudyFacts, StudySampler
+from porocore.interfaces.sampler import (
+    Exploration,
+    Explore,
+    Outlook,
+    Request,
+    Sampler,
+    StudyFacts,
+    StudySampler,
+)
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 
 __all__ = [
@@ -12,6 +20,7 @@ __all__ = [
     "Exploration",
     "Explore",
     "MacroSolver",
+    "Outlook",
     "Request",
     "Sampler",
     "StudyFacts",

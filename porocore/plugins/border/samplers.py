@@ -47,7 +47,7 @@ class CheckedSampler:
 
     @property
     def choosing(self) -> str:
-        """What it does when it is asked after a round, in a few words."""
+        """Work of a sampler that is asked after a round, in a few words."""
         return str(self.sampler.choosing)
 
     @property
