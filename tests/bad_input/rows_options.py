@@ -54,7 +54,7 @@ REFUSED = [
     ("cell fields", "--at", "H22=-1.5,H11=-1.5,H33=-1.5", "det F = -0.125"),
     ("cell fields", "--at", "H11=1e300", "expected components of H of at most"),
     ("cell fields", "--at", "p=1e308", "expected a pressure p of at most"),
-    ("cell fields", "--at", "p=nan", "--at: expected"),
+    ("cell fields", "--at", "p=nan", "--at p: expected"),
     ("cell fields", "--at", "p", "--at: expected"),
     ("cell fields", "--at", "=1", "--at: expected"),
     ("cell fields", "--at", "p=1,p=2", "--at: expected"),

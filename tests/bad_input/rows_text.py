@@ -142,7 +142,7 @@ VALUES = {
     "1 " + "kPa*" * LONG: "",
     "1 kPa" + " " * LONG + "x": "",
     "1 m": "which is a",
-    "1 degC": "is not known",
+    "1 degC": "which is a temperature",
     "1 __class__": "is not known",
     "1 kPa/0": "is not known",
     "1 kPa**-": "is not known",
