@@ -54,7 +54,7 @@ class StoredFile:
 
 
 @dataclass(frozen=True, eq=False)
-class Stored:
+class StoredResult:
     """A stored result: its bytes, and facts about them as plain data."""
 
     payload: bytes
@@ -81,7 +81,7 @@ class ResultStore:
         self.fault = ""
         self._bytes: int | None = None
 
-    def find(self, kind: str, key: str) -> Stored | None:
+    def find(self, kind: str, key: str) -> StoredResult | None:
         """Return a result, or None if the store does not hold it."""
         path = self._path(kind, key)
         try:
@@ -187,11 +187,11 @@ def _packed(payload: bytes, facts: Mapping[str, Any]) -> bytes:
     return _MARK + hashlib.sha256(body).hexdigest().encode() + b"\n" + body
 
 
-def _unpacked(data: bytes) -> Stored | None:
+def _unpacked(data: bytes) -> StoredResult | None:
     """Return the result in the bytes of a file; None if they were damaged."""
     start = len(_MARK) + 65
     body = data[start:]
     if data[:start] != _MARK + hashlib.sha256(body).hexdigest().encode() + b"\n":
         return None
     head, _, payload = body.partition(b"\n")
-    return Stored(payload, json.loads(head))
+    return StoredResult(payload, json.loads(head))
