@@ -1,0 +1,1 @@
+"""Linear systems of large bodies: what the iterations of all backends share."""

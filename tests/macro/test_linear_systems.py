@@ -1,0 +1,135 @@
+"""What the iterations for large bodies share: the coarse level, the Schur complement, the memory of a factor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from porocore.interfaces.law import MacroTangent
+from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.linear_systems import memory
+from porocore.macro.linear_systems.coarse import linear_level, linear_prolongation, rigid_modes
+from porocore.macro.linear_systems.schur import pressure_mass
+from porocore.macro.problem import MacroProblem, body_mesh
+from porocore.testing.synthetic.response import confined_column
+
+SLOPE = np.array([[0.1, -0.2, 0.3], [0.4, 0.5, -0.6], [0.7, 0.8, 0.9]])
+WEDGE = MacroProblem.model_validate(
+    {
+        "body": {"kind": "wedge", "radius": 1, "height": 0.7, "elements": (2, 2, 1), "angle": 60},
+        "boundary": {
+            "oblique": {"normal": 0},
+            "z-": {"normal": 0},
+            "y-": {"displacement": (None, 0, None)},
+            "y+": {"plate": -0.03},
+        },
+    }
+)
+
+
+def test_linear_displacements_are_prolonged_exactly():
+    mesh = body_mesh(confined_column((2, 3, 2)))
+    level = linear_prolongation(mesh)
+    coarse = (mesh.points[mesh.p_nodes] @ SLOPE.T + 1).ravel()
+    np.testing.assert_allclose(level @ coarse, (mesh.points @ SLOPE.T + 1).ravel(), atol=1e-13)
+
+
+def test_rigid_modes_have_no_strain():
+    points = np.random.default_rng(0).uniform(size=(9, 3))
+    modes = rigid_modes(points).reshape(9, 3, 6)
+    for k in range(6):
+        slope = np.linalg.lstsq(np.column_stack([points, np.ones(9)]), modes[:, :, k], rcond=None)[0]
+        np.testing.assert_allclose(slope[:3] + slope[:3].T, 0, atol=1e-13)
+    assert np.linalg.matrix_rank(modes.reshape(-1, 6)) == 6
+
+
+def test_the_coarse_level_obeys_supports_frames_and_plates():
+    mesh = body_mesh(WEDGE)
+    boundary = boundary_data(mesh, WEDGE)
+    level = linear_level(mesh, boundary)
+    plate = boundary.plates[0]
+    coarse = np.random.default_rng(1).normal(size=level.prolongation.shape[1]) * level.active
+    fine = level.prolongation @ coarse
+    assert len(plate) > 3
+    assert np.ptp(fine[plate]) < 1e-14
+    assert np.abs(fine[plate[0]]) > 0
+    prescribed = boundary.prescribed[boundary.prescribed < mesh.n_u]
+    np.testing.assert_array_equal(fine[prescribed], 0)
+    # Every active unknown acts, and no other.
+    acts = np.asarray(abs(level.prolongation).sum(axis=0)).ravel() > 0
+    np.testing.assert_array_equal(acts, level.active)
+    # In Cartesian components the field is linear along every edge that no support touches.
+    cartesian = (boundary.rotation[: mesh.n_u, : mesh.n_u].T @ fine).reshape(-1, 3)
+    touched = np.isin(np.arange(len(mesh.points)), np.concatenate([prescribed, plate]) // 3)
+    free_cells = mesh.cells[~touched[mesh.cells].any(axis=1)]
+    ends = mesh.element.corner_values(mesh.element.nodes)
+    for cell in free_cells:
+        np.testing.assert_allclose(
+            cartesian[cell], ends @ cartesian[cell[: mesh.element.corners]], atol=1e-13
+        )
+
+
+def test_the_pressure_mass_of_an_isotropic_solid_is_that_of_its_bulk_modulus():
+    i, bulk, shear, biot = np.eye(3), 0.7, 0.3, 0.6
+    volume = np.einsum("ij,kl->ijkl", i, i)
+    mixed = np.einsum("ik,jl->ijkl", i, i) + np.einsum("il,jk->ijkl", i, i)
+    stiffness = (bulk - 2 * shear / 3) * volume + shear * mixed
+    n = 3
+    tangent = MacroTangent(
+        stress_grad_u=np.broadcast_to(stiffness, (n, 3, 3, 3, 3)),
+        stress_p=np.broadcast_to(-biot * i, (n, 3, 3)),
+        storage_grad_u=np.broadcast_to(biot * i, (n, 3, 3)),
+        storage_p=np.ones(n),
+        flux_grad_u=np.zeros((n, 3, 3, 3)),
+        flux_p=np.zeros((n, 3)),
+        flux_grad_p=np.zeros((n, 3, 3)),
+    )
+    np.testing.assert_allclose(pressure_mass(tangent), biot**2 / bulk, rtol=1e-8)
+
+
+def test_memory_is_that_of_the_machine_or_of_a_tighter_group(tmp_path, monkeypatch):
+    machine, group = tmp_path / "meminfo", tmp_path / "group"
+    group.mkdir()
+    monkeypatch.setattr(memory, "_MACHINE", machine)
+    monkeypatch.setattr(memory, "_GROUPS", ((group, "memory.max", "memory.current"),))
+    assert memory.available_bytes() is None
+    assert memory.fits(1e30, None)
+    machine.write_text("MemTotal: 9000 kB\nMemAvailable:    4096 kB\n")
+    assert memory.available_bytes() == 4096 * 1024
+    (group / "memory.max").write_text("max\n")
+    (group / "memory.current").write_text("1000\n")
+    assert memory.available_bytes() == 4096 * 1024
+    (group / "memory.max").write_text("100000\n")
+    (group / "memory.stat").write_text("anon 5\ninactive_file 300\n")
+    assert memory.available_bytes() == 100000 - 1000 + 300
+    assert memory.fits(70_000, 99_300.0)
+    assert not memory.fits(90_000, 99_300.0)
+
+
+def test_the_memory_of_a_factor_follows_its_power_law():
+    assert memory.factor_bytes(200, at=100, gib=1.5, exponent=2) == pytest.approx(6 * 2**30)
+    assert memory.spoken_bytes(6 * 2**30) == "6.0 GiB"
+
+
+def test_two_levels_reduce_the_energy_of_a_smooth_load():
+    """The coarse correction of a confined block alone finds most of the work of a smooth load."""
+    problem = confined_column((3, 3, 3), size=(1, 1, 1))
+    mesh = body_mesh(problem)
+    level = linear_level(mesh, boundary_data(mesh, problem)).prolongation
+    gradients = np.einsum(
+        "qak,eqkj->eqaj", mesh.element.gradients(mesh.element.points), np.linalg.inv(mesh.jacobians)
+    )
+    local = np.einsum("eq,eqaj,eqbj->eab", mesh.weights, gradients, gradients)
+    n = len(mesh.points)
+    scalar = np.zeros((n, n))
+    for cell, block in zip(mesh.cells, local, strict=True):
+        scalar[np.ix_(cell, cell)] += block
+    free = np.flatnonzero(np.asarray(abs(level).sum(axis=1)).ravel())
+    A = np.kron(scalar, np.eye(3))[np.ix_(free, free)]
+    P = level[free]
+    P = P[:, np.asarray(abs(P).sum(axis=0)).ravel() > 0]
+    load = np.tile([0.0, 1.0, 0.0], n)[free]
+    whole = load @ np.linalg.solve(A, load)
+    coarse = P.T @ load
+    found = coarse @ np.linalg.solve(P.T @ A @ P.toarray(), coarse)
+    assert 0.9 * whole < found < whole
