@@ -13,10 +13,9 @@ from porocore.macro.problem import MacroProblem
 #: pressure moves with √s, and the error of a step goes with h² s^(−3/2). Under a ramp it goes with h² s^(−1/2).
 RESTING, RAMPED = 0.75, 0.25
 #: Later pressures decay like exp(−s/τ), and steps grow like exp(s/2τ). Before that is seen, the time up to the next
-#: kink is taken to be so many τ, and it is seen after this share of it.
+#: kink is taken to be so many τ, and it is seen after this share of it. Where the end is far, τ is at most the geometric
+#: mean of the time so far and the time of the end.
 DECAY_TIMES, SEEN = 3.0, 0.1
-#: τ, where the end is far, is at most so many times the geometric mean of the time so far and the time of the end.
-UNSEEN = 1.5
 #: A growth beyond this is that of a decay, whenever it is seen.
 DECAYING = 1.0
 #: Fewest steps, and the ratio of their times, that tell a growth of their own.
@@ -153,7 +152,7 @@ class StepForecast:
         if any(value(begin) != value(end) for value in (self._problem.ramp, *(f.at for f in functions))):
             return Growth(RAMPED if slope is None else min(slope, 1.0), 0.0)
         since = self._first.since[0] if present is None else present.since[-1]
-        time = min((end - begin) / DECAY_TIMES, UNSEEN * math.sqrt(since * (end - begin)))
+        time = min((end - begin) / DECAY_TIMES, math.sqrt(since * (end - begin)))
         rate = 1 / (2 * time)
         if present is None or slope is None:
             return Growth(RESTING, rate)
