@@ -15,7 +15,26 @@ from porocore.errors import DataError
 from porocore.states import Array
 
 #: Fields of a solution that map names to values against time, with the shape of one value.
-SERIES: dict[str, tuple[int, ...]] = {"probes": (4,), "reactions": (3,), "compression": (), "inflow": ()}
+SERIES: dict[str, tuple[int, ...]] = {
+    "probes": (4,),
+    "reactions": (3,),
+    "compression": (),
+    "inflow": (),
+    "work": (),
+}
+
+
+@dataclass(frozen=True)
+class StepWork:
+    """Work of the linear solver in one accepted step, and in the attempts that failed before it."""
+
+    systems: float = 0.0  #: linear systems solved
+    iterations: float = 0.0  #: iterations over all of them; a factor needs none
+    most_iterations: float = 0.0  #: iterations of the system that took most
+    set_ups: float = 0.0  #: factors and preconditioners made
+    set_up_seconds: float = 0.0  #: time that these took
+    solve_seconds: float = 0.0  #: time that the systems took
+    seconds: float = 0.0  #: time of the whole step
 
 
 @dataclass(frozen=True)
@@ -26,6 +45,10 @@ class StepReport:
     end: float
     iterations: int
     settlement: float
+    #: Of the linear solver, where it is known.
+    work: StepWork | None = None
+    #: Lines for the log.
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +151,10 @@ class MacroSolution:
         Force against the outward normal of each of them that is plane, positive in compression; of a study.
     inflow : name → (steps,)
         Rate of fluid that enters through each surface with a prescribed pressure, the mean over the step.
+    work : name → (steps,)
+        Fields of :class:`StepWork` against the history's time, where they are known; zero at rest.
+    linear_solver
+        Solver of the linear systems and the reason for it, in one line, where they are known.
     copies
         Parts like the mesh in the whole specimen that forces and volumes are those of.
     """
@@ -143,6 +170,8 @@ class MacroSolution:
     reactions: Mapping[str, Array] = field(default_factory=dict)
     compression: Mapping[str, Array] = field(default_factory=dict)
     inflow: Mapping[str, Array] = field(default_factory=dict)
+    work: Mapping[str, Array] = field(default_factory=dict)
+    linear_solver: str = ""
     copies: float = 1.0
 
     @property
@@ -154,7 +183,9 @@ class MacroSolution:
         """Write one HDF5 file, atomically."""
         with atomic_hdf5(path) as file:
             file.attrs.update(format="porocore-solution", version=2, law=self.law, load=self.load)
-            file.attrs.update(backend=self.backend, copies=float(self.copies))
+            file.attrs.update(
+                backend=self.backend, copies=float(self.copies), linear_solver=self.linear_solver
+            )
             file["points"], file["cells"] = self.points, self.cells
             for f in fields(History):
                 file[f"history/{file_name(f.name)}"] = getattr(self.history, f.name)
@@ -196,13 +227,19 @@ class MacroSolution:
                 cells,
                 History(**history),
                 tuple(read_profile(file, name) for name in numbered(file, "profiles")),
-                file.attribute("backend", str) if "backend" in file.attributes else "",
+                _text(file, "backend"),
                 **{
                     kind: {name: file.array(f"{kind}/{name}", "steps", *width) for name in file.members(kind)}
                     for kind, width in SERIES.items()
                 },
+                linear_solver=_text(file, "linear_solver"),
                 copies=file.attribute("copies", float),
             )
+
+
+def _text(file: Contents, name: str) -> str:
+    """Return a text that older files lack."""
+    return str(file.attribute(name, str)) if name in file.attributes else ""
 
 
 def read_profile(file: Contents, group: str) -> Profile:

@@ -20,6 +20,8 @@ from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary import followers
 from porocore.macro.boundary.conditions import BoundaryData, Loads
+from porocore.macro.linear_systems.reuse import TIGHTEST
+from porocore.macro.linear_systems.work import LinearWork
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array, IntArray, MacroState
 
@@ -85,6 +87,8 @@ class Discretisation(ABC, Generic[System]):
         Volume of each quadrature point.
     rotation
         Sparse (local unknowns, local unknowns), from Cartesian ones; None where all are Cartesian.
+    linear
+        Record of the linear solver, which the backend fills.
     """
 
     def __init__(
@@ -121,6 +125,7 @@ class Discretisation(ABC, Generic[System]):
             self._external = self._external @ self.rotation.T
         self.weights = mesh.weights[elements].ravel()
         self.stretch = mesh.stretch
+        self.linear = LinearWork()
 
     @property
     def n_points(self) -> int:
@@ -170,11 +175,20 @@ class Discretisation(ABC, Generic[System]):
         """Return |A| |x| in the rows of the free unknowns; those of a plate may stand in the first of its rows."""
 
     @abstractmethod
-    def solve(self, system: System, right: Array, jump: Array, *, again: bool = False) -> Array:
+    def solve(
+        self,
+        system: System,
+        right: Array,
+        jump: Array,
+        *,
+        again: bool = False,
+        accuracy: float = TIGHTEST,
+    ) -> Array:
         """Solve A d = ``right`` in the equations with d = ``jump`` in the prescribed unknowns.
 
         The unknowns of a plate change alike. ``again`` says that the system is close to the one before, so that the
-        factor of that one may serve as a preconditioner.
+        factor of that one may serve as a preconditioner. An iteration may leave a residual of ``accuracy`` times the
+        right-hand side.
 
         Raises
         ------

@@ -10,6 +10,7 @@ import numpy as np
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
+from porocore.macro.linear_systems.reuse import forcing
 from porocore.macro.problem import NewtonSettings
 from porocore.states import Array
 
@@ -81,7 +82,9 @@ def newton_step(
         if system is None or (misfit <= allowed and not moving):
             return Step(x, response, residual, iteration, misfits)
         if iteration < settings.iterations:
-            x -= d.solve(system, residual.values, -jump, again=iteration > 0)
+            before = misfits[-2] if iteration else None
+            accuracy = forcing(misfit, before, settings.tolerance)
+            x -= d.solve(system, residual.values, -jump, again=iteration > 0, accuracy=accuracy)
             x[d.prescribed] = loads.values
     raise StepFailed(
         f"the relative residual of Newton's method was still {misfits[-1]:.2g} after {settings.iterations} iterations "

@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 
 from porocore.interfaces.law import MacroResponse
-from porocore.interfaces.solution import History, MacroSolution, Profile
+from porocore.interfaces.solution import History, MacroSolution, Profile, StepWork
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.integration.newton import Step
@@ -15,6 +15,7 @@ from porocore.states import Array
 
 HISTORY = tuple(f.name for f in fields(History))
 PROFILE = tuple(f.name for f in fields(Profile))
+WORK = tuple(f.name for f in fields(StepWork))
 
 
 class HistoryRecorder:
@@ -23,7 +24,7 @@ class HistoryRecorder:
     Attributes
     ----------
     columns
-        The fields of :class:`porocore.History`, then those of probes, reactions and inflows, by name.
+        The fields of :class:`porocore.History`, then those of probes, reactions, inflows and linear solver, by name.
     rows
         Values in this order.
     profiles
@@ -39,6 +40,7 @@ class HistoryRecorder:
             *((f"probes/{name}", 4) for name in d.problem.probes),
             *((f"reactions/{name}", 3) for name in d.boundary.supports),
             *((f"inflow/{name}", 1) for name in d.boundary.drains),
+            *((f"work/{name}", 1) for name in WORK),
         )
         self.columns = (*HISTORY, *(f"{name}/{i}" for name, width in self._groups for i in range(width)))
 
@@ -52,12 +54,12 @@ class HistoryRecorder:
         start = dict.fromkeys(HISTORY, 0.0)
         start |= {"outside_training_range": _outside(d, response), "stress_spread": _spread(d, response)}
         start |= self._extremes(whole)
-        sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains))
+        sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains) + len(WORK))
         self.rows.append((*(start[name] for name in HISTORY), *(self._probe @ whole), *sums))
         self.add_profile(x, response, 0.0)
 
-    def add_step(self, step: Step, time: float, dt: float, amplitudes: Array) -> None:
-        """Add an accepted step that ended at ``time``."""
+    def add_step(self, step: Step, time: float, dt: float, amplitudes: Array, work: StepWork) -> None:
+        """Add an accepted step that ended at ``time``, and what the linear solver did for it."""
         d, response = self.d, step.response
         last = dict(zip(HISTORY, self.rows[-1], strict=False))
         # In the rows of prescribed pressure the residual is what has flowed in through the boundary.
@@ -77,7 +79,7 @@ class HistoryRecorder:
         }
         row |= self._extremes(x)
         sums = self._sums(step, dt)
-        extra = np.concatenate([self._probe @ x, *sums])
+        extra = np.concatenate([self._probe @ x, *sums, [getattr(work, name) for name in WORK]])
         self.rows.append((*(row[name] for name in HISTORY), *map(float, extra)))
 
     def _sums(self, step: Step, dt: float) -> list[Array]:
@@ -119,7 +121,7 @@ class HistoryRecorder:
         """Return history and profiles with the mesh."""
         mesh = self.d.mesh
         history = History(**{name: self.column(name) for name in HISTORY})
-        series: dict[str, dict[str, Array]] = {"probes": {}, "reactions": {}, "inflow": {}}
+        series: dict[str, dict[str, Array]] = {"probes": {}, "reactions": {}, "inflow": {}, "work": {}}
         for path, width in self._groups:
             kind, _, name = path.partition("/")
             series[kind][name] = np.stack([self.column(f"{path}/{i}") for i in range(width)], axis=1)
@@ -133,6 +135,8 @@ class HistoryRecorder:
             probes=series["probes"],
             reactions=series["reactions"],
             inflow={name: values[:, 0] for name, values in series["inflow"].items()},
+            work={name: values[:, 0] for name, values in series["work"].items()},
+            linear_solver=self.d.linear.choice,
         )
 
 

@@ -72,6 +72,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         stepper, control = Stepper(problem.time, problem.corners), ErrorControl()
         reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
         x, memory, record = saved.load(stepper, control) or _at_rest(d, law)
+        d.linear.begin()
         while not stepper.done:
             time = stepper.next()
             dt, amplitudes = time - stepper.time, d.boundary.amplitudes(problem, time)
@@ -92,7 +93,8 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
                 continue
             control.accept(x, step.x, dt)
             x, memory = step.x, step.response.memory
-            record.add_step(step, time, dt, amplitudes)
+            work, notes = d.linear.take()
+            record.add_step(step, time, dt, amplitudes, work)
             if stepper.is_profile(time):
                 record.add_profile(step.x, step.response, time)
             stepper.accept(error)
@@ -101,7 +103,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             saved.save_if_due(stepper, control, x, memory, record)
             if on_step is not None:
                 settlement = float(record.column("settlement")[-1])
-                on_step(StepReport(time, problem.time.end, step.iterations, settlement))
+                on_step(StepReport(time, problem.time.end, step.iterations, settlement, work, notes))
         return record.solution(law.name)
 
 

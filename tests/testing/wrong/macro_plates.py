@@ -19,8 +19,8 @@ class TestLoosePlate(Law):
     slow = True
 
     class elements(Elements):
-        def solve(self, system, right, jump, *, again=False):
-            change = super().solve(system, right, jump, again=again)
+        def solve(self, system, right, jump, **how):
+            change = super().solve(system, right, jump, **how)
             for places in self.plates:
                 change[self.free[places[1:]]] *= 0.99
             return change
