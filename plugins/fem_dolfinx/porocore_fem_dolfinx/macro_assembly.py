@@ -14,6 +14,7 @@ from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.integration.discretisation import Discretisation
+from porocore.macro.linear_systems.reuse import TIGHTEST
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array, MacroState
 from porocore_fem_dolfinx import compat
@@ -161,7 +162,15 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         terms[: self.owned] = np.add.reduceat(np.abs(values) * sizes[columns], starts[:-1])
         return terms
 
-    def solve(self, system: PETSc.Mat, right: Array, jump: Array, *, again: bool = False) -> Array:
+    def solve(
+        self,
+        system: PETSc.Mat,
+        right: Array,
+        jump: Array,
+        *,
+        again: bool = False,
+        accuracy: float = TIGHTEST,
+    ) -> Array:
         """Solve for the free unknowns with the configured solver."""
         change = np.zeros(len(self.unknowns))
         change[self.prescribed] = jump
