@@ -91,7 +91,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
                 *force_sentences(case, moved, context.units),
                 *(case_sentences(m) if context.loading_mode.settles else ()),
                 *((FOLLOWER,) if context.loading_mode.follows else ()),
-                flagged_sentence(m),
+                flagged_sentence(m, case.left_out),
                 visited_sentence(visited_shares(case.nonlinear, context.sampling)),
             ]
             for m, case in zip(metrics, context.cases, strict=True)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from porocore.core.units.results import spoken
 from porocore.interfaces.solution import History, MacroSolution
-from porocore.report.format import percent
+from porocore.report.format import number, percent
 from porocore.states import Array
 
 #: A run whose settlement still moves by more than this share of its final value in the last tenth of the time
@@ -59,18 +59,53 @@ class OutputCheck:
         return self.outside_training_range if self.all_outside else ~self.outside_training_range
 
 
+@dataclass(frozen=True)
+class LeftOut:
+    """Shear that was not sampled and moves a little in a body, where that alone flags it at the kept times.
+
+    Attributes
+    ----------
+    name, value
+        Component of H, and the farthest that it reaches.
+    change
+        By which share results change if it is left out, at most, about.
+    tolerance
+        The largest estimated error, as a share, that is not flagged.
+    line
+        Of the configuration that samples it.
+    """
+
+    name: str
+    value: float
+    change: float
+    tolerance: float
+    line: str
+
+    @property
+    def is_small(self) -> bool:
+        """True if it changes results by less than an error that would not be flagged."""
+        return self.change <= self.tolerance
+
+    @property
+    def estimate(self) -> str:
+        """What it changes, in words."""
+        return f"that changes results by no more than about {number(100 * self.change, 2)} %"
+
+
 @dataclass(frozen=True, eq=False)
 class LoadCase:
     """One load, solved with the cell's law and with linear poroelasticity on the same mesh and time plan.
 
     ``others`` are solutions with other closures, or with the cell itself (direct FE²). ``flagged`` says where and why
     the surrogate is not to be trusted in the nonlinear solution; it is empty where it is, or where no profile tells.
+    ``left_out`` is the shear that alone is the reason, if that is so.
     """
 
     nonlinear: MacroSolution
     linear: MacroSolution
     others: tuple[MacroSolution, ...] = ()
     flagged: str = ""
+    left_out: LeftOut | None = None
 
     def __post_init__(self) -> None:
         for solution in (self.linear, *self.others):
@@ -217,15 +252,17 @@ def flagged_shares(metrics: dict[str, Any]) -> str:
     return f"{words}, and the whole body is flagged at t = {spoken().text(whole, 'time', 3)}."
 
 
-def case_warnings(metrics: dict[str, Any], where: str = "", *, settles: bool = True) -> list[str]:
+def case_warnings(
+    metrics: dict[str, Any], where: str = "", *, settles: bool = True, left_out: LeftOut | None = None
+) -> list[str]:
     """Return what a reader must know before trusting the case that :func:`case_metrics` describes.
 
     ``where`` names a flagged element of the body and the component that causes it, if that is known; ``settles`` tells
-    that the settlement is a result.
+    that the settlement is a result; ``left_out`` is the shear that alone flags the body.
     """
     load, found = f"{metrics['load']:g}".replace("-", "−"), []
     flagged = metrics["nonlinear"]
-    if is_flagged(flagged):
+    if is_flagged(flagged) and (left_out is None or not left_out.is_small):
         where = where or (
             f"No kept time shows where: add {spoken().text(flagged['flagged_first_time'], 'time', 3)} to "
             "macro.time.profiles."
@@ -234,6 +271,7 @@ def case_warnings(metrics: dict[str, Any], where: str = "", *, settles: bool = T
             f"Load {load}: parts of the body are flagged. There the estimated error of the surrogate exceeds "
             f"surrogate.tolerance, or no cell was solved for a similar state. {flagged_shares(flagged)}"
             f" {where}"
+            f"{'' if left_out is None else f' Nothing but {left_out.name} flags them: {left_out.estimate}.'}"
         )
     for kind in ("nonlinear", "linear") if settles else ():
         drift = metrics[kind]["steady_drift"]

@@ -7,9 +7,9 @@ from typing import Any
 
 from porocore.core.units.results import ResultUnits
 from porocore.report.context import Published, ReportContext, SurrogateSummary
-from porocore.report.format import difference, measured, number, plain
+from porocore.report.format import difference, measured, number, percent, plain
 from porocore.report.loading_mode import end_words, force_name, no_relaxation, reactions
-from porocore.report.metrics import LoadCase, case_metrics, case_warnings, flagged_shares, is_flagged
+from porocore.report.metrics import LeftOut, LoadCase, case_metrics, case_warnings, flagged_shares, is_flagged
 from porocore.report.words.cell import ComparisonRow
 from porocore.states import Status
 
@@ -53,9 +53,15 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
     return sentences
 
 
-def flagged_sentence(metrics: dict[str, Any]) -> str:
-    """Return the flagged share of a load case in words."""
+def flagged_sentence(metrics: dict[str, Any], left_out: LeftOut | None = None) -> str:
+    """Return the flagged share of a load case in words; ``left_out`` is the shear that alone flags the body."""
     nonlinear = metrics["nonlinear"]
+    if is_flagged(nonlinear) and left_out is not None and left_out.is_small:
+        return (
+            f"Up to {percent(nonlinear['flagged_largest'])} of the body moves in {left_out.name}, which was not "
+            f"sampled, by up to {number(abs(left_out.value), 2)}, and is flagged for it; {left_out.estimate}. To "
+            f"remove the flags, write under 'sampling.inputs:' {left_out.line}."
+        )
     if is_flagged(nonlinear):
         return (
             f"Parts of the body are flagged: there the surrogate is not reliable. {flagged_shares(nonlinear)}"
@@ -165,6 +171,7 @@ def all_warnings(context: ReportContext) -> list[str]:
     found = [*context.warnings, *_unjudged(context.surrogate)]
     for case in context.cases:
         moved = context.loading_mode.displaced
-        found += case_warnings(case_metrics(case), case.flagged, settles=context.loading_mode.settles)
+        settles = context.loading_mode.settles
+        found += case_warnings(case_metrics(case), case.flagged, settles=settles, left_out=case.left_out)
         found += force_warnings(case, moved)
     return found

@@ -11,12 +11,16 @@ from invoked import BENCHMARK
 from porocore.core.inputs.input_space import InputSpace, components
 from porocore.core.units.results import ResultUnits
 from porocore.errors import SolveError
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.points import point_states
 from porocore.macro.laws.linear import LinearCoefficients
-from porocore.states import MacroState
+from porocore.report.metrics import LoadCase, case_metrics, case_warnings
+from porocore.report.text import flagged_sentence
+from porocore.states import CellResponse, MacroState
 from porocore.study.config.loading import load_config
 from porocore.study.preflight import linear_reach, reach_notes
 from porocore.study.preflight.reach_notes import predicted_reach
-from porocore.study.reach import beyond, flagged_place, visited
+from porocore.study.reach import beyond, flagged_place, left_out_shear, visited
 
 SHEAR, POISSON = 1 / 6, 0.2
 ONE = np.eye(3)
@@ -183,3 +187,63 @@ def test_the_share_of_the_body_that_leaves_is_told_and_a_tiny_one_is_none(tmp_pa
     assert 0 < share < 50
     monkeypatch.setattr(reach_notes, "LEAST_FLAGGED", 0.6)
     assert next(predicted_reach(config, coefficients())).startswith("reach of the body: by linear")
+
+
+class OfTheBox(Surrogate):
+    """Flags what leaves its box, by itself or in a component that is no input."""
+
+    def predict(self, states, *, tangent=True):
+        unit = self.inputs.to_unit(self.inputs.gather(states))
+        outside = self.inputs.moves_other(states) | (np.abs(unit - 0.5) > 0.5).any(axis=1)
+        none = np.zeros((len(states), 3, 3))
+        return CellResponse(none, np.zeros(len(states), int), outside_training_range=outside)
+
+
+@pytest.mark.parametrize(("tolerance", "remark"), [(0.05, True), (0.02, False)])
+def test_a_shear_that_alone_flags_a_body_is_weighed(tmp_path, tolerance, remark):
+    """By 0.5 % of the results, the report said that the surrogate is not reliable in 92.6 % of the body."""
+    boundary = {"y-": {"displacement": [0, 0, 0]}, "y+": {"displacement": [0.005, -0.1, 0], "pressure": 0}}
+    ranges = {name: (-0.2, 0.2) for name in ("H11", "H22", "H33")} | {"p": (-0.5, 0.5)}
+    config = study(tmp_path, boundary, ranges)
+    (solution,) = linear_reach.linear_solutions(config, coefficients())
+    solution = flagged_by(OfTheBox(InputSpace.from_ranges(ranges)), solution)
+    surrogate = OfTheBox(InputSpace.from_ranges(ranges))
+    found = left_out_shear(solution, surrogate, tolerance)
+    checked = re.search(r"square of this share, (\S+) %$", list(predicted_reach(config, coefficients()))[-1])[
+        1
+    ]
+    assert 100 * found.change == pytest.approx(float(checked), rel=0.05)
+    assert found.is_small == remark
+    case = LoadCase(solution, solution, left_out=found)
+    metrics = case_metrics(case)
+    said, warnings = flagged_sentence(metrics, found), case_warnings(metrics, settles=False, left_out=found)
+    estimate = f"changes results by no more than about {100 * found.change:.2g} %"
+    assert estimate in (said if remark else warnings[0])
+    assert ("not reliable" in said) != remark
+    assert (warnings == []) == remark
+    assert lines_of(said if remark else found.line).keys() >= {found.name}
+    # A box that is left, and a body that is flagged most between the kept times, are no such case.
+    narrow = OfTheBox(InputSpace.from_ranges(ranges | {"H22": (-0.02, 0.2)}))
+    assert left_out_shear(flagged_by(narrow, solution), narrow, tolerance) is None
+    outside = solution.history.outside_training_range.copy()
+    outside[1] = 2 * outside.max()
+    history = replace(solution.history, outside_training_range=outside)
+    early = replace(solution, profiles=solution.profiles[-1:], history=history)
+    assert left_out_shear(early, surrogate, tolerance) is None
+
+
+def flagged_by(surrogate, solution):
+    """The solution with the flags of a surrogate at its kept times."""
+    mesh, profiles = BodyMesh(solution.points, solution.cells), []
+    for profile in solution.profiles:
+        states = point_states(mesh, profile.u, profile.p, np.arange(len(mesh.cells)))
+        flagged = surrogate.predict(surrogate.inputs.without_rotation(states)).outside_training_range
+        share = flagged.reshape(len(mesh.cells), -1).mean(axis=1)
+        profiles.append(replace(profile, outside_training_range=share))
+    at = [profile.time for profile in profiles]
+    shares = np.interp(solution.history.time, at, [p.outside_training_range.mean() for p in profiles])
+    return replace(
+        solution,
+        profiles=tuple(profiles),
+        history=replace(solution.history, outside_training_range=shares),
+    )

@@ -25,8 +25,8 @@ from porocore.report.metrics import LEAST_FLAGGED
 from porocore.states import Array, MacroState
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.linear_reach import linear_solutions, too_large
-from porocore.study.preflight.workload import sheared, shears
-from porocore.study.reach import MINUS, ROUND_OFF, Reach, advice, beyond, visited
+from porocore.study.preflight.workload import sheared
+from porocore.study.reach import MINUS, ROUND_OFF, Reach, advice, beyond, change_without, shears, visited
 
 #: States, and place and time of each.
 Found = tuple[MacroState, Callable[[int], str]]
@@ -71,19 +71,15 @@ def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iter
 
 
 def _without(config: RunConfig, reached: Sequence[Reach], found: Sequence[Found]) -> str:
-    """Return what leaving the reached shears out would change, for a cell with mirrors and no sampled shear.
-
-    A mirror turns the signs of two of the three shears and leaves the cell as it is, so the energy is even in them; a
-    potential has the stiffness against them at rest.
-    """
+    """Return what leaving the reached shears out would change, for a cell with mirrors and no sampled shear."""
     if config.surrogate_model != "potential":
         return ""
     shear = max((each for each in reached if each.name in shears(NAMES)), key=lambda each: abs(each.value))
-    share = abs(shear.value) / max(float(np.abs(states.grad_u).max()) for states, _ in found)
+    largest = max(float(np.abs(states.grad_u).max()) for states, _ in found)
     return (
-        f"; {shear.name} = {shear.value:.2g} is {percent(share)} of the largest component of H; without sampling it "
-        "states stay flagged, and results change by no more than about the square of this share, "
-        f"{100 * share**2:.2g} %"
+        f"; {shear.name} = {shear.value:.2g} is {percent(abs(shear.value) / largest)} of the largest component of H; "
+        "without sampling it states stay flagged, and results change by no more than about the square of this share, "
+        f"{100 * change_without(shear.value, largest):.2g} %"
     ).translate(MINUS)
 
 

@@ -11,6 +11,7 @@ from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight import cost
+from porocore.study.reach import shears
 
 #: Memory of one process that solves cells [bytes], shared pages counted once: in the benchmark with either
 #: finite-element backend, and of the libraries alone.
@@ -144,11 +145,6 @@ def workers_here(config: RunConfig) -> int:
 def share_solved(config: RunConfig) -> float:
     """Return the largest share of the cell that is solved for any state: an eighth, or the whole."""
     return 1 / 8 if config.cell.mirrored and not shears(config.sampling.inputs) else 1.0
-
-
-def shears(names: Iterable[str]) -> list[str]:
-    """Return those of the components of H that are off its diagonal."""
-    return [name for name in names if name[0] == "H" and name[1] != name[2]]
 
 
 def sheared(config: RunConfig, nodes: int, more: Iterable[str] = ()) -> list[str]:

@@ -41,7 +41,7 @@ from porocore.study.config.config import RunConfig
 from porocore.study.preflight.at_rest import edges
 from porocore.study.preflight.symmetry_notes import LARGEST_DEFECT
 from porocore.study.publication import crease_line, published_values
-from porocore.study.reach import MORE, flagged_place
+from porocore.study.reach import MORE, flagged_place, left_out_shear, shears
 from porocore.study.run_folder.files import LINEAR, direct_law, fallback_law
 from porocore.study.run_folder.provenance import versions
 from porocore.study.stages.results import RunResults
@@ -97,7 +97,10 @@ def _case(results: RunResults, load: float) -> LoadCase:
     objective = results.config.surrogate_model == "potential"
     surrogate, units = results.surrogates[closure], results.config.result_units
     flagged = flagged_place(nonlinear, surrogate, objective, units, _more_states(results))
-    return LoadCase(nonlinear, linear, tuple(others.values()), flagged=flagged)
+    left_out = None
+    if objective and results.config.cell.mirrored and not shears(surrogate.inputs.names):
+        left_out = left_out_shear(nonlinear, surrogate, results.config.surrogate.tolerance, units)
+    return LoadCase(nonlinear, linear, tuple(others.values()), flagged=flagged, left_out=left_out)
 
 
 def _more_states(results: RunResults) -> str:
