@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.solver import TimeSteppingMacroSolver
+from porocore.macro.linear_systems.choice import checked_solver
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore_fem_skfem.macro_assembly import SkfemDiscretisation
 
 
 class SkfemMacroSolver(TimeSteppingMacroSolver):
-    """Triquadratic hexahedra or quadratic tetrahedra with linear pressure, solved by PARDISO or SuperLU.
+    """Triquadratic hexahedra or quadratic tetrahedra with linear pressure, solved by a factor or an iteration.
 
     Parameters
     ----------
+    solver : text
+        Solver of the linear systems: ``direct``, a factor by PARDISO or SuperLU; ``iterative``, GMRES with multigrid,
+        which takes less time and memory for large bodies; ``auto`` chooses by the number of unknowns.
     checkpoint_seconds : float, at least 0
         Wall time between two checkpoints, in seconds; 0 writes one after every step.
     """
+
+    def __init__(self, *, solver: str = "auto", **options: Any) -> None:
+        super().__init__(**options)
+        self.solver = checked_solver(solver)
 
     def prepare(self, problem: MacroProblem) -> SkfemDiscretisation:
         """Return mesh, boundary data, shape functions and sparsity.
@@ -26,4 +36,4 @@ class SkfemMacroSolver(TimeSteppingMacroSolver):
             Two surfaces contradict each other, a translation is not held, or the body cannot be meshed.
         """
         mesh = body_mesh(problem)
-        return SkfemDiscretisation(problem, mesh, boundary_data(mesh, problem))
+        return SkfemDiscretisation(problem, mesh, boundary_data(mesh, problem), self.solver)

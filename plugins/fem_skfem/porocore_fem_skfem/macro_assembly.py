@@ -15,11 +15,13 @@ from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.integration.discretisation import Discretisation
+from porocore.macro.linear_systems.choice import Solver
 from porocore.macro.linear_systems.reuse import TIGHTEST
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array, MacroState
 from porocore_fem_skfem.macro_frames import Frames
-from porocore_fem_skfem.macro_linear import SparseLinearSolver
+from porocore_fem_skfem.macro_iterative import Matrices
+from porocore_fem_skfem.macro_linear import MacroLinearSolver
 from porocore_fem_skfem.macro_pattern import BlockPattern, EquationPattern
 from porocore_fem_skfem.macro_space import make_shapes
 
@@ -46,7 +48,9 @@ class System:
 class SkfemDiscretisation(Discretisation[System]):
     """Shape functions and sparsity; local node a of u_i has column n_u i / 3 + a, then come the pressures."""
 
-    def __init__(self, problem: MacroProblem, mesh: BodyMesh, boundary: BoundaryData) -> None:
+    def __init__(
+        self, problem: MacroProblem, mesh: BodyMesh, boundary: BoundaryData, solver: Solver = "auto"
+    ) -> None:
         super().__init__(
             problem,
             mesh,
@@ -65,16 +69,16 @@ class SkfemDiscretisation(Discretisation[System]):
         by_p = np.concatenate([N, s.grad_p.transpose(0, 2, 1, 3)], axis=3)
         self._by_p = np.ascontiguousarray(by_p).reshape(e, -1, 4 * q)
         self._build_patterns()
-        self._linear = SparseLinearSolver()
+        self._solver = MacroLinearSolver(self, solver)
 
     def _build_patterns(self) -> None:
-        #: Equation of each unknown, -1 where it is prescribed; those of a plate share one.
+        #: Equation of each unknown, -1 where it is prescribed, and of each free one; those of a plate share one.
         self._equation = np.full(self.mesh.size, -1, dtype=np.int64)
         of_free = np.empty(len(self.free), dtype=np.int64)
         of_free[self.leading] = np.arange(int(self.leading.sum()))
         for places in self.plates:
             of_free[places] = of_free[places[0]]
-        self._equation[self.free] = self._of_free = of_free
+        self._equation[self.free] = self.of_free = of_free
         cells, corners = self.mesh.cells, self.mesh.p_cells
         n, m = len(self.mesh.points), len(self.mesh.p_nodes)
         _, q, a, _ = self.shapes.grad_u.shape
@@ -140,7 +144,8 @@ class SkfemDiscretisation(Discretisation[System]):
                 pattern.add(sums, number, pairs)
         if follower is not None:
             self._add(blocks[0], follower)
-        return System(*blocks, tangent)
+        uu, up, pu, pp = blocks
+        return System(uu, up, pu, pp, tangent)
 
     def _add(self, uu: Array, follower: sparse.csr_matrix) -> None:
         """Add a follower's entries, which couple nodes of one element and so lie within the pattern."""
@@ -203,21 +208,35 @@ class SkfemDiscretisation(Discretisation[System]):
         again: bool = False,
         accuracy: float = TIGHTEST,
     ) -> Array:
-        """Solve by :class:`~porocore_fem_skfem.macro_linear.SparseLinearSolver`."""
+        """Solve by :class:`~porocore_fem_skfem.macro_linear.MacroLinearSolver`."""
         change = np.zeros(len(right))
         change[self.prescribed] = jump
         if jump.any():
             right = right - self._apply(system, change)
-        solved = self._linear.solve(self.equation_matrix(system), self.equations(right), again=again)
-        change[self.free] = solved[self._of_free]
+        change[self.free] = self._solver.solve(system, right, again=again, accuracy=accuracy)
         return change
 
-    def matrices(self, system: System) -> tuple[tuple[sparse.bsr_matrix, sparse.bsr_matrix], ...]:
+    def begin(self) -> None:
+        """Forget the preconditioner of the solve before, so that this one does not depend on it."""
+        super().begin()
+        self._solver.forget()
+
+    def matrices(self, system: System) -> Matrices:
         """Return the matrices of all forces, and of all volumes, by displacements and by pressures."""
         uu, up, pu, pp = (
             pattern.matrix(blocks) for pattern, blocks in zip(self._patterns, system.blocks, strict=True)
         )
         return (uu, up), (pu, pp)
+
+    def mass(self, coefficient: Array) -> sparse.csr_matrix:
+        """Return the mass matrix of the pressures with a coefficient (points,)."""
+        s, pattern = self.shapes, self._patterns[3]
+        products = (s.p[:, :, None] * s.p[:, None, :]).reshape(len(s.p), -1)
+        blocks = pattern.zeros(1, 1)
+        values = (coefficient.reshape(s.weights.shape) * s.weights) @ products
+        for number, part in enumerate(self._parts):
+            pattern.add(blocks, number, values[part])
+        return pattern.matrix(blocks).tocsr()
 
     def _apply(self, system: System, x: Array) -> Array:
         (uu, up), (pu, pp) = self.matrices(system)

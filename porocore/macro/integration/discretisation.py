@@ -137,6 +137,10 @@ class Discretisation(ABC, Generic[System]):
         """Displacements of an element, which come first in ``dofs``."""
         return 3 * self.mesh.cells.shape[1]
 
+    def begin(self) -> None:
+        """Begin a solve, which must not depend on those before it."""
+        self.linear.begin()
+
     def loads(self, acting: Array | float) -> Loads:
         """Return the loads from the values of the time functions (functions,); one number is that of the ramp."""
         amplitudes: Array = np.atleast_1d(np.asarray(acting, dtype=float))

@@ -72,7 +72,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         stepper, control = Stepper(problem.time, problem.corners), ErrorControl()
         reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
         x, memory, record = saved.load(stepper, control) or _at_rest(d, law)
-        d.linear.begin()
+        d.begin()
         while not stepper.done:
             time = stepper.next()
             dt, amplitudes = time - stepper.time, d.boundary.amplitudes(problem, time)

@@ -32,9 +32,9 @@ class LinearWork:
         """Forget what was not taken, such as the trials of a solve that failed, and start the clock."""
         self.take()
 
-    def add_set_up(self, seconds: float) -> None:
-        """Count one factor or preconditioner."""
-        self._set_ups += 1
+    def add_set_up(self, seconds: float, *, whole: bool = True) -> None:
+        """Count one factor or preconditioner; a part of one takes time alone."""
+        self._set_ups += whole
         self._set_up_seconds += seconds
 
     def add_solve(self, iterations: int, seconds: float) -> None:
