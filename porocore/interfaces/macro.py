@@ -58,6 +58,10 @@ class MacroSolver(ABC, Generic[Prepared]):
     def prepare(self, problem: MacroProblem) -> Prepared:
         """Return mesh, bases and boundary data, shared by solves with several laws."""
 
+    def remark(self, prepared: Prepared) -> str:
+        """Return a line for the log on how the linear systems are solved; empty where there is none."""
+        return ""
+
     @abstractmethod
     def solve(
         self,

@@ -201,4 +201,9 @@ ROWS = [
         )
         for seconds in NO_SECONDS
     ),
+    faulty(
+        "solver: fast",
+        {"macro.options": {"solver": "fast"}},
+        "macro.options.solver: expected auto, direct or iterative, got 'fast'",
+    ),
 ]

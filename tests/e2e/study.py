@@ -155,11 +155,11 @@ def fingerprint(folder: Path) -> dict[str, str]:
 
 
 def contents(path: Path) -> dict[str, tuple[str, tuple[int, ...], bytes]]:
-    """Type, shape and bytes of every array in an HDF5 file, and its attributes."""
+    """Type, shape and bytes of every array in an HDF5 file but the work that it took, and its attributes."""
     found = {}
 
     def visit(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset):
+        if isinstance(item, h5py.Dataset) and not name.startswith("work/"):
             value = np.asarray(item[()])
             found[name] = (str(value.dtype), value.shape, repr(value[()]).encode())
             if value.dtype != object:
@@ -176,6 +176,7 @@ def figures(folder: Path) -> dict[str, Any]:
     metrics: dict[str, Any] = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
     assert metrics.pop("stages").keys() == metrics.pop("stage_runs").keys()
     assert metrics["sampling"].pop("solve_seconds_mean") > 0
+    assert len(metrics.pop("linear_systems")) == len(metrics["macro"]) * 2
     return metrics
 
 

@@ -82,7 +82,13 @@ def test_the_solutions_can_be_looked_at(finished):
 
 def test_the_metrics_hold_figures_of_merit_and_times(finished):
     metrics = json.loads((finished / "metrics.json").read_text(encoding="utf-8"))
-    assert set(metrics) == {"cell", "sampling", "surrogate", "closure", "macro", "stages", "stage_runs"}
+    parts = {"cell", "sampling", "surrogate", "closure", "macro", "linear_systems", "stages", "stage_runs"}
+    assert set(metrics) == parts
+    for each in metrics["linear_systems"]:
+        assert "are solved for by a direct factor" in each["solver"]
+        assert each["systems"] >= each["set_ups"] > 0
+        assert each["iterations"] == each["most_iterations"] == 0
+        assert each["step_seconds"] > 0
     assert metrics["stage_runs"] == dict.fromkeys(metrics["stages"], 1)
     stages = {"cell", "sampling", "held-out states", "training", "report"}
     stages |= {f"macro, {law}, load {load:g}" for law in ("mean-gradient", "linear") for load in LOADS}

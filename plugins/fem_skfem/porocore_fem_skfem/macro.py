@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.solver import TimeSteppingMacroSolver
 from porocore.macro.linear_systems.choice import checked_solver
@@ -16,15 +14,15 @@ class SkfemMacroSolver(TimeSteppingMacroSolver):
 
     Parameters
     ----------
-    solver : text
+    solver : {"auto", "direct", "iterative"}
         Solver of the linear systems: ``direct``, a factor by PARDISO or SuperLU; ``iterative``, GMRES with multigrid,
-        which takes less time and memory for large bodies; ``auto`` chooses by the number of unknowns.
+        which takes less time and memory for large bodies; ``auto`` iterates above 20,000 unknowns.
     checkpoint_seconds : float, at least 0
         Wall time between two checkpoints, in seconds; 0 writes one after every step.
     """
 
-    def __init__(self, *, solver: str = "auto", **options: Any) -> None:
-        super().__init__(**options)
+    def __init__(self, *, solver: str = "auto", checkpoint_seconds: float = 5.0) -> None:
+        super().__init__(checkpoint_seconds=checkpoint_seconds)
         self.solver = checked_solver(solver)
 
     def prepare(self, problem: MacroProblem) -> SkfemDiscretisation:

@@ -35,6 +35,7 @@ MOST_FAILURES = 2
 SMALL = 3_000
 #: Relative tolerance of the iteration, steps between two restarts, and number of restarts.
 ACCURACY, STEPS, RESTARTS = 1e-10, 20, 3
+NOT_FINITE = "the tangent or the residual is not finite"
 NOT_HELD = "the body may not be held against rigid motions"
 
 
@@ -79,9 +80,9 @@ class MacroLinearSolver:
             The matrix is singular or not finite, or the iteration does not converge and a factor does not fit.
         """
         d = self._d
-        if not all(np.isfinite(values.sum()) for values in (*system.blocks, right)):
-            raise StepFailed("the tangent or the residual is not finite")
         if self._iterative is not None and self._failures < MOST_FAILURES:
+            if not all(np.isfinite(values.sum()) for values in (*system.blocks, right)):
+                raise StepFailed(NOT_FINITE)
             solved = self._iterative.solve(
                 d.matrices(system),
                 right,
@@ -148,6 +149,8 @@ class SparseLinearSolver:
         began = perf_counter()
         self._set_up_seconds = 0.0
         try:
+            if not (np.isfinite(matrix.data).all() and np.isfinite(right).all()):
+                raise FactorError(NOT_FINITE)
             if len(right) <= SMALL or pardiso.library() is None:
                 factor = superlu(matrix)
                 self._add_set_up(began)

@@ -6,6 +6,7 @@ from scipy import sparse
 
 from porocore.cell.equilibrium.discrete import FactorError
 from porocore.macro.integration.discretisation import StepFailed
+from porocore.macro.linear_systems.work import LinearWork
 from porocore.macro.problem import MacroProblem
 from porocore.testing.macro_laws.solving import NONLINEAR
 from porocore_fem_skfem import macro_linear, pardiso
@@ -125,7 +126,9 @@ def test_only_of_a_singular_matrix_the_supports_are_blamed(monkeypatch, error, h
 
     monkeypatch.setattr(macro_linear, "superlu", broken)
     with pytest.raises(StepFailed) as caught:
-        macro_linear.SparseLinearSolver().solve(sparse.identity(3, format="csr"), np.ones(3), again=False)
+        macro_linear.SparseLinearSolver(LinearWork()).solve(
+            sparse.identity(3, format="csr"), np.ones(3), again=False
+        )
     assert (macro_linear.NOT_HELD in str(caught.value)) == held
 
 
@@ -135,7 +138,7 @@ def test_a_tangent_that_is_not_finite_fails_the_step(bad):
     matrix.data[1] = bad
     for A, b in ((matrix, np.ones(3)), (sparse.identity(3, format="csr"), np.array([1, bad, 0]))):
         with pytest.raises(StepFailed, match="the tangent or the residual is not finite"):
-            macro_linear.SparseLinearSolver().solve(A, b, again=False)
+            macro_linear.SparseLinearSolver(LinearWork()).solve(A, b, again=False)
 
 
 WEDGE = {"kind": "wedge", "radius": 1, "height": 0.7, "elements": (2, 2, 1), "angle": 60}

@@ -87,8 +87,6 @@ class Discretisation(ABC, Generic[System]):
         Volume of each quadrature point.
     rotation
         Sparse (local unknowns, local unknowns), from Cartesian ones; None where all are Cartesian.
-    linear
-        Record of the linear solver, which the backend fills.
     """
 
     def __init__(
@@ -125,7 +123,7 @@ class Discretisation(ABC, Generic[System]):
             self._external = self._external @ self.rotation.T
         self.weights = mesh.weights[elements].ravel()
         self.stretch = mesh.stretch
-        self.linear = LinearWork()
+        self.linear = LinearWork()  # the backend fills it
 
     @property
     def n_points(self) -> int:
@@ -190,9 +188,8 @@ class Discretisation(ABC, Generic[System]):
     ) -> Array:
         """Solve A d = ``right`` in the equations with d = ``jump`` in the prescribed unknowns.
 
-        The unknowns of a plate change alike. ``again`` says that the system is close to the one before, so that the
-        factor of that one may serve as a preconditioner. An iteration may leave a residual of ``accuracy`` times the
-        right-hand side.
+        The unknowns of a plate change alike. ``again`` says that the factor of the system before may serve as a
+        preconditioner. An iteration may leave a residual of ``accuracy`` times the right-hand side.
 
         Raises
         ------

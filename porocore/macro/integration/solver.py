@@ -48,6 +48,10 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             )
         self.checkpoint_seconds = float(checkpoint_seconds)
 
+    def remark(self, prepared: Discretisation) -> str:
+        """Return the line that the backend gave its linear solver."""
+        return prepared.linear.choice
+
     def solve(
         self,
         prepared: Discretisation,

@@ -1,4 +1,4 @@
-"""How long a preconditioner serves, and how precisely Newton's method wants a linear system solved."""
+"""Age of a preconditioner that is kept, and the precision that Newton's method wants of a linear system."""
 
 from __future__ import annotations
 

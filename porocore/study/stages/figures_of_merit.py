@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.macro.linear_systems.figures import work_figures
 from porocore.macro.oscillation import diffusion_time
 from porocore.report.context import ReportContext, SurrogateSummary
 from porocore.report.dimensional import dimensional_metrics, figures_with_units
@@ -52,6 +53,8 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
             for name, part in found.items()
         }
         found["dimensional"] = dimensional_metrics(results.all_solutions, context.units)
+    if worked := [each for each in results.all_solutions if each.work]:
+        found["linear_systems"] = [work_figures(each) for each in worked]
     if context.other_surrogates:
         found["other_surrogates"] = {each.closure: _errors(each) for each in context.other_surrogates}
     if context.fallbacks:

@@ -27,6 +27,7 @@ from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
 from porocore.macro.laws.direct import DirectCellLaw
 from porocore.macro.laws.direct_record import SolvesCells, cost_recorded
 from porocore.macro.laws.linear import LinearPoroelasticity
+from porocore.macro.linear_systems.figures import step_in_words, work_in_words
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.border import body_solution_of
 from porocore.sampling.datasets.dataset import Dataset
@@ -104,8 +105,9 @@ def solve(
         chosen = macro_laws(folder, config, stack, laws, direct_closure or config.closure, store)
         if solver is None:
             solver = make_backend("macro solver", config)
+        said: set[str] = set()
         for load in config.macro.loads:
-            _solve_load(folder, config, load, chosen, solver, backend, console)
+            _solve_load(folder, config, load, chosen, solver, backend, console, said)
         return list(chosen)
 
 
@@ -211,6 +213,7 @@ def _solve_load(
     solver: MacroSolver,
     backend: str | None,
     console: Console,
+    said: set[str],
 ) -> None:
     communicator, prepared = solver.communicator, None
     problem = config.macro.problem(load)
@@ -221,6 +224,7 @@ def _solve_load(
         if prepared is None:
             require_parts(type(solver), backend or config.macro_backend, problem)
             prepared = solver.prepare(problem)
+            _say_once(solver.remark(prepared), said, console)
         checkpoint, clock = folder.macro_checkpoint(name, load), StageClock()
         with (
             communicator.holding(timed(folder.timings, f"macro, {name}, load {load:g}", clock)),
@@ -236,9 +240,18 @@ def _solve_load(
             solution = whole_specimen(solution, problem)
             solution = replace(solution, backend=backend or config.macro_backend)
             communicator.on_root(partial(solution.save, path))
+        if words := work_in_words(solution.work):
+            console.note(f"{path.stem}: {words}")
         if run.cells is not None:
             console.note(f"{path.stem}: {run.cells.work.in_words()}")
         communicator.on_root(partial(checkpoint.unlink, missing_ok=True))
+
+
+def _say_once(line: str, said: set[str], console: Console) -> None:
+    """Print a line that is the same for several loads when it first comes."""
+    if line and line not in said:
+        console.note(f"solving: {line}")
+        said.add(line)
 
 
 @contextmanager
@@ -257,7 +270,9 @@ def body_progress(
         nonlocal reached, work
         forecast.add(step.time)
         reached, work = step.time, forecast.work
-        update(f"settlement {length * step.settlement:.4g}{of_length}")
+        for line in step.notes:
+            console.note(f"{title}: {line}")
+        update(f"settlement {length * step.settlement:.4g}{of_length}{step_in_words(step.work)}")
 
     with console.task(title, unit.strip(), "t = ") as task:
         yield show, update
