@@ -108,12 +108,15 @@ class SamplingSummary:
         :class:`porocore.states.Status` of each.
     training : (n,) bool
         Rows that the surrogate was trained on; their hull is the sampled range.
+    contact_share : (n,)
+        Share of the pore wall that is in contact; None: not known.
     """
 
     inputs: InputSpace
     x: Array
     status: IntArray
     training: npt.NDArray[np.bool_]
+    contact_share: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

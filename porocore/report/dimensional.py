@@ -58,6 +58,10 @@ def dimensional_rows(
     """
     found = metrics["nonlinear"]
     rows: list[tuple[str, str, float | None]] = []
+
+    def said(value: float) -> str:
+        return f"{number(value)} {[_in_units(value, 'conductivity', each) for each in units.values()]}"
+
     if loading_mode.stressed:
         rows.append(("load times E", "stress", metrics["load"]))
     if loading_mode.settles:
@@ -73,7 +77,7 @@ def dimensional_rows(
         ("drained volume", "volume", found["drained"]),
         *(
             (f"conductivity {name} of the undeformed cell", "conductivity", value)
-            for name, value in symmetric("K", conductivity)
+            for name, value in symmetric("K", conductivity, said)
         ),
     ]
     for name, force in (reactions(solution) if loading_mode.displaced else {}).items():

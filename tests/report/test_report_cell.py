@@ -68,6 +68,26 @@ def test_an_orthotropic_cell_shows_every_axis_with_its_unit():
     assert {"Biot coefficient α₁₁", "Biot coefficient α₂₂", "drained stiffness C_eff,2222"} <= linear.keys()
 
 
+def test_components_that_differ_in_a_printed_digit_have_rows_of_their_own():
+    """Q₁₁ = Q₂₂ = Q₃₃ and α₁₁ = α₂₂ = α₃₃ stood above −0.0032752, −0.0032769 and −0.0032784, and 0.93550 to 0.93559."""
+    Q = np.diag([-0.131007, -0.131077, -0.131134])
+    assert [name for name, _ in symmetric("Q", Q)] == ["Q₁₁", "Q₂₂", "Q₃₃"]
+    assert [name for name, _ in symmetric("Q", np.diag([-0.131007, -0.131012, -0.131034]))] == [
+        "Q₁₁ = Q₂₂ = Q₃₃"
+    ]
+    # In its unit one of the three rounds otherwise.
+    odd = summary(np.diag([2.0, 2.0, 2.0]), Q=(-0.10001, -0.10004, -0.10004))
+    assert "Q₁₁ = Q₂₂ = Q₃₃" in [row.name for row in cell_rows(odd, None)]
+    tenth = ResultUnits(Scales(modulus=2e3 / 1.1, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))
+    with speaking(tenth):
+        rows = {row.name: row.found for row in cell_rows(odd, None)}
+    assert {name: value for name, value in rows.items() if name[0] == "Q"} == {
+        "Q₁₁": "−0.05501 1/kPa",
+        "Q₂₂": "−0.05502 1/kPa",
+        "Q₃₃": "−0.05502 1/kPa",
+    }
+
+
 def test_what_lies_off_the_diagonal_is_shown_where_it_is_more_than_the_mesh():
     K = np.diag([1.0, 1.0, 100.0])
     K[0, 1] = K[1, 0] = 0.01

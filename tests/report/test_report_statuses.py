@@ -76,6 +76,22 @@ def test_of_the_body_by_volume(column):
     assert json.loads(json.dumps([first, second], allow_nan=False)) == [first, second]
 
 
+def test_the_share_of_the_wall_in_contact_stands_beside_that_of_the_body(column):
+    """Of the body 100 % "touches itself" where 0.05 % of the wall did, which reads as closed pores."""
+    solution = column(elements=(1, 2, 1), times=(), end=1.0)
+    touched = replace(sampling(*3 * [Status.contact]), contact_share=np.full(3, 5e-4))
+    found = visited_shares(solution, touched)
+    assert found[-1]["wall_in_contact"] == 5e-4
+    said = "the pore wall touches itself somewhere in the cells of 100 % of the body (0.050 % of the wall at most)"
+    assert said in visited_sentence(found)
+    assert "is pressed against itself (0.050 % of the wall at most)." in solved_sentence(
+        solved_shares(touched)
+    )
+    free = replace(sampling(*3 * [Status.converged]), contact_share=np.full(3, np.nan))
+    assert solved_shares(free)["wall_in_contact"] == 0.0
+    assert "of the wall" not in solved_sentence(solved_shares(free))
+
+
 def test_inputs_are_compared_by_their_ranges(column):
     """Δp = 0.1 is half of its range and farther than ΔH22 = 0.15 of 0.4."""
     base = column(elements=(1, 1, 1), times=(), end=1.0)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -37,18 +38,24 @@ def cell_rows(cell: CellSummary, published: Published | None) -> list[Comparison
     if cell.image_porosity is not None:
         rows.append(("porosity of the image", measured(cell.image_porosity, "")))
     viscosity = spoken().text(cell.viscosity, "viscosity")
-    for name, value in symmetric("K", linear.conductivity):
+    for name, value in symmetric("K", linear.conductivity, _said_of("conductivity")):
         rows.append((f"{name} at μ_f = {viscosity}", measured(value, "conductivity")))
     if scales is not None:
         factor = cell.viscosity * scales.factor("permeability")
-        for name, value in symmetric("k", linear.conductivity):
+        for name, value in symmetric("k", linear.conductivity, lambda value: number(value * factor)):
             rows.append((f"permeability {name}", f"{number(value * factor)} m²"))
     rows += [(name, measured(value, "")) for name, value in of_fourth_order("M", linear.mean_grad_grad_u)]
-    rows += [(name, measured(value, "compliance")) for name, value in symmetric("Q", linear.mean_grad_p)]
+    said_of = _said_of("compliance")
+    rows += [(name, said_of(value)) for name, value in symmetric("Q", linear.mean_grad_p, said_of)]
     return [
         ComparisonRow(name, next((text for part, text in said.items() if part in name), NONE), found)
         for name, found in rows
     ]
+
+
+def _said_of(quantity: str) -> Callable[[float], str]:
+    """Return what writes a value with its unit."""
+    return partial(measured, quantity=quantity)
 
 
 def _said(published: Published, viscosity: float) -> dict[str, str]:
@@ -71,10 +78,15 @@ def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
         [(i, i, j, j) for i, j in PAIRS],
         [(i, j, i, j) for i, j in PAIRS],
     )
-    stiffness = [row for places in kinds for row in family("C_eff,", linear.stiffness, places)]
+    said = _said_of("stress")
+    stiffness = [row for places in kinds for row in family("C_eff,", linear.stiffness, places, said)]
     along = [linear.consolidation_coefficient(axis) for axis in range(3)]
     names = [f"along {axis}" for axis in "xyz"]
-    c_v = [("along each axis", along[0])] if is_one(along) else list(zip(names, along, strict=True))
+    c_v = (
+        [("along each axis", along[0])]
+        if is_one(along, _said_of("diffusivity"))
+        else list(zip(names, along, strict=True))
+    )
     return [
         *((f"drained stiffness {name}{by}", measured(value, "stress")) for name, value in stiffness),
         *((f"Biot coefficient {name}", number(value)) for name, value in symmetric("α", linear.biot)),

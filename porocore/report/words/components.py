@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from porocore.report.format import number
 from porocore.states import Array
 
-#: Components that differ by less than this share of the largest are the same.
-SAME = 1e-3
+#: What is printed of a value.
+Say = Callable[[float], str]
+
 #: A component off the diagonal below this share of the two diagonal ones is zero up to the mesh.
 NOTHING = 1e-3
 _SUBSCRIPTS = "₁₂₃"
@@ -23,23 +25,23 @@ def name_of(symbol: str, *axes: int) -> str:
     return symbol + "".join(digits[i] for i in axes)
 
 
-def is_one(values: Sequence[float]) -> bool:
-    """Tell whether values along the axes are the same."""
-    return bool(np.ptp(values) <= SAME * np.abs(values).max())
+def is_one(values: Sequence[float], say: Say = number) -> bool:
+    """Tell whether values along the axes are the same in the digits that are printed."""
+    return len({say(float(value)) for value in values}) == 1
 
 
-def together(names: Sequence[str], values: Sequence[float]) -> Iterator[tuple[str, float]]:
-    """Yield name and value of each component, or one row where all are the same."""
-    if is_one(values):
+def together(names: Sequence[str], values: Sequence[float], say: Say = number) -> Iterator[tuple[str, float]]:
+    """Yield name and value of each component, or one row where all are printed as the same."""
+    if is_one(values, say):
         yield " = ".join(names), float(values[0])
     else:
         yield from zip(names, map(float, values), strict=True)
 
 
-def symmetric(symbol: str, tensor: Array) -> Iterator[tuple[str, float]]:
+def symmetric(symbol: str, tensor: Array, say: Say = number) -> Iterator[tuple[str, float]]:
     """Yield name and value of the components of a tensor (3, 3); those off the diagonal where they are not zero."""
     entries = np.diag(tensor)
-    yield from together([name_of(symbol, i, i) for i in range(3)], list(entries))
+    yield from together([name_of(symbol, i, i) for i in range(3)], list(entries), say)
     least = np.finfo(float).eps ** 0.5 * np.abs(entries).max()
     for i, j in PAIRS:
         value = float(tensor[i, j])
@@ -58,6 +60,8 @@ def of_fourth_order(symbol: str, tensor: Array) -> Iterator[tuple[str, float]]:
         yield from zip([name_of(symbol, *at) for at in mixed], values, strict=True)
 
 
-def family(symbol: str, tensor: Array, places: Sequence[tuple[int, ...]]) -> Iterator[tuple[str, float]]:
+def family(
+    symbol: str, tensor: Array, places: Sequence[tuple[int, ...]], say: Say = number
+) -> Iterator[tuple[str, float]]:
     """Yield name and value of components of one kind."""
-    yield from together([name_of(symbol, *at) for at in places], [float(tensor[at]) for at in places])
+    yield from together([name_of(symbol, *at) for at in places], [float(tensor[at]) for at in places], say)

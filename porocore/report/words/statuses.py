@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.body.mesh import BodyMesh
 from porocore.report.context import SamplingSummary
-from porocore.report.format import percent
-from porocore.states import Array, MacroState, Status
+from porocore.report.format import number, percent
+from porocore.states import Array, IntArray, MacroState, Status
 
 #: What a reader must know of a state that is not plainly converged.
 SHARES: dict[str, tuple[Status, ...]] = {
@@ -24,7 +24,8 @@ SHARES: dict[str, tuple[Status, ...]] = {
 def solved_shares(sampling: SamplingSummary) -> dict[str, float]:
     """Return the shares of the solved states in contact, unstable, and without values, ready for JSON."""
     count = max(len(sampling.status), 1)
-    return {name: int(np.isin(sampling.status, kinds).sum()) / count for name, kinds in SHARES.items()}
+    shares = {name: int(np.isin(sampling.status, kinds).sum()) / count for name, kinds in SHARES.items()}
+    return shares | _wall(sampling, np.arange(len(sampling.status)))
 
 
 def visited_shares(solution: MacroSolution, sampling: SamplingSummary) -> list[dict[str, float]]:
@@ -47,19 +48,36 @@ def _at(
 ) -> dict[str, float]:
     inputs = sampling.inputs
     x = inputs.gather(inputs.without_rotation(MacroState(profile.grad_u, profile.element_p)))
-    status = sampling.status[tree.query(x / span)[1]]
+    nearest = tree.query(x / span)[1]
+    status = sampling.status[nearest]
     shares = {
         name: float(volume[np.isin(status, kinds)].sum() / volume.sum()) for name, kinds in SHARES.items()
     }
-    return {"time": profile.time, **shares}
+    return {"time": profile.time, **shares, **_wall(sampling, nearest)}
+
+
+def _wall(sampling: SamplingSummary, rows: IntArray) -> dict[str, float]:
+    """Return the largest share of the pore wall in contact, of states in contact; nothing where it is not known."""
+    if sampling.contact_share is None:
+        return {}
+    touching = sampling.contact_share[rows][np.isin(sampling.status[rows], SHARES["contact"])]
+    return {"wall_in_contact": float(np.nanmax(touching, initial=0.0))}
+
+
+def _of_the_wall(shares: dict[str, float]) -> str:
+    """Return how much of the wall touches, in words; empty where it is not known or nothing touches."""
+    wall = shares.get("wall_in_contact", 0.0)
+    if not wall:
+        return ""
+    return f" ({'less than 0.01' if wall < 1e-4 else number(100 * wall, 2)} % of the wall at most)"
 
 
 def solved_sentence(shares: dict[str, float]) -> str:
     """Return :func:`solved_shares` in words."""
     contact, unstable, without = (percent(shares[name], 0) for name in SHARES)
     return (
-        f"Of the solved states, {contact} are in contact: the pore wall is pressed against itself. {unstable} are "
-        f"unstable, and {without} have no valid data."
+        f"Of the solved states, {contact} are in contact: the pore wall is pressed against itself"
+        f"{_of_the_wall(shares)}. {unstable} are unstable, and {without} have no valid data."
     )
 
 
@@ -74,7 +92,7 @@ def visited_sentence(visited: list[dict[str, float]]) -> str:
     at_end, at_most = ([percent(shares[name], 0) for name in SHARES] for shares in (end, largest))
     return (
         "Each element of the body has the status of the nearest solved state of the cell. At the end of the run the "
-        f"pore wall touches itself in {at_end[0]} of the body, {at_end[1]} of the body is unstable, and {at_end[2]} "
-        "has no valid data. Over the times of the profiles, the largest shares are "
-        f"{at_most[0]} in contact, {at_most[1]} unstable and {at_most[2]} without valid data."
+        f"pore wall touches itself somewhere in the cells of {at_end[0]} of the body{_of_the_wall(end)}, {at_end[1]} "
+        f"of the body is unstable, and {at_end[2]} has no valid data. Over the times of the profiles, the largest "
+        f"shares are {at_most[0]} in contact, {at_most[1]} unstable and {at_most[2]} without valid data."
     )

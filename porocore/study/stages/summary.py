@@ -66,7 +66,13 @@ def report_context(results: RunResults) -> ReportContext:
     return ReportContext(
         title=config.title or results.folder.path.name,
         cell=_cell_summary(results),
-        sampling=SamplingSummary(dataset.inputs, dataset.x(), responses.status, responses.stable),
+        sampling=SamplingSummary(
+            dataset.inputs,
+            dataset.x(),
+            responses.status,
+            responses.stable,
+            None if responses.extrema is None else responses.extrema.contact_share,
+        ),
         surrogate=main,
         cases=cases,
         stages=tuple(
