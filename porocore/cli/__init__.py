@@ -8,7 +8,10 @@ import sys
 
 
 def program() -> None:
-    """Run the command line as a program of its own, which an interrupted one leaves at once."""
+    """Run the command line as a program of its own, on one thread, which an interrupted one leaves at once."""
+    from porocore.core.parallel.threads import one_thread_from_now
+
+    one_thread_from_now()
     try:
         main()
     except SystemExit as end:

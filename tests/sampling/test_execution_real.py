@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from porocore.sampling.execution import THREAD_VARIABLES
+from porocore.core.parallel.threads import THREAD_VARIABLES
 
 SCRIPT = """
 import json, sys

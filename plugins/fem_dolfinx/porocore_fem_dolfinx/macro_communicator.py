@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from porocore.core.parallel import Communicator, T
+from porocore.core.parallel.communicator import Communicator, T
 from porocore.core.unexpected import describe
 from porocore.errors import PorocoreError, SolveError
 

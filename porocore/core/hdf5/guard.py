@@ -11,6 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 from threading import Lock
 
+from porocore.core.parallel.threads import THREAD_VARIABLES
+
 #: It finds what this process finds, whatever the environment and the folder say.
 _COMMAND = "import sys; sys.path[:] = sys.argv[1:]; from porocore.core.hdf5.trial import serve; serve()"
 #: An HDF5 library for several processes would take the other one for a part of this run.
@@ -47,7 +49,7 @@ class _Trial:
             [sys.executable, "-I", "-c", _COMMAND, *sys.path],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, encoding="ascii",
             env={name: value for name, value in os.environ.items() if not name.startswith(_OF_MPI)}
-            | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            | dict.fromkeys(THREAD_VARIABLES, "1"),
             start_new_session=True,
         )  # fmt: skip
 

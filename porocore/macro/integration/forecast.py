@@ -13,8 +13,8 @@ from porocore.macro.problem import MacroProblem
 #: pressure moves with √s, and the error of a step goes with h² s^(−3/2). Under a ramp it goes with h² s^(−1/2).
 RESTING, RAMPED = 0.75, 0.25
 #: Later pressures decay like exp(−s/τ), and steps grow like exp(s/2τ). Before that is seen, the time up to the next
-#: kink is taken to be so many τ, and it is seen after this share of it. Where the end is far, τ is at most the geometric
-#: mean of the time so far and the time of the end.
+#: kink is taken to be so many τ, and it is seen after this share of it. Where the end is far, τ is at most the
+#: geometric mean of the time so far and the time of the end.
 DECAY_TIMES, SEEN = 3.0, 0.1
 #: A growth beyond this is that of a decay, whenever it is seen.
 DECAYING = 1.0

@@ -1,10 +1,8 @@
 """Solving of cell states side by side."""
 
 from porocore.sampling.execution.choice import EXECUTORS as EXECUTORS
+from porocore.sampling.execution.environment import require_children as require_children
+from porocore.sampling.execution.environment import script_left_out as script_left_out
 from porocore.sampling.execution.pool import CellPool as CellPool
 from porocore.sampling.execution.processes import end_with_parent as end_with_parent
 from porocore.sampling.execution.tasks import FinishedSolve as FinishedSolve
-from porocore.sampling.execution.threads import THREAD_VARIABLES as THREAD_VARIABLES
-from porocore.sampling.execution.threads import one_thread as one_thread
-from porocore.sampling.execution.threads import require_children as require_children
-from porocore.sampling.execution.threads import script_left_out as script_left_out

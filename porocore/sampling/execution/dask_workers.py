@@ -17,16 +17,12 @@ from importlib.metadata import version
 from typing import Any
 from urllib.parse import urlsplit
 
+from porocore.core.parallel.threads import THREAD_VARIABLES, one_thread_in_children
 from porocore.errors import PluginError, PorocoreError
 from porocore.sampling.execution.address import check_reachable
+from porocore.sampling.execution.environment import interrupts_blocked, script_left_out
 from porocore.sampling.execution.futures import ExecutorWorker
 from porocore.sampling.execution.tasks import Ready
-from porocore.sampling.execution.threads import (
-    THREAD_VARIABLES,
-    interrupts_blocked,
-    one_thread,
-    script_left_out,
-)
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 #: Seconds between two queries of the workers.
@@ -103,7 +99,7 @@ class DaskBackend(WorkerBackend):
         # Without dask's setting of malloc, which makes every larger array anew from the system.
         environment = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_VARIABLES, "1")}
         settings = import_module("dask").config.set(environment)
-        with ExitStack() as stack, settings, one_thread(), interrupts_blocked():
+        with ExitStack() as stack, settings, one_thread_in_children(), interrupts_blocked():
             stack.enter_context(script_left_out())
             cluster = distributed.LocalCluster(
                 n_workers=count,

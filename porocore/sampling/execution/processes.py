@@ -11,12 +11,8 @@ from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from porocore.sampling.execution.threads import (
-    interrupts_blocked,
-    one_thread,
-    require_children,
-    script_left_out,
-)
+from porocore.core.parallel.threads import one_thread_in_children
+from porocore.sampling.execution.environment import interrupts_blocked, require_children, script_left_out
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 
@@ -62,7 +58,7 @@ class _Process(Worker):
             return self._executor.submit(call, *args)
         require_children()
         others = set(active_children())
-        with one_thread(), interrupts_blocked(), script_left_out():
+        with one_thread_in_children(), interrupts_blocked(), script_left_out():
             future = self._executor.submit(call, *args)
         self._process = next(iter(set(active_children()) - others), None)
         return future

@@ -21,11 +21,11 @@ from typing import Any
 
 from porocore import errors
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.parallel.threads import THREAD_VARIABLES
 from porocore.errors import PorocoreError, UnexpectedError
 from porocore.interfaces.cell import CellField, CellSolver
 from porocore.interfaces.records import SolvedState
 from porocore.plugins.border import solution_of
-from porocore.sampling.execution.threads import THREAD_VARIABLES
 from porocore.states import CellResponse, MacroState
 
 #: Returns a solver and its prepared cell; called once in each worker.
@@ -67,7 +67,7 @@ class Ready:
     process: int
     host: str
     version: str
-    #: Values of :data:`porocore.sampling.execution.threads.THREAD_VARIABLES` there.
+    #: Values of :data:`porocore.core.parallel.threads.THREAD_VARIABLES` there.
     threads: tuple[str | None, ...]
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,7 @@ from porocore.core.console import Console
 from porocore.core.echo import did_you_mean, echo
 from porocore.core.files.plain_data import merged
 from porocore.core.files.yaml_document import YamlDocument
+from porocore.core.parallel.threads import one_blas_thread
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
@@ -128,6 +129,12 @@ class Study:
             check_backends(self.config)
         return RunFolder.claim(self.path, self.config, resume=True)
 
+    @contextmanager
+    def _at_work(self) -> Iterator[RunFolder]:
+        """Hold the run folder, and compute on one thread."""
+        with one_blas_thread(), self.folder as folder:
+            yield folder
+
     @property
     def units(self) -> ResultUnits:
         """Units of the study; ``units.factor("stress")`` takes dimensionless stresses to ``output_units``."""
@@ -141,7 +148,7 @@ class Study:
 
     def sample(self, *, retry_lost: bool = False) -> Samples:
         """Solve the cell for the sampled and the held-out states; return the sampled ones."""
-        with self.folder as folder, located(self._document):
+        with self._at_work() as folder, located(self._document):
             pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
             pipeline.sample(
                 folder, self.config, console=self._console, retry_lost=retry_lost, store=self._store
@@ -153,7 +160,7 @@ class Study:
         """Train the surrogate on the sampled states; its ``predict`` takes a :class:`porocore.MacroState`."""
         if not self.folder.surrogate_of(self.config).exists():
             self.sample()
-        with self.folder as folder:
+        with self._at_work() as folder:
             pipeline.train(folder, self.config, console=self._console, store=self._store)
         return load_surrogate(folder, self.config)
 
@@ -181,7 +188,7 @@ class Study:
         """
         grid = candidates(self.config, depths, widths, activations)
         self.sample()
-        with self.folder as folder:
+        with self._at_work() as folder:
             return tune(
                 folder,
                 self.config,
@@ -208,7 +215,7 @@ class Study:
         require_laws(laws)
         if not self.folder.surrogate_of(self.config).exists():
             self.train()
-        with self.folder as folder:
+        with self._at_work() as folder:
             names = pipeline.solve(folder, self.config, console=self._console, laws=laws, store=self._store)
         return Solutions(
             {
@@ -237,7 +244,7 @@ class Study:
             )
         if kind == "surrogate" and not self.folder.surrogate_of(self.config).exists():
             self.train()
-        with self.folder as folder, ExitStack() as stack:
+        with self._at_work() as folder, ExitStack() as stack:
             if not folder.reference.exists():
                 pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
             (run,) = macro_laws(folder, self.config, stack, (kind,)).values()
@@ -246,7 +253,7 @@ class Study:
     def report(self) -> Path:
         """Write the report, and return the path of the page."""
         self.solve()
-        with self.folder as folder:
+        with self._at_work() as folder:
             return pipeline.report(folder, self.config, console=self._console)
 
 

@@ -10,8 +10,9 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children, get_context
 from typing import Any
 
+from porocore.core.parallel.threads import one_thread_in_children
 from porocore.errors import PorocoreError
-from porocore.sampling.execution import end_with_parent, one_thread, require_children, script_left_out
+from porocore.sampling.execution import end_with_parent, require_children, script_left_out
 
 #: Key, and a function at the top level of a module with its first arguments.
 Task = tuple[str, tuple[Callable[..., Any], tuple[Any, ...]]]
@@ -41,7 +42,7 @@ def run_tasks(
     others = set(active_children())
     executor = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_start, initargs=(shared,))
     try:
-        with one_thread(), script_left_out():  # a worker starts as its task is submitted
+        with one_thread_in_children(), script_left_out():  # a worker starts as its task is submitted
             futures = {
                 executor.submit(_call, function, arguments): key for key, (function, arguments) in tasks
             }

@@ -1,8 +1,7 @@
-"""Environment of worker processes: one thread for each numerical library, no Ctrl-C, and not the user's script."""
+"""What workers are started without: Ctrl-C, and the user's script."""
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -12,23 +11,6 @@ from multiprocessing import current_process, resource_tracker
 from threading import Lock
 
 from porocore.errors import PorocoreError
-
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMEXPR_NUM_THREADS")
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Set the thread variables to 1 for processes that are started during the block."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 @contextmanager
