@@ -15,7 +15,8 @@ from porocore.macro.closure_error import ClosureError
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.report.loading_mode import LoadingMode
-from porocore.report.metrics import LoadCase, OutputCheck
+from porocore.report.metrics import LoadCase
+from porocore.report.words.held_out import OutputCheck
 from porocore.states import Array, IntArray
 
 

@@ -19,7 +19,7 @@ from porocore.report.figures.series import panels
 from porocore.report.format import plain
 from porocore.report.law_differences import COMPARED, law_differences
 from porocore.report.loading_mode import end_words, no_relaxation, reactions
-from porocore.report.metrics import LoadCase, case_metrics, rms_percent, worst_percent
+from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.page import Picture, Pictures, environment
 from porocore.report.text import (
     FOLLOWER,
@@ -32,6 +32,13 @@ from porocore.report.text import (
     whole_words,
 )
 from porocore.report.words.cell import cell_rows, conductivity_sentence, linear_rows, mesh_rows
+from porocore.report.words.held_out import (
+    few_in_body,
+    rms_percent,
+    rms_percent_in_body,
+    worst_percent,
+    worst_percent_in_body,
+)
 from porocore.report.words.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
 from porocore.states import Array, MacroState, Status
 
@@ -154,9 +161,17 @@ def _surrogate_parts(surrogate: SurrogateSummary, pictures: Pictures) -> dict[st
     return {
         "summary": surrogate,
         "outputs": [
-            (check, int(check.counted.sum()), rms_percent(check), worst_percent(check))
+            {
+                "check": check,
+                "counted": int(check.counted.sum()),
+                "rms": rms_percent(check),
+                "worst": worst_percent(check),
+                "rms_in_body": rms_percent_in_body(check),
+                "worst_in_body": worst_percent_in_body(check),
+            }
             for check in surrogate.outputs
         ],
+        "few_in_body": few_in_body(surrogate.outputs),
         "parity": [
             pictures.svg(
                 f"{closure}_predicted_{check.plain.replace('⟨∇u¹⟩', 'mean_grad_')}",

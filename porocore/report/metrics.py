@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.core.units.results import spoken
 from porocore.interfaces.solution import History, MacroSolution
@@ -18,45 +17,6 @@ from porocore.states import Array
 STEADY_TOLERANCE = 1e-3
 #: A share of the body that is flagged but is 0.0 % in words is none.
 LEAST_FLAGGED = 5e-4
-
-
-@dataclass(frozen=True, eq=False)
-class OutputCheck:
-    r"""One output of the surrogate on the held-out states.
-
-    Attributes
-    ----------
-    name
-        Label in matplotlib's mathematics, such as ``r"$\langle\nabla_Y u^1\rangle_{22}$"``.
-    plain
-        The same in plain text, such as ``"⟨∇u¹⟩₂₂"``.
-    solved, predicted : (m,)
-        Values of the cell solver and of the surrogate.
-    span
-        Range of the output over the training states, to which errors are referred.
-    outside_training_range : (m,) bool
-        Held-out states beyond the sampled range; shown, but not counted in the error unless all of them are.
-    quantity
-        Of :data:`porocore.core.units.scales.QUANTITIES`; '' is a plain number.
-    """
-
-    name: str
-    plain: str
-    solved: Array
-    predicted: Array
-    span: float
-    outside_training_range: npt.NDArray[np.bool_]
-    quantity: str = ""
-
-    @property
-    def all_outside(self) -> bool:
-        """True if there are held-out states and all lie beyond the sampled range."""
-        return len(self.outside_training_range) > 0 and bool(self.outside_training_range.all())
-
-    @property
-    def counted(self) -> npt.NDArray[np.bool_]:
-        """(m,) Held-out states that the error is over: those within the sampled range, or all where none is."""
-        return self.outside_training_range if self.all_outside else ~self.outside_training_range
 
 
 @dataclass(frozen=True)
@@ -88,7 +48,7 @@ class LeftOut:
 
     @property
     def estimate(self) -> str:
-        """What it changes, in words."""
+        """Change of the results in words."""
         return f"that changes results by no more than about {number(100 * self.change, 2)} %"
 
 
@@ -281,15 +241,3 @@ def case_warnings(
                 "in the last tenth of the time, so the final value is not the steady state. Raise the end time."
             )
     return found
-
-
-def rms_percent(check: OutputCheck) -> float | None:
-    """Return the RMS error on the counted held-out states, in per cent of the output's span; None without."""
-    error = (check.predicted - check.solved)[check.counted]
-    return 100 * float(np.sqrt(np.mean(error**2))) / check.span if len(error) else None
-
-
-def worst_percent(check: OutputCheck) -> float | None:
-    """Return the largest error on the counted held-out states, in per cent of the span; None without."""
-    error = (check.predicted - check.solved)[check.counted]
-    return 100 * float(np.abs(error).max()) / check.span if len(error) else None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from invoked import BENCHMARK, invoke, refusal
 
-from porocore.cli.commands.cell import as_text
+from porocore.cli.commands.cell import BELONGS, as_text
 from porocore.study.stages import pipeline
 
 BRAIN = BENCHMARK.with_name("brain-indentation.yaml")
@@ -41,7 +41,7 @@ def test_a_state_is_given_and_answered_in_units(asked):
     lines = done.stdout.splitlines()
     assert "stress [Pa]:" in lines
     assert lines[lines.index("stress [Pa]:") + 1].split() == ["200", "0", "0"]
-    assert "conductivity [mm²/(Pa s)]:" in lines
+    assert "conductivity [mm²/(Pa s)] (of the undeformed cell):" in lines
     assert "  fluid_volume_p [1/Pa]: 0.00015" in lines
     assert not any("mean_grad_p" in line or "potential" in line for line in lines)
     found = json.loads(invoke("cell", BRAIN, "--p", "7.5 mmHg", "--json").stdout)
@@ -51,6 +51,17 @@ def test_a_state_is_given_and_answered_in_units(asked):
     assert found["tangent"]["mean_grad_p"]["value"][0] == [None, None, None]
     assert found["porosity"] == 0.4
     assert asked[1][1] == pytest.approx(7.5 * 133.322387415 / 2000, rel=1e-14)
+
+
+def test_a_deformed_state_says_what_is_of_the_undeformed_cell(asked):
+    """At H22 = −0.1 the porosity at rest was printed beside a smaller fluid volume, and nothing said of which cell."""
+    lines = invoke("cell", BRAIN, "--at", "H22=-0.1").stdout.splitlines()
+    assert lines[0] == "porosity (of the undeformed cell): 0.4"
+    assert invoke("cell", BRAIN).stdout.splitlines()[0] == "porosity: 0.4"
+    told = as_text({"fluid_volume": 0.533}, BELONGS)
+    assert told == (
+        "fluid_volume (in this state, per volume of the undeformed cell; at rest it is the porosity): 0.533"
+    )
 
 
 def test_a_small_number_of_a_large_unit_is_no_zero():

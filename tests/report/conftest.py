@@ -19,7 +19,8 @@ from porocore.report.context import (
     TrainingCurve,
 )
 from porocore.report.html import render
-from porocore.report.metrics import LoadCase, OutputCheck
+from porocore.report.metrics import LoadCase
+from porocore.report.words.held_out import OutputCheck
 from porocore.states import CellResponse, CellTangent, Status
 from porocore.study.publication import DEHGHANI_ZILIAN
 

@@ -27,7 +27,7 @@ from porocore.report.figures.cell import surface_triangles
 from porocore.report.figures.profiles import ColumnAxis
 from porocore.report.figures.series import early_peak
 from porocore.report.figures.style import new_figure
-from porocore.report.metrics import OutputCheck
+from porocore.report.words.held_out import OutputCheck
 from porocore.states import Status
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])

@@ -14,16 +14,21 @@ from porocore.core.units.scales import Scales
 from porocore.report.format import difference, duration, number, percent, plain
 from porocore.report.metrics import (
     LoadCase,
-    OutputCheck,
     case_metrics,
     case_warnings,
     flagged_shares,
-    rms_percent,
     solution_metrics,
     steady_drift,
     time_to_fraction,
     without_settlement,
+)
+from porocore.report.words.held_out import (
+    OutputCheck,
+    few_in_body,
+    rms_percent,
+    rms_percent_in_body,
     worst_percent,
+    worst_percent_in_body,
 )
 
 
@@ -190,3 +195,20 @@ def test_a_prescribed_settlement_has_no_figures(column):
     assert metrics["nonlinear"].keys() - left["nonlinear"].keys() == gone
     assert left["nonlinear"]["max_pressure"] == metrics["nonlinear"]["max_pressure"]
     assert left["drained_ratio"] == metrics["drained_ratio"]
+
+
+def test_errors_as_a_share_of_the_range_that_the_body_uses():
+    """A force that was 0.5 % off was read as 0.09 % off, which was of a range three times that of the body."""
+    solved = np.array([-0.1, -0.6, -0.7, -0.9])
+    check = OutputCheck("x", "x", solved, solved + 0.002, 1.0, np.zeros(4, bool), in_body=(-0.4, 0.0))
+    assert rms_percent(check) == pytest.approx(0.2)
+    assert rms_percent_in_body(check) == worst_percent_in_body(check) == pytest.approx(0.5)
+    assert check.counted_in_body == 1
+    assert few_in_body([check]).startswith(
+        "Most held-out states lie beyond the values that the body has of x,"
+    )
+    wide = replace(check, in_body=(-0.8, 0.0))
+    assert few_in_body([wide]) == ""
+    for unknown in (None, (0.2, 0.2)):
+        unused = replace(check, in_body=unknown)
+        assert (rms_percent_in_body(unused), few_in_body([unused])) == (None, "")

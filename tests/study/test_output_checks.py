@@ -40,3 +40,16 @@ def test_a_component_that_is_zero_but_for_the_mesh_is_not_judged(noise, judged):
     names = [check.plain for check in checks]
     assert "P_E,22" in names
     assert ("P_E,12" in names) == judged
+
+
+def test_the_range_in_the_body_is_that_of_its_states():
+    data = potential_training_set(24, seed=1, inputs=INPUTS)
+    surrogate = PolynomialSurrogate().fit(data, seed=0)
+    body = INPUTS.scatter([[0.0, 0.0], [-0.02, 0.01], [-0.01, 0.0]])
+    checks = output_checks(
+        as_dataset(data), as_dataset(potential_training_set(8, seed=2, inputs=INPUTS)), surrogate, body
+    )
+    expected = surrogate.predict(body, tangent=False)
+    (stress,) = [check for check in checks if check.plain == "P_E,22"]
+    assert stress.in_body == (expected.stress[:, 1, 1].min(), expected.stress[:, 1, 1].max())
+    assert 0 < stress.span_in_body < 0.5 * stress.span

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 import typer
@@ -20,6 +21,13 @@ from porocore.core.files.plain_data import json_ready
 
 #: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
 ZERO = 1e-12
+#: To which configuration of the cell results belong, said of a state that is not at rest.
+BELONGS = {
+    "porosity": "of the undeformed cell",
+    "conductivity": "of the undeformed cell",
+    "fluid_volume": "in this state, per volume of the undeformed cell; at rest it is the porosity",
+    "deformed_conductivity": "in this state, for the flux through undeformed area",
+}
 NoPicturesOption = Annotated[
     bool, typer.Option("--no-pictures", help="Write only what ParaView reads; pyvista is not needed.")
 ]
@@ -53,9 +61,9 @@ def state(
 ) -> None:
     """Solve the cell for one macroscopic state, by default at rest.
 
-    Prints porosity, conductivity and the responses of the cell with their derivatives, those of fourth order
-    with --json only. Where the configuration has scales, they have its output units. The status of a state without
-    solution tells why there is none; its responses are null in the JSON object.
+    Prints porosity and conductivity of the undeformed cell, and the responses of the cell in the state with their
+    derivatives, those of fourth order with --json only. Where the configuration has scales, they have its output
+    units. The status of a state without solution tells why there is none; its responses are null in the JSON object.
     """
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
@@ -70,7 +78,9 @@ def state(
         asked = ([row[:3], row[3:6], row[6:9]], row[9])
         solved = pipeline.solve_cell(settings, *asked, store=kept, tell=Console().note)
         result = json_ready(figures_with_units(solved, units))
-    typer.echo(json.dumps(result, allow_nan=False) if as_json else as_text(result))
+    typer.echo(
+        json.dumps(result, allow_nan=False) if as_json else as_text(result, BELONGS if any(row) else {})
+    )
 
 
 @cell.command()
@@ -150,8 +160,8 @@ def show(
             typer.echo(file)
 
 
-def as_text(result: Mapping[str, Any]) -> str:
-    """Return a result as text, without fourth-order derivatives.
+def as_text(result: Mapping[str, Any], belongs: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Return a result as text, without fourth-order derivatives; ``belongs`` is said behind some names.
 
     A state without values shows only its status and what does not depend on it. Numbers that are below :data:`ZERO`
     without their unit are 0.
@@ -161,6 +171,7 @@ def as_text(result: Mapping[str, Any]) -> str:
         value: Any = given if isinstance(given, Mapping) else _rounded(given, given)
         if isinstance(given, Mapping) and "unit" in given:
             name, value = f"{name} [{given['unit']}]", _rounded(given["value"], given["dimensionless"])
+        name += f" ({belongs[name.split()[0]]})" if name.split()[0] in belongs else ""
         if name == "status":
             lines.append(f"status: {_described(value)}")
         elif _is_empty(value):

@@ -24,7 +24,7 @@ from porocore.report.figures.style import (
     png_bytes,
     styled,
 )
-from porocore.report.metrics import OutputCheck, rms_percent, worst_percent
+from porocore.report.words.held_out import OutputCheck, rms_percent, worst_percent
 
 
 @styled

@@ -13,7 +13,13 @@ from porocore.report.context import ReportContext, SurrogateSummary
 from porocore.report.dimensional import dimensional_metrics, figures_with_units
 from porocore.report.law_differences import law_differences
 from porocore.report.loading_mode import reactions
-from porocore.report.metrics import case_metrics, rms_percent, without_settlement, worst_percent
+from porocore.report.metrics import case_metrics, without_settlement
+from porocore.report.words.held_out import (
+    rms_percent,
+    rms_percent_in_body,
+    worst_percent,
+    worst_percent_in_body,
+)
 from porocore.report.words.statuses import solved_shares, visited_shares
 from porocore.states import Status
 from porocore.study.stages.results import RunResults
@@ -110,6 +116,10 @@ def _errors(summary: SurrogateSummary) -> dict[str, Any]:
     return {
         "rms_error_percent_of_range": {check.plain: rms_percent(check) for check in summary.outputs},
         "largest_error_percent_of_range": {check.plain: worst_percent(check) for check in summary.outputs},
+        "rms_error_percent_of_range_in_body": {c.plain: rms_percent_in_body(c) for c in summary.outputs},
+        "largest_error_percent_of_range_in_body": {
+            c.plain: worst_percent_in_body(c) for c in summary.outputs
+        },
     }
 
 

@@ -32,10 +32,11 @@ from porocore.report.context import (
     TrainingCurve,
 )
 from porocore.report.loading_mode import LoadingMode
-from porocore.report.metrics import LoadCase, OutputCheck
+from porocore.report.metrics import LoadCase
+from porocore.report.words.held_out import OutputCheck
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.samplers.active import LearningSampler
-from porocore.states import Array, Status
+from porocore.states import Array, MacroState, Status
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.at_rest import edges
@@ -136,7 +137,7 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
         backend=config.surrogate.backend,
         description=f"{f'model {model}, ' if model else ''}{closure} closure",
         training_states=int(results.dataset.responses().stable.sum()),
-        outputs=output_checks(results.dataset, results.held_out, surrogate),
+        outputs=output_checks(results.dataset, results.held_out, surrogate, _in_bodies(results)),
         # A fit that is done at once has no curve.
         curve=None if table is None or len(table) < 2 else TrainingCurve(*table.T),
         closure_error=_closure_error(config, results.reference, results.dataset),
@@ -194,8 +195,27 @@ def _closure_error(config: RunConfig, reference: CellReference, dataset: Dataset
     return closure_error(closure, dataset.states()[solved], exact)
 
 
-def output_checks(dataset: Dataset, held_out: Dataset, surrogate: Surrogate) -> tuple[OutputCheck, ...]:
-    """Compare the surrogate with the held-out states, for each predicted component that varies."""
+def _in_bodies(results: RunResults) -> MacroState | None:
+    """Return the states of the elements of the body under all loads at the kept times, turned as sampled states are."""
+    found = [
+        MacroState(profile.grad_u, profile.element_p)
+        for solutions in results.solutions.values()
+        for profile in solutions[results.config.closure].profiles
+    ]
+    if not found:
+        return None
+    states, inputs = MacroState.concatenate(found), results.dataset.inputs
+    return inputs.without_rotation(states) if results.config.surrogate_model == "potential" else states
+
+
+def output_checks(
+    dataset: Dataset, held_out: Dataset, surrogate: Surrogate, in_body: MacroState | None = None
+) -> tuple[OutputCheck, ...]:
+    """Compare the surrogate with the held-out states, for each predicted component that varies.
+
+    ``in_body`` are the states of the body, which tell how much of a component's range the body uses.
+    """
+    used = None if in_body is None else prediction_of(surrogate, in_body, tangent=False)
     trained, tested = dataset.responses(), held_out.responses()
     training = trained.stable
     solved = np.flatnonzero(tested.stable)
@@ -214,10 +234,17 @@ def output_checks(dataset: Dataset, held_out: Dataset, surrogate: Surrogate) -> 
         span = float(np.ptp(taught)) if len(taught) else 0.0
         flat = FLAT * (float(np.nanmax(np.abs(every[training]))) if field == "conductivity" else 1.0)
         if known.any() and span >= max(flat, _nothing(every[training], guess[at][known])):
+            ends = None if used is None else _ends(getattr(used, field)[at])
             checks.append(
-                OutputCheck(name, plain, found[known], guess[at][known], span, outside[known], quantity)
+                OutputCheck(name, plain, found[known], guess[at][known], span, outside[known], quantity, ends)
             )
     return tuple(checks)
+
+
+def _ends(values: Array) -> tuple[float, float] | None:
+    """Return least and largest of the values that are finite."""
+    known = values[np.isfinite(values)]
+    return (float(known.min()), float(known.max())) if len(known) else None
 
 
 def _nothing(taught: Array, guess: Array) -> float:
