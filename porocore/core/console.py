@@ -27,8 +27,6 @@ BAR = 10
 REPORTS, FIRST_SHOWN, ALIKE, LATELY = 3, 2.0, 2.5, 0.25
 #: Before so many reports, one part in their number goes by the pace since the first: workers end states together.
 FEW = 8
-#: Shortest task [s] whose last line judges the first estimate.
-JUDGED = 20.0
 
 
 class Pace:
@@ -89,7 +87,6 @@ class Task:
         self.title, self.unit, self.begins = title, unit, begins
         self._show, self._clock = show, clock
         self._pace = Pace(clock())
-        self._first: float | None = None
         self._parts, self._detail = ["nothing to do"], ""
         self.left: float | None = None
 
@@ -122,8 +119,6 @@ class Task:
         now = self._clock()
         paced = self._pace.left(now, *(work or (done, total - done)))
         self.left = paced if seconds is None else seconds if seconds > 0 else None
-        if self._first is None and self.left is not None:
-            self._first = now + self.left
         self._parts, self._detail = [f"{self.begins}{done:g} of {total:g} {self.unit}".rstrip()], detail
         if failed:
             self._parts.append(f"{failed} failed")
@@ -139,14 +134,8 @@ class Task:
         return self._fitting(room, "" if self.left is None else f"{roughly(self.left)} left", ", ")
 
     def summary(self, room: int) -> str:
-        """Return what the last report said and how long the task took, with the error of the first estimate."""
-        now = self._clock()
-        seconds, judged = now - self._pace.begun, ""
-        if self._first is not None and seconds >= JUDGED:
-            share = round(100 * (self._first - now) / seconds)
-            judged = f", first estimated {abs(share)} % {'more' if share > 0 else 'less'}"
-        text = self._fitting(room, f"took {duration(seconds)}{judged}", "; ")
-        return text if len(text) <= room else self._fitting(room, f"took {duration(seconds)}", "; ")
+        """Return what the last report said and how long the task took."""
+        return self._fitting(room, f"took {duration(self._clock() - self._pace.begun)}", "; ")
 
     def _fitting(self, room: int, ends: str, before: str) -> str:
         """Return as much of the last report as fits, and how it ends."""
