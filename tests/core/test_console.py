@@ -103,15 +103,13 @@ def test_lines_fit_into_80_columns(stream, monkeypatch):
     assert max(map(len, plain)) <= 80
 
 
-def test_the_last_line_judges_the_first_estimate():
+def test_the_last_line_says_how_long_the_task_took():
     stream, clock = io.StringIO(), Clock()
     with Console(stream, clock).task("training", "epochs") as task:
         for done in range(1, 101):
             clock.now += 1.0 if done < 50 else 3.0
             task.update(done, 100)
-    assert stream.getvalue().splitlines()[-1] == (
-        "training: 100 of 100 epochs; took 3 min 22 s"
-    )
+    assert stream.getvalue().splitlines()[-1] == ("training: 100 of 100 epochs; took 3 min 22 s")
 
 
 def test_a_terminal_gets_a_bar_that_goes_away_and_a_last_line():
