@@ -24,6 +24,8 @@ FINISHED_FIRST = f"states that end within {GRACE:g} s"
 STARTING = "at work on the first ones"
 #: Decisions on a further round that took longer [s] are followed by a report of their own.
 TOLD = 0.5
+#: Where the dataset held every state.
+COMPLETE = "complete"
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,8 @@ class _Campaign:
         self.counts: Counter[Status] = Counter()
         self.solved = self.reused = 0
         self.forecast = StateForecast(dataset.inputs, guess or Guess(workers=pool.workers))
+        #: States known at the last report, and what went on.
+        self.reported = (0, "")
         #: A state was solved, not taken from a store.
         self.measured = False
 
@@ -154,6 +158,8 @@ class _Campaign:
             self.tell(self.keep(outcome), outcome.response, seconds)
             self.report(stopping=interrupt.is_set())
             self.ask()
+        if self.reported != (self.counts.total(), ""):
+            self.report(doing="" if self.solved else COMPLETE)
         if not self.sampler.done:
             raise PluginError(
                 f"{origin_of(self.sampler.sampler)} asks for no more states, but says that it is not done; report this "
@@ -218,7 +224,7 @@ class _Campaign:
         if self.on_progress is None:
             return
         done = self.counts.total()
-        expected = max(self.sampler.expected, done)
+        expected, self.reported = max(self.sampler.expected, done), (done, doing)
         self.forecast.look(self.sampler.outlook)
         failed = sum(n for status, n in self.counts.items() if not status.has_values)
         self.on_progress(CampaignProgress(done, expected, failed, self.forecast.seconds(), stopping, doing))

@@ -19,6 +19,8 @@ from porocore.study.config.config import differences
 from porocore.study.config.loading import load_config
 from porocore.study.preflight import checks
 
+EXAMPLE = Path(__file__).parents[2] / "examples" / "brain-indentation.yaml"
+
 SCALES = {"modulus": "2.5 kPa", "length": "12.5 mm", "pore": "5 um", "viscosity": "1.6 Pa*s"}
 #: With which most values in SI units are no decimal numbers.
 ODD = {"modulus": "2.1 kPa", "length": "13 mm", "pore": "7 um", "viscosity": "1.3 Pa*s"}
@@ -215,6 +217,7 @@ def test_one_value_in_two_units_is_one_number(one, other):
         ("1 kpa", "stress", ["the unit 'kpa' is not known; did you mean 'kPa'?"]),
         ("1,5 kPa", "stress", ["decimals stand after a point, such as 1.5 mm"]),
         ("3 mm Hg", "pressure", ["did you mean 'mmHg'?"]),
+        ("40 kP", "stress", ["got '40 kP', which is a viscosity; did you mean 'kPa'?"]),
         ("4 %", "time", ["expected a time", "got '4 %'"]),
         ("five mm", "displacement", ["expected a length", "got 'five mm'"]),
         ("5 __import__('os')", "displacement", ["is not known"]),
@@ -263,6 +266,30 @@ def test_faults_of_units_name_the_key(change, message):
     with pytest.raises(ConfigurationError) as error:
         config_from(study)
     assert any(f"settings: {message}" in line for line in str(error.value).splitlines()), str(error.value)
+
+
+def test_with_faulty_scales_the_faults_of_other_keys_are_told_too(tmp_path):
+    """They were told alone, and everything else after they were mended."""
+    text = EXAMPLE.read_text(encoding="utf-8").replace("pore: 5 um", "pore: 5 kP", 1)
+    text = text.replace("  loads: [1]", "  lods: [1]\n  loads: [1]", 1).replace("punch: {", "punsh: {", 1)
+    (tmp_path / "study.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigurationError) as refused:
+        load_config(tmp_path / "study.yaml")
+    told = str(refused.value)
+    assert "scales.pore: expected a length, such as 5 mm, got '5 kP', which is a viscosity" in told
+    assert "macro.lods: unknown key; did you mean 'loads'?" in told
+    assert len(told.splitlines()) == 3, told
+
+
+def test_a_wrong_unit_does_not_hide_an_unknown_surface(tmp_path):
+    text = EXAMPLE.read_text(encoding="utf-8").replace("ramp: -0.6 mm", "ramp: -0.6 kPa", 1)
+    text = text.replace("    y-:", "    bottom:", 1)
+    (tmp_path / "study.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigurationError) as refused:
+        load_config(tmp_path / "study.yaml")
+    told = str(refused.value)
+    assert "expected a length, such as 5 mm, got '-0.6 kPa', which is a pressure" in told
+    assert "macro.boundary.bottom: no such surface; the surfaces are" in told
 
 
 def test_a_unit_without_scales_is_explained(tmp_path):
@@ -335,7 +362,7 @@ def test_the_history_is_a_table_with_units_in_its_header(tmp_path, column):
 
 
 def test_the_example_in_si_units_has_only_texts_that_are_read():
-    path = Path(__file__).parents[2] / "examples" / "brain-indentation.yaml"
+    path = EXAMPLE
     config = load_config(path)
     assert config.scales is not None
     assert max(config.macro.body.size) == pytest.approx(1)

@@ -74,8 +74,11 @@ def test_two_workers_give_the_same_bits_on_one_thread_each(tmp_path: Path, undis
 def test_a_finished_campaign_is_not_solved_again(tmp_path: Path) -> None:
     dataset, _ = sample(tmp_path / "data.h5")
     log = tmp_path / "log"
-    again, summary = sample(dataset.path, Fake(log=str(log)))
+    seen: list[CampaignProgress] = []
+    again, summary = sample(dataset.path, Fake(log=str(log)), on_progress=seen.append)
     assert solves(log) == []
+    # The line at the end said that of 6 states none was there.
+    assert (seen[-1].done, seen[-1].expected, seen[-1].doing) == (len(dataset), len(dataset), "complete")
     assert (summary.solved, summary.reused) == (0, len(dataset))
     assert again.digest() == dataset.digest()
 

@@ -97,3 +97,21 @@ def test_lengths_have_the_unit_that_suits_them():
 
 def test_an_editor_does_not_ask_for_what_the_voxels_tell():
     assert configuration_schema()["$defs"]["Scales"]["required"] == ["length"]
+
+
+def test_a_misspelt_voxel_size_is_told_beside_the_pore_that_it_hides(load):
+    """It was told alone: the scales lack their pore, since the key that gives it is another one."""
+    with pytest.raises(ConfigurationError) as refused:
+        load({"voxelsize": "12 um", "pour": 1}, pore=None)
+    other, key, pore = str(refused.value).splitlines()
+    assert "cell.geometry.voxelsize: unknown key; did you mean 'voxel_size'?" in key
+    assert "cell.geometry.pour: unknown key; did you mean 'pore'?" in other
+    assert pore.endswith(
+        "scales.pore: missing; add 'pore:' under 'scales:', or 'voxel_size:' under 'cell.geometry:'"
+    )
+    with pytest.raises(ConfigurationError) as refused:
+        load({"voxel_size": "12 kPa"}, modulus="1 mm")
+    assert [line.split(": ")[1] for line in str(refused.value).splitlines()] == [
+        "cell.geometry.voxel_size",
+        "scales.modulus",
+    ]

@@ -37,6 +37,8 @@ COMMON = (
     *("N", "mN", "kN", "Pa*s", "mPa*s", "cP"),
 )
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: At most so many letters are missing where kP, kilopoise, stands for kPa.
+CUT = 2
 #: Characters of a value with its unit.
 LONGEST = 120
 #: No number beyond two digits, which could take forever.
@@ -96,7 +98,9 @@ def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
             f"expected {EXAMPLES[quantity]}, got {echo(text)}; the unit {echo(unit)} is not known{question}"
         )
     if dimensions != _measured(QUANTITIES[quantity].unit)[1]:
-        raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}{_instead(dimensions)}")
+        raise UnitError(
+            f"expected {EXAMPLES[quantity]}, got {echo(text)}{_instead(dimensions)}{_begun(unit, quantity)}"
+        )
     return factor
 
 
@@ -106,6 +110,15 @@ def pretty(unit: str) -> str:
         r"\s*(?:\*\*|\^)\s*(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit.strip()
     )
     return re.sub(r"\bu(?=[A-Za-z])", "µ", re.sub(r"\s*\*\s*", " ", powers))
+
+
+def _begun(unit: str, quantity: str) -> str:
+    """Return the question whether a unit of the quantity is meant of which only the beginning stands there."""
+    dimensions = _measured(QUANTITIES[quantity].unit)[1]
+    for known in COMMON:
+        if 0 < len(known) - len(unit) <= CUT and known.startswith(unit) and _measured(known)[1] == dimensions:
+            return f"; did you mean '{known}'?"
+    return ""
 
 
 def _instead(dimensions: frozenset[tuple[str, Any]]) -> str:

@@ -19,7 +19,7 @@ from porocore.core.units.results import OutputUnits, ResultUnits, length_text, s
 from porocore.core.units.scales import Scales
 from porocore.core.units.texts import resolved
 from porocore.errors import ConfigurationError
-from porocore.macro.problem import MacroSetup
+from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import faults, unexpected
 from porocore.study.examples import benchmark_path
@@ -30,10 +30,19 @@ NO_VISCOSITY = (
     "cell.viscosity: missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is "
     "water, under 'cell:'"
 )
-
-
 #: Largest difference of two lengths of one cell, relative to them.
 SAME_LENGTH = 1e-6
+#: Names of the surfaces of bodies whose kind alone decides them.
+SURFACES = {
+    "box": Box.surfaces,
+    "cylinder": Cylinder.surfaces,
+    "quarter-cylinder": QuarterCylinder.surfaces,
+    "wedge": Wedge.surfaces,
+}
+#: Stand for faulty ones while the rest of a document is looked through.
+ANY_SCALES = Scales(modulus=1.0, length=1.0, pore=1.0, viscosity=1.0)
+#: Faults that are the same with any scales.
+OF_NAMES = ("extra_forbidden", "missing", "union_tag_invalid")
 
 
 class _OnlyScales(StrictModel):
@@ -90,7 +99,9 @@ def _only_cell(document: YamlDocument) -> Cell:
 
 def validated(document: YamlDocument) -> RunConfig:
     """Return the configuration that a document holds; see :func:`load_config`."""
-    scales = _scales(document)
+    scales, found = _scales(document)
+    if found:
+        raise _refusal(document, [*found, *_beside_the_scales(document)])
     data, found = resolved(RunConfig, document.data, scales)
     if scales is not None:
         data["scales"].setdefault("pore", scales.pore)
@@ -101,12 +112,17 @@ def validated(document: YamlDocument) -> RunConfig:
             config = RunConfig.model_validate(data, context={"folder": document.folder})
     except ValidationError as error:
         found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
+        found += _surfaces_beside(document, found)
     else:
         for at, value in _leaves(config.model_dump()):
             if isinstance(value, float) and not abs(value) <= LARGEST_NUMBER:
                 kind = f"a number up to {LARGEST_NUMBER:g}" if math.isfinite(value) else "a finite number"
                 found.append((at, unexpected(at, kind, value)))
-        found += _unknown_surfaces(config.macro)
+        found += _unknown_surfaces(
+            config.macro.body.surfaces,
+            config.macro.boundary,
+            {name: patch.of for name, patch in config.macro.surfaces.items()},
+        )
         if scales is not None and "viscosity" not in config.cell.model_fields_set:
             found.append((("cell", "viscosity"), NO_VISCOSITY))
     # pydantic would take 'yes' for 1.
@@ -130,38 +146,73 @@ def _refusal(document: YamlDocument, found: Iterable[tuple[Location, str]]) -> C
     return ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
 
 
-def _scales(document: YamlDocument) -> Scales | None:
-    """Return the scales, with which everything else is read; their faults are raised alone.
+def _scales(document: YamlDocument) -> tuple[Scales | None, list[tuple[Location, str]]]:
+    """Return the scales, with which everything else is read, and their faults.
 
     A cell that tells its own length needs no ``pore``, and none that differs.
     """
     section = document.data.get("scales")
     if section is None:
-        return None
+        return None, []
     data, found = resolved(_OnlyScales, {"scales": section}, None)
-    length = _length(document)
-    if length is not None and isinstance(data["scales"], dict):
-        data["scales"].setdefault("pore", length)
-    if not found:
-        try:
-            scales = _OnlyScales.model_validate(data).scales
-        except ValidationError as error:
-            found += faults(document, error.errors(), RunConfig)
-        else:
-            if length is None or math.isclose(scales.pore, length, rel_tol=SAME_LENGTH):
-                return scales
-            found.append((("scales", "pore"), _other_length(length, section["pore"])))
-    raise _refusal(document, found)
+    unread = {at for at, _ in found}
+    length, refused = _length(document)
+    found += refused
+    if isinstance(data["scales"], dict) and (length is not None or refused):
+        data["scales"].setdefault("pore", length or 1.0)
+    try:
+        scales = _OnlyScales.model_validate(data).scales
+    except ValidationError as error:
+        found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
+        return None, [(at, _with_voxel_size(document, at, text)) for at, text in found]
+    if not found and length is not None and not math.isclose(scales.pore, length, rel_tol=SAME_LENGTH):
+        found.append((("scales", "pore"), _other_length(length, section["pore"])))
+    return scales, found
 
 
-def _length(document: YamlDocument) -> float | None:
-    """Return the length of the cell in metres where its geometry tells it, as an image with ``voxel_size`` does."""
+def _with_voxel_size(document: YamlDocument, at: Location, text: str) -> str:
+    """Return a complaint about scales, for an image without their pore with the key that tells it."""
+    kind = ("cell", "geometry", "kind")
+    missing = at == ("scales", "pore") and at not in document
+    if missing and kind in document and document.value(kind) == "voxels":
+        return f"{text}, or 'voxel_size:' under 'cell.geometry:'"
+    return text
+
+
+def _beside_the_scales(document: YamlDocument) -> list[tuple[Location, str]]:
+    """Return the faults of a document with faulty scales that other scales would not mend.
+
+    With any scales, keys that are unknown or missing, and units of another quantity, are the same. Bounds are not.
+    """
+    data, found = resolved(RunConfig, document.data, ANY_SCALES)
+    found = [fault for fault in found if fault[0][0] != "scales"]
+    unread = {at for at, _ in found}
+    data = {**data, "scales": ANY_SCALES.model_dump(exclude_none=True)}
+    try:
+        RunConfig.model_validate(data, context={"folder": document.folder})
+    except ValidationError as error:
+        names = [each for each in error.errors() if each["type"] in OF_NAMES]
+        found += [fault for fault in faults(document, names, RunConfig) if fault[0] not in unread]
+    return [*found, *_surfaces_beside(document, found)]
+
+
+def _length(document: YamlDocument) -> tuple[float | None, list[tuple[Location, str]]]:
+    """Return the length of the cell in metres where its geometry tells it, as an image with ``voxel_size`` does.
+
+    And the faults of such a geometry, with which the length is not known.
+    """
     cell = document.data.get("cell")
     geometry = cell.get("geometry") if isinstance(cell, Mapping) else None
     if not isinstance(geometry, Mapping) or geometry.get("voxel_size") is None:
-        return None
-    only = replace(document, data={"cell": {"geometry": geometry}})
-    return _only_cell(only).geometry.length
+        return None, []
+    data, found = resolved(_OnlyCell, {"cell": {"geometry": geometry}}, None)
+    unread = {at for at, _ in found}
+    try:
+        cell = _OnlyCell.model_validate(data, context={"folder": document.folder}).cell
+    except ValidationError as error:
+        found += [fault for fault in faults(document, error.errors(), _OnlyCell) if fault[0] not in unread]
+        return None, found
+    return cell.geometry.length, found
 
 
 def _other_length(length: float, given: Any) -> str:
@@ -179,13 +230,30 @@ def _units(data: Any, scales: Scales | None) -> ResultUnits:
         return ResultUnits(scales)
 
 
-def _unknown_surfaces(macro: MacroSetup) -> Iterator[tuple[Location, str]]:
-    """Yield faults of surfaces of a body whose kind names them; those of a mesh file are known when it is read."""
-    known = [*macro.body.surfaces, *macro.surfaces]
-    named: list[tuple[Location, str]] = [(("macro", "boundary", name), name) for name in macro.boundary]
-    named += [(("macro", "surfaces", name, "of"), patch.of) for name, patch in macro.surfaces.items()]
-    for at, name in named if macro.body.surfaces else ():
-        if name not in known:
+def _surfaces_beside(
+    document: YamlDocument, found: Iterable[tuple[Location, str]]
+) -> Iterator[tuple[Location, str]]:
+    """Yield faults of surfaces of a macroscale that has other faults, as far as its sections can be read."""
+    macro = document.data.get("macro")
+    if not isinstance(macro, Mapping):
+        return
+    body, boundary, patches = (macro.get(key) or {} for key in ("body", "boundary", "surfaces"))
+    if not all(isinstance(section, Mapping) for section in (body, boundary, patches)):
+        return
+    of = {str(name): patch.get("of") for name, patch in patches.items() if isinstance(patch, Mapping)}
+    known, own = {at for at, _ in found}, SURFACES.get(str(body.get("kind")), ())
+    yield from (fault for fault in _unknown_surfaces(own, map(str, boundary), of) if fault[0] not in known)
+
+
+def _unknown_surfaces(
+    own: tuple[str, ...], boundary: Iterable[str], of: Mapping[str, Any]
+) -> Iterator[tuple[Location, str]]:
+    """Yield faults of surfaces of a body whose kind names its ``own``; those of a file are known when it is read."""
+    known = [*own, *of]
+    named: list[tuple[Location, Any]] = [(("macro", "boundary", name), name) for name in boundary]
+    named += [(("macro", "surfaces", name, "of"), face) for name, face in of.items()]
+    for at, name in named if own else ():
+        if isinstance(name, str) and name not in known:
             yield at, f"{dotted(at)}: no such surface; {suggestion(name, known, 'the surfaces are')}"
 
 
