@@ -19,8 +19,8 @@ from porocore.macro.problem import MacroSetup, TimePlan
 from porocore.plugins import registry
 from porocore.study import backends
 from porocore.study.config.loading import load_config
+from porocore.study.magnitudes.left_out import left_out
 from porocore.study.preflight.checks import check_backends, check_sampling, outline, place
-from porocore.study.preflight.left_out import left_out
 from porocore.study.preflight.reach_notes import prescribed_reach
 
 

@@ -118,12 +118,12 @@ class _Compared:
                 f"the mesh's {self.name} {run} through along {_listed(opened)}, {that} of the image {do} not: give "
                 f"a smaller cell.mesh.{self.key} or cell.geometry.smoothing"
             )
-        if weak := [axis for axis in self.narrow if axis in mesh]:
+        if weak := sorted(axis for axis in self.narrow if axis in mesh):
             width = min(self.narrow[axis] for axis in weak)
             what = "permeability" if self.phase == "fluid" else "stiffness"
             yield (
                 f"the image's {self.name} {run} through along {_listed(weak)} by necks as narrow as {width:.2g} of the "
-                f"cell, {width / self.size:.2g} elements of mesh.{self.key}; the {what} there depends on the mesh: "
+                f"cell, {count_text(width / self.size)} of mesh.{self.key}; the {what} there depends on the mesh: "
                 f"{self._advice([width])}"
             )
         yield from self._shut()
@@ -176,6 +176,12 @@ class _Compared:
         place = place + sides / 2 if self.geometry.unfolding == "whole" else np.abs(place)
         index = (place / voxel_edges(self.geometry)).astype(np.int64)
         return int(labels[tuple(np.clip(index, 0, np.array(labels.shape) - 1))])
+
+
+def count_text(elements: float) -> str:
+    """Return a number of elements, such as ``1 element`` or ``1.6 elements``."""
+    count = f"{elements:.2g}"
+    return f"{count} element" if count == "1" else f"{count} elements"
 
 
 def _listed(axes: Sequence[str]) -> str:

@@ -11,13 +11,14 @@ from porocore.core.files.store import ResultStore
 from porocore.core.units.results import ResultUnits, length_text
 from porocore.core.units.scales import QUANTITIES
 from porocore.errors import PluginError
-from porocore.macro.drainage import drainage_time
+from porocore.macro.drainage import drainage_time, drained_surfaces
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.problem import body_mesh
 from porocore.plugins import registry
 from porocore.report.format import number
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
+from porocore.study.magnitudes.run_times import run_times
 from porocore.study.preflight.reach_notes import predicted_reach, prescribed_reach
 from porocore.study.stages.reference import undeformed
 from porocore.study.stages.stage_files import linear_coefficients
@@ -26,8 +27,6 @@ from porocore.study.stages.stage_files import linear_coefficients
 MOST_TETRAHEDRA, MOST_NODES = 20_000, 40_000
 #: Values along the axes that differ by less than this share are one.
 SAME = 1e-3
-#: The end of a run and its steps lie within this factor of the time of consolidation, else there is a note.
-FAR = 100.0
 #: No liquid in a tissue, soil or filter has less than this viscosity [Pa s].
 THIN = 1e-4
 
@@ -52,15 +51,17 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
     part: Domain = "eighth" if cell.mirrored else "whole"
     count = len(cell.make_mesh("solid", part).cells) + len(cell.make_mesh("fluid", part).cells)
     if count > MOST_TETRAHEDRA:
-        yield f"at rest: not solved here, since the cell has {count:,} tetrahedra; 'porocore cell' solves it"
+        yield (
+            f"at rest: not solved here, since the cell has {count:,} tetrahedra, and a check solves up to "
+            f"{MOST_TETRAHEDRA:,}; 'porocore cell' solves it"
+        )
         yield from _prescribed(config)
         return
     reference = undeformed(cell, config.fem, config.conductivity, store)
     coefficients = linear_coefficients(reference, config)
     yield "at rest, drained:"
     yield from (f"  {line}" for line in cell_lines(coefficients, cell.viscosity, config.result_units))
-    if len(body_mesh(config.macro).points) <= MOST_NODES:
-        yield from _consolidation(config, coefficients)
+    yield from _consolidation(config, coefficients)
     yield from predicted_reach(config, coefficients)
 
 
@@ -91,51 +92,49 @@ def cell_lines(c: LinearCoefficients, viscosity: float, units: ResultUnits) -> I
     pairs = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
     shares = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
     voigt = np.array([[c.stiffness[*one, *other] for other in pairs] for one in pairs])
-    compliance = np.linalg.inv(voigt * shares)  # of e_11, …, e_23, …
-    of_e = "" if units.given else " E"
-    share = f" ({_along(confined, '', ResultUnits())} of the reference modulus)" if units.given else ""
-    yield f"confined modulus {_along(confined, 'stress', units)}{of_e}{share}"
-    yield f"Young's modulus {_along(1 / np.diag(compliance)[:3], 'stress', units)}{of_e}"
+    young = 1 / np.diag(np.linalg.inv(voigt * shares))[:3]  # the compliance of e_11, …, e_23, …
+    if units.given:
+        yield f"confined modulus {_along(confined, 'stress', units)} ({_axes(confined, '')} of the reference modulus)"
+        yield f"Young's modulus {_along(young, 'stress', units)}"
+    else:
+        yield f"confined modulus {_axes(confined, 'E')}"
+        yield f"Young's modulus {_axes(young, 'E')}"
     K = np.diag(c.conductivity)
     if units.scales is None:
-        yield f"permeability {_along(K * viscosity, '', units)} d², conductivity K {_along(K, '', units)}"
+        yield f"permeability {_axes(K * viscosity, 'd²')}, conductivity K {_axes(K, '')}"
         return
-    si = _axes([number(k, 3) for k in K * viscosity * units.scales.factor("permeability")], K)
-    by = _axes([number(k, 3) for k in K * units.scales.factor("conductivity")], K)
+    si = _axes(K * viscosity * units.scales.factor("permeability"), "m²")
+    by = _axes(K * units.scales.factor("conductivity"), "m⁴/(N s)")
     fluid = f"{viscosity * units.scales.factor('viscosity'):.4g} {QUANTITIES['viscosity'].unit}"
     asked = _along(K, "conductivity", units)
-    yield f"permeability {si} m²; of a fluid of {fluid}: {by} m⁴/(N s) = {asked}"
+    yield f"permeability {si}; of a fluid of {fluid}: {by} = {asked}"
 
 
 def _consolidation(config: RunConfig, coefficients: LinearCoefficients) -> Iterator[str]:
-    time, plan, units = drainage_time(config.macro, coefficients), config.macro.time, config.result_units
+    nodes, units = len(body_mesh(config.macro).points), config.result_units
+    if nodes > MOST_NODES:
+        yield f"  consolidation: not computed, since the body has more than {MOST_NODES:,} nodes, {nodes:,}"
+        return
+    time = drainage_time(config.macro, coefficients)
     if time is None:
         return
+    sideways = "" if config.macro.is_column else "; within a factor of two where it gives way sideways"
     yield (
-        f"  consolidation: {units.text(time, 'time', 3)} until 95 % of what a sudden load drives out has left the body "
-        "(for one that drains along one axis; else a scale)"
+        f"  consolidation: {units.text(time, 'time', 3)} until 95 % of what a sudden load drives out has left this "
+        f"body through {', '.join(drained_surfaces(config.macro))}, by its confined moduli{sideways}"
     )
-    end, step = units.text(plan.end, "time"), units.text(plan.step, "time")
-    if plan.end * FAR < time:
-        said = f"ends after {end}, long before it consolidates"
-    elif plan.end > time * FAR and plan.step > time:
-        said = f"ends after {end}, and its steps of {step} are longer than the consolidation"
-    else:
-        return
-    scales = "; a pore size (scales.pore) off by ten changes the time by a hundred" if units.given else ""
-    yield f"note: the run {said}; check macro.time and the size of the body{scales}"
+    yield from (f"note: {note}" for note in run_times(config.macro, time, units))
 
 
 def _along(values: Array, quantity: str, units: ResultUnits) -> str:
-    texts = _axes([number(v * units.factor(quantity), 3) for v in values], values)
-    return f"{texts} {units.name(quantity)}" if units.given and quantity else texts
+    return _axes(values * units.factor(quantity), units.name(quantity) if units.given else "")
 
 
-def _axes(texts: list[str], values: Array) -> str:
-    """Return the values along x, y and z, or the only one where they are the same."""
-    if np.ptp(values) <= SAME * np.abs(values).max():
-        return texts[0]
-    return f"{', '.join(texts)} along x, y, z"
+def _axes(values: Array, unit: str) -> str:
+    """Return the values along x, y and z with their unit, or the only one where they are the same."""
+    same = np.ptp(values) <= SAME * np.abs(values).max()
+    texts = ", ".join(number(value, 3) for value in (values[:1] if same else values))
+    return f"{texts} {unit}".rstrip() + ("" if same else " along x, y, z")
 
 
 def edges(config: RunConfig) -> Iterator[str]:

@@ -29,8 +29,9 @@ from porocore.report.text import whole_words
 from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
+from porocore.study.magnitudes.left_out import left_out
+from porocore.study.magnitudes.separation import separation
 from porocore.study.preflight.at_rest import cell_length, edges
-from porocore.study.preflight.left_out import left_out
 from porocore.study.preflight.resolution import resolution
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import check_time_functions, late_functions
@@ -186,6 +187,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield from Workload.of(config, expected, len(place(config).cells), (nodes, fluid)).as_lines()
     if slow := slow_states(nodes * share_solved(config), config.cell.mesh.size):
         yield f"note: {slow}"
+    yield from (f"note: {warning}" for warning in separation(config, place(config)))
     yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))
     yield from (f"note: {warning}" for warning in sheared(config, nodes))
     planes = Symmetry.of(config.macro).normals

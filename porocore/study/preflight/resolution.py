@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.level_sets.agreement import disagreements, voxel_edges
+from porocore.cell.level_sets.agreement import count_text, disagreements, voxel_edges
 from porocore.cell.level_sets.thickness import least_thickness
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.core.units.results import length_text
@@ -43,12 +43,12 @@ def resolution(cell: Cell, length: float | None = None) -> Iterator[str]:
             continue
         elements, voxels = thickness / size, thickness / voxel.min()
         yield (
-            f"  {name}: some {voxels:.2g} voxels or {thickness:.2g} of the cell, {elements:.2g} elements of "
+            f"  {name}: some {voxels:.2g} voxels or {thickness:.2g} of the cell, {count_text(elements)} of "
             f"mesh.{key}"
         )
         if elements < FEWEST and voxels >= SEEN:
             notes.append(
-                f"note: {elements:.2g} elements across the {name} resolve it poorly; cell.mesh.{key}: "
+                f"note: {count_text(elements)} across the {name} resolve it poorly; cell.mesh.{key}: "
                 f"{thickness / FEWEST:.2g} has {FEWEST:g} there"
             )
     yield from notes

@@ -1,0 +1,113 @@
+"""Notes of ``porocore check`` on lengths and times that do not suit one another."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from porocore.core.units.results import ResultUnits
+from porocore.core.units.scales import Scales
+from porocore.macro.problem import MacroSetup, body_mesh
+from porocore.study.magnitudes.run_times import run_times
+from porocore.study.magnitudes.separation import separation
+
+SCALES = Scales(modulus=1e3, length=1e-3, pore=1e-6, viscosity=1e-3)
+SECOND = 1 / SCALES.factor("time")
+
+
+def macro(displacement, end=10.0, ramp=0.1, **more):
+    faces = {"y-": {"normal": 0}, "y+": {"displacement": [None, displacement, None]}, "side": {"pressure": 0}}
+    faces |= {name: {"normal": 0} for name in ("x-", "z-")}
+    return MacroSetup.model_validate(
+        {
+            "body": {"kind": "quarter-cylinder", "radius": 4.0, "height": 3.0, "elements": [2, 1, 2]},
+            "boundary": faces,
+            "time": {"end": end, "step": end / 4, "ramp_increments": 1, "ramp_step": ramp, "profiles": []},
+        }
+        | more
+    )
+
+
+@pytest.mark.parametrize("until", [1e-2, 2e-3, 2e-4])
+def test_a_short_ramp_of_a_relaxation_is_usual(until):
+    assert list(run_times(macro({"ramp": -0.3, "until": until}), 1.0, ResultUnits())) == []
+
+
+def test_a_ramp_whose_unit_was_left_out_is_seen_with_both_times():
+    """0.05 without its s was a multiple of the scale of time, 6.5 ns, and nothing was said."""
+    units = ResultUnits(SCALES)
+    setup = macro({"ramp": -0.3, "until": 5e-9 * SECOND}, end=10 * SECOND, ramp=SECOND)
+    (note,) = run_times(setup, 2 * SECOND, units)
+    assert note.startswith(
+        "'until' of a ramp under macro.boundary.y+ is 5e-09 s, and the body consolidates in 2 s"
+    )
+    assert note.endswith("did you leave out a unit?")
+    (note,) = run_times(macro(-0.3, ramp=1e-6), 1.0, ResultUnits())
+    assert note.startswith("the ramp of macro.time, ramp_increments times ramp_step, is 1e-06, and the body")
+    assert list(run_times(macro({"ramp": -0.3, "until": 0.1}, ramp=1e-6), 1.0, ResultUnits())) == []
+
+
+@pytest.mark.parametrize(
+    ("end", "step", "said"),
+    [
+        (10.0, 2.5, ""),
+        (1.0, 0.25, ""),
+        (0.11, 0.02, ""),
+        (0.09, 0.02, "the run ends after 0.09, long before the body consolidates (1); check macro.time and"),
+        (200.0, 0.5, ""),
+        (
+            200.0,
+            50.0,
+            "the run ends after 200, and its steps of 50 are longer than the consolidation (1); check",
+        ),
+    ],
+)
+def test_a_run_is_compared_with_its_consolidation(end, step, said):
+    time = {"end": end, "step": step, "ramp_increments": 1, "ramp_step": 0.01, "profiles": []}
+    notes = list(run_times(macro(-0.3, time=time), 1.0, ResultUnits()))
+    assert len(notes) == bool(said)
+    assert all(note.startswith(said) for note in notes)
+
+
+@dataclass
+class Study:
+    """What the note looks at."""
+
+    macro: MacroSetup
+    edge: float
+    scaled: bool = True
+
+    @property
+    def cell(self):
+        return SimpleNamespace(geometry=SimpleNamespace(sides=(1.2, 1.0, 1 / 1.2), length=None))
+
+    @property
+    def scales(self):
+        return Scales(modulus=1e3, length=1e-3, pore=self.edge, viscosity=1e-3) if self.scaled else None
+
+
+def notes(setup, edge, scaled=True):
+    return list(separation(Study(setup, edge, scaled), body_mesh(setup)))
+
+
+def test_a_body_of_few_cells_is_noted_with_both_lengths():
+    plug = macro(-0.3)
+    assert notes(plug, 100e-6) == notes(plug, 1.0, scaled=False) == []
+    # 3 mm along y; along x the whole is 8 mm of cells of 0.6 mm.
+    (note,) = notes(plug, 0.5e-3)
+    assert note.startswith(
+        "the body is 6 cells thick: 3 mm along y, and the edge of the periodic cell is 500 µm;"
+    )
+    (note,) = notes(plug, 4e-3)
+    assert note.startswith("the body is thinner than one cell: 3 mm along y, and the edge of the periodic")
+    assert "scales.pore" in note
+
+
+def test_across_rigid_planes_a_column_has_no_size():
+    sides = {face: {"normal": 0} for face in ("x-", "x+", "z-", "z+", "y-")}
+    column = {"body": {"kind": "box", "size": [0.01, 2, 0.01], "elements": [1, 2, 1]}, "boundary": sides}
+    setup = MacroSetup.model_validate(column | {"boundary": sides | {"y+": {"pressure": 0}}})
+    assert np.ptp(body_mesh(setup).points, axis=0).min() == pytest.approx(0.01)
+    assert notes(setup, 0.1e-3) == []
+    assert "2 mm along y" in notes(setup, 0.5e-3)[0]
