@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,10 @@ from porocore.report import figures
 from porocore.report.context import ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.dimensional import dimensional_rows
 from porocore.report.figures.profiles import chosen_times, is_column, profile_at
-from porocore.report.figures.series import panels
+from porocore.report.figures.series import Panel, end_of_rise, panels
 from porocore.report.format import plain
 from porocore.report.law_differences import COMPARED, law_differences
-from porocore.report.loading_mode import end_words, no_relaxation, reactions
+from porocore.report.loading_mode import LoadingMode, end_words, no_relaxation, reactions
 from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.page import Picture, Pictures, environment
 from porocore.report.text import (
@@ -133,7 +133,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         time_unit=f" [{context.units.name('time')}]" if context.units.given else "",
         differences=[law_differences(case) for case in context.cases],
         compared=COMPARED,
-        cases=[_case_pictures(case, context.units, pictures, bool(moved)) for case in context.cases],
+        cases=[_case_pictures(case, context.units, pictures, context.loading_mode) for case in context.cases],
         total_seconds=sum(stage.seconds for stage in context.stages),
         saved_seconds=sum(stage.saved for stage in context.stages),
     )
@@ -227,34 +227,44 @@ def _visited(case: LoadCase, sampling: SamplingSummary) -> list[Array]:
 
 
 def _case_pictures(
-    case: LoadCase, units: ResultUnits, pictures: Pictures, moved: bool
+    case: LoadCase, units: ResultUnits, pictures: Pictures, mode: LoadingMode
 ) -> dict[str, list[Picture]]:
     """Return profiles along the axis of a column, pictures of any other body."""
-    load, under = plain(case.load), f"load{case.load!r}"
+    load, under, settles = plain(case.load), f"load{case.load!r}", mode.settles
     histories = [
         pictures.svg(
             f"history{'_log' if log_time else ''}_{under}",
-            figures.history_figure(case.nonlinear, case.linear, *case.others, log_time=log_time, units=units),
-            f"Settlement, pore pressure and drained volume against {'logarithmic ' if log_time else ''}time, "
-            f"load {load}",
+            figures.history_figure(
+                case.nonlinear, case.linear, *case.others, log_time=log_time, settles=settles, units=units
+            ),
+            f"{'Settlement, p' if settles else 'P'}ore pressure and drained volume against "
+            f"{'logarithmic ' if log_time else ''}time, load {load}",
         )
         for log_time in (False, True)
     ]
     column = is_column(case.nonlinear)
-    series = [
-        pictures.svg(
-            f"{panel.plain}_{under}",
-            figures.series_figure(case.nonlinear, case.linear, panel.plain, units),
-            f"{panel.plain}, load {load}",
-        )
-        for panel in panels(case.nonlinear)
-        if case.nonlinear.probes or moved or not column
-    ]
+    shown = list(panels(case.nonlinear)) if case.nonlinear.probes or mode.displaced or not column else []
+    if not settles:
+        shown.sort(key=lambda panel: panel.quantity != "force")  # what a testing machine shows comes first
+    series = [each for panel in shown for each in _series(panel, case, units, pictures)]
     fields = _column_pictures if column else _body_pictures
     found: dict[str, list[Picture]] = {"histories": histories, "series": series, "bodies": [], "profiles": []}
     if case.nonlinear.profiles:
         found["profiles" if column else "bodies"] = fields(case, units, pictures)
     return found
+
+
+def _series(panel: Panel, case: LoadCase, units: ResultUnits, pictures: Pictures) -> Iterator[Picture]:
+    """Yield the picture of a panel against time, and of forces that relax against the time from their peak."""
+    load, under = plain(case.load), f"load{case.load!r}"
+    drawn = (case.nonlinear, case.linear, panel.plain, units)
+    yield pictures.svg(f"{panel.plain}_{under}", figures.series_figure(*drawn), f"{panel.plain}, load {load}")
+    if panel.quantity == "force" and end_of_rise(case.nonlinear, panel) is not None:
+        yield pictures.svg(
+            f"{panel.plain}-from-the-peak_{under}",
+            figures.relaxation_figure(*drawn),
+            f"{panel.plain} from their peak, time logarithmic, load {load}",
+        )
 
 
 def _body_pictures(case: LoadCase, units: ResultUnits, pictures: Pictures) -> list[Picture]:

@@ -10,14 +10,18 @@ import pytest
 from matplotlib.image import imread
 
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.units.results import OutputUnits, ResultUnits
+from porocore.core.units.scales import Scales
 from porocore.report.context import TrainingCurve
 from porocore.report.figures import (
     PROFILE_FIELDS,
+    body_figure,
     cell_picture,
     history_figure,
     parity_figure,
     png_bytes,
     profile_figure,
+    relaxation_figure,
     samples_figure,
     series_figure,
     svg_bytes,
@@ -25,7 +29,7 @@ from porocore.report.figures import (
 )
 from porocore.report.figures.cell import surface_triangles
 from porocore.report.figures.profiles import ColumnAxis
-from porocore.report.figures.series import early_peak
+from porocore.report.figures.series import early_peak, end_of_rise, panels
 from porocore.report.figures.style import new_figure
 from porocore.report.words.held_out import OutputCheck
 from porocore.states import Status
@@ -342,3 +346,50 @@ def test_a_figure_is_laid_out_once_and_looks_the_same_in_each_form(pair, monkeyp
     png_bytes(figure)
     assert laid_out == [figure]
     assert figure.axes[0].get_position().bounds == place
+
+
+@pytest.mark.parametrize("falls", [True, False])
+def test_a_force_that_relaxes_is_drawn_from_its_peak_on(pair, falls):
+    """After a ramp of a tenth of the run the relaxation took a tenth of the axis."""
+    solution, _ = pair
+    time = solution.history.time
+    force = np.minimum(1, time / 10) * (0.6 + 0.4 * np.exp(-np.maximum(time - 10, 0)) if falls else 1)
+    found = replace(solution, compression={"y+": force}, reactions={}, probes={}, inflow={})
+    (panel,) = panels(found)
+    assert end_of_rise(found, panel) == (10 if falls else None)
+    if falls:
+        figure = relaxation_figure(found, found, panel.plain)
+        (axes,) = figure.axes
+        assert axes.get_xscale() == "log"
+        line = axes.lines[0]
+        np.testing.assert_allclose(line.get_xdata(), time[time > 10] - 10)
+        np.testing.assert_allclose(line.get_ydata(), force[time > 10])
+        assert_no_overlap(figure)
+
+
+def test_a_prescribed_settlement_is_not_drawn(pair):
+    """Its panel had markers of 95 % of the final value, which was prescribed."""
+    figure = history_figure(*pair, settles=False)
+    assert [axes.get_ylabel().split(" [")[0].split("$")[0] for axes in figure.axes] == [
+        "largest pore pressure ",
+        "drained volume",
+    ]
+    assert not any("%" in text for text in legend(figure))
+    assert {"nonlinear", "linear"} <= set(legend(figure))
+
+
+@pytest.mark.parametrize("height", [0.3, 3.0, 30.0])
+def test_labels_of_a_body_lie_in_its_picture(pair, height):
+    """The label of the axis upwards of a plug of 4 mm by 3 mm was cut off."""
+    solution, _ = pair
+    points = solution.points / np.ptp(solution.points, axis=0) * [4.0, height, 4.0]
+    wide = replace(solution, points=points)
+    units = ResultUnits(Scales(modulus=4e4, length=1e-3, pore=8e-6), OutputUnits(length="mm", stress="kPa"))
+    flat = replace(wide.profiles[-1], u=np.zeros_like(points))
+    figure = body_figure(wide, flat, units)
+    body, bar = figure.axes
+    box = body.get_tightbbox()
+    assert box.x0 >= 0
+    assert box.y0 >= 0
+    assert box.x1 <= bar.get_tightbbox().x0
+    assert box.y1 <= figure.bbox.y1

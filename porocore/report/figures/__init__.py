@@ -5,7 +5,7 @@ from porocore.report.figures.cell import cell_picture
 from porocore.report.figures.history import history_figure
 from porocore.report.figures.profiles import PROFILE_FIELDS, profile_figure
 from porocore.report.figures.sampling import samples_figure
-from porocore.report.figures.series import series_figure
+from porocore.report.figures.series import relaxation_figure, series_figure
 from porocore.report.figures.style import png_bytes, svg_bytes
 from porocore.report.figures.surrogate import parity_figure, training_figure
 
@@ -17,6 +17,7 @@ __all__ = [
     "parity_figure",
     "png_bytes",
     "profile_figure",
+    "relaxation_figure",
     "samples_figure",
     "series_figure",
     "svg_bytes",

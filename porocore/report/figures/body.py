@@ -25,6 +25,8 @@ VIEW = (22, -145)
 ROUND_OFF = 1e-9
 #: Surfaces of more facets are drawn without the edges of their elements.
 MOST_WITH_EDGES = 2000
+#: Sizes of the body in its picture, of which the first is taken that leaves room for the labels.
+ZOOMS = (0.98, 0.88, 0.8, 0.72, 0.64, 0.56)
 #: The drawn axes, which are z, x and y of the body.
 AXES = (("x", "$x_3$"), ("y", "$x_1$"), ("z", "$x_2$"))
 
@@ -53,9 +55,8 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
     colours = ScalarMappable(Normalize(low, high), COLOURS)
     figure = new_figure(5.4, 4.4)
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    _frame(axes, places, units)
-    _surface(axes, solution, places, pressure, colours)
-    figure.colorbar(
+    lengths = _frame(axes, places, units)
+    bar = figure.colorbar(
         colours,
         ax=axes,
         shrink=0.7,
@@ -64,7 +65,19 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
         ticks=[float(pressure[0])] if uniform else None,
     )
     axes.set_title(f"$t$ = {units.text(profile.time, 'time', 6)}")
+    _fit(figure, axes, lengths, bar.ax)
+    _surface(axes, solution, places, pressure, colours)
     return figure
+
+
+def _fit(figure: Figure, axes: Any, lengths: Array, bar: Any) -> None:
+    """Draw the body as large as its axes and their labels have room; the layout takes no account of these."""
+    for zoom in ZOOMS:
+        axes.set_box_aspect(lengths, zoom=zoom)
+        figure.draw_without_rendering()
+        needed, right = axes.get_tightbbox(), bar.get_tightbbox().x0
+        if needed.x0 >= 0 and needed.y0 >= 0 and needed.x1 <= right and needed.y1 <= figure.bbox.y1:
+            return
 
 
 def _pressure(solution: MacroSolution, profile: Profile) -> tuple[Array, bool]:
@@ -103,11 +116,10 @@ def _surface(
         )
 
 
-def _frame(axes: Any, places: Array, units: ResultUnits) -> None:
-    """Set the limits to the body, and ticks that keep clear of each other."""
+def _frame(axes: Any, places: Array, units: ResultUnits) -> Array:
+    """Set the limits to the body, and ticks that keep clear of each other; return the lengths of the box."""
     first, last = places.min(axis=0), places.max(axis=0)
     lengths = np.maximum(last - first, 0.12 * (last - first).max())
-    axes.set_box_aspect(lengths, zoom=0.88)
     axes.view_init(*VIEW)
     axes.grid(visible=False)
     axes.tick_params(labelsize=7, pad=0)
@@ -122,6 +134,7 @@ def _frame(axes: Any, places: Array, units: ResultUnits) -> None:
     axes.zaxis.labelpad = 2
     axes.zaxis.set_rotate_label(False)
     axes.zaxis.label.set_rotation(90)
+    return np.asarray(lengths)
 
 
 def _ticks(low: float, high: float, share: float, *, open_end: bool) -> list[float]:

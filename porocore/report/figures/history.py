@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ def history_figure(
     linear: MacroSolution,
     *others: MacroSolution,
     log_time: bool = False,
+    settles: bool = True,
     units: ResultUnits | None = None,
 ) -> Figure:
     """Draw histories of one load, the cell's law against linear poroelasticity.
@@ -49,49 +51,54 @@ def history_figure(
         Further nonlinear ones, such as with another closure; each is then called by its law.
     log_time
         Logarithmic time axis; the state at rest, t = 0, is then left out.
+    settles
+        Whether the settlement is a result; one that is prescribed is not drawn.
     units
         Of the axes; dimensionless by default.
 
     Returns
     -------
     Figure
-        Three panels above each other: largest settlement, largest pore pressure, drained volume (what
-        has left through the boundary solid or dashed, the paper's measure dotted).
+        Panels above each other: largest settlement, largest pore pressure, drained volume (what has left through the
+        boundary solid or dashed, the paper's measure dotted).
     """
     units = units or ResultUnits()
-    t, length, stress, volume = (
-        units.factor(name) for name in ("time", "displacement", "pressure", "volume")
-    )
-    figure = new_figure(5.4, 7.6)
-    settlement, pressure, drained = figure.subplots(3, 1, sharex=True)
-    first = 1 if log_time else 0
+    figure = new_figure(5.4, 7.6 if settles else 5.4)
+    rows = list(figure.subplots(3 if settles else 2, 1, sharex=True))
     for solution, colour, style, label in _curves(nonlinear, linear, others):
-        history = solution.history
-        time = history.time[first:] * t
-        settlement.plot(time, history.settlement[first:] * length, color=colour, ls=style, label=label)
-        pressure.plot(time, history.pressure_max[first:] * stress, color=colour, ls=style)
-        drained.plot(time, history.drained[first:] * volume, color=colour, ls=style)
-        drained.plot(
-            time, history.drained_paper[first:] * volume, color=colour, ls=DOTTED, lw=2.4, alpha=0.75
-        )
-        for share, marker in MARKS:
-            _mark(settlement, history.time * t, history.settlement * length, share, marker, colour)
-    _shared_legend(settlement)
-    settlement.set_ylabel(axis_label("settlement max$(-u_2)$", "displacement", units))
-    pressure.set_ylabel(axis_label("largest pore pressure $p$", "pressure", units))
-    drained.set_ylabel(axis_label("drained volume", "volume", units))
-    drained.set_xlabel(axis_label("time $t$", "time", units) + (", logarithmic" if log_time else ""))
-    for axes in (settlement, pressure, drained):
+        _draw(rows, solution, 1 if log_time else 0, units, {"color": colour, "ls": style, "label": label})
+    _shared_legend(rows[0], MARKS if settles else ())
+    rows[0].set_ylabel(axis_label("settlement max$(-u_2)$", "displacement", units))
+    rows[-2].set_ylabel(axis_label("largest pore pressure $p$", "pressure", units))
+    rows[-1].set_ylabel(axis_label("drained volume", "volume", units))
+    rows[-1].set_xlabel(axis_label("time $t$", "time", units) + (", logarithmic" if log_time else ""))
+    for axes in rows:
         if axes.dataLim.ymin >= 0:
             axes.set_ylim(bottom=0)
         axes.margins(x=0.01)
     if log_time:
-        drained.set_xscale("log")
+        rows[-1].set_xscale("log")
     else:
-        drained.set_xlim(left=0)
+        rows[-1].set_xlim(left=0)
     figure.align_ylabels()
-    legend_above(figure, settlement, columns=2)
+    legend_above(figure, rows[0], columns=2)
     return figure
+
+
+def _draw(
+    rows: Sequence[Axes], solution: MacroSolution, first: int, units: ResultUnits, how: dict[str, Any]
+) -> None:
+    """Draw one solution from its step ``first`` on, in two panels or in three with the settlement."""
+    history = solution.history
+    time, volume = history.time * units.factor("time"), units.factor("volume")
+    values = [history.pressure_max * units.factor("pressure"), history.drained * volume]
+    settled = history.settlement * units.factor("displacement")
+    for axes, each in zip(rows, [*([settled] if len(rows) > 2 else []), *values], strict=True):
+        axes.plot(time[first:], each[first:], **how)
+    paper = history.drained_paper[first:] * volume
+    rows[-1].plot(time[first:], paper, color=how["color"], ls=DOTTED, lw=2.4, alpha=0.75)
+    for share, marker in MARKS if len(rows) > 2 else ():
+        _mark(rows[0], time, settled, share, marker, how["color"])
 
 
 def _curves(
@@ -105,10 +112,10 @@ def _curves(
     ]
 
 
-def _shared_legend(axes: Axes) -> None:
+def _shared_legend(axes: Axes, marks: Sequence[tuple[float, str]]) -> None:
     """Add empty grey curves, whose legend explains the strokes and markers that all laws share."""
     axes.plot([], [], color="0.35", ls=DOTTED, lw=2.4, label="drained, the paper's measure")
-    for share, marker in MARKS:
+    for share, marker in marks:
         axes.plot([], [], color="0.35", ls="", marker=marker, ms=5, label=f"{100 * share:.0f} % of final")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -131,6 +132,31 @@ def _short(time: float) -> str:
     return f"{float(f'{time:.3g}'):g}"
 
 
+def end_of_rise(solution: MacroSolution, panel: Panel) -> float | None:
+    """Return the time at which the largest curve peaks, if it falls from there; otherwise None."""
+    values = np.abs(max(panel.curves.values(), key=lambda each: float(np.abs(each).max())))
+    step = int(values.argmax())
+    falls = step < len(values) - 2 and values[-1] < (1 - FALLS) * values[step]
+    return float(solution.history.time[step]) if falls else None
+
+
+@styled
+def relaxation_figure(
+    nonlinear: MacroSolution, linear: MacroSolution, plain: str, units: ResultUnits | None = None
+) -> Figure:
+    """Draw the panel called ``plain``, which falls, against the logarithm of the time from its peak."""
+    units = units or ResultUnits()
+    panel = next(p for p in panels(nonlinear) if p.plain == plain)
+    figure = new_figure(5.4, 3.6)
+    axes = figure.add_subplot()
+    begin = end_of_rise(nonlinear, panel) or 0.0
+    _draw(axes, panel, nonlinear, linear, units, begin)
+    axes.set_xscale("log")
+    axes.set_xlabel(axis_label("time from the peak", "time", units) + ", logarithmic")
+    legend_above(figure, axes, columns=3)
+    return figure
+
+
 @styled
 def series_figure(
     nonlinear: MacroSolution, linear: MacroSolution, plain: str, units: ResultUnits | None = None
@@ -138,10 +164,35 @@ def series_figure(
     """Draw the panel called ``plain`` against time, the cell's law solid and linear poroelasticity dashed."""
     units = units or ResultUnits()
     panel = next(p for p in panels(nonlinear) if p.plain == plain)
-    others = {p.plain: p.curves for p in panels(linear)}.get(plain, {})
     figure = new_figure(5.4, 3.6)
-    axes = figure.add_subplot()
+    axes, t = figure.add_subplot(), units.factor("time")
+    _draw(axes, panel, nonlinear, linear, units)
+    axes.set_xlabel(axis_label("time $t$", "time", units))
+    bend = early_peak(nonlinear.history.time, panel.curves.values())
+    if bend is not None:
+        _logarithmic_after(axes, bend * t, float(nonlinear.history.time[-1]) * t)
+        axes.set_xlabel(f"{axes.get_xlabel()}, logarithmic after {_short(bend * t)}")
+    legend_above(figure, axes, columns=3)
+    return figure
+
+
+def _draw(
+    axes: Axes,
+    panel: Panel,
+    nonlinear: MacroSolution,
+    linear: MacroSolution,
+    units: ResultUnits,
+    begin: float | None = None,
+) -> None:
+    """Draw the curves of a panel, against time or the time from ``begin`` on."""
+    others = {p.plain: p.curves for p in panels(linear)}.get(panel.plain, {})
     t, factor = units.factor("time"), units.factor(panel.quantity)
+
+    def line(solution: MacroSolution, values: Array, **how: Any) -> None:
+        time = solution.history.time
+        later = time > (-np.inf if begin is None else begin)
+        axes.plot((time[later] - (begin or 0.0)) * t, values[later] * factor, **how)
+
     drawn: dict[str, list[str]] = {}
     for name, values in panel.curves.items():
         # Of curves that cover each other, such as the forces at both ends of a column, one is drawn.
@@ -149,18 +200,10 @@ def series_figure(
         drawn.setdefault(same, []).append(name)
     for i, (name, names) in enumerate(drawn.items()):
         colour = TIME_COLOURS[i % len(TIME_COLOURS)]
-        values = panel.curves[name]
-        axes.plot(nonlinear.history.time * t, values * factor, color=colour, label=" and ".join(names))
+        line(nonlinear, panel.curves[name], color=colour, label=" and ".join(names))
         if name in others:
-            axes.plot(linear.history.time * t, others[name] * factor, color=colour, ls=DASHED, lw=1.3)
+            line(linear, others[name], color=colour, ls=DASHED, lw=1.3)
     axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
-    axes.set_xlabel(axis_label("time $t$", "time", units))
-    bend = early_peak(nonlinear.history.time, panel.curves.values())
-    if bend is not None:
-        _logarithmic_after(axes, bend * t, float(nonlinear.history.time[-1]) * t)
-        axes.set_xlabel(f"{axes.get_xlabel()}, logarithmic after {_short(bend * t)}")
     sign = f"\n({panel.sign})" if panel.sign else ""
     axes.set_ylabel(axis_label(panel.label, panel.quantity, units) + sign)
     axes.margins(x=0.01)
-    legend_above(figure, axes, columns=3)
-    return figure
