@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import Voxels
+from porocore.cell.level_sets.level_set import CRUMB
 from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines, unmatched
+from porocore.cell.meshing.connectivity import crumbs, pieces
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.errors import ConfigurationError
 from porocore.testing.cell_laws.open_cells import image_cell
@@ -24,6 +27,37 @@ def test_the_quality_of_a_sound_image_names_no_facet(tmp_path):
         geometry=image_cell(tmp_path / "image.npy", 0, 16), mesh=MeshSettings(size=0.25, fluid_size=0.2)
     )
     assert measure_mesh_quality(cell).unmatched == 0
+
+
+def smallest_piece(path, seed, size=0.25):
+    """Volume of the smallest piece of either phase, in cubes of the lattice."""
+    noise = gaussian_filter(np.random.default_rng(seed).standard_normal((16,) * 3), 1.6, mode="wrap")
+    settings, geometry = (
+        MeshSettings(size=size, fluid_size=size),
+        image(path, noise > np.quantile(noise, 0.6)),
+    )
+    found = [pieces(make_mesh(geometry, settings, phase, "whole")) for phase in ("solid", "fluid")]
+    return min(piece.volume for of_phase in found for piece in of_phase) / (1 / np.ceil(1 / size)) ** 3
+
+
+def test_the_mesh_has_no_crumbs(tmp_path, monkeypatch):
+    """At narrow necks single tetrahedra come off; a solid that they float beside was refused."""
+    for seed in (2, 9, 11, 13):
+        assert smallest_piece(tmp_path / f"{seed}.npy", seed) > CRUMB
+    monkeypatch.setattr("porocore.cell.level_sets.level_set.CRUMB", 0.0)
+    assert smallest_piece(tmp_path / "3.npy", 3) < CRUMB
+
+
+def test_crumbs_are_pieces_below_a_volume_and_never_the_largest():
+    """Two solid tetrahedra joined by a facet, one beside them that shares an edge only, and a fluid one alone."""
+    cells = np.array([[0, 1, 2, 3], [1, 2, 3, 4], [0, 1, 5, 6], [5, 6, 7, 8]])
+    first, solid = np.arange(9), np.array([True, True, True, False])
+    sizes = np.array([1.0, 1.0, 1.5, 0.5])
+    assert crumbs(cells, first, solid, sizes, 1.6).tolist() == [False, False, True, False]
+    assert not crumbs(cells, first, solid, sizes, 1.5).any()
+    # Nodes 5 and 6 are images of 2 and 3: the third one joins the first across a face.
+    first[[5, 6]] = 2, 3
+    assert not crumbs(cells, first, solid, sizes, 1.6).any()
 
 
 def spoilt():

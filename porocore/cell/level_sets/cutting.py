@@ -59,11 +59,14 @@ class TwoPhases:
         Tetrahedra, positively oriented.
     solid : (M,)
         True for solid tetrahedra; the others are fluid.
+    first : (N,)
+        The periodic image that stands for each node.
     """
 
     points: Array
     cells: IntArray
     solid: npt.NDArray[np.bool_]
+    first: IntArray
 
 
 def cut(lattice: Lattice, level_set: LevelSet) -> TwoPhases:
@@ -228,7 +231,7 @@ def _split(lattice: Lattice, cuts: _Cuts, points: Array, signs: IntArray, level_
     found = np.concatenate([part for part, _ in pieces])
     solid_ = np.concatenate([np.full(len(part), solid) for part, solid in pieces])
     whole = (np.diff(np.sort(found, axis=1), axis=1) > 0).all(axis=1)
-    return TwoPhases(everything, oriented(everything, found[whole]), solid_[whole])
+    return TwoPhases(everything, oriented(everything, found[whole]), solid_[whole], key)
 
 
 def _where_cut(cuts: _Cuts, signs: IntArray, a: IntArray, b: IntArray) -> IntArray:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 
 import numpy as np
 
 from porocore.cell.geometry.part import PoreGeometry
 from porocore.cell.level_sets.curving import phases
-from porocore.cell.level_sets.cutting import LevelSet, cut
+from porocore.cell.level_sets.cutting import LevelSet, TwoPhases, cut
 from porocore.cell.level_sets.lattice import body_centred
+from porocore.cell.meshing.connectivity import crumbs
 from porocore.cell.meshing.estimate import PER_CUBE, require_few
-from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
+from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, volumes
 from porocore.errors import PorocoreError
 
+#: Smallest piece of a phase that the mesh keeps, in cubes: four tetrahedra. At a neck as narrow as an element single
+#: ones come off.
+CRUMB = 1 / 3
 #: Smallest number of cubes along any side of the meshed part; with fewer, a periodic node may meet its own image.
 FEWEST = 3
 
@@ -51,4 +56,10 @@ def mesh_level_set(
         mesh = cut(lattice, level_set)
     except PorocoreError as error:
         raise PorocoreError(f"cannot mesh {geometry.description} at size {size:g}: {error}") from error
-    return phases(mesh, lattice, level_set, element)
+    return phases(_without_crumbs(mesh, CRUMB * lattice.spacing.prod()), lattice, level_set, element)
+
+
+def _without_crumbs(mesh: TwoPhases, least: float) -> TwoPhases:
+    """Return a mesh whose pieces below a volume belong to the other phase."""
+    flipped = crumbs(mesh.cells, mesh.first, mesh.solid, volumes(mesh.points, mesh.cells), least)
+    return replace(mesh, solid=mesh.solid ^ flipped)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -19,7 +20,9 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.periodicity import facet_classes
 from porocore.cell.meshing.shape_functions import FACETS
 from porocore.cell.meshing.tetrahedra import volumes
-from porocore.states import IntArray
+from porocore.states import Array, IntArray
+
+Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,36 @@ def pieces(mesh: CellMesh) -> tuple[Piece, ...]:
         inside = mesh.points[mesh.cells[largest[root], :4]].mean(axis=0)
         found.append(Piece(volume, int(np.linalg.matrix_rank(ways)), axes, tuple(inside.tolist())))
     return tuple(sorted(found, key=lambda piece: -piece.volume))
+
+
+def crumbs(cells: IntArray, first: IntArray, solid: Mask, sizes: Array, least: float) -> Mask:
+    """Return which tetrahedra belong to a piece of their phase below a volume; the largest of each phase never does.
+
+    Parameters
+    ----------
+    cells : (M, 4)
+        Linear tetrahedra of both phases.
+    first : (N,)
+        The periodic image that stands for each node.
+    solid, sizes : (M,)
+        Phases and volumes of the tetrahedra.
+    least
+        Smallest volume of a piece that is none.
+    """
+    corners = np.sort(first[cells][:, FACETS[:, :3]].reshape(-1, 3), axis=1)
+    order = np.lexsort(corners.T)
+    same = (np.diff(corners[order], axis=0) == 0).all(axis=1)
+    one, other = order[:-1][same] // 4, order[1:][same] // 4
+    inner = solid[one] == solid[other]
+    graph = coo_matrix((np.ones(inner.sum()), (one[inner], other[inner])), shape=(len(cells),) * 2)
+    number, part = connected_components(graph, directed=False)
+    volume = np.bincount(part, sizes, number)
+    small = volume < least
+    for phase in (True, False):
+        if len(of_phase := np.unique(part[solid == phase])):
+            small[of_phase[volume[of_phase].argmax()]] = False
+    found: Mask = small[part]
+    return found
 
 
 def joined_by_nodes(mesh: CellMesh) -> IntArray:
