@@ -49,7 +49,7 @@ class DisplacementCycle:
         coarse.sort_indices()
         self._prolongation = level.prolongation
         self._restriction = level.prolongation.T.tocsr()
-        self._solve = _linear_level(coarse, level.modes)
+        self._solve = _inverse(coarse, level.modes, "block_gauss_seidel", CYCLES)
 
     def solve(self, apply: Apply, r: Array) -> Array:
         """Return the inverse applied to forces that are zero where prescribed."""
@@ -59,8 +59,8 @@ class DisplacementCycle:
         return np.asarray(x + change + after)
 
 
-def _linear_level(matrix: sparse.bsr_matrix, modes: Array) -> Solve:
-    """Return an approximate inverse of the matrix of the linear level."""
+def _inverse(matrix: Any, modes: Array, relaxation: str, cycles: int) -> Solve:
+    """Return an approximate inverse: a factor, or cycles of multigrid that knows fields of little energy."""
     if matrix.shape[0] <= FACTORED and pardiso.library() is not None:
         rows = matrix.tocsr()
         rows.sort_indices()
@@ -71,7 +71,7 @@ def _linear_level(matrix: sparse.bsr_matrix, modes: Array) -> Solve:
             pass
         else:
             return factor.solve
-    return _multigrid(matrix, modes, "block_gauss_seidel", CYCLES)
+    return _multigrid(matrix, modes, relaxation, cycles)
 
 
 def pressure_cycle(matrix: sparse.csr_matrix, held: npt.NDArray[np.bool_]) -> Solve:
@@ -79,7 +79,7 @@ def pressure_cycle(matrix: sparse.csr_matrix, held: npt.NDArray[np.bool_]) -> So
     free = sparse.diags((~held).astype(float))
     matrix = (free @ matrix @ free + sparse.diags(held * float(np.abs(matrix.diagonal()).mean()))).tocsr()
     matrix.sort_indices()
-    return _multigrid(matrix, (~held).astype(float)[:, None], "gauss_seidel", 1)
+    return _inverse(matrix, (~held).astype(float)[:, None], "gauss_seidel", 1)
 
 
 def _multigrid(matrix: Any, modes: Array, relaxation: str, cycles: int) -> Solve:
