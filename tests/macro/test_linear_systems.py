@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
 from porocore.interfaces.law import MacroTangent
+from porocore.interfaces.solution import StepWork
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.linear_systems import memory
 from porocore.macro.linear_systems.coarse import linear_level, linear_prolongation, rigid_modes
+from porocore.macro.linear_systems.figures import step_in_words, work_in_words
+from porocore.macro.linear_systems.reuse import ReusePolicy, forcing, sufficient
 from porocore.macro.linear_systems.schur import pressure_mass
+from porocore.macro.linear_systems.work import LinearWork
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.testing.synthetic.response import confined_column
 
@@ -133,3 +139,70 @@ def test_two_levels_reduce_the_energy_of_a_smooth_load():
     coarse = P.T @ load
     found = coarse @ np.linalg.solve(P.T @ A @ P.toarray(), coarse)
     assert 0.9 * whole < found < whole
+
+
+def test_a_preconditioner_ages_by_iterations_a_digit():
+    policy = ReusePolicy()
+    assert policy.due
+    policy.renewed()
+    policy.add(10, 1e-5)
+    policy.add(2, 0.5)  # tells nothing
+    policy.add(6, 1e-2)  # three a digit where two were enough: not yet
+    assert not policy.due
+    policy.add(7, 1e-2)
+    assert policy.due
+    policy.renewed()
+    policy.add(40, 1e-10)
+    assert not policy.due
+    policy.expire()
+    assert policy.due
+
+
+@pytest.mark.parametrize(
+    ("misfit", "before", "expected"),
+    [
+        (1.0, None, 1e-4),
+        (1e-2, 1.0, 0.9e-4),
+        (1e-5, 1e-1, 1e-5),  # 1e-10 of Newton's tolerance are enough
+        (1e-2, 1e-1, 1e-4),
+        (1e-12, 1e-3, 1e-4),
+        (0.0, None, 1e-10),
+        (np.nan, 1.0, 1e-10),
+    ],
+)
+def test_newtons_method_wants_as_many_digits_as_it_can_use(misfit, before, expected):
+    assert forcing(misfit, before, 1e-9) == pytest.approx(expected)
+
+
+def test_a_tangent_that_does_not_change_is_solved_with_to_the_end():
+    assert sufficient(1e-1, 1e-9) == pytest.approx(1e-9)
+    assert sufficient(0.0, 1e-9) == sufficient(1e3, 1e-9) == 1e-10
+
+
+def test_the_record_of_a_step_begins_anew_with_the_next():
+    work = LinearWork()
+    work.add_set_up(2.0)
+    work.add_set_up(1.0, whole=False)
+    for iterations in (7, 9):
+        work.add_solve(iterations, 0.5)
+    work.note("once")
+    work.note("once")
+    step, notes = work.take()
+    assert (step.systems, step.iterations, step.most_iterations, step.set_ups) == (2, 16, 9, 1)
+    assert (step.set_up_seconds, step.solve_seconds) == (3.0, 1.0)
+    assert step.seconds > 0
+    assert notes == ("once",)
+    assert step_in_words(step).startswith(", 16 iterations for 2 systems, set-up 3.0 s, ")
+    after, notes = work.take()
+    assert (after.systems, after.iterations, after.set_ups, notes) == (0, 0, 0, ())
+    assert step_in_words(after) == step_in_words(None) == ""
+
+
+def test_sums_of_a_solve_are_told_in_words():
+    work = dict.fromkeys((f.name for f in fields(StepWork)), np.zeros(3))
+    assert work_in_words({}) == work_in_words(work) == ""
+    work |= {"systems": np.array([0, 3, 2.0]), "iterations": np.array([0, 20, 14.0])}
+    work |= {"most_iterations": np.array([0, 8, 9.0]), "seconds": np.array([0, 3, 2.0])}
+    words = work_in_words(work)
+    assert words.startswith("5 linear systems in 34 iterations, at most 9 each; 0 set-ups in 0.0 s")
+    assert words.endswith("; 2.5 s a step")

@@ -49,6 +49,11 @@ class ReusePolicy:
         self._aged = self._aged or pace > AGED * self._fresh
 
 
+def sufficient(misfit: float, tolerance: float) -> float:
+    """Return the relative residual with which one system ends the iteration if the tangent does not change."""
+    return max(ENOUGH * tolerance / misfit, TIGHTEST) if 0 < misfit < math.inf else TIGHTEST
+
+
 def forcing(misfit: float, before: float | None, tolerance: float) -> float:
     """Return the relative residual to which Newton's linear system is to be solved.
 
@@ -61,6 +66,5 @@ def forcing(misfit: float, before: float | None, tolerance: float) -> float:
     """
     if not 0 < misfit < math.inf:
         return TIGHTEST
-    enough = ENOUGH * tolerance / misfit
     quadratic = LOOSEST if before is None or not before > 0 else SAFETY * (misfit / before) ** 2
-    return min(LOOSEST, max(quadratic, enough, TIGHTEST))
+    return min(LOOSEST, max(quadratic, sufficient(misfit, tolerance)))
