@@ -65,14 +65,14 @@ class Reach:
         # Not in the place: a surface may be called y-.
         return f"{self.name} = {value} {self.where} ({known})"
 
-    def line(self, units: ResultUnits) -> str:
-        """Return the line of the configuration that samples it."""
+    def line(self, units: ResultUnits, further: float = 0.0) -> str:
+        """Return the line of the configuration that samples it, and at least this share more of what was missing."""
         ends = (*(self.sampled or (0.0, 0.0)), self.low, self.high)
         low, high = min(ends), max(ends)
         more = MARGIN * (high - low)
         inside = self.sampled or (0.0, 0.0)
-        low = _outward(low - more, -1) if low < inside[0] else inside[0]
-        high = _outward(high + more, 1) if high > inside[1] else inside[1]
+        low = _outward(low - max(more, further * (inside[0] - low)), -1) if low < inside[0] else inside[0]
+        high = _outward(high + max(more, further * (high - inside[1])), 1) if high > inside[1] else inside[1]
         return f"{self.name}: {{range: [{', '.join(written(self.name, end, units) for end in (low, high))}]}}"
 
 

@@ -21,6 +21,7 @@ from porocore.study import backends
 from porocore.study.config.loading import load_config
 from porocore.study.magnitudes.left_out import left_out
 from porocore.study.preflight.checks import check_backends, check_sampling, outline, place
+from porocore.study.preflight.guess import decisions
 from porocore.study.preflight.reach_notes import prescribed_reach
 
 
@@ -42,6 +43,22 @@ def test_check_tells_what_a_run_would_do():
         "no faults; next: porocore run",
     ):
         assert part in done.stdout, part
+
+
+def test_check_tells_the_time_of_macro_runs_between_rounds(tmp_path):
+    """It told 2.5 s of cells in all, and the sampling took 32."""
+    options = {
+        "sampling__sampler": "macro-driven",
+        "sampling__options": {"count": 24, "batch": 6, "steps": 50},
+    }
+    sampler = backends.make_backend("sampler", load_config(study_of(tmp_path, **options)))
+    (line,) = decisions(sampler)
+    assert line.startswith(
+        "  on top, exploring by macro runs between the rounds: some 4 times 2 s, 8 s in all"
+    )
+    plan = {"sampler": "sobol", "inputs": {"p": {"range": [-0.1, 0.1]}}, "options": {"count": 24}}
+    plain = load_config(study_of(tmp_path, sampling=plan))
+    assert list(decisions(backends.make_backend("sampler", plain))) == []
 
 
 def study_of(tmp_path, **changes):

@@ -20,7 +20,7 @@ from porocore.states import CellResponse, MacroState
 from porocore.study.config.loading import load_config
 from porocore.study.preflight import linear_reach, reach_notes
 from porocore.study.preflight.reach_notes import predicted_reach
-from porocore.study.reach import beyond, flagged_place, left_out_shear, visited
+from porocore.study.reach import Reach, beyond, flagged_place, left_out_shear, visited
 
 SHEAR, POISSON = 1 / 6, 0.2
 ONE = np.eye(3)
@@ -66,6 +66,47 @@ def lines_of(said):
     return {name: (float(low), float(high)) for name, low, high in found}
 
 
+def leaving(lines):
+    """What is said before the note on ranges that are too wide."""
+    lines = list(lines)
+    wide = [k for k, line in enumerate(lines) if "the body uses less than" in line]
+    return lines[: wide[0]] if wide else lines
+
+
+def test_check_says_which_ranges_are_much_too_wide(tmp_path):
+    """A guess of 1 kPa for a pressure of 0.08 kPa was never told, and states were spent where the body never came."""
+    inputs = {"H11": (-0.02, 0.1), "H22": (-0.1, 0.02), "H33": (-0.02, 0.1), "H12": (-0.1, 0.1)}
+    boundary = PLANES | {"y+": {"displacement": [None, -0.16, None]}}
+    reached = {"p": (-0.5, 0.5)}
+    (solution,) = linear_reach.linear_solutions(
+        study(tmp_path, boundary, inputs | reached, **FAST), coefficients()
+    )
+    top = float(visited(solution, ResultUnits())[0].p.max())
+    wide = {"p": (-20 * top, 20 * top)}
+    said = list(predicted_reach(study(tmp_path, boundary, inputs | wide, **FAST), coefficients()))
+    k = said.index(
+        "note: by linear poroelasticity the body uses less than one part in 10 of a range, and states are spent where "
+        "it never comes; write under 'sampling.inputs:'"
+    )
+    assert len(said) == k + 2  # none on H12, which is zero
+    assert f"since p reaches 0 to {top:.3g} and is sampled 40 times as wide" in said[k + 1]
+    (low, high) = lines_of(said[k + 1])["p"]
+    assert low == pytest.approx(-0.5 * top, rel=0.01)
+    assert high == pytest.approx(1.5 * top, rel=0.01)
+    narrow = study(tmp_path, boundary, inputs | {"p": (low, high)}, **FAST)
+    assert "uses less than" not in "".join(predicted_reach(narrow, coefficients()))
+
+
+def test_the_line_of_a_linear_prediction_goes_further():
+    """Told to sample [-0.008, 0], the run of the plug reached -0.0100; one that is left by little, little."""
+    assert (
+        Reach("H13", -0.00724, None, -0.00724, 0.0, "").line(ResultUnits(), 0.5)
+        == "H13: {range: [-0.011, 0]}"
+    )
+    sampled = Reach("H23", 0.266, (-0.25, 0.16), -0.2, 0.266, "")
+    assert sampled.line(ResultUnits(), 0.5) == "H23: {range: [-0.25, 0.32]}"
+
+
 #: Undrained, the body keeps its volume but for what the fluid gives way.
 FAST = {"ramp_step": 1e-6, "end": 1e-5, "step": 1e-5}
 STORED = 0.8**2 / 0.05
@@ -78,7 +119,7 @@ LAME = 2 * SHEAR * POISSON / (1 - 2 * POISSON) + STORED
 def test_check_predicts_how_far_a_body_gives_way_sideways(tmp_path, time, poisson):
     boundary = PRESSED if not time else PLANES | {"y+": {"displacement": [None, -0.16, None]}}
     inputs = {"H22": (-0.1, 0.02), "p": (-0.5, 0.5)}
-    said = list(predicted_reach(study(tmp_path, boundary, inputs, loads=[0.1, 1], **time), coefficients()))
+    said = leaving(predicted_reach(study(tmp_path, boundary, inputs, loads=[0.1, 1], **time), coefficients()))
     assert said[0].startswith(
         "note: by linear poroelasticity up to 100.0 % of the body leaves the sampled ranges at one time; write under"
     )
@@ -88,7 +129,7 @@ def test_check_predicts_how_far_a_body_gives_way_sideways(tmp_path, time, poisso
         assert value == pytest.approx(0.08 * poisson, rel=0.03)
         assert line.endswith("under the load 1 (not sampled)")
     wider = inputs | lines_of("\n".join(said))
-    assert list(predicted_reach(study(tmp_path, boundary, wider, **time), coefficients())) == [
+    assert leaving(predicted_reach(study(tmp_path, boundary, wider, **time), coefficients())) == [
         "reach of the body: by linear poroelasticity it stays within the sampled ranges"
     ]
 
@@ -96,7 +137,7 @@ def test_check_predicts_how_far_a_body_gives_way_sideways(tmp_path, time, poisso
 def test_check_says_that_a_shear_takes_the_whole_cell(tmp_path):
     boundary = {"y-": {"displacement": [0, 0, 0]}, "y+": {"displacement": [0.1, 0, 0], "pressure": 0}}
     inputs = {name: (-0.2, 0.2) for name in ("H11", "H22", "H33", "p")}
-    said = list(predicted_reach(study(tmp_path, boundary, inputs), coefficients()))
+    said = leaving(predicted_reach(study(tmp_path, boundary, inputs), coefficients()))
     assert said[1].startswith("  H12: {range: [")
     found = re.fullmatch(
         r"note: since H12.* would be sampled, states are solved on the whole cell instead of an eighth: "
@@ -114,7 +155,7 @@ def test_check_says_how_little_an_unsampled_shear_matters(tmp_path):
     boundary = {"y-": {"displacement": [0, 0, 0]}, "y+": {"displacement": [0.005, -0.1, 0], "pressure": 0}}
     inputs = {name: (-0.2, 0.2) for name in ("H11", "H22", "H33", "p")}
     config = study(tmp_path, boundary, inputs)
-    said = list(predicted_reach(config, coefficients()))[-1]
+    said = leaving(predicted_reach(config, coefficients()))[-1]
     name, value, share, square = re.search(
         r"; (H\d\d) = (\S+) is (\S+) % of the largest component of H; without sampling it states stay flagged, and "
         r"results change by no more than about the square of this share, (\S+) %$",
@@ -209,9 +250,9 @@ def test_a_shear_that_alone_flags_a_body_is_weighed(tmp_path, tolerance, remark)
     solution = flagged_by(OfTheBox(InputSpace.from_ranges(ranges)), solution)
     surrogate = OfTheBox(InputSpace.from_ranges(ranges))
     found = left_out_shear(solution, surrogate, tolerance)
-    checked = re.search(r"square of this share, (\S+) %$", list(predicted_reach(config, coefficients()))[-1])[
-        1
-    ]
+    checked = re.search(
+        r"square of this share, (\S+) %$", leaving(predicted_reach(config, coefficients()))[-1]
+    )[1]
     assert 100 * found.change == pytest.approx(float(checked), rel=0.05)
     assert found.is_small == remark
     case = LoadCase(solution, solution, left_out=found)

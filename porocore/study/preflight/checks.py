@@ -32,6 +32,7 @@ from porocore.study.config.config import RunConfig
 from porocore.study.magnitudes.left_out import left_out
 from porocore.study.magnitudes.separation import separation
 from porocore.study.preflight.at_rest import cell_length, edges
+from porocore.study.preflight.guess import decisions
 from porocore.study.preflight.resolution import resolution
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import check_time_functions, late_functions
@@ -181,10 +182,11 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield f"samples: {sampling.sampler}{count} over {ranges}; {sampling.test.count} held-out states"
     yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
     yield from _body(config)
-    expected = backends.make_backend("sampler", config).expected
+    sampler = backends.make_backend("sampler", config)
     nodes, fluid = (phase.nodes if phase else 0 for phase in (quality.solid, quality.fluid))
     nodes *= math.prod(config.cell.supercell)
-    yield from Workload.of(config, expected, len(place(config).cells), (nodes, fluid)).as_lines()
+    yield from Workload.of(config, sampler.expected, len(place(config).cells), (nodes, fluid)).as_lines()
+    yield from decisions(sampler)
     if slow := slow_states(nodes * share_solved(config), config.cell.mesh.size):
         yield f"note: {slow}"
     yield from (f"note: {warning}" for warning in separation(config, place(config)))

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import os
+from collections.abc import Iterator
 
 from porocore.interfaces.sampler import Sampler
 from porocore.sampling.forecast import Guess
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight import cost
-from porocore.study.preflight.workload import expected_nodes, workers_here
+from porocore.study.preflight.workload import as_time, expected_nodes, workers_here
 
 #: Seconds of a quiet core in which a process has loaded the libraries and prepared the cell: coarse cells.
 START = 0.7
@@ -36,6 +38,17 @@ def guessed_times(config: RunConfig, sampler: Sampler, solved: Array | None = No
     start = 0.0 if workers == 1 else START * slow
     state = (LEAST + cost.STATE.at(expected_nodes(config)[0])) * slow
     return Guess(max(workers, 1), start, state, decision)
+
+
+def decisions(sampler: Sampler) -> Iterator[str]:
+    """Yield the time that a sampler takes to choose its rounds, beside that of the cells; nothing where it is none."""
+    outlook = sampler.outlook
+    if outlook.batch and outlook.decision:
+        rounds = math.ceil(outlook.expected / outlook.batch)
+        yield (
+            f"  on top, {sampler.choosing} between the rounds: some {rounds} times {as_time(outlook.decision)}, "
+            f"{as_time(rounds * outlook.decision)} in all on a coarse body, more on one of many elements"
+        )
 
 
 def slowness() -> float:

@@ -26,11 +26,27 @@ from porocore.states import Array, MacroState
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.linear_reach import linear_solutions, too_large
 from porocore.study.preflight.workload import sheared
-from porocore.study.reach import MINUS, ROUND_OFF, Reach, advice, beyond, change_without, shears, visited
+from porocore.study.reach import (
+    MINUS,
+    ROUND_OFF,
+    Reach,
+    advice,
+    beyond,
+    change_without,
+    shears,
+    visited,
+    written,
+)
 
 #: States, and place and time of each.
 Found = tuple[MacroState, Callable[[int], str]]
 
+#: Beyond what the linear solution reaches, a proposed range goes by this share of what was missing: on a plug of a
+#: scaffold at -10 % the law of the cell took H13 to -0.0100 where the linear one said -0.0072.
+LINEAR_MARGIN = 0.5
+#: Ranges so many times as wide as what is reached are noted: ample ones of the examples are 7, since pressures between
+#: the few steps are higher by a third; a component below the smallest share of its range is zero.
+WIDE, SMALLEST = 10.0, 1e-4
 #: A surface is across an axis if its nodes differ by less than this share of the body along it.
 FLAT = 1e-6
 #: Times at which prescribed values are looked at, beside those of their kinks.
@@ -59,15 +75,48 @@ def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iter
     if not reached:
         yield "reach of the body: by linear poroelasticity it stays within the sampled ranges"
         yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
+        yield from _too_wide(config, found, [])
         return
     yield (
         f"note: by linear poroelasticity up to {percent(share)} of the body leaves the sampled ranges at one time; "
         "write under 'sampling.inputs:'"
     )
-    yield from (f"  {each.line(units)}, since {each.in_words(units)}" for each in reached)
+    yield from (f"  {each.line(units, LINEAR_MARGIN)}, since {each.in_words(units)}" for each in reached)
     nodes = len(config.cell.make_mesh("solid", "whole").points)
     for note in sheared(config, nodes, [each.name for each in reached]):
         yield f"note: {note}{_without(config, reached, found)}"
+    yield from _too_wide(config, found, [each.name for each in reached])
+
+
+def _too_wide(config: RunConfig, found: Sequence[Found], left: Sequence[str]) -> Iterator[str]:
+    """Yield a note on ranges that are much wider than what the body reaches, and lines to write; not on those ``left``.
+
+    A component that stays zero is sampled for another reason.
+    """
+    inputs, units = config.sampling.input_space(), config.result_units
+    states = MacroState.concatenate([states for states, _ in found])
+    if config.surrogate_model == "potential":
+        states = inputs.without_rotation(states)
+    rows, lines = components(states), []
+    for name, *ends in zip(inputs.names, inputs.lower, inputs.upper, strict=True):
+        values = rows[NAMES.index(name)]
+        low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+        times = (ends[1] - ends[0]) / max(high - low, SMALLEST * (ends[1] - ends[0]))
+        if name in left or not WIDE < times < 1 / SMALLEST:
+            continue
+        more = LINEAR_MARGIN * (high - low)  # at both ends: the law of the cell may turn a sign
+        texts = [written(name, end, units) for end in (max(low - more, ends[0]), min(high + more, ends[1]))]
+        reaches = f"{written(name, low, units)} to {written(name, high, units)}".translate(MINUS)
+        lines.append(
+            f"  {name}: {{range: [{', '.join(texts)}]}}, since {name} reaches {reaches} and is sampled {times:.0f} "
+            "times as wide"
+        )
+    if lines:
+        yield (
+            f"note: by linear poroelasticity the body uses less than one part in {WIDE:g} of a range, and states are "
+            "spent where it never comes; write under 'sampling.inputs:'"
+        )
+        yield from lines
 
 
 def _without(config: RunConfig, reached: Sequence[Reach], found: Sequence[Found]) -> str:
