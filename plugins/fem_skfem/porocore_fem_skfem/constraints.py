@@ -142,7 +142,8 @@ def sensitivities(
         )
     U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
     mixed = R.T @ U
-    return U, mixed + mixed.T + U.T @ (matrix @ U), solved.indefinite
+    product = solved.product if solved.converged and solved.product is not None else matrix @ U
+    return U, mixed + mixed.T + U.T @ product, solved.indefinite
 
 
 def _rigid_motions(points: Array) -> Array:

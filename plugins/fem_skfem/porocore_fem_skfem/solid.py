@@ -121,6 +121,8 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         self.B = self.operators.gradient(self.n_nodes)
         self.B_T = self.B.T.tocsr()
         self.w = self.operators.weights
+        #: ∫ ∂N/∂Y_j dV, (nodes, 3).
+        self.grad_weights = self.B_T @ np.kron(np.eye(3), self.w).T
         cells = self.operators.cells
         self.scatter = Scatter(
             np.concatenate([cells + i * self.n_nodes for i in range(3)], axis=1), 3 * self.n_nodes
@@ -233,7 +235,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
         U, curvature, indefinite = sensitivities(constraints.pattern.full(factor.entries), factor, R)
         direct = second_derivatives(columns, np.stack([(load @ self.w).ravel() for load in loads]))
-        grad = np.stack([self.gradient(self.field(u, parity)) @ self.w for u in U.T])
+        grad = np.stack([self.field(u, parity) @ self.grad_weights for u in U.T])
         return Sensitivities(grad, direct + curvature, indefinite)
 
     def merged(self, values: Array) -> Array:
