@@ -142,7 +142,7 @@ def sensitivities(
         )
     U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
     mixed = R.T @ U
-    product = solved.product if solved.converged and solved.product is not None else matrix @ U
+    product: Array = solved.product if solved.converged and solved.product is not None else matrix @ U
     return U, mixed + mixed.T + U.T @ product, solved.indefinite
 
 
