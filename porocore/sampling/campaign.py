@@ -212,9 +212,9 @@ class _Campaign:
             )
         state = self.dataset.inputs.scatter(request.x)
         start = None if request.start is None else self.dataset.field(request.start)
-        if request.start is None and self.starts is not None and request.key not in self.cold:
-            if found := self.starts.near(state):
-                self.warm[request.key], start = found
+        elsewhere = None if request.start or request.key in self.cold else self.starts
+        if elsewhere is not None and (found := elsewhere.near(state)):
+            self.warm[request.key], start = found
         self.running[request.key] = request
         self.pool.submit(request.key, state, start)
 
