@@ -89,6 +89,7 @@ def sample(
                 told(known, title, console.note, clock.add, pool.workers),
             ):
                 summary = _campaign(title, states, pool, dataset, console, guess, starts)
+                clock.idle = not summary.solved
             ended += summary.solved
             _tell(title, summary, folder, console)
     if known and known.found:
