@@ -70,8 +70,7 @@ def sample(
             prepare_cell, arguments, **options, on_warning=console.warn, known=known, on_start=begin
         ) as pool,
     ):
-        states = sampler
-        ended = 0
+        states, ended = sampler, 0
         solved: Array | None = None
         starts: WarmStarts | None = None
         for title, path, identity in stages:
