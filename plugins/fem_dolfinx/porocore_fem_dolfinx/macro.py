@@ -12,6 +12,7 @@ from porocore.core.parallel import Communicator
 from porocore.errors import ConfigurationError
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.solver import TimeSteppingMacroSolver
+from porocore.macro.linear_systems.choice import checked_solver
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore_fem_dolfinx import compat  # noqa: F401 - h5py before everything that brings MPI and PETSc
 from porocore_fem_dolfinx.macro_assembly import DolfinxDiscretisation
@@ -26,9 +27,12 @@ class DolfinxMacroSolver(TimeSteppingMacroSolver):
 
     Parameters
     ----------
+    solver : {"auto", "direct", "iterative"}
+        Solver of the linear systems: ``direct``, MUMPS' factors; ``iterative``, GMRES with multigrid, which takes less
+        time and memory for large bodies; ``auto`` iterates above 10,000 unknowns.
     petsc : mapping
-        PETSc options for the linear solver, without prefix; null: MUMPS' factors, which are ``ksp_type: preonly``,
-        ``pc_type: lu``, ``pc_factor_mat_solver_type: mumps``.
+        PETSc options for it, without prefix, which go before its own; with ``auto`` they choose the solver. Those of
+        ``direct`` are ``ksp_type: preonly``, ``pc_type: lu``, ``pc_factor_mat_solver_type: mumps``.
     checkpoint_seconds : float, at least 0
         Wall time between two checkpoints, in seconds; 0 writes one after every step.
     """
@@ -38,20 +42,21 @@ class DolfinxMacroSolver(TimeSteppingMacroSolver):
     def __init__(
         self,
         *,
+        solver: str = "auto",
         petsc: Mapping[str, OptionValue] | None = None,
         checkpoint_seconds: float = 5.0,
         **unknown: Any,
     ) -> None:
         if unknown:
             raise ConfigurationError(
-                f"macro.options: unknown key {echo(min(unknown))}; dolfinx takes petsc and checkpoint_seconds"
+                f"macro.options: unknown key {echo(min(unknown))}; dolfinx takes solver, petsc and checkpoint_seconds"
             )
         if petsc is not None and not isinstance(petsc, Mapping):
             raise ConfigurationError(
                 f"macro.options.petsc: expected PETSc options such as 'ksp_type: fgmres', got {echo(petsc)}"
             )
         super().__init__(checkpoint_seconds=checkpoint_seconds)
-        self.petsc = dict(petsc or {})
+        self.solver, self.petsc = checked_solver(solver), dict(petsc or {})
         self._comm = MPI.COMM_WORLD
         self.communicator = MpiCommunicator(self._comm) if self._comm.size > 1 else Communicator()
 
@@ -66,5 +71,11 @@ class DolfinxMacroSolver(TimeSteppingMacroSolver):
         """
         mesh = body_mesh(problem)
         return DolfinxDiscretisation(
-            problem, mesh, boundary_data(mesh, problem), self._comm, self.communicator, self.petsc
+            problem,
+            mesh,
+            boundary_data(mesh, problem),
+            self._comm,
+            self.communicator,
+            self.petsc,
+            self.solver,
         )

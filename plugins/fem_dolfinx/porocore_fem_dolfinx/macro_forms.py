@@ -6,12 +6,13 @@ from dataclasses import fields
 
 import numpy as np
 import ufl
+from petsc4py import PETSc
 
 from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.states import Array, MacroState
 from porocore_fem_dolfinx import compat, elements
 from porocore_fem_dolfinx.macro_space import MacroSpace
-from porocore_fem_dolfinx.types import Function
+from porocore_fem_dolfinx.types import CompiledForm, Expr, Function
 
 _RESPONSE = {"stress": (3, 3), "storage": (), "flux": (3,)}
 _TANGENT: dict[str, tuple[int, ...]] = {
@@ -40,6 +41,8 @@ class MacroForms:
         self._build_residual(dx)
         self._build_tangent(dx)
         self.matrix = compat.block_matrix(self._tangent)
+        self._dx = dx
+        self._schur: tuple[CompiledForm, PETSc.Mat | None] | None = None
 
     def _at_points(self, shape: tuple[int, ...]) -> Function:
         """Return a function of values at the quadrature points; tensors of rank 3 and 4 are matrices in UFL."""
@@ -84,17 +87,22 @@ class MacroForms:
         stress = ufl.dot(f["stress_grad_u"], H_row)
         stress = ufl.as_matrix([[stress[3 * i + j] for j in range(3)] for i in range(3)])
         flux_u = ufl.dot(f["flux_grad_u"], H_row)
-        flux_p = f["flux_p"] * dp + ufl.dot(f["flux_grad_p"], ufl.grad(dp))
         dt, grad_s = self._dt, ufl.grad(s)
         self._tangent = compat.form(
             [
                 [ufl.inner(stress, ufl.grad(v)) * dx, ufl.inner(f["stress_p"], ufl.grad(v)) * dp * dx],
                 [
                     (ufl.inner(f["storage_grad_u"], H) * s - dt * ufl.dot(flux_u, grad_s)) * dx,
-                    (f["storage_p"] * dp * s - dt * ufl.dot(flux_p, grad_s)) * dx,
+                    self._storage(s, dp, f["storage_p"]) * dx,
                 ],
             ]
         )
+
+    def _storage(self, s: Expr, dp: Expr, by_pressure: Expr) -> Expr:
+        """Return the change of storage and flux with the pressure, tested by ``s``."""
+        f = self._functions
+        flux = f["flux_p"] * dp + ufl.dot(f["flux_grad_p"], ufl.grad(dp))
+        return by_pressure * dp * s - self._dt * ufl.dot(flux, ufl.grad(s))
 
     def _fill(self, name: str, values: Array) -> None:
         function = self._functions[name]
@@ -124,3 +132,19 @@ class MacroForms:
             self._fill(name, getattr(tangent, name))
         self._dt.value = dt
         compat.assemble_blocks(self._tangent, self.matrix)
+
+    def schur(self, mass: Array) -> PETSc.Mat:
+        """Return the block of the pressures plus ∫ ``mass`` N N, ``mass`` (points,), by the last tangent.
+
+        The next call overwrites it.
+        """
+        if self._schur is None:
+            self._functions["mass"] = mass_at = self._at_points(())
+            Q = self._space.Q
+            s, dp = ufl.TestFunction(Q), ufl.TrialFunction(Q)
+            form = (self._storage(s, dp, self._functions["storage_p"]) + mass_at * dp * s) * self._dx
+            self._schur = compat.form(form), None
+        self._fill("mass", mass)
+        form, matrix = self._schur
+        self._schur = form, compat.assemble_matrix(form, matrix)
+        return self._schur[1]

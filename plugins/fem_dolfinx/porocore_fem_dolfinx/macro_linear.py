@@ -1,36 +1,32 @@
-"""PETSc's solver of the coupled linear system, by default MUMPS; large systems reuse its factor."""
+"""Linear systems of the u–p problem: by a factor, by multigrid if large, or by the user's PETSc options."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeAlias
+from time import perf_counter
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from porocore.errors import ConfigurationError
 from porocore.macro.integration.discretisation import StepFailed
+from porocore.macro.linear_systems.memory import available_bytes, factor_bytes, fits, spoken_bytes
+from porocore.macro.linear_systems.reuse import ReusePolicy
+from porocore.macro.linear_systems.work import LinearWork
 from porocore.states import Array, IntArray
-from porocore_fem_dolfinx.petsc_options import OptionValue, SolverOptions, explanation
+from porocore_fem_dolfinx.macro_configured import ConfiguredSolver
+from porocore_fem_dolfinx.macro_multigrid import ITERATIONS, MultigridSolver
+from porocore_fem_dolfinx.petsc_options import OPTION_ERRORS, explanation
 
-Mask: TypeAlias = npt.NDArray[np.bool_]
 KEY = "macro.options.petsc"
-DEFAULTS: dict[str, OptionValue] = {
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
-}
-#: Relative tolerance of an iteration that the user chose, too small for Newton's method to notice, and its limit.
-ACCURACY, ITERATIONS = 1e-10, 1000
-#: Beyond this number of unknowns GMRES uses the factor of an earlier system, for so many steps at most.
-LARGE, STEPS = 3_000, 30
-#: MUMPS' codes for lack of memory: work space, allocation.
-OUT_OF_MEMORY = (-8, -9, -11, -13, -19)
-#: Largest residual of a solution, relative to the right-hand side.
-LARGEST_RESIDUAL = 1e-5
+#: Largest residual of a solution, relative to the right-hand side; of an iteration, relative to what was asked for.
+LARGEST_RESIDUAL, OFF = 1e-5, 10.0
+#: Residual of an iteration that always is small enough; iterations a digit beyond which its smoother is too weak.
+LEAST, SLOW = 1e-9, 5.0
+#: Unknowns, and GiB that a process took with MUMPS' factor of them; its growth with the number of unknowns.
+FACTOR_AT, FACTOR_GIB, FACTOR_EXPONENT = 91_000, 2.5, 1.4
 
 
 class PetscLinearSolver:
@@ -40,59 +36,46 @@ class PetscLinearSolver:
     ----------
     comm
         MPI communicator.
-    petsc
-        The user's PETSc options, which override :data:`DEFAULTS`. The fields of a field split are ``u`` and ``p``.
     free : (f,)
         Free rows of this process, displacements first.
-    is_force : (equations,)
-        True for the unknowns of this process's equations that are displacements.
+    work
+        Record that is filled.
+    configured
+        Maker of the solver by options.
+    multigrid
+        Iteration that goes before it, which takes over where that does not converge; None without one.
     expansion
-        Matrix T from them to the free unknowns, so that TᵀAT is solved with; None where they are the same.
-
-    Raises
-    ------
-    ConfigurationError
-        An option is of a kind that PETSc refuses at once.
+        Matrix T from the unknowns of the equations to the free unknowns, so that TᵀAT is solved with; None where they
+        are the same.
     """
 
     def __init__(
         self,
         comm: MPI.Intracomm,
-        petsc: Mapping[str, OptionValue],
         free: IntArray,
-        is_force: Mask,
+        work: LinearWork,
+        configured: Callable[[], ConfiguredSolver],
+        multigrid: MultigridSolver | None,
         expansion: PETSc.Mat | None = None,
     ) -> None:
-        self._comm, self._free, self._expansion = comm, free, expansion
+        self._comm, self._free, self._work, self._expansion = comm, free, work, expansion
+        self._make_configured, self._multigrid = configured, multigrid
+        self._configured = None if multigrid is not None else configured()
+        self._policy = ReusePolicy()
         self._rows: PETSc.IS | None = None
         self._free_matrix: PETSc.Mat | None = None
         self._matrix: PETSc.Mat | None = None
-        self._options = SolverOptions(DEFAULTS, petsc, KEY)
-        self._ksp = PETSc.KSP().create(comm)
-        self._ksp.setTolerances(rtol=ACCURACY, max_it=ITERATIONS)
-        self._options.apply(self._ksp)
-        #: True if a factor may serve again: the user has chosen no other solver, and the system is large.
-        self._keeps = not petsc and comm.allreduce(len(is_force)) > LARGE
-        if self._keeps:
-            self._ksp.setType("gmres")
-            self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-            self._ksp.setPCSide(PETSc.PC.Side.RIGHT)
-        if self._ksp.getPC().getType() == "fieldsplit":
-            self._split(is_force)
-
-    def _split(self, is_force: Mask) -> None:
-        """Tell the preconditioner which unknowns are displacements."""
-        size, n_u = len(is_force), int(is_force.sum())
-        start = self._comm.scan(size) - size
-        u = PETSc.IS().createStride(n_u, start, 1, comm=self._comm)
-        p = PETSc.IS().createStride(size - n_u, start + n_u, 1, comm=self._comm)
-        self._ksp.getPC().setFieldSplitIS(("u", u), ("p", p))
 
     def destroy(self) -> None:
-        """Free the factor and the matrices; all processes must do so together."""
-        for part in (self._ksp, self._matrix, self._free_matrix, self._expansion):
+        """Free factors, hierarchies and matrices; all processes must do so together."""
+        parts = (self._configured, self._multigrid, self._matrix, self._free_matrix, self._expansion)
+        for part in parts:
             if part is not None:
                 part.destroy()
+
+    def begin(self) -> None:
+        """Have the next system make a hierarchy of its own."""
+        self._policy.expire()
 
     @contextmanager
     def trial(self) -> Iterator[None]:
@@ -103,27 +86,76 @@ class PetscLinearSolver:
         ConfigurationError
             PETSc refuses an option, makes no use of it, or the chosen solver does not converge.
         """
+        solver = self._configured or self._multigrid
+        assert solver is not None
         try:
             yield
         except StepFailed as failure:
             cause = failure.__cause__
             if isinstance(cause, PETSc.Error):
-                raise self._options.refused(cause) from failure
+                raise solver.options.refused(cause) from failure
             raise ConfigurationError(
                 f"{KEY}: the chosen solver fails on an elastic body: {failure}"
             ) from failure
-        self._options.check_used()
+        solver.options.check_used()
 
-    def solve(self, matrix: PETSc.Mat, right: Array, *, again: bool = False) -> Array:
+    def solve(
+        self,
+        matrix: PETSc.Mat,
+        right: Array,
+        schur: Callable[[], PETSc.Mat],
+        *,
+        again: bool,
+        accuracy: float,
+    ) -> Array:
         """Return x (f,) with A x = ``right`` (equations,), A being the free rows and columns of ``matrix``.
 
-        ``again``: the factor of the system before may still serve.
+        Parameters
+        ----------
+        schur
+            Function that returns the approximate Schur complement of the matrix.
+        again
+            The matrix is close to the one before.
+        accuracy
+            Relative residual that an iteration may leave.
 
         Raises
         ------
         StepFailed
-            The matrix is singular, or the iteration does not converge.
+            The matrix is singular, or neither an iteration nor a factor solves the system.
         """
+        self._take(matrix)
+        assert self._matrix is not None
+        x, b = self._matrix.createVecs()
+        b.array = right
+        norm = b.norm()
+        # Norms are the same on all processes, and not finite if any entry is not.
+        if not np.isfinite([norm, self._matrix.norm(PETSc.NormType.FROBENIUS)]).all():
+            raise StepFailed("the tangent or the residual is not finite")
+        if self._multigrid is None or not self._iterate(b, x, norm, schur, again, accuracy):
+            self._by_options(b, x, norm, again)
+        if self._expansion is not None:
+            x = self._expansion * x
+        solution: Array = x.array.copy()
+        return solution
+
+    def _by_options(self, b: PETSc.Vec, x: PETSc.Vec, norm: float, again: bool) -> None:
+        """Solve by the solver of options, and check the solution."""
+        if self._configured is None:
+            self._fall_back()
+        assert self._configured is not None
+        assert self._matrix is not None
+        self._configured.solve(self._matrix, b, x, again=again)
+        self._matrix.multAdd(-x, b, b)
+        left = b.norm()
+        if left > LARGEST_RESIDUAL * norm:
+            raise StepFailed(
+                f"PETSc's solution is off by {left / norm:.1g} of the right-hand side: the body may not be held "
+                "against rigid motions, or the solver is not for this matrix, which is not symmetric"
+            )
+
+    def _take(self, matrix: PETSc.Mat) -> None:
+        """Take the equations out of the matrix of all unknowns."""
         if self._rows is None:
             start = matrix.getOwnershipRange()[0]
             self._rows = PETSc.IS().createGeneral((start + self._free).astype(np.int32), comm=self._comm)
@@ -134,56 +166,113 @@ class PetscLinearSolver:
             self._matrix = self._free_matrix.ptap(self._expansion)
         else:
             self._free_matrix.ptap(self._expansion, result=self._matrix)
-        self._ksp.setOperators(self._matrix)
-        x, b = self._matrix.createVecs()
-        b.array = right
-        norm = b.norm()
-        # Norms are the same on all processes, and not finite if any entry is not.
-        if not np.isfinite([norm, self._matrix.norm(PETSc.NormType.FROBENIUS)]).all():
-            raise StepFailed("the tangent or the residual is not finite")
-        reason = -1
-        if again and self._keeps:
-            reason = self._iterate(b, x, reuse=True)
-        if reason < 0:
-            reason = self._iterate(b, x, reuse=False)
-        if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED or not np.isfinite(x.norm()):
-            raise StepFailed(self._breakdown())
-        if reason < 0:
-            iterations = self._ksp.getIterationNumber()
-            raise StepFailed(
-                f"PETSc's solver stopped for reason {reason} after {iterations} iterations: the body may not be held "
-                "against rigid motions, or the solver is not for this matrix"
-            )
-        self._matrix.multAdd(-x, b, b)
-        left = b.norm()
-        if left > LARGEST_RESIDUAL * norm:
-            raise StepFailed(
-                f"PETSc's solution is off by {left / norm:.1g} of the right-hand side: the body may not be held "
-                "against rigid motions, or the solver is not for this matrix, which is not symmetric"
-            )
-        if self._expansion is not None:
-            x = self._expansion * x
-        solution: Array = x.array.copy()
-        return solution
 
-    def _breakdown(self) -> str:
-        """Return the reason that there is no factor, of MUMPS by its code; -10 is a pivot that vanished."""
-        pc = self._ksp.getPC()
-        if pc.getType() == "lu" and pc.getFactorSolverType() == "mumps":
-            code = pc.getFactorMatrix().getMumpsInfog(1)
-            if code in OUT_OF_MEMORY:
-                return f"MUMPS has not enough memory (error {code}): take fewer elements, or more machines"
-            if code not in (0, -10):
-                return f"MUMPS ended with error {code}"
-        return "the tangent is singular: the body may not be held against rigid motions"
+    def _iterate(
+        self,
+        b: PETSc.Vec,
+        x: PETSc.Vec,
+        norm: float,
+        schur: Callable[[], PETSc.Mat],
+        again: bool,
+        accuracy: float,
+    ) -> bool:
+        """Solve by multigrid, with the hierarchy of an earlier system if that still serves; return whether it did."""
+        multigrid, policy = self._multigrid, self._policy
+        assert multigrid is not None
+        fresh = policy.due
+        while True:
+            iterations, left = self._attempt(b, x, schur if fresh or not again else None, fresh, accuracy)
+            # A norm that is no number fails too.
+            if left <= max(OFF * accuracy, LEAST) * norm:
+                reduction = left / norm if norm > 0 else 1.0
+                policy.add(iterations, reduction)
+                is_slow = 0 < reduction < 0.1 and iterations > SLOW * -np.log10(reduction)
+                if fresh and is_slow and multigrid.strengthen():
+                    self._work.note(
+                        "the smoother of the iteration is made stronger: elements may be stretched"
+                    )
+                    policy.expire()
+                return True
+            policy.expire()
+            if fresh and not multigrid.strengthen():
+                return False
+            fresh = True
 
-    def _iterate(self, b: PETSc.Vec, x: PETSc.Vec, *, reuse: bool) -> int:
-        """Solve, and return PETSc's reason for stopping, which is negative without a solution."""
-        self._ksp.getPC().setReusePreconditioner(reuse)
-        if self._keeps:
-            self._ksp.setTolerances(rtol=ACCURACY, max_it=STEPS if reuse else ITERATIONS)
+    def _attempt(
+        self,
+        b: PETSc.Vec,
+        x: PETSc.Vec,
+        schur: Callable[[], PETSc.Mat] | None,
+        fresh: bool,
+        accuracy: float,
+    ) -> tuple[int, float]:
+        """Iterate once; return the iterations and the norm of the residual, infinite where there is no solution.
+
+        Parameters
+        ----------
+        schur
+            Function that returns the approximate Schur complement; None: the last one serves.
+        fresh
+            The hierarchy is made anew.
+        """
+        multigrid, work, began = self._multigrid, self._work, perf_counter()
+        assert multigrid is not None
         try:
-            self._ksp.solve(b, x)
+            if fresh:
+                multigrid.set_up(self._matrix)
+                self._policy.renewed()
+            if schur is not None:
+                multigrid.set_up_pressure(schur())
+            ready = perf_counter()
+            reason, iterations = multigrid.solve(self._matrix, b, x, accuracy)
         except PETSc.Error as error:
-            raise StepFailed(f"PETSc: {explanation(error)}") from error
-        return int(self._ksp.getConvergedReason())
+            if error.ierr in OPTION_ERRORS and multigrid.options.chosen:
+                raise StepFailed(f"PETSc: {explanation(error)}") from error
+            return 0, np.inf
+        if fresh:
+            work.add_set_up(ready - began)
+        work.add_solve(iterations, perf_counter() - (ready if fresh else began))
+        if reason <= 0:
+            return iterations, np.inf
+        assert self._matrix is not None
+        rest = b.duplicate()
+        self._matrix.mult(x, rest)
+        rest.axpy(-1.0, b)
+        left = float(rest.norm())
+        rest.destroy()
+        return iterations, left
+
+    def _fall_back(self) -> None:
+        """Have a factor take over for good.
+
+        Raises
+        ------
+        StepFailed
+            It would not fit into memory.
+        """
+        assert self._matrix is not None
+        unknowns = self._matrix.getSize()[0]
+        needed = factor_bytes(unknowns, FACTOR_AT, FACTOR_GIB, FACTOR_EXPONENT)
+        left = self._available()
+        said = f"the iteration for {unknowns:,} unknowns does not converge in {ITERATIONS} steps"
+        share = f"about {spoken_bytes(needed)}" + (
+            "" if left is None else f" of the {spoken_bytes(left)} left"
+        )
+        if not fits(needed, left):
+            raise StepFailed(
+                f"{said}, and a direct factor would take {share}: take elements that are less stretched, fewer "
+                "elements or more memory, start more processes on more machines, or choose PETSc options by "
+                "macro.options.petsc"
+            )
+        self._work.note(f"{said}; a direct factor takes over, {share}")
+        assert self._multigrid is not None
+        self._multigrid.destroy()
+        self._multigrid, self._configured = None, self._make_configured()
+
+    def _available(self) -> float | None:
+        """Return the memory that is left on all machines together."""
+        machine = self._comm.Split_type(MPI.COMM_TYPE_SHARED)
+        found = available_bytes() if machine.rank == 0 else 0.0
+        machine.Free()
+        total = self._comm.allreduce(np.inf if found is None else found)
+        return None if np.isinf(total) else total

@@ -67,6 +67,16 @@ class SolverOptions:
             PETSc refuses a value.
         """
         ksp.setOptionsPrefix(self.prefix)
+        self.apply_further(ksp)
+
+    def apply_further(self, ksp: PETSc.KSP) -> None:
+        """Configure a solver within the one of :meth:`apply`, whose prefix it has already.
+
+        Raises
+        ------
+        ConfigurationError
+            PETSc refuses a value.
+        """
         try:
             ksp.setFromOptions()
         except PETSc.Error as error:

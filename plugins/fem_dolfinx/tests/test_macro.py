@@ -137,7 +137,7 @@ def test_options_that_petsc_cannot_use_are_refused_before_anything_is_solved(pet
 
 
 def test_unknown_options_are_refused():
-    with pytest.raises(ConfigurationError, match="unknown key 'wavelets'; dolfinx takes petsc"):
+    with pytest.raises(ConfigurationError, match="unknown key 'wavelets'; dolfinx takes solver, petsc"):
         DolfinxMacroSolver(wavelets=True)
 
 

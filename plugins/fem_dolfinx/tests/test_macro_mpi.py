@@ -56,6 +56,15 @@ CONTINUED = """
     if solver.communicator.rank == 0:
         solution.save(folder / "solution.h5")
 """
+KILLED = """
+    import os, signal, time
+
+    def stop(report):
+        if report.time > 0.5 and solver.communicator.rank == 1:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    solver.solve(prepared, TIMID, checkpoint=folder / "macro.h5", on_step=stop)
+"""
 ALONE = """
     import porocore_fem_dolfinx.macro_communicator as macro_communicator
     macro_communicator.PATIENCE = 0.5
@@ -70,6 +79,33 @@ ALONE = """
     with solver.communicator.united():
         solver.solve(prepared, TIMID)
 """
+
+SMALL_STEPS = {"end": 0.1, "step": 0.05, "ramp_increments": 1, "ramp_step": 0.05, "profiles": ()}
+LARGE = {
+    "block": {
+        "body": {"kind": "box", "elements": (4, 4, 4), "size": (1, 1, 1)},
+        "boundary": {
+            "y-": {"displacement": (0, 0, 0)},
+            "x-": {"normal": 0},
+            "y+": {"traction": (0.1, 1, 0), "pressure": 0},
+        },
+        "load": -0.03,
+        "time": SMALL_STEPS,
+        "newton": {"tolerance": 1e-11},
+    },
+    "frames, a plate and a follower": {
+        "body": {"kind": "wedge", "radius": 1, "height": 0.7, "elements": (3, 3, 2), "angle": 60},
+        "boundary": {
+            "oblique": {"normal": 0},
+            "z-": {"normal": 0},
+            "y-": {"displacement": (None, 0, None)},
+            "y+": {"plate": -0.03},
+            "side": {"pressure": 0, "follower": 0.01},
+        },
+        "time": SMALL_STEPS,
+        "newton": {"tolerance": 1e-11},
+    },
+}
 
 
 def run(processes, part, folder, backend="dolfinx"):
@@ -123,6 +159,42 @@ def test_a_checkpoint_is_continued_by_any_backend_on_any_number_of_processes(
         for field in fields(Profile):
             mine, theirs = getattr(one, field.name), getattr(other, field.name)
             np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9, err_msg=field.name)
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_ends_all_and_leaves_the_checkpoint(tmp_path, whole):
+    done = run(2, KILLED, tmp_path)
+    assert done.returncode != 0
+    done = run(1, CONTINUED, tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = MacroSolution.load_file(tmp_path / "solution.h5")
+    np.testing.assert_array_equal(found.history.time, whole.history.time)
+    np.testing.assert_allclose(
+        found.history.settlement, whole.history.settlement, rtol=0, atol=1e-9 * whole.history.settlement.max()
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("body", ["block", "frames, a plate and a follower"])
+def test_two_processes_iterate_to_the_solution_of_one(tmp_path, body):
+    """The smoother and the coarse levels differ, the solution only by the solver's tolerance."""
+    part = f"""
+        from porocore.macro.problem import MacroProblem
+        from porocore.testing.macro_laws.solving import NONLINEAR
+        solver = registry().get("macro solver", "dolfinx")(solver="iterative")
+        solution = solver.solve(solver.prepare(MacroProblem.model_validate({LARGE[body]!r})), NONLINEAR)
+        if solver.communicator.rank == 0:
+            assert solution.work["iterations"][1:].all()
+            solution.save(folder / "solution.h5")
+    """
+    solver = registry().get("macro solver", "dolfinx")(solver="direct")
+    one = solver.solve(solver.prepare(MacroProblem.model_validate(LARGE[body])), NONLINEAR)
+    done = run(2, part, tmp_path)
+    assert done.returncode == 0, done.stderr
+    two = MacroSolution.load_file(tmp_path / "solution.h5")
+    np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(two.profiles[-1].p, one.profiles[-1].p, rtol=0, atol=1e-9)
+    assert abs(one.profiles[-1].u).max() > 1e-3
 
 
 def test_a_process_that_fails_alone_ends_all_and_says_why(tmp_path):

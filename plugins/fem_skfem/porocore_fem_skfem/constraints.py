@@ -61,36 +61,22 @@ class Constraints:
         self.shift = 0.0
 
     def widened(self, places: Pattern) -> Constraints:
-        """Return the same unknowns with further places of the matrix, which begin by :meth:`take_over`."""
-        return Constraints(places, self.free, self._points, self._solver)
-
-    def take_over(self, narrow: Constraints) -> None:
-        """Begin with the undeformed cell's factor and the shift of the narrower matrix."""
-        self._base, self.active, self.shift, self._factored = narrow._base, narrow._base, narrow.shift, None
+        """Return the same unknowns with further places of the matrix and the same undeformed cell's factor."""
+        wider = Constraints(places, self.free, self._points, self._solver)
+        wider._base, wider.active, wider.shift = self._base, self._base, self.shift
+        return wider
 
     def factorise(self, entries: Array) -> int:
         """Factorise ``entries`` for the active factor, and return its negative pivots, -1 where unknown."""
         if self._factored is not entries:
-            own = self._renewed()
-            own.factor(entries)
-            self.active, self._factored = own, entries
+            if self._own is None:
+                self._own = self._make()
+            # Should the factorisation break down, what is left of it must not be used.
+            self.active, self._factored = self._base, None
+            self._own.factor(entries)
+            self.active, self._factored = self._own, entries
         assert self._own is not None
         return self._own.negative
-
-    def factorise_definite(self, entries: Array) -> bool:
-        """Factorise ``entries`` for the active factor if they are definite, and return whether they are."""
-        own = self._renewed()
-        definite = own.factor_definite(entries)
-        if definite:
-            self.active, self._factored = own, entries
-        return definite
-
-    def _renewed(self) -> SymmetricFactor:
-        if self._own is None:
-            self._own = self._make()
-        # Should the factorisation break down, what is left of it must not be used.
-        self.active, self._factored = self._base, None
-        return self._own
 
     def precondition(self, rhs: Array) -> Array:
         """Return the active factor applied to ``rhs``."""
@@ -105,13 +91,13 @@ class Constraints:
         def shifted(shift: float) -> Array | None:
             moved = entries.copy()
             moved[diagonal] += shift * float(np.abs(entries[diagonal]).mean())
-            return precondition(rhs) if self.factorise_definite(moved) else None
+            return precondition(rhs) if self.factorise(moved) <= 0 else None
 
         # Multigrid is no better for being set up anew: it only comes near to any tangent.
         limit = PATIENCE if self.active is not None and self.active.negative >= 0 else LIMIT
         try:
             solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy, limit=limit)
-            if not solved.converged and self.factorise_definite(entries):
+            if not solved.converged and self.factorise(entries) <= 0:
                 solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy)
             if solved.converged:
                 return solved.x
@@ -142,8 +128,7 @@ def sensitivities(
         )
     U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
     mixed = R.T @ U
-    product: Array = solved.product if solved.converged and solved.product is not None else matrix @ U
-    return U, mixed + mixed.T + U.T @ product, solved.indefinite
+    return U, mixed + mixed.T + U.T @ (matrix @ U), solved.indefinite
 
 
 def _rigid_motions(points: Array) -> Array:

@@ -195,7 +195,6 @@ class Iteration:
     iterations: int
     converged: bool
     indefinite: bool  #: a direction of negative curvature was met
-    product: Array | None = None  #: the matrix times x, where it is known
 
 
 def refine(
@@ -214,21 +213,21 @@ def refine(
     """
     goal = tolerance * np.linalg.norm(rhs, axis=0)
     x = np.zeros_like(rhs)
-    r, product = rhs.copy(), x
+    r = rhs.copy()
     worst = np.inf
     for iterations in range(limit + 1):
         norms = np.linalg.norm(r, axis=0)
         if (norms <= goal).all():
-            return Iteration(x, iterations, True, False, product)
+            return Iteration(x, iterations, True, False)
         relative = (norms / np.where(goal > 0, goal, 1.0)).max()
         if not relative < worst:
             break
         worst = relative
-        x = x + solve(r)
-        product = matrix @ x
-        r = rhs - product
-    good = bool((norms <= np.maximum(goal, _round_off(matrix, x, rhs))).all())
-    return Iteration(x, iterations, good, False, product)
+        x += solve(r)
+        r = rhs - matrix @ x
+    return Iteration(
+        x, iterations, bool((norms <= np.maximum(goal, _round_off(matrix, x, rhs))).all()), False
+    )
 
 
 def _round_off(matrix: sparse.csr_matrix, x: Array, rhs: Array) -> Array:

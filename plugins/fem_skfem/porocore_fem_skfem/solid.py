@@ -29,7 +29,6 @@ from porocore.states import Array
 from porocore_fem_skfem.constraints import Constraints, sensitivities
 from porocore_fem_skfem.operators import Operators, Scatter
 from porocore_fem_skfem.response import GeneralResponse, NeoHookeanResponse, SolidResponse
-from porocore_fem_skfem.widening import Widenings
 
 
 class SkfemIterate(Iterate):
@@ -121,8 +120,6 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         self.B = self.operators.gradient(self.n_nodes)
         self.B_T = self.B.T.tocsr()
         self.w = self.operators.weights
-        #: ∫ ∂N/∂Y_j dV, (nodes, 3).
-        self.grad_weights = self.B_T @ np.kron(np.eye(3), self.w).T
         cells = self.operators.cells
         self.scatter = Scatter(
             np.concatenate([cells + i * self.n_nodes for i in range(3)], axis=1), 3 * self.n_nodes
@@ -134,7 +131,8 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         )
         self._least_stress = 1e-3 * material.mean_moduli()[1]
         self._constraints: dict[str, Constraints] = {}
-        self._widenings = Widenings(self.scatter.pattern)
+        self._places = self.scatter.pattern
+        self._wider: dict[str, Constraints] = {}
 
     # ---- constraints ----------------------------------------------------------------------------
 
@@ -152,7 +150,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
 
     def reset(self) -> None:
         """Discard the factors of the last solve and the pattern of its contact."""
-        self._widenings.reset()
+        self._places, self._wider = self.scatter.pattern, {}
         self.constraints().reset(lambda: self.iterate_at(np.zeros((3, 3)), 0.0).tangent)
 
     # ---- the discrete solid ---------------------------------------------------------------------
@@ -195,7 +193,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
 
     def release(self, parity: str) -> None:
         self._constraints.pop(parity, None)
-        self._widenings.release(parity)
+        self._wider.pop(parity, None)
 
     def tangent(self, iterate: SkfemIterate, parity: str) -> sparse.csr_matrix:
         constraints, entries = self.system(iterate, parity)
@@ -235,7 +233,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
         U, curvature, indefinite = sensitivities(constraints.pattern.full(factor.entries), factor, R)
         direct = second_derivatives(columns, np.stack([(load @ self.w).ravel() for load in loads]))
-        grad = np.stack([self.field(u, parity) @ self.grad_weights for u in U.T])
+        grad = np.stack([self.gradient(self.field(u, parity)) @ self.w for u in U.T])
         return Sensitivities(grad, direct + curvature, indefinite)
 
     def merged(self, values: Array) -> Array:
@@ -252,12 +250,16 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
             return constraints, constraints.restrict(iterate.tangent)
         rows, columns, values = iterate.touching.blocks(parity).entries
         rows, columns = (i % 3 * self.n_nodes + self.nodes[i // 3] for i in (rows, columns))
-        places = self.scatter.pattern
-        keys, upper = places.upper(rows, columns)
-        wide = self._widenings.add(parity, keys, constraints)
-        if wide is not None:
-            return wide.constraints, wide.entries(iterate.tangent, keys, values[upper])
-        return constraints, constraints.restrict(iterate.tangent + places.sum(keys, values[upper]))
+        keys, upper = self._places.upper(rows, columns)
+        lacking = self._places.lacks(keys)
+        if len(lacking):
+            self._places, self._wider = self._places.widened(lacking), {}
+        if self._places is not self.scatter.pattern:
+            if parity not in self._wider:
+                self._wider[parity] = constraints.widened(self._places)
+            constraints = self._wider[parity]
+        entries = self._places.spread(iterate.tangent, self.scatter.pattern)
+        return constraints, constraints.restrict(entries + self._places.sum(keys, values[upper]))
 
     def field(self, values: Array, parity: str = "") -> Array:
         """Return the field (3, nodes) of the free unknowns of a class."""

@@ -1,4 +1,4 @@
-"""The environment of workers: without Ctrl-C, and without the script of the user."""
+"""What workers are started without: Ctrl-C, and the user's script."""
 
 from __future__ import annotations
 

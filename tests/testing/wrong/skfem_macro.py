@@ -14,13 +14,7 @@ from porocore.macro.problem import body_mesh
 from porocore.testing import MacroSolverSuite
 
 Right: Any = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver
-Discretisation: Any = pytest.importorskip("porocore_fem_skfem.macro_assembly").SkfemDiscretisation
-
-
-class Elements(Discretisation):
-    """As those of a large body, whose systems are blocks of nodes."""
-
-    largest_small = 0
+Elements: Any = pytest.importorskip("porocore_fem_skfem.macro_assembly").SkfemDiscretisation
 
 
 class Altered(Right):
