@@ -3,21 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 
-from porocore.cell.equilibrium.discrete import FactorError, FactorisedTangent, LoadStepFailed
+from porocore.cell.equilibrium.discrete import FactorError, LoadStepFailed
 from porocore.cell.equilibrium.path import PATIENCE, least_shifted
 from porocore.states import Array, IntArray, Status
 from porocore_fem_skfem.factor import SymmetricFactor
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate_gradients, refine
+from porocore_fem_skfem.multigrid import NodeGrid
 from porocore_fem_skfem.operators import Pattern
 
 SENSITIVITY_TOLERANCE = 1e-11
-#: Iterations with multigrid.
-LIMIT = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Answer of the equilibrium to k loads.
+
+    Attributes
+    ----------
+    U : (n, k)
+        −K⁻¹ R; NaN where the linear solver did not reach its tolerance.
+    curvature : (k, k)
+        RᵀU + UᵀR + UᵀKU, the part of the second derivatives that is due to U. It equals RᵀU, but its error is of
+        second order in that of U, and it is symmetric.
+    indefinite, definite : bool
+        K proved to be so on the way.
+    """
+
+    U: Array
+    curvature: Array
+    indefinite: bool = False
+    definite: bool = False
 
 
 class Constraints:
@@ -25,28 +45,28 @@ class Constraints:
 
     ``base`` is the undeformed cell's and never changes, so that a solve does not depend on the one before it;
     ``own`` is renewed within a solve. ``active`` is the one in use, ``shift`` what last made an indefinite tangent
-    definite. ``points`` (nodes, 3) are those of the nodes, of which ``places`` has one component after the other.
+    definite. ``grid`` has the nodes of all unknowns ``free``, one component after the other.
     """
 
     shift = 0.0
 
-    def __init__(self, places: Pattern, free: IntArray, points: Array, solver: str) -> None:
-        self.free, self._points, self._solver = free, points, solver
-        indptr, indices, self._kept = places.restricted(free)
-        self.pattern = SymmetricPattern(indptr, indices)
-        component, node = np.divmod(free, len(points))
-        self._make = partial(
-            choose_factor,
-            indptr,
-            indices,
-            solver=solver,
-            near_kernel=_rigid_motions(points)[component, node],
-            places=3 * node + component,
-        )
+    def __init__(self, places: Pattern, free: IntArray, grid: NodeGrid, solver: str) -> None:
+        self.free, self._grid, self._solver = free, grid, solver
+        self.indptr, self.indices, self._kept = places.restricted(free)
+        #: Places of the diagonal among the entries.
+        self.diagonal = np.asarray(self.indptr[:-1])
         self._base: SymmetricFactor | None = None
         self._own: SymmetricFactor | None = None
         self._factored: Array | None = None
         self.active: SymmetricFactor | None = None
+
+    @cached_property
+    def pattern(self) -> SymmetricPattern:
+        """Pattern of the constrained matrix."""
+        return SymmetricPattern(self.indptr, self.indices)
+
+    def _make(self) -> SymmetricFactor:
+        return choose_factor(self.indptr, self.indices, solver=self._solver)
 
     def restrict(self, data: Array) -> Array:
         """Return the entries of the constrained matrix from those of the whole one."""
@@ -62,7 +82,7 @@ class Constraints:
 
     def widened(self, places: Pattern) -> Constraints:
         """Return the same unknowns with further places of the matrix and the same undeformed cell's factor."""
-        wider = Constraints(places, self.free, self._points, self._solver)
+        wider = type(self)(places, self.free, self._grid, self._solver)
         wider._base, wider.active, wider.shift = self._base, self._base, self.shift
         return wider
 
@@ -86,17 +106,14 @@ class Constraints:
     def direction(self, entries: Array, rhs: Array, accuracy: float) -> Array:
         """Return K⁻¹ rhs to a relative accuracy, as :meth:`DiscreteSolid.solve` does; it may raise LoadStepFailed."""
         apply, precondition = self.pattern.full(entries).dot, self.precondition
-        diagonal = self.pattern.diagonal
 
         def shifted(shift: float) -> Array | None:
             moved = entries.copy()
-            moved[diagonal] += shift * float(np.abs(entries[diagonal]).mean())
+            moved[self.diagonal] += shift * float(np.abs(entries[self.diagonal]).mean())
             return precondition(rhs) if self.factorise(moved) <= 0 else None
 
-        # Multigrid is no better for being set up anew: it only comes near to any tangent.
-        limit = PATIENCE if self.active is not None and self.active.negative >= 0 else LIMIT
         try:
-            solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy, limit=limit)
+            solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy, limit=PATIENCE)
             if not solved.converged and self.factorise(entries) <= 0:
                 solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy)
             if solved.converged:
@@ -106,34 +123,23 @@ class Constraints:
             raise LoadStepFailed(Status.not_converged) from error
         return x
 
+    def sensitivities(self, entries: Array, R: Array) -> Solved:
+        """Return the answer to loads with the residuals R (n, k).
 
-def sensitivities(
-    matrix: sparse.csr_matrix, factor: FactorisedTangent, R: Array
-) -> tuple[Array, Array, bool]:
-    """Return U = −K⁻¹ R (n, k), RᵀU + UᵀR + UᵀKU (k, k), and whether K proved indefinite.
+        Raises
+        ------
+        FactorError
+            The factor cannot be applied.
+        """
+        self.factorise(entries)
+        matrix = self.pattern.full(entries)
+        # A direct factor serves indefinite matrices.
+        solved = refine(matrix, -R, self.precondition, tolerance=SENSITIVITY_TOLERANCE)
+        U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
+        return Solved(U, curvature(R, U, matrix @ U), solved.indefinite)
 
-    The second is the part of the second derivatives that is due to U. It equals RᵀU, but its error is of second order
-    in that of U, and it is symmetric. U is NaN where the linear solver does not reach its tolerance.
 
-    Raises
-    ------
-    FactorError
-        The factor cannot be applied.
-    """
-    if factor.negative >= 0:  # a direct one, which serves indefinite matrices
-        solved = refine(matrix, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE)
-    else:
-        solved = conjugate_gradients(
-            matrix.dot, -R, factor.solve, tolerance=SENSITIVITY_TOLERANCE, limit=LIMIT
-        )
-    U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
+def curvature(R: Array, U: Array, KU: Array) -> Array:
+    """Return RᵀU + UᵀR + UᵀKU (k, k)."""
     mixed = R.T @ U
-    return U, mixed + mixed.T + U.T @ (matrix @ U), solved.indefinite
-
-
-def _rigid_motions(points: Array) -> Array:
-    """Return the translations and the rotations about the middle as (components, nodes, 6)."""
-    x = points - points.mean(axis=0)
-    turned = np.cross(np.eye(3)[:, None], x)  # (axes, nodes, components)
-    moved = np.broadcast_to(np.eye(3)[:, None], (3, len(x), 3))
-    return np.concatenate([moved, turned]).transpose(2, 1, 0)
+    return mixed + mixed.T + U.T @ KU

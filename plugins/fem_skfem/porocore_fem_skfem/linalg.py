@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
 from porocore.errors import ConfigurationError
-from porocore.states import Array, IntArray
+from porocore.states import Array
 from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.checks import Indices
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SymmetricFactor
@@ -65,69 +65,6 @@ class SuperLUFactor(SymmetricFactor):
         return np.asarray(self._lu.solve(np.ascontiguousarray(rhs)))
 
 
-class MultigridFactor(SymmetricFactor):
-    """One V-cycle of smoothed aggregation (pyamg).
-
-    Parameters
-    ----------
-    near_kernel : (n, k)
-        Fields of little energy, such as rigid motions.
-    places : (n,)
-        Place of each unknown in a list with three for every node, so that whole nodes are aggregated; None: a node has
-        one unknown.
-    """
-
-    def __init__(
-        self, indptr: Indices, indices: Indices, near_kernel: Array, places: IntArray | None = None
-    ) -> None:
-        super().__init__(indptr, indices)
-        self._pattern = SymmetricPattern(indptr, indices)
-        near = self._checked(near_kernel, ((self.n, near_kernel.shape[1]),), "near kernel")
-        self._places: IntArray = np.arange(self.n) if places is None else _without_gaps(places)
-        self._block = 1 if places is None else 3
-        self._size = self._block * (int(self._places.max(initial=-1)) // self._block + 1)
-        self._near_kernel = np.zeros((self._size, near.shape[1]))
-        self._near_kernel[self._places] = near
-        self.negative = -1
-
-    def _factor(self, data: Array) -> None:
-        from pyamg import smoothed_aggregation_solver
-
-        hierarchy = smoothed_aggregation_solver(
-            self._in_blocks(data),
-            B=self._near_kernel,
-            symmetry="symmetric",
-            max_coarse=500,
-            improve_candidates=None,
-        )
-        self._cycle = hierarchy.aspreconditioner()
-
-    def _in_blocks(self, data: Array) -> sparse.bsr_matrix:
-        """Return the matrix in blocks of nodes, with 1 on the diagonal for an unknown that a node lacks."""
-        entries = self._pattern.full(data).tocoo()
-        lacking = np.setdiff1d(np.arange(self._size), self._places)
-        rows = np.concatenate([self._places[entries.row], lacking])
-        columns = np.concatenate([self._places[entries.col], lacking])
-        values = np.concatenate([entries.data, np.ones(len(lacking))])
-        whole = sparse.csr_matrix((values, (rows, columns)), shape=(self._size, self._size))
-        return whole.tobsr(blocksize=(self._block, self._block))
-
-    def _solve(self, rhs: Array) -> Array:
-        padded = np.zeros((self._size, *rhs.shape[1:]))
-        padded[self._places] = rhs
-        if rhs.ndim == 1:
-            whole: Array = np.asarray(self._cycle @ padded)
-        else:
-            whole = np.stack([self._cycle @ column for column in padded.T], axis=1)
-        return whole[self._places]
-
-
-def _without_gaps(places: IntArray) -> IntArray:
-    """Return the places in a list of those nodes alone that have an unknown."""
-    _, node = np.unique(places // 3, return_inverse=True)
-    return np.asarray(3 * node + places % 3)
-
-
 class SymmetricPattern:
     """An upper triangular pattern and the full matrix that belongs to it."""
 
@@ -148,39 +85,36 @@ class SymmetricPattern:
         return sparse.csr_matrix((data[self._source], self._indices, self._indptr), shape=self._shape)
 
 
-def choose_factor(
-    indptr: Indices,
-    indices: Indices,
-    *,
-    solver: str,
-    near_kernel: Array,
-    places: IntArray | None = None,
-    single: bool = True,
-) -> SymmetricFactor:
-    """Return the fastest installed solver for the size; ``solver`` forces one of pardiso, superlu, amg.
+def iterates(n: int, solver: str) -> bool:
+    """Return whether n unknowns are solved by multigrid; ``solver`` forces one of pardiso, superlu, amg.
 
-    ``near_kernel`` and ``places`` are those of :class:`MultigridFactor`. ``single`` precision is for a factor that
-    preconditions; only PARDISO offers it.
+    Raises
+    ------
+    ConfigurationError
+        There is no such solver, or it is not installed.
     """
-    n = len(indptr) - 1
-    have_pardiso = pardiso.library() is not None
+    if solver not in ("auto", "pardiso", "superlu", "amg"):
+        raise ConfigurationError(
+            f"fem.options.solver: expected auto, pardiso, superlu or amg (pip install pyamg), got '{solver}'"
+        )
     have_amg = find_spec("pyamg") is not None
-    if solver == "auto":
-        if have_amg and (n > DIRECT_LIMIT or (not have_pardiso and n > SUPERLU_LIMIT)):
-            solver = "amg"
-        else:
-            solver = "pardiso" if have_pardiso else "superlu"
-    if solver == "pardiso":
-        if not have_pardiso:
-            raise ConfigurationError("fem.options.solver: pardiso is not installed; run pip install mkl")
+    if solver == "amg" and not have_amg:
+        raise ConfigurationError("fem.options.solver: amg is not installed; run pip install pyamg")
+    limit = SUPERLU_LIMIT if pardiso.library() is None else DIRECT_LIMIT
+    return solver == "amg" or (solver == "auto" and have_amg and n > limit)
+
+
+def choose_factor(indptr: Indices, indices: Indices, *, solver: str, single: bool = True) -> SymmetricFactor:
+    """Return the fastest installed factor; ``solver`` forces one of pardiso and superlu.
+
+    ``single`` precision is for a factor that preconditions; only PARDISO offers it.
+    """
+    have_pardiso = pardiso.library() is not None
+    if solver == "pardiso" and not have_pardiso:
+        raise ConfigurationError("fem.options.solver: pardiso is not installed; run pip install mkl")
+    if solver != "superlu" and have_pardiso:
         return pardiso.PardisoFactor(indptr, indices, single=single)
-    if solver == "amg" and have_amg:
-        return MultigridFactor(indptr, indices, near_kernel, places)
-    if solver == "superlu":
-        return SuperLUFactor(indptr, indices)
-    raise ConfigurationError(
-        f"fem.options.solver: expected auto, pardiso, superlu or amg (pip install pyamg), got '{solver}'"
-    )
+    return SuperLUFactor(indptr, indices)
 
 
 #: Entries of a product with a sparse matrix are wrong by so much at most, as shares of the sum of magnitudes.
@@ -240,12 +174,13 @@ def conjugate_gradients(
     rhs: Array,
     precondition: Callable[[Array], Array],
     *,
-    tolerance: float,
+    tolerance: float | Array,
     limit: int = 200,
 ) -> Iteration:
     """Solve for (n,), or for the columns of (n, k) at once, by preconditioned conjugate gradients.
 
-    ``apply`` multiplies by the matrix. Stops when every residual is below ``tolerance`` times its right-hand side.
+    ``apply`` multiplies by the matrix. Stops when every residual is below ``tolerance``, one for all or one for each
+    column, times its right-hand side.
     """
     single = rhs.ndim == 1
     b = rhs[:, None] if single else rhs

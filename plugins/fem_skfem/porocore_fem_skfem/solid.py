@@ -25,8 +25,11 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import UNIT_LOADS, held_displacements
 from porocore.core.tensors.cofactors import cofactor, determinant
-from porocore.states import Array
-from porocore_fem_skfem.constraints import Constraints, sensitivities
+from porocore.states import Array, IntArray
+from porocore_fem_skfem.constraints import Constraints
+from porocore_fem_skfem.iterative import IterativeConstraints
+from porocore_fem_skfem.linalg import iterates
+from porocore_fem_skfem.multigrid import NodeGrid, node_grid
 from porocore_fem_skfem.operators import Operators, Scatter
 from porocore_fem_skfem.response import GeneralResponse, NeoHookeanResponse, SolidResponse
 
@@ -141,12 +144,14 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         if parity not in self._constraints:
             fixed = np.zeros((3, self.n_nodes), dtype=bool)
             fixed[:, self.nodes] = held_displacements(self.mesh, parity).T
-            points = np.zeros((self.n_nodes, 3))
-            points[self.nodes] = self.mesh.points
-            self._constraints[parity] = Constraints(
-                self.scatter.pattern, np.flatnonzero(~fixed.ravel()), points, self.solver
-            )
+            free = np.flatnonzero(~fixed.ravel())
+            kind = IterativeConstraints if iterates(len(free), self.solver) else Constraints
+            self._constraints[parity] = kind(self.scatter.pattern, free, self._grid(free), self.solver)
         return self._constraints[parity]
+
+    def _grid(self, free: IntArray) -> NodeGrid:
+        component, node = np.divmod(free, self.n_nodes)
+        return node_grid(self.mesh, 3 * node + component, 3)
 
     def reset(self) -> None:
         """Discard the factors of the last solve and the pattern of its contact."""
@@ -188,8 +193,14 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
     def factor(self, iterate: SkfemIterate, parity: str, shift: float = 0.0) -> SkfemTangentFactor:
         constraints, entries = self.system(iterate, parity)
         if shift:
-            entries[constraints.pattern.diagonal] -= shift * self.masses(parity)
+            entries[constraints.diagonal] -= shift * self.masses(parity)
         return SkfemTangentFactor(iterate, parity, shift, constraints, entries)
+
+    def negative_eigenvalues(self, factor: SkfemTangentFactor) -> int:
+        constraints = factor.constraints
+        if factor.negative < 0 and isinstance(constraints, IterativeConstraints):
+            return constraints.negative(factor.entries)
+        return factor.negative
 
     def release(self, parity: str) -> None:
         self._constraints.pop(parity, None)
@@ -231,10 +242,10 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
             for load, column in zip(loads, columns, strict=True)
         ]
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
-        U, curvature, indefinite = sensitivities(constraints.pattern.full(factor.entries), factor, R)
+        solved = constraints.sensitivities(factor.entries, R)
         direct = second_derivatives(columns, np.stack([(load @ self.w).ravel() for load in loads]))
-        grad = np.stack([self.gradient(self.field(u, parity)) @ self.w for u in U.T])
-        return Sensitivities(grad, direct + curvature, indefinite)
+        grad = np.stack([self.gradient(self.field(u, parity)) @ self.w for u in solved.U.T])
+        return Sensitivities(grad, direct + solved.curvature, solved.indefinite, solved.definite)
 
     def merged(self, values: Array) -> Array:
         """Return the sums (3, nodes) over periodic nodes of values (nodes of the mesh, 3)."""

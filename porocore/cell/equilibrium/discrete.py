@@ -126,11 +126,14 @@ class Sensitivities:
         ∂²Π/∂θ∂θ' at equilibrium: Π_θθ' + R_θᵀ u_θ' with R = ∂Π/∂u. Contact contributes to the second term only.
     indefinite : bool
         A direction of negative curvature was found on the way.
+    definite : bool
+        It was shown on the way that there is none.
     """
 
     grad: Array
     second: Array
     indefinite: bool = False
+    definite: bool = False
 
 
 def second_derivatives(columns: Sequence[int], stresses: Array) -> Array:
@@ -260,7 +263,19 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
         FactorError
             The tangent cannot be factorised.
         """
-        return self.factor(iterate, parity, shift).negative
+        return self.negative_eigenvalues(self.factor(iterate, parity, shift))
+
+    def negative_eigenvalues(self, factor: OwnFactor) -> int:
+        """Return the number of eigenvalues below the shift of ``factor``; -1 where unknown.
+
+        A solver without pivots that finds out whether there are any overrides this; it returns 1 for one or more.
+
+        Raises
+        ------
+        FactorError
+            The factor cannot be applied.
+        """
+        return factor.negative
 
     @abstractmethod
     def release(self, parity: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.equilibrium.discrete import DiscreteSolid, Iterate
+from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorisedTangent, Iterate, Sensitivities
 from porocore.cell.equilibrium.path import gap
 from porocore.cell.symmetry.exchange import images
 from porocore.cell.symmetry.parity import UNIT_LOADS, classes, visible
@@ -29,23 +29,32 @@ def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellR
     of_images: dict[str, int] = {}
     for parity, columns in classes(problem.mesh).items():
         first = min(images(parity, swaps))
-        factor = None
-        if first not in of_images or (tangent and columns):
-            factor = problem.factor(iterate, parity)
-            of_images[first] = factor.negative
-        count = of_images[first]
-        if factor is not None and tangent and columns:
+        if first in of_images and not (tangent and columns):
+            counts.append(of_images[first])
+            continue
+        factor = problem.factor(iterate, parity)
+        answer = None
+        if tangent and columns:
             answer = problem.sensitivities(factor, columns)
             grad = problem.copies * visible(problem.mesh, parity) * answer.grad
             mean_grad[:, :, columns] = np.moveaxis(grad, 0, -1)
             second[np.ix_(columns, columns)] = problem.copies * (
                 answer.second + _direct(iterate, parity, columns)
             )
-            count = 1 if count < 0 and answer.indefinite else count
-        counts.append(count)
-    # A solver that cannot count pivots leaves the number unknown unless it found a direction of negative curvature.
+        of_images[first] = _unstable_modes(problem, factor, answer)
+        counts.append(of_images[first])
+    # Where one class is unknown, the number is so too unless another one has unstable modes.
     negative = sum(max(count, 0) for count in counts) or min(counts)
     return _row(problem, iterate, negative, _tangent(iterate, mean_grad, second) if tangent else None)
+
+
+def _unstable_modes(problem: DiscreteSolid, factor: FactorisedTangent, answer: Sensitivities | None) -> int:
+    """Return the number of negative eigenvalues, 1 for one or more by a solver without pivots, -1 where unknown."""
+    if factor.negative >= 0 or answer is None:
+        return problem.negative_eigenvalues(factor)
+    if answer.indefinite:
+        return 1
+    return 0 if answer.definite else -1
 
 
 def _direct(iterate: Iterate, parity: str, columns: Sequence[int]) -> Array:

@@ -186,7 +186,7 @@ def _factored(
 ) -> tuple[int, Any]:
     """Return the number of eigenvalues below the shift, and the application of (K − shift·M)⁻¹."""
     factor = solid.factor(iterate, parity, shift)
-    count = factor.negative
+    count = solid.negative_eigenvalues(factor)
     if rigid is None or count < 0:
         return count, factor.solve
     # K − shift·(M − a aᵀ/m) = B + shift·a aᵀ/m by Sherman and Morrison; its inertia follows from the bordered matrix.

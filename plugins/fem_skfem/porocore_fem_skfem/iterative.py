@@ -1,0 +1,149 @@
+"""Linear solves of large cells by conjugate gradients around multigrid, without a factor and so without its inertia.
+
+A tangent is definite if conjugate gradients solve for a random right-hand side and meet no negative curvature. For while
+all Ritz values are positive, the residual polynomial exceeds 1 at every negative eigenvalue, so the residual cannot
+fall below the share of its mode, which is about 1/√n of a random vector.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import sparse
+
+from porocore.cell.equilibrium.discrete import FactorError, LoadStepFailed
+from porocore.cell.equilibrium.path import least_shifted
+from porocore.states import Array, IntArray, Status
+from porocore_fem_skfem.constraints import SENSITIVITY_TOLERANCE, Constraints, Solved, curvature
+from porocore_fem_skfem.linalg import Iteration, conjugate_gradients
+from porocore_fem_skfem.multigrid import IndefiniteError, Multigrid, NodeGrid, PaddedPattern
+from porocore_fem_skfem.operators import Pattern
+from porocore_fem_skfem.products import Product
+
+#: Iterations with multigrid; 30 are usual to 1e-11.
+LIMIT = 400
+#: Iterations with the cycle of an earlier tangent: so many, and so many more for each digit. One of the tangent itself
+#: takes 2.8 a digit, and to set it up costs as much as four.
+AT_LEAST, EACH_DIGIT = 4, 4
+#: Relative residual of a random right-hand side that no indefinite tangent reaches: 1/√n is above it by 1e-5.
+DEFINITE = 1e-8
+#: Accuracy of Newton's direction with a shifted tangent.
+SHIFTED_ACCURACY = 1e-2
+
+
+class IterativeConstraints(Constraints):
+    """Free unknowns of one parity class, and multigrid for their matrix, which is set up within a load path."""
+
+    def __init__(self, places: Pattern, free: IntArray, grid: NodeGrid, solver: str) -> None:
+        super().__init__(places, free, grid, solver)
+        indptr, indices = self.indptr, self.indices
+        self._padded = PaddedPattern(indptr, indices, grid)
+        self._multigrid = Multigrid(self._padded, grid)
+        #: Entries for which the cycle is set up, and their matrix.
+        self._of: Array | None = None
+        self._matrix: sparse.csr_matrix | None = None
+
+    def reset(self, undeformed: Callable[[], Array]) -> None:
+        """Discard the cycle of the last load path."""
+        self._of, self._matrix, self.shift = None, None, 0.0
+
+    def factorise(self, entries: Array) -> int:
+        """Set up the cycle for ``entries``; return 1 if they prove indefinite thereby, else -1."""
+        try:
+            self._set_up(entries)
+        except IndefiniteError:
+            return 1
+        return -1
+
+    def precondition(self, rhs: Array) -> Array:
+        """Return the solution for ``rhs`` with the entries that were set up.
+
+        Raises
+        ------
+        FactorError
+            They are indefinite, or the iteration does not converge.
+        """
+        if self._of is None or self._matrix is None:
+            raise FactorError("the tangent is indefinite")
+        solved = self._iterate(self._matrix, self._padded.padded(rhs), SENSITIVITY_TOLERANCE)
+        if not solved.converged:
+            raise FactorError("conjugate gradients did not converge")
+        return solved.x[self._padded.places]
+
+    def direction(self, entries: Array, rhs: Array, accuracy: float) -> Array:
+        """Return K⁻¹ rhs to a relative accuracy, as :meth:`DiscreteSolid.solve` does; it may raise LoadStepFailed."""
+        right = self._padded.padded(rhs)
+
+        def shifted(shift: float) -> Array | None:
+            moved = entries.copy()
+            moved[self.diagonal] += shift * float(np.abs(entries[self.diagonal]).mean())
+            found = self._fresh(moved, right, SHIFTED_ACCURACY)
+            return found.x[self._padded.places] if found is not None and found.converged else None
+
+        try:
+            solved = self._worn(entries, right, accuracy) or self._fresh(entries, right, accuracy)
+            if solved is not None and solved.converged:
+                return solved.x[self._padded.places]
+            if solved is not None and not solved.indefinite:
+                raise LoadStepFailed(Status.not_converged)
+            x, self.shift = least_shifted(shifted, rhs, self.shift)
+        except FactorError as error:
+            raise LoadStepFailed(Status.not_converged) from error
+        return x
+
+    def sensitivities(self, entries: Array, R: Array) -> Solved:
+        """Return −K⁻¹ R, and whether K is definite, by one iteration for all columns and a random one."""
+        if self.factorise(entries) > 0:
+            unknown = np.full_like(R, np.nan)
+            return Solved(unknown, R.T @ unknown, indefinite=True)
+        assert self._matrix is not None
+        right = np.column_stack([-self._padded.padded(R), self._random()])
+        tolerance = np.array([SENSITIVITY_TOLERANCE] * R.shape[1] + [DEFINITE])
+        solved = self._iterate(self._matrix, right, tolerance)
+        U = solved.x[:, :-1] if solved.converged else np.full_like(right[:, :-1], np.nan)
+        second = curvature(-right[:, :-1], U, self._matrix @ U)
+        return Solved(U[self._padded.places], second, solved.indefinite, solved.converged)
+
+    def negative(self, entries: Array) -> int:
+        """Return 0 if the entries are definite, 1 if they are not, and -1 if the iteration does not tell."""
+        if self.factorise(entries) > 0:
+            return 1
+        assert self._matrix is not None
+        solved = self._iterate(self._matrix, self._random(), DEFINITE)
+        return 0 if solved.converged else (1 if solved.indefinite else -1)
+
+    def _set_up(self, entries: Array) -> None:
+        if self._of is not entries:
+            self._of, matrix = None, self._padded.matrix(entries)
+            self._matrix = None
+            if not np.isfinite(matrix.data).all():
+                raise FactorError("the matrix is not finite")
+            self._multigrid.set_up(matrix)
+            self._of, self._matrix = entries, matrix
+
+    def _worn(self, entries: Array, right: Array, accuracy: float) -> Iteration | None:
+        """Return the solution with the cycle of an earlier tangent; None where there is none or it takes too long."""
+        if self._of is None or self._of is entries:
+            return None
+        limit = AT_LEAST + round(-EACH_DIGIT * np.log10(accuracy))
+        solved = self._iterate(self._padded.matrix(entries), right, accuracy, limit)
+        return solved if solved.converged else None
+
+    def _fresh(self, entries: Array, right: Array, accuracy: float) -> Iteration | None:
+        """Return the solution with a cycle of these entries; None where that proves them indefinite."""
+        if self.factorise(entries) > 0:
+            return None
+        assert self._matrix is not None
+        return self._iterate(self._matrix, right, accuracy)
+
+    def _iterate(
+        self, matrix: sparse.csr_matrix, right: Array, tolerance: float | Array, limit: int = LIMIT
+    ) -> Iteration:
+        product = Product(matrix)
+        return conjugate_gradients(
+            product.__matmul__, right, self._multigrid.cycle, tolerance=tolerance, limit=limit
+        )
+
+    def _random(self) -> Array:
+        return np.random.default_rng(0).normal(size=self._padded.size) * self._padded.free
