@@ -282,4 +282,4 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
         grad = np.array([[g @ condensation.expand(u) for g in self._forms.means] for u in U])
         direct = second_derivatives(columns, np.array(explicit))
         second = direct + np.array(R) @ np.array(U).T
-        return Sensitivities(grad.reshape(-1, 3, 3), second, indefinite)
+        return Sensitivities(grad.reshape(-1, 3, 3), second, 1 if indefinite else -1)

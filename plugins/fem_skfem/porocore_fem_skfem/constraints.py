@@ -30,14 +30,13 @@ class Solved:
     curvature : (k, k)
         RᵀU + UᵀR + UᵀKU, the part of the second derivatives that is due to U. It equals RᵀU, but its error is of
         second order in that of U, and it is symmetric.
-    indefinite, definite : bool
-        K proved to be so on the way.
+    negative : int
+        Number of negative eigenvalues of K as found on the way, 1 for one or more without a factor, -1 where unknown.
     """
 
     U: Array
     curvature: Array
-    indefinite: bool = False
-    definite: bool = False
+    negative: int
 
 
 class Constraints:
@@ -131,15 +130,15 @@ class Constraints:
         FactorError
             The factor cannot be applied.
         """
-        self.factorise(entries)
+        negative = self.factorise(entries)
         matrix = self.pattern.full(entries)
         # A direct factor serves indefinite matrices.
         solved = refine(matrix, -R, self.precondition, tolerance=SENSITIVITY_TOLERANCE)
         U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
-        return Solved(U, curvature(R, U, matrix @ U), solved.indefinite)
+        return Solved(U, curvature(R, U, matrix @ U), negative)
 
 
 def curvature(R: Array, U: Array, KU: Array) -> Array:
     """Return RᵀU + UᵀR + UᵀKU (k, k)."""
     mixed = R.T @ U
-    return mixed + mixed.T + U.T @ KU
+    return np.asarray(mixed + mixed.T + U.T @ KU)

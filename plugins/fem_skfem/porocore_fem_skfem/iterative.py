@@ -1,7 +1,7 @@
 """Linear solves of large cells by conjugate gradients around multigrid, without a factor and so without its inertia.
 
-A tangent is definite if conjugate gradients solve for a random right-hand side and meet no negative curvature. For while
-all Ritz values are positive, the residual polynomial exceeds 1 at every negative eigenvalue, so the residual cannot
+A tangent is definite if conjugate gradients solve for a random right-hand side and meet no negative curvature. While
+all Ritz values are positive, the residual polynomial exceeds 1 at every negative eigenvalue. So the residual cannot
 fall below the share of its mode, which is about 1/√n of a random vector.
 """
 
@@ -15,8 +15,9 @@ from scipy import sparse
 from porocore.cell.equilibrium.discrete import FactorError, LoadStepFailed
 from porocore.cell.equilibrium.path import least_shifted
 from porocore.states import Array, IntArray, Status
+from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.constraints import SENSITIVITY_TOLERANCE, Constraints, Solved, curvature
-from porocore_fem_skfem.linalg import Iteration, conjugate_gradients
+from porocore_fem_skfem.linalg import FACTOR_LIMIT, Iteration, conjugate_gradients
 from porocore_fem_skfem.multigrid import IndefiniteError, Multigrid, NodeGrid, PaddedPattern
 from porocore_fem_skfem.operators import Pattern
 from porocore_fem_skfem.products import Product
@@ -33,7 +34,11 @@ SHIFTED_ACCURACY = 1e-2
 
 
 class IterativeConstraints(Constraints):
-    """Free unknowns of one parity class, and multigrid for their matrix, which is set up within a load path."""
+    """Free unknowns of one parity class, and multigrid for their matrix, which is set up within a load path.
+
+    A factor takes over where the tangent is indefinite or the iteration stagnates, if there is a solver for that and it
+    does not take too much memory.
+    """
 
     def __init__(self, places: Pattern, free: IntArray, grid: NodeGrid, solver: str) -> None:
         super().__init__(places, free, grid, solver)
@@ -43,10 +48,13 @@ class IterativeConstraints(Constraints):
         #: Entries for which the cycle is set up, and their matrix.
         self._of: Array | None = None
         self._matrix: sparse.csr_matrix | None = None
+        self._has_factors = solver == "auto" and len(free) <= FACTOR_LIMIT and pardiso.library() is not None
+        self._places = places
+        self._direct: Constraints | None = None
 
     def reset(self, undeformed: Callable[[], Array]) -> None:
-        """Discard the cycle of the last load path."""
-        self._of, self._matrix, self.shift = None, None, 0.0
+        """Discard the cycle and the factor of the last load path."""
+        self._of, self._matrix, self._direct, self.shift = None, None, None, 0.0
 
     def factorise(self, entries: Array) -> int:
         """Set up the cycle for ``entries``; return 1 if they prove indefinite thereby, else -1."""
@@ -85,6 +93,9 @@ class IterativeConstraints(Constraints):
             solved = self._worn(entries, right, accuracy) or self._fresh(entries, right, accuracy)
             if solved is not None and solved.converged:
                 return solved.x[self._padded.places]
+            if (direct := self._by_factor()) is not None:
+                direct.factorise(entries)
+                return direct.direction(entries, rhs, accuracy)
             if solved is not None and not solved.indefinite:
                 raise LoadStepFailed(Status.not_converged)
             x, self.shift = least_shifted(shifted, rhs, self.shift)
@@ -94,24 +105,39 @@ class IterativeConstraints(Constraints):
 
     def sensitivities(self, entries: Array, R: Array) -> Solved:
         """Return −K⁻¹ R, and whether K is definite, by one iteration for all columns and a random one."""
-        if self.factorise(entries) > 0:
-            unknown = np.full_like(R, np.nan)
-            return Solved(unknown, R.T @ unknown, indefinite=True)
-        assert self._matrix is not None
-        right = np.column_stack([-self._padded.padded(R), self._random()])
-        tolerance = np.array([SENSITIVITY_TOLERANCE] * R.shape[1] + [DEFINITE])
-        solved = self._iterate(self._matrix, right, tolerance)
-        U = solved.x[:, :-1] if solved.converged else np.full_like(right[:, :-1], np.nan)
-        second = curvature(-right[:, :-1], U, self._matrix @ U)
-        return Solved(U[self._padded.places], second, solved.indefinite, solved.converged)
+        solved = None
+        if self.factorise(entries) <= 0:
+            assert self._matrix is not None
+            right = np.column_stack([-self._padded.padded(R), self._random()])
+            tolerance = np.array([SENSITIVITY_TOLERANCE] * R.shape[1] + [DEFINITE])
+            solved = self._iterate(self._matrix, right, tolerance)
+            if solved.converged:
+                U = solved.x[:, :-1]
+                second = curvature(-right[:, :-1], U, self._matrix @ U)
+                return Solved(U[self._padded.places], second, 0)
+        if (direct := self._by_factor()) is not None:
+            return direct.sensitivities(entries, R)
+        unknown = np.full_like(R, np.nan)
+        return Solved(unknown, R.T @ unknown, 1 if solved is None or solved.indefinite else -1)
 
     def negative(self, entries: Array) -> int:
-        """Return 0 if the entries are definite, 1 if they are not, and -1 if the iteration does not tell."""
-        if self.factorise(entries) > 0:
-            return 1
-        assert self._matrix is not None
-        solved = self._iterate(self._matrix, self._random(), DEFINITE)
-        return 0 if solved.converged else (1 if solved.indefinite else -1)
+        """Return the number of negative eigenvalues; without a factor 1 for one or more, -1 if nothing tells."""
+        indefinite = self.factorise(entries) > 0
+        if not indefinite:
+            assert self._matrix is not None
+            solved = self._iterate(self._matrix, self._random(), DEFINITE)
+            if solved.converged:
+                return 0
+            indefinite = solved.indefinite
+        if (direct := self._by_factor()) is not None:
+            return direct.factorise(entries)
+        return 1 if indefinite else -1
+
+    def _by_factor(self) -> Constraints | None:
+        """Return the same unknowns with a factor; None where there is no solver for it, or it would be too large."""
+        if self._direct is None and self._has_factors:
+            self._direct = Constraints(self._places, self.free, self._grid, self._solver)
+        return self._direct
 
     def _set_up(self, entries: Array) -> None:
         if self._of is not entries:
@@ -146,4 +172,4 @@ class IterativeConstraints(Constraints):
         )
 
     def _random(self) -> Array:
-        return np.random.default_rng(0).normal(size=self._padded.size) * self._padded.free
+        return np.where(self._padded.free, np.random.default_rng(0).normal(size=self._padded.size), 0.0)

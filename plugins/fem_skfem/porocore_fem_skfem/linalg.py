@@ -21,9 +21,12 @@ from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.checks import Indices
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SymmetricFactor
 
-#: Beyond this number of unknowns multigrid is taken. At 314,000 a state with its derivatives takes 87 s and 7 GB with
-#: factors; multigrid takes 23 s at 46,000, where factors take 2.3 s.
-DIRECT_LIMIT = 350_000
+#: Beyond this number of unknowns multigrid is taken. A state with its derivatives takes 3.1 s by multigrid and 3.2 s by
+#: factors at 46,000 unknowns, 9.1 s and 14.9 s at 126,000, beside the first analysis of 3 and 13 s for the factors.
+DIRECT_LIMIT = 50_000
+#: Up to this number of unknowns a factor takes over where multigrid fails, as of an indefinite tangent. At 314,000 it
+#: takes 87 s and 7 GB with a state.
+FACTOR_LIMIT = 350_000
 #: Largest system in three dimensions for which SuperLU is fast enough.
 SUPERLU_LIMIT = 6_000
 
@@ -85,8 +88,10 @@ class SymmetricPattern:
         return sparse.csr_matrix((data[self._source], self._indices, self._indptr), shape=self._shape)
 
 
-def iterates(n: int, solver: str) -> bool:
+def iterates(n: int, solver: str, limit: int = DIRECT_LIMIT) -> bool:
     """Return whether n unknowns are solved by multigrid; ``solver`` forces one of pardiso, superlu, amg.
+
+    ``limit`` is the number of unknowns up to which PARDISO is faster.
 
     Raises
     ------
@@ -100,7 +105,7 @@ def iterates(n: int, solver: str) -> bool:
     have_amg = find_spec("pyamg") is not None
     if solver == "amg" and not have_amg:
         raise ConfigurationError("fem.options.solver: amg is not installed; run pip install pyamg")
-    limit = SUPERLU_LIMIT if pardiso.library() is None else DIRECT_LIMIT
+    limit = SUPERLU_LIMIT if pardiso.library() is None else limit
     return solver == "amg" or (solver == "auto" and have_amg and n > limit)
 
 

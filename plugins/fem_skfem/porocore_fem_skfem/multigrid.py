@@ -37,7 +37,8 @@ STEPS, SAFETY = 12, 1.1
 #: Damping of the interpolation from groups, over the largest eigenvalue.
 SMOOTHING = 4 / 3
 
-Single = npt.NDArray[np.float32]
+#: np.float32 or np.float64.
+Precision = type[np.floating[Any]]
 
 
 class IndefiniteError(FactorError):
@@ -129,7 +130,7 @@ class PaddedPattern:
 class _Level:
     """A matrix, the inverse of its diagonal blocks, and a Chebyshev polynomial of their product as smoother."""
 
-    def __init__(self, matrix: sparse.csr_matrix, block: int, ratio: float) -> None:
+    def __init__(self, matrix: sparse.csr_matrix, block: int, ratio: float, dtype: Precision) -> None:
         blocks = _diagonal_blocks(matrix, block)
         try:
             np.linalg.cholesky(blocks)
@@ -137,25 +138,25 @@ class _Level:
             raise IndefiniteError("the block of a node is not positive definite") from error
         self.inverse = _block_diagonal(np.linalg.inv(blocks))
         self.largest = _largest_eigenvalue(matrix, self.inverse)
-        self._matrix = Product(matrix.astype(np.float32))
-        self._inverse = Product(self.inverse.astype(np.float32))
+        self._matrix = Product(matrix.astype(dtype, copy=False))
+        self._inverse = Product(self.inverse.astype(dtype, copy=False))
         high = SAFETY * self.largest
         self._middle, self._half = (high + high / ratio) / 2, (high - high / ratio) / 2
 
-    def smooth(self, r: Single) -> tuple[Single, Single]:
+    def smooth(self, r: Any) -> tuple[Any, Any]:
         """Return the smoother's answer to a residual, and the residual that it leaves."""
         sigma = self._middle / self._half
         rho = 1 / sigma
-        d = (self._inverse @ r) * np.float32(1 / self._middle)
+        d = (self._inverse @ r) * r.dtype.type(1 / self._middle)
         x = d
         for _ in range(1, DEGREE):
             r = r - self._matrix @ d
             last, rho = rho, 1 / (2 * sigma - rho)
-            d = np.float32(rho * last) * d + np.float32(2 * rho / self._half) * (self._inverse @ r)
+            d = d.dtype.type(rho * last) * d + d.dtype.type(2 * rho / self._half) * (self._inverse @ r)
             x = x + d
         return x, r - self._matrix @ d
 
-    def apply(self, x: Single) -> Any:
+    def apply(self, x: Any) -> Any:
         """Return the product of the matrix with x."""
         return self._matrix @ x
 
@@ -169,9 +170,13 @@ class Multigrid:
         Pattern of the matrices.
     grid
         Nodes of their unknowns.
+    dtype
+        Precision of a cycle. A single one takes half the time and serves conjugate gradients as well; iterations of
+        short recurrences for indefinite systems want the double one.
     """
 
-    def __init__(self, pattern: PaddedPattern, grid: NodeGrid) -> None:
+    def __init__(self, pattern: PaddedPattern, grid: NodeGrid, dtype: Precision = np.float32) -> None:
+        self._dtype = dtype
         self._block, self._free = grid.components, pattern.free
         corners, to_corners = np.unique(grid.ends[pattern.used], return_inverse=True)
         present = np.isin(corners, pattern.used)
@@ -204,12 +209,12 @@ class Multigrid:
         self._levels, self._between = [], list[tuple[Product, Product]]()
         block = self._block
         if self._linear is not None:
-            self._levels.append(_Level(matrix, block, RATIO))
+            self._levels.append(_Level(matrix, block, RATIO, self._dtype))
             matrix = self._restricted(matrix, self._linear)
             matrix = (matrix + self._held * matrix.diagonal().mean()).tocsr()
         depth = 0
         while matrix.shape[0] > COARSEST:
-            level = _Level(matrix, block, COARSE_RATIO)
+            level = _Level(matrix, block, COARSE_RATIO, self._dtype)
             if depth == len(self._groups):
                 self._groups.append(aggregated(matrix, self._nodes if not depth else self._groups[-1][1]))
             tentative, groups, active = self._groups[depth]
@@ -224,16 +229,20 @@ class Multigrid:
             self._coarsest = cho_factor(matrix.toarray())
         except np.linalg.LinAlgError as error:
             raise IndefiniteError("the coarsest level is not positive definite") from error
-        self._coarsest = (self._coarsest[0].astype(np.float32), self._coarsest[1])
+        self._coarsest = (self._coarsest[0].astype(self._dtype), self._coarsest[1])
 
     def cycle(self, residual: Array) -> Array:
         """Return the approximate inverse applied to (n,) or (n, k)."""
-        return self._cycle(residual.astype(np.float32), 0).astype(np.float64)
+        return np.asarray(self._cycle(residual.astype(self._dtype), 0), np.float64)
 
     def _restricted(self, matrix: sparse.csr_matrix, prolongation: sparse.csr_matrix) -> sparse.csr_matrix:
         transposed = prolongation.T.tocsr()
-        single = prolongation.astype(np.float32), transposed.astype(np.float32)
-        self._between.append((Product(single[0]), Product(single[1])))
+        self._between.append(
+            (
+                Product(prolongation.astype(self._dtype, copy=False)),
+                Product(transposed.astype(self._dtype, copy=False)),
+            )
+        )
         return (transposed @ (matrix @ prolongation)).tocsr()
 
     def _cycle(self, r: Any, depth: int) -> Any:

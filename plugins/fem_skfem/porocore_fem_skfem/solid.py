@@ -245,7 +245,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         solved = constraints.sensitivities(factor.entries, R)
         direct = second_derivatives(columns, np.stack([(load @ self.w).ravel() for load in loads]))
         grad = np.stack([self.gradient(self.field(u, parity)) @ self.w for u in solved.U.T])
-        return Sensitivities(grad, direct + solved.curvature, solved.indefinite, solved.definite)
+        return Sensitivities(grad, direct + solved.curvature, solved.negative)
 
     def merged(self, values: Array) -> Array:
         """Return the sums (3, nodes) over periodic nodes of values (nodes of the mesh, 3)."""

@@ -11,7 +11,7 @@ from porocore.macro.problem import MacroProblem
 from porocore.testing.macro_laws.solving import NONLINEAR
 from porocore_fem_skfem import macro_linear, pardiso
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
-from porocore_fem_skfem.linalg import MultigridFactor, SuperLUFactor, refine
+from porocore_fem_skfem.linalg import SuperLUFactor, refine
 from porocore_fem_skfem.macro import SkfemMacroSolver
 
 #: Row pointers and columns of a symmetric pattern, and of its upper triangle.
@@ -43,11 +43,9 @@ def arrays(pattern):
 
 
 def upper_factors():
-    near = np.ones((3, 1))
     return {
         "pardiso": lambda pattern: pardiso.PardisoFactor(*arrays(pattern)),
         "superlu": lambda pattern: SuperLUFactor(*arrays(pattern)),
-        "amg": lambda pattern: MultigridFactor(*arrays(pattern), near),
     }
 
 
@@ -58,7 +56,7 @@ def test_a_wrong_pattern_is_refused_before_pardiso_sees_it(fault):
         pardiso.GeneralFactor(*arrays(pattern), single=False)
 
 
-@pytest.mark.parametrize("kind", ["pardiso", "superlu", "amg"])
+@pytest.mark.parametrize("kind", ["pardiso", "superlu"])
 @pytest.mark.parametrize("fault", TRIANGLE)
 def test_a_wrong_triangle_is_refused_by_every_solver(kind, fault):
     pattern, message = TRIANGLE[fault]

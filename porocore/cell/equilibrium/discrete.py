@@ -124,16 +124,14 @@ class Sensitivities:
         ∫ ∇u_θ dV; NaN where the linear solver did not reach its tolerance.
     second : (k, k)
         ∂²Π/∂θ∂θ' at equilibrium: Π_θθ' + R_θᵀ u_θ' with R = ∂Π/∂u. Contact contributes to the second term only.
-    indefinite : bool
-        A direction of negative curvature was found on the way.
-    definite : bool
-        It was shown on the way that there is none.
+    negative : int
+        Number of negative eigenvalues of the tangent as far as the way here told; 1 for one or more by a solver without
+        pivots, -1 where it did not tell.
     """
 
     grad: Array
     second: Array
-    indefinite: bool = False
-    definite: bool = False
+    negative: int = -1
 
 
 def second_derivatives(columns: Sequence[int], stresses: Array) -> Array:
@@ -256,14 +254,15 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
         """
 
     def negative_pivots(self, iterate: OwnIterate, parity: str, shift: float = 0.0) -> int:
-        """Return the number of eigenvalues below ``shift``, the negative pivots of :meth:`factor`; -1 where unknown.
+        """Return the number of eigenvalues below ``shift``, by :meth:`factor` and :meth:`negative_eigenvalues`.
 
         Raises
         ------
         FactorError
             The tangent cannot be factorised.
         """
-        return self.negative_eigenvalues(self.factor(iterate, parity, shift))
+        factor: Any = self.factor(iterate, parity, shift)
+        return self.negative_eigenvalues(factor)
 
     def negative_eigenvalues(self, factor: OwnFactor) -> int:
         """Return the number of eigenvalues below the shift of ``factor``; -1 where unknown.

@@ -49,12 +49,10 @@ def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellR
 
 
 def _unstable_modes(problem: DiscreteSolid, factor: FactorisedTangent, answer: Sensitivities | None) -> int:
-    """Return the number of negative eigenvalues, 1 for one or more by a solver without pivots, -1 where unknown."""
+    """Return the number of negative eigenvalues; -1 where neither the factor nor the answer tells it."""
     if factor.negative >= 0 or answer is None:
         return problem.negative_eigenvalues(factor)
-    if answer.indefinite:
-        return 1
-    return 0 if answer.definite else -1
+    return answer.negative
 
 
 def _direct(iterate: Iterate, parity: str, columns: Sequence[int]) -> Array:

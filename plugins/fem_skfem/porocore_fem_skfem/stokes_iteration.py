@@ -1,0 +1,129 @@
+"""Stokes flow through large pores: MINRES for velocity and pressure, preconditioned by multigrid and the mass.
+
+An iteration costs one cycle of multigrid; conjugate gradients for the pressure alone would solve for the velocity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from porocore.cell.equilibrium.discrete import FactorError
+from porocore.states import Array
+from porocore_fem_skfem.products import Product
+
+#: Relative residual in the norm of the preconditioner; the error of the conductivity, its square, is then 1e-11.
+TOLERANCE = 1e-6
+LIMIT = 1_000
+
+
+@dataclass(frozen=True, eq=False)
+class StokesSystem:
+    """Symmetric system of f flows, each with three velocities at n nodes and m pressures.
+
+    Attributes
+    ----------
+    laplacian : (n, n)
+        ∫ ∇N·∇N.
+    gradient
+        ∫ ψ ∂v/∂x_i, (n, m) for each i.
+    mass : (m,)
+        ∫ ψ, which preconditions as well as the whole mass matrix does.
+    moving : (n, 3 f), even : (m, f)
+        1 for unknowns, 0 for what vanishes; the columns of the first go through the flows of each component.
+    precondition
+        Approximate inverse of the Laplacian, for the columns of ``moving``.
+    """
+
+    laplacian: sparse.csr_matrix
+    gradient: list[sparse.csr_matrix]
+    mass: Array
+    moving: npt.NDArray[np.bool_]
+    even: npt.NDArray[np.bool_]
+    precondition: Callable[[Array], Array]
+
+
+def solve(system: StokesSystem, force: Array) -> tuple[Array, Array, Array, Array]:
+    """Return velocities (n, 3 f), pressures (m, f) and the residuals of both under a force (n, 3 f).
+
+    Raises
+    ------
+    FactorError
+        The iteration does not converge.
+    """
+    n, m = len(system.moving), len(system.even)
+    flows = system.even.shape[1]
+    laplacian, gradient = Product(system.laplacian), [Product(one) for one in system.gradient]
+    divergence = [Product(one.T.tocsr()) for one in system.gradient]
+
+    def split(x: Array) -> tuple[Array, Array]:
+        """Return velocities and pressures of columns (3 n + m, f)."""
+        return x[: 3 * n].reshape(n, 3 * flows), x[3 * n :]
+
+    def joined(w: Any, p: Any) -> Array:
+        return np.concatenate([(w * system.moving).reshape(3 * n, flows), p * system.even])
+
+    def apply(x: Array) -> Array:
+        w, p = split(x)
+        pushed = np.concatenate([one @ p for one in gradient], axis=1)
+        spread = sum(one @ w[:, i * flows : (i + 1) * flows] for i, one in enumerate(divergence))
+        return joined(laplacian @ w - pushed, -np.asarray(spread))
+
+    def precondition(x: Array) -> Array:
+        w, p = split(x)
+        return joined(system.precondition(w), p / system.mass[:, None])
+
+    right = joined(force, np.zeros((m, flows)))
+    x, converged = minres(apply, right, precondition, tolerance=TOLERANCE, limit=LIMIT)
+    if not converged:
+        raise FactorError(f"MINRES did not converge in {LIMIT} iterations")
+    return *split(x), *split(right - apply(x))
+
+
+def minres(
+    apply: Callable[[Array], Array],
+    right: Array,
+    precondition: Callable[[Array], Array],
+    *,
+    tolerance: float,
+    limit: int,
+) -> tuple[Array, bool]:
+    """Solve a symmetric system for the columns (n, k), and return whether all converged.
+
+    The preconditioner is positive definite; residuals are measured in its norm [Elman, Silvester & Wathen, Finite
+    Elements and Fast Iterative Solvers, algorithm 4.1].
+    """
+    x, before, direction_before, direction = (np.zeros_like(right) for _ in range(4))
+    v, z = right, precondition(right)
+    gamma = np.sqrt(np.maximum((v * z).sum(axis=0), 0.0))
+    eta, goal, gamma_before = gamma, tolerance * gamma, np.ones_like(gamma)
+    sine_before, sine, cosine_before, cosine = (np.full_like(gamma, value) for value in (0.0, 0.0, 1.0, 1.0))
+    for _ in range(limit):
+        active = np.abs(eta) > goal
+        if not active.any():
+            return x, True
+        known = np.where(gamma > 0, gamma, 1.0)
+        q = z / known
+        product = apply(q)
+        delta = (product * q).sum(axis=0)
+        before, v = v, product - (delta / known) * v - (gamma / gamma_before) * before
+        z = precondition(v)
+        gamma_before, gamma = known, np.sqrt(np.maximum((v * z).sum(axis=0), 0.0))
+        first = cosine * delta - cosine_before * sine * known
+        second = sine * delta + cosine_before * cosine * known
+        third = sine_before * known
+        length = np.hypot(first, gamma)
+        length = np.where(length > 0, length, 1.0)
+        direction_before, direction = (
+            direction,
+            (q - third * direction_before - second * direction) / length,
+        )
+        cosine_before, cosine, sine_before, sine = cosine, first / length, sine, gamma / length
+        x = x + np.where(active, cosine * eta, 0.0) * direction
+        eta = np.where(active, -sine * eta, eta)
+    return x, bool((np.abs(eta) <= goal).all())
