@@ -164,11 +164,11 @@ class IterativeConstraints(Constraints):
         return self._iterate(self._matrix, right, accuracy)
 
     def _iterate(
-        self, matrix: sparse.csr_matrix, right: Array, tolerance: float | Array, limit: int = LIMIT
+        self, matrix: sparse.csr_matrix, right: Array, tolerance: float | Array, limit: int | None = None
     ) -> Iteration:
         product = Product(matrix)
         return conjugate_gradients(
-            product.__matmul__, right, self._multigrid.cycle, tolerance=tolerance, limit=limit
+            product.__matmul__, right, self._multigrid.cycle, tolerance=tolerance, limit=limit or LIMIT
         )
 
     def _random(self) -> Array:

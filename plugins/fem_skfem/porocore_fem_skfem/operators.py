@@ -6,6 +6,8 @@ one sparse product and an assembly one batched product followed by one sparse sc
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from scipy import sparse
 from skfem import Element, ElementTetP1, ElementTetP2
@@ -84,15 +86,19 @@ class Pattern:
 
     Parameters
     ----------
-    keys : (nnz,)
-        row · n + column, ascending.
+    rows, indices : (nnz,)
+        Row and column of each place, ascending.
     n : int
         Number of rows.
     """
 
-    def __init__(self, keys: IntArray, n: int) -> None:
-        self.keys, self.n = keys, n
-        self.rows, self.indices = keys // n, (keys % n).astype(np.int32)
+    def __init__(self, rows: Indices, indices: Indices, n: int) -> None:
+        self.rows, self.indices, self.n = rows, indices, n
+
+    @cached_property
+    def keys(self) -> IntArray:
+        """Row · n + column of each place, (nnz,)."""
+        return self.rows.astype(np.int64) * self.n + self.indices
 
     def restricted(self, free: IntArray) -> tuple[Indices, Indices, IntArray]:
         """Return the pattern (indptr, indices) of the rows and columns in ``free``, and the entries that it keeps."""
@@ -116,7 +122,8 @@ class Pattern:
 
     def widened(self, keys: IntArray) -> Pattern:
         """Return the pattern with further places."""
-        return Pattern(np.union1d(self.keys, keys), self.n)
+        keys = np.union1d(self.keys, keys)
+        return Pattern((keys // self.n).astype(np.int32), (keys % self.n).astype(np.int32), self.n)
 
     def spread(self, entries: Array, places: Pattern) -> Array:
         """Return the entries (nnz) of this pattern from those of a part of it."""
@@ -132,28 +139,55 @@ class Pattern:
 class Scatter:
     """Sum of element blocks into the upper triangle of a matrix whose pattern is computed once.
 
+    The unknowns of a node are coupled to all of another one that shares an element, so pairs of nodes are sorted and
+    not pairs of unknowns, of which a displacement has nine times as many.
+
     Parameters
     ----------
-    dofs : (elements, m)
-        Unknown of each row of an element block.
+    cells : (elements, a)
+        Nodes of each element.
     n : int
-        Number of unknowns.
+        Number of nodes; component i of node k is unknown i · n + k.
+    components : int
+        Unknowns of a node.
     """
 
-    def __init__(self, dofs: IntArray, n: int) -> None:
-        elements, m = dofs.shape
-        rows = np.repeat(dofs, m, axis=1).ravel()
-        columns = np.tile(dofs, (1, m)).ravel()
-        kept = np.flatnonzero(rows <= columns)
-        # Every row needs its diagonal, and it comes first because the rest of the row lies right of it.
-        keys = rows[kept] * n + columns[kept]
-        unique, slot = np.unique(np.concatenate([keys, np.arange(n) * (n + 1)]), return_inverse=True)
-        slot = slot.reshape(-1)[: len(keys)]
-        self.pattern = Pattern(unique, n)
-        self._sum = sparse.csr_matrix(
-            (np.ones(len(kept)), (slot, kept)), shape=(len(unique), elements * m * m)
-        )
+    def __init__(self, cells: IntArray, n: int, components: int = 1) -> None:
+        self._shape = (len(cells), components, cells.shape[1], components, cells.shape[1])
+        pairs = (cells[:, :, None] * n + cells[:, None, :]).ravel()
+        unique, slot = np.unique(pairs, return_inverse=True)
+        places = slot.reshape(-1), np.arange(len(pairs) + 1)
+        whole = sparse.csc_matrix((np.ones(len(pairs)), *places), shape=(len(unique), len(pairs))).tocsr()
+        row, column = unique // n, unique % n
+        upper = np.flatnonzero(row <= column)
+        #: Sums of the pairs on and above the diagonal, and of all.
+        self._sums = (whole[upper], whole) if components > 1 else (whole[upper],)
+        width, upper_width = np.bincount(row, minlength=n), np.bincount(row[upper], minlength=n)
+        rank, upper_rank = _rank(row, width), _rank(row[upper], upper_width)
+        widths = np.concatenate([upper_width + (components - 1 - i) * width for i in range(components)])
+        starts = np.concatenate([[0], np.cumsum(widths)])
+        rows = np.repeat(np.arange(components * n, dtype=np.int32), widths)
+        indices = np.empty(starts[-1], dtype=np.int32)
+        #: Component of the row and of the column, and where their sums go.
+        self._parts: list[tuple[int, int, IntArray]] = []
+        for i in range(components):
+            start = starts[i * n : (i + 1) * n]
+            self._parts.append((i, i, start[row[upper]] + upper_rank))
+            indices[self._parts[-1][2]] = column[upper] + i * n
+            for j in range(i + 1, components):
+                after = start + upper_width + (j - i - 1) * width
+                self._parts.append((i, j, after[row] + rank))
+                indices[self._parts[-1][2]] = column + j * n
+        self.pattern = Pattern(rows, indices, components * n)
 
     def __call__(self, blocks: Array) -> Array:
-        """Return the entries (nnz) from blocks (elements, m, m)."""
-        return np.asarray(self._sum @ blocks.ravel())
+        """Return the entries (nnz) from blocks (elements, components · a, components · a)."""
+        blocks, out = blocks.reshape(self._shape), np.empty(len(self.pattern.indices))
+        for i, j, places in self._parts:
+            out[places] = self._sums[int(i != j)] @ blocks[:, i, :, j].ravel()
+        return out
+
+
+def _rank(row: IntArray, width: IntArray) -> IntArray:
+    """Return the number of each entry within its row."""
+    return np.asarray(np.arange(len(row)) - (np.cumsum(width) - width)[row])

@@ -123,10 +123,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         self.B = self.operators.gradient(self.n_nodes)
         self.B_T = self.B.T.tocsr()
         self.w = self.operators.weights
-        cells = self.operators.cells
-        self.scatter = Scatter(
-            np.concatenate([cells + i * self.n_nodes for i in range(3)], axis=1), 3 * self.n_nodes
-        )
+        self.scatter = Scatter(self.operators.cells, self.n_nodes, 3)
         self.response: SolidResponse = (
             NeoHookeanResponse(material, self.operators, self.scatter)
             if isinstance(material, NeoHookean)
