@@ -129,6 +129,10 @@ class CellSolver(ABC, Generic[Prepared]):
         """
         raise NotImplementedError(f"{type(self).__name__} computes no conductivity")
 
+    def remark(self, prepared: Prepared) -> str:
+        """Return a line for the log on how the linear systems were solved so far; empty where there is none."""
+        return ""
+
     def solve_one(self, prepared: Prepared, grad_u: Any, p: float = 0.0, **how: Any) -> CellResponse:
         """Solve one state; a convenience around :meth:`solve`."""
         state = MacroState(np.asarray(grad_u, float).reshape(1, 3, 3), np.array([float(p)]))

@@ -14,14 +14,12 @@ from porocore.cell.cell import Cell
 from porocore.cell.contact.model import make_contact_model
 from porocore.cell.equilibrium.discrete import (
     DiscreteSolid,
-    DomainIntegrals,
     FactorError,
     FactorisedTangent,
     Iterate,
     LoadStepFailed,
-    Sensitivities,
-    second_derivatives,
 )
+from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities, second_derivatives
 from porocore.cell.equilibrium.path import PATIENCE, least_shifted
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import CellMesh

@@ -13,7 +13,7 @@ from porocore.cell.equilibrium.path import PATIENCE, least_shifted
 from porocore.states import Array, IntArray, Status
 from porocore_fem_skfem.factor import SymmetricFactor
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate_gradients, refine
-from porocore_fem_skfem.multigrid import NodeGrid
+from porocore_fem_skfem.node_grid import NodeGrid
 from porocore_fem_skfem.operators import Pattern
 
 SENSITIVITY_TOLERANCE = 1e-11

@@ -18,7 +18,8 @@ from porocore.states import Array, IntArray, Status
 from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.constraints import SENSITIVITY_TOLERANCE, Constraints, Solved, curvature
 from porocore_fem_skfem.linalg import FACTOR_LIMIT, Iteration, conjugate_gradients
-from porocore_fem_skfem.multigrid import IndefiniteError, Multigrid, NodeGrid, PaddedPattern
+from porocore_fem_skfem.multigrid import IndefiniteError, Multigrid
+from porocore_fem_skfem.node_grid import NodeGrid, PaddedPattern
 from porocore_fem_skfem.operators import Pattern
 from porocore_fem_skfem.products import Product
 

@@ -10,7 +10,8 @@ from scipy import sparse
 from porocore.states import Array
 from porocore_fem_skfem.checks import Indices
 from porocore_fem_skfem.linalg import SymmetricPattern, choose_factor, conjugate_gradients
-from porocore_fem_skfem.multigrid import Multigrid, NodeGrid, PaddedPattern
+from porocore_fem_skfem.multigrid import Multigrid
+from porocore_fem_skfem.node_grid import NodeGrid, PaddedPattern
 
 
 class LaplacianInverse(ABC):

@@ -109,6 +109,14 @@ def iterates(n: int, solver: str, limit: int = DIRECT_LIMIT) -> bool:
     return solver == "amg" or (solver == "auto" and have_amg and n > limit)
 
 
+def choice_in_words(n: int, solver: str, iteration: str = "") -> str:
+    """Return unknowns and linear solver for the log; ``iteration`` is what takes the place of a factor, if any."""
+    if iteration:
+        return f"{n:,} unknowns by {iteration} with multigrid"
+    name = "SuperLU" if solver == "superlu" or pardiso.library() is None else "PARDISO"
+    return f"{n:,} unknowns by factors of {name}"
+
+
 def choose_factor(indptr: Indices, indices: Indices, *, solver: str, single: bool = True) -> SymmetricFactor:
     """Return the fastest installed factor; ``solver`` forces one of pardiso and superlu.
 

@@ -12,14 +12,8 @@ import numpy as np
 from scipy import sparse
 
 from porocore.cell.contact.model import ContactModel
-from porocore.cell.equilibrium.discrete import (
-    DiscreteSolid,
-    DomainIntegrals,
-    FactorisedTangent,
-    Iterate,
-    Sensitivities,
-    second_derivatives,
-)
+from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorisedTangent, Iterate
+from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities, second_derivatives
 from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import CellMesh
@@ -28,8 +22,8 @@ from porocore.core.tensors.cofactors import cofactor, determinant
 from porocore.states import Array, IntArray
 from porocore_fem_skfem.constraints import Constraints
 from porocore_fem_skfem.iterative import IterativeConstraints
-from porocore_fem_skfem.linalg import iterates
-from porocore_fem_skfem.multigrid import NodeGrid, node_grid
+from porocore_fem_skfem.linalg import choice_in_words, iterates
+from porocore_fem_skfem.node_grid import NodeGrid, node_grid
 from porocore_fem_skfem.operators import Operators, Scatter
 from porocore_fem_skfem.response import GeneralResponse, NeoHookeanResponse, SolidResponse
 
@@ -192,6 +186,12 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         if shift:
             entries[constraints.diagonal] -= shift * self.masses(parity)
         return SkfemTangentFactor(iterate, parity, shift, constraints, entries)
+
+    @property
+    def choice(self) -> str:
+        constraints = self.constraints()
+        iteration = "conjugate gradients" if isinstance(constraints, IterativeConstraints) else ""
+        return choice_in_words(len(constraints.free), self.solver, iteration)
 
     def negative_eigenvalues(self, factor: SkfemTangentFactor) -> int:
         constraints = factor.constraints

@@ -24,8 +24,8 @@ from porocore.cell.symmetry.parity import held_pressures, held_velocities
 from porocore.states import Array, IntArray
 from porocore_fem_skfem.checks import Indices
 from porocore_fem_skfem.laplacian import CycleInverse, FactorInverse, LaplacianInverse
-from porocore_fem_skfem.linalg import SymmetricPattern, conjugate_gradients, iterates
-from porocore_fem_skfem.multigrid import node_grid
+from porocore_fem_skfem.linalg import SymmetricPattern, choice_in_words, conjugate_gradients, iterates
+from porocore_fem_skfem.node_grid import node_grid
 from porocore_fem_skfem.operators import Operators, Scatter, corner_values
 from porocore_fem_skfem.stokes_iteration import StokesSystem, solve
 
@@ -92,6 +92,11 @@ class SkfemStokes(DiscreteFluid):
         self._solver = solver
         self._iterates = iterates(max(len(one.free) for one in self._classes), solver, STOKES_LIMIT)
         self._inverses = [self._inverse(one) for one in self._classes]
+
+    @property
+    def choice(self) -> str:
+        n = max(len(one.free) for one in self._classes) * 3 + self._pressures
+        return choice_in_words(n, self._solver, "MINRES" if self._iterates else "")
 
     def _sorted(self) -> list[_Class]:
         alike: dict[bytes, list[tuple[int, int]]] = {}

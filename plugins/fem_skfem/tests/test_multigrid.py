@@ -18,7 +18,8 @@ from porocore_fem_skfem import iterative, linalg, multigrid, stokes_iteration
 from porocore_fem_skfem.aggregation import Nodes, aggregated
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.linalg import conjugate_gradients
-from porocore_fem_skfem.multigrid import Multigrid, PaddedPattern, node_grid
+from porocore_fem_skfem.multigrid import Multigrid
+from porocore_fem_skfem.node_grid import PaddedPattern, node_grid
 from porocore_fem_skfem.products import Product
 from porocore_fem_skfem.solid import SkfemSolid
 from porocore_fem_skfem.stokes import SkfemStokes

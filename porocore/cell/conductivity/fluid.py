@@ -28,6 +28,11 @@ class DiscreteFluid(ABC):
 
     mesh: CellMesh
 
+    @property
+    def choice(self) -> str:
+        """Unknowns and linear solver, in words; empty where the backend does not tell."""
+        return ""
+
     def flow(self, points: Array | None = None) -> Array:
         """Return ∫ w^j_i dx (3, 3) over the deformed mesh for the three unit forces e_j.
 

@@ -6,7 +6,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Generic, Self
 
@@ -16,6 +15,7 @@ from typing_extensions import TypeVar
 
 from porocore.cell.contact.model import ContactModel, ContactState
 from porocore.cell.contact.pairs import ContactPairs
+from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities
 from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mass import lumped_mass
 from porocore.cell.meshing.mesh import CellMesh
@@ -102,46 +102,6 @@ class Iterate(ABC):
         """u¹ at the nodes of the mesh, (nodes, 3)."""
 
 
-@dataclass(frozen=True, eq=False)
-class DomainIntegrals:
-    """Integrals over the domain without contact, and extrema over its quadrature points."""
-
-    grad: Array  #: (3, 3)  ∫ ∇u¹ dV
-    stress: Array  #: (3, 3)  ∫ (P + p cof F) dV
-    volume: float  #: ∫ J dV
-    energy: float  #: ∫ Ψ dV
-    largest_grad: Array  #: (3, 3)  of |∂u¹_i/∂Y_j|
-    largest_energy: float  #: of Ψ
-
-
-@dataclass(frozen=True, eq=False)
-class Sensitivities:
-    """Sensitivities of the equilibrium to k of the ten loads θ = (H_11, H_12, …, H_33, p).
-
-    Attributes
-    ----------
-    grad : (k, 3, 3)
-        ∫ ∇u_θ dV; NaN where the linear solver did not reach its tolerance.
-    second : (k, k)
-        ∂²Π/∂θ∂θ' at equilibrium: Π_θθ' + R_θᵀ u_θ' with R = ∂Π/∂u. Contact contributes to the second term only.
-    negative : int
-        Number of negative eigenvalues of the tangent as far as the way here told; 1 for one or more by a solver without
-        pivots, -1 where it did not tell.
-    """
-
-    grad: Array
-    second: Array
-    negative: int = -1
-
-
-def second_derivatives(columns: Sequence[int], stresses: Array) -> Array:
-    """Return ∂²Π/∂θ∂θ' at fixed u¹, (k, k), from the slopes (k, 9) of ∫ (P + p cof F) dV; Π is linear in p."""
-    found = np.hstack([stresses, np.zeros((len(stresses), 1))])[:, list(columns)]
-    by_pressure = np.array(columns) == 9
-    found[:, by_pressure] = found[by_pressure].T
-    return found
-
-
 class FactorisedTangent(ABC):
     """Factorised tangent K − shift·M of one parity class at one iterate, a value that no later call changes.
 
@@ -199,6 +159,11 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
     mesh: CellMesh
     material: StrainEnergy
     contact: ContactModel | None = None
+
+    @property
+    def choice(self) -> str:
+        """Unknowns and linear solver, in words; empty where the backend does not tell."""
+        return ""
 
     @property
     def copies(self) -> float:

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorisedTangent, Iterate, Sensitivities
+from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorisedTangent, Iterate
+from porocore.cell.equilibrium.integrals import Sensitivities
 from porocore.cell.equilibrium.path import gap
 from porocore.cell.symmetry.exchange import images
 from porocore.cell.symmetry.parity import UNIT_LOADS, classes, visible

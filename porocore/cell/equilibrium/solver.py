@@ -35,6 +35,8 @@ class PreparedCell:
     def __init__(self, solver: EquilibriumCellSolver, cell: Cell, *, deformed: bool = False) -> None:
         self._solver, self.cell, self.deformed = solver, cell, deformed
         self._pores: dict[Domain, Pore] = {}
+        #: Linear solvers in words, by the phase and the domain.
+        self._choices: dict[tuple[str, Domain], str] = {}
 
     @cached_property
     def eighth(self) -> DiscreteSolid:
@@ -48,13 +50,16 @@ class PreparedCell:
 
     def _solid(self, domain: Domain) -> DiscreteSolid:
         self.cell.require_stiffness()
-        return self._solver.solid(self.cell, self.cell.make_mesh("solid", domain))
+        solid = self._solver.solid(self.cell, self.cell.make_mesh("solid", domain))
+        self._choices["solid", domain] = solid.choice
+        return solid
 
     def pore(self, domain: Domain) -> Pore:
         """Return the pore of the eighth or of the whole cell; it is kept where every state needs it."""
         if domain in self._pores:
             return self._pores[domain]
         pore = Pore(self._solver.fluid(self.cell.make_mesh("fluid", domain)))
+        self._choices["fluid", domain] = pore.fluid.choice
         if self.deformed:
             self._pores[domain] = pore
         return pore
@@ -63,6 +68,15 @@ class PreparedCell:
         """Return the eighth where load and settings allow it, else the whole solid."""
         diagonal = np.abs(H - np.diag(np.diag(H))).max() == 0
         return self.eighth if diagonal and self.cell.mirrored else self.whole
+
+    @property
+    def remark(self) -> str:
+        """Linear solvers of the domains that were set up, in words."""
+        return "; ".join(
+            f"{phase}, {domain}: {choice}"
+            for (phase, domain), choice in sorted(self._choices.items(), reverse=True)
+            if choice
+        )
 
     @cached_property
     def conductivity(self) -> Array:
@@ -115,6 +129,9 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
 
     def conductivity(self, prepared: PreparedCell) -> Array:
         return prepared.conductivity
+
+    def remark(self, prepared: PreparedCell) -> str:
+        return prepared.remark
 
     def solve(
         self,

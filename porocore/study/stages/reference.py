@@ -41,7 +41,11 @@ def solve_reference(
     """
     if not folder.reference.exists():
         with timed(folder.timings, "cell") as clock:
-            _solve_rest(folder.reference, config.cell, config.fem, config.conductivity, store, clock, begin)
+            remark = _solve_rest(
+                folder.reference, config.cell, config.fem, config.conductivity, store, clock, begin
+            )
+        if remark:
+            console.note(f"cell: {remark}")
     reference = load_reference(folder, config)
     diagonal = config.result_units.texts(np.diag(reference.conductivity), "conductivity")
     console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
@@ -74,16 +78,18 @@ def _solve_rest(
     store: ResultStore | None,
     clock: StageClock,
     begin: Callable[[], None] = lambda: None,
-) -> None:
+) -> str:
+    """Solve the undeformed cell and save it, or take it from the store; return the solver's remark."""
     files = {"cells": path}
     key = "" if store is None else cell_key(fem.backend, fem.options, cell, conductivity)
     if (saved := fetch_files(store, key, files)) is not None:
         clock.add(saved)
-        return
+        return ""
     begin()
     solver, prepared = prepare_cell(fem.backend, fem.options, cell, conductivity)
     CellReference.compute(solver, prepared, cell, cell_identity(cell, fem)).save(path)
     keep_files(store, key, files, clock.seconds)
+    return solver.remark(prepared)
 
 
 def solve_cell(

@@ -1,0 +1,95 @@
+"""Nodes of the unknowns of a cell, and matrices with all components of each node, as multigrid wants them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.shape_functions import EDGES
+from porocore.states import Array, IntArray
+from porocore_fem_skfem.checks import Indices
+
+
+@dataclass(frozen=True, eq=False)
+class NodeGrid:
+    """The nodes of the unknowns, from which coarser levels are made.
+
+    Attributes
+    ----------
+    points : (nodes, 3)
+        Their places.
+    ends : (nodes, 2)
+        The corners halfway between which a node lies; a corner is both of its own.
+    places : (n,)
+        Node · components + component of each unknown.
+    components
+        3 for a displacement, 1 for a scalar.
+    spans : (3,)
+        Periods of the cell; infinite on the eighth.
+    """
+
+    points: Array
+    ends: IntArray
+    places: IntArray
+    components: int
+    spans: Array
+
+
+def node_grid(mesh: CellMesh, places: IntArray, components: int) -> NodeGrid:
+    """Return the nodes of unknowns on a mesh whose periodic nodes are merged."""
+    nodes = mesh.periodic_class
+    count = int(nodes.max()) + 1
+    points = np.zeros((count, 3))
+    points[nodes] = mesh.points
+    ends = np.tile(np.arange(count)[:, None], (1, 2))
+    if mesh.order == 2:
+        cells = nodes[mesh.cells]
+        for place, (a, b) in enumerate(EDGES, start=4):
+            ends[cells[:, place]] = cells[:, [a, b]]
+    spans = mesh.spans if mesh.domain == "whole" else np.full(3, np.inf)
+    return NodeGrid(points, ends, places, components, spans)
+
+
+class PaddedPattern:
+    """Square matrices with all components of each node that has an unknown, node by node; those that are held have 1.
+
+    Parameters
+    ----------
+    indptr, indices
+        Upper triangle in CSR.
+    grid
+        Nodes of its unknowns.
+    """
+
+    def __init__(self, indptr: Indices, indices: Indices, grid: NodeGrid) -> None:
+        b = grid.components
+        used, node = np.unique(grid.places // b, return_inverse=True)
+        self.used: IntArray = used
+        self.places: IntArray = node.reshape(-1) * b + grid.places % b
+        self.size = b * len(used)
+        self.free = np.zeros(self.size, dtype=bool)
+        self.free[self.places] = True
+        places, held = self.places.astype(np.int32), np.flatnonzero(~self.free).astype(np.int32)
+        row = np.repeat(places, np.diff(indptr))
+        column = places[indices]
+        entry = np.arange(1, len(indices) + 1, dtype=np.int32)
+        off = row != column
+        rows = np.concatenate([row, column[off], held])
+        columns = np.concatenate([column, row[off], held])
+        entries = np.concatenate([entry, entry[off], np.full(len(held), len(indices) + 1, np.int32)])
+        whole = sparse.csr_matrix((entries, (rows, columns)), shape=(self.size, self.size))
+        self._indptr, self._indices, self._source = whole.indptr, whole.indices, whole.data - np.int32(1)
+
+    def matrix(self, data: Array) -> sparse.csr_matrix:
+        """Return the symmetric matrix in CSR from the entries of its upper triangle."""
+        known = np.append(data, 1.0)
+        return sparse.csr_matrix((known[self._source], self._indices, self._indptr), shape=(self.size,) * 2)
+
+    def padded(self, values: Array) -> Array:
+        """Return values (size, ...) with zeros for what is held from those of the unknowns (n, ...)."""
+        out = np.zeros((self.size, *values.shape[1:]))
+        out[self.places] = values
+        return out
