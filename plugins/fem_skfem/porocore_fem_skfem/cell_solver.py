@@ -23,7 +23,7 @@ class SkfemCellSolver(EquilibriumCellSolver):
         Degree that the solid's quadrature integrates exactly; null: 2 (four points), and 1 for linear elements, whose
         gradients are constant.
     solver : {"auto", "pardiso", "superlu", "amg"}
-        Linear solver of the cell; ``auto`` takes the best that is installed, multigrid beyond 350,000 unknowns.
+        Linear solver of the cell; ``auto`` takes the best that is installed, multigrid beyond 50,000 unknowns.
     """
 
     def __init__(self, *, quadrature_degree: int | None = None, solver: str = "auto", **unknown: Any) -> None:

@@ -1,0 +1,143 @@
+"""(p) Large cells: the solid with ten derivatives and K, by multigrid and by factors, one process for each of them.
+
+Images of smoothed noise, half of them pores, at three voxels a tetrahedron. Seconds are those of the processor, and
+memory is the largest of the process. ``large_cells.py 32 48`` measures these images only; ``large_cells.py case 64``
+measures one whole task: K, M, Q and a state of 10 % compression with its derivatives.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from common import table
+
+from porocore.cell.cell import Cell
+from porocore.cell.meshing.mesh import MeshSettings
+from porocore.states import CellResponse, Status
+from porocore.testing.cell_laws.open_cells import image_cell
+from porocore_fem_skfem.cell_solver import SkfemCellSolver
+
+#: Voxels along an edge: 45,000 to 1,100,000 unknowns of the solid.
+IMAGES = (32, 48, 64, 80, 94)
+VOXELS = 3
+#: Largest image that is also solved with factors.
+LARGEST_WITH_FACTORS = 64
+#: Largest difference of a response from that with a factor, and largest exponent of time above so many unknowns.
+AGREEMENT, EXPONENT, ABOVE = 1e-8, 1.2, 100_000
+COMPRESSION = -0.02 * np.diag([1.0, 0.0, 0.0])
+TASK_COMPRESSION = -0.1 * np.diag([1.0, 0.0, 0.0])
+
+
+def make_cell(folder: Path, voxels: int) -> Cell:
+    size = VOXELS / voxels
+    return Cell(
+        geometry=image_cell(folder / "image.npy", 0, voxels), mesh=MeshSettings(size=size, fluid_size=size)
+    )
+
+
+def values_of(response: CellResponse) -> list[float]:
+    """Return averages and derivatives of a response as one list."""
+    assert response.tangent is not None
+    fields = [response.mean_grad, response.stress, response.fluid_volume, *vars(response.tangent).values()]
+    return [float(x) for field in fields if field is not None for x in np.ravel(field)]
+
+
+def measure(what: str, solver: str, voxels: int) -> dict[str, object]:
+    """Return unknowns, values, and seconds and bytes of a first and a further state with derivatives, or of K."""
+    with TemporaryDirectory() as folder:
+        cell = make_cell(Path(folder), voxels)
+        phase = "solid" if what == "state" else "fluid"
+        cell.make_mesh(phase, "whole")
+        backend = SkfemCellSolver(solver=solver)
+        prepared, clock = backend.prepare(cell), [time.process_time()]
+        for factor in (1.0, 0.9) if what == "state" else (1.0,):
+            if what == "state":
+                response = backend.solve_one(prepared, factor * COMPRESSION)
+                assert Status(int(response.status[0])).has_values, "a state has no values"
+                values = values_of(response)
+            else:
+                values = list(np.ravel(backend.conductivity(prepared)))
+            clock.append(time.process_time())
+    words = backend.remark(prepared)
+    unknowns = int(words.split(": ")[1].split()[0].replace(",", ""))
+    return {
+        "unknowns": unknowns,
+        "first": clock[1] - clock[0],
+        "seconds": clock[-1] - clock[-2],
+        "values": values,
+    } | {"bytes": peak()}
+
+
+def whole_task(voxels: int) -> None:
+    """Print time and memory of K, the cell at rest and a compressed state, with derivatives, and the mesh."""
+    began = time.perf_counter()
+    with TemporaryDirectory() as folder:
+        cell, backend = make_cell(Path(folder), voxels), SkfemCellSolver()
+        prepared = backend.prepare(cell)
+        steps = {
+            "meshes": lambda: [cell.make_mesh(phase, "whole") for phase in ("solid", "fluid")],
+            "K": lambda: backend.conductivity(prepared),
+            "M, Q": lambda: backend.solve_one(prepared, np.zeros((3, 3))),
+            "10 % compression": lambda: backend.solve_one(prepared, TASK_COMPRESSION),
+        }
+        rows = []
+        for name, step in steps.items():
+            start = time.perf_counter()
+            found = step()
+            status = Status(int(found.status[0])).name if isinstance(found, CellResponse) else ""
+            rows.append([name, f"{time.perf_counter() - start:.0f}", status, f"{peak() / 2**30:.1f}"])
+    rows.append(["all", f"{time.perf_counter() - began:.0f}", "", f"{peak() / 2**30:.1f}"])
+    print(table(f"An image of {voxels}³ voxels", ["", "s", "status", "GiB so far"], rows))
+    print(backend.remark(prepared))
+
+
+def peak() -> float:
+    """Return the largest memory of this process so far [bytes]."""
+    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def main(images: tuple[int, ...] = IMAGES) -> bool:
+    rows, good = [], True
+    for what in ("state", "K"):
+        points = []
+        for voxels in images:
+            exact = None
+            for solver in ("pardiso", "amg"):
+                if solver == "pardiso" and voxels > LARGEST_WITH_FACTORS:
+                    continue
+                command = [sys.executable, __file__, what, solver, str(voxels)]
+                found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+                values = np.array(found["values"])
+                error = None if exact is None else float(np.abs(values - exact).max() / np.abs(exact).max())
+                exact = values if solver == "pardiso" else exact
+                good &= error is None or error < AGREEMENT
+                rows.append([
+                    what, f"{voxels}³", f"{found['unknowns']:,}", "factors" if solver == "pardiso" else "multigrid",
+                    f"{found['first']:.1f}", f"{found['seconds']:.1f}", f"{found['bytes'] / 2**30:.2f}",
+                    "" if error is None else f"{error:.0e}",
+                ])  # fmt: skip
+                if solver == "amg" and found["unknowns"] > ABOVE:
+                    points.append((found["unknowns"], found["seconds"]))
+        if len(points) > 1:
+            exponent = np.log(points[-1][1] / points[0][1]) / np.log(points[-1][0] / points[0][0])
+            good &= exponent < EXPONENT
+            rows.append([what, "", "exponent", "multigrid", "", f"{exponent:.2f}", "", ""])
+    header = ["", "image", "unknowns", "solver", "first, s", "another, s", "GiB", "difference"]
+    print(table("(p) Large cells", header, rows))
+    return good
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["case"]:
+        whole_task(int(sys.argv[2]))
+    elif len(sys.argv) == 4 and sys.argv[1] in ("state", "K"):
+        print(json.dumps(measure(sys.argv[1], sys.argv[2], int(sys.argv[3]))))
+    else:
+        sys.exit(0 if main(tuple(map(int, sys.argv[1:])) or IMAGES) else 1)
