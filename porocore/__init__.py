@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from porocore.interfaces.solution import MacroSolution as MacroSolution
     from porocore.interfaces.solution import Profile as Profile
     from porocore.interfaces.solution import StepReport as StepReport
+    from porocore.interfaces.solution import StepWork as StepWork
     from porocore.interfaces.surrogate import Surrogate as Surrogate
     from porocore.interfaces.surrogate import TrainingProgress as TrainingProgress
     from porocore.interfaces.surrogate import TrainingSet as TrainingSet
@@ -97,7 +98,7 @@ _HOMES = {
     "porocore.macro.problem": ["MacroProblem"],
     "porocore.interfaces.records": ["failed_response"],
     "porocore.core.inputs.sampled_range": ["SampledRange"],
-    "porocore.interfaces.solution": ["History", "MacroSolution", "Profile", "StepReport"],
+    "porocore.interfaces.solution": ["History", "MacroSolution", "Profile", "StepReport", "StepWork"],
     "porocore.states": ["CellExtrema", "CellResponse", "CellTangent", "MacroState", "Status"],
     "porocore.verification.local_fields.solve": ["write_local_fields"],
     "porocore.verification.reproduce": ["reproduce"],

@@ -94,6 +94,9 @@ class MacroLaw(ABC):
     identity: str
     #: Share of the magnitudes that cancel in a response below which its digits mean nothing, beyond round-off.
     noise: float = 0.0
+    #: Whether the tangent is the same at all points and for all states, gradients and memories, as in a linear law. A
+    #: solver then assembles and factorises once for each length of step, and need not ask for the tangent again.
+    constant_tangent: bool = False
 
     @abstractmethod
     def initial(self, n: int) -> LawMemory:

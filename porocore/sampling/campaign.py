@@ -16,6 +16,7 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool, FinishedSolve
 from porocore.sampling.execution.interrupts import GRACE, finishing
 from porocore.sampling.forecast import Guess, StateForecast
+from porocore.sampling.warm_starts import WarmStarts
 from porocore.states import CellResponse, Status
 
 #: Done after Ctrl-C before a campaign ends.
@@ -66,12 +67,14 @@ def run_campaign(
     *,
     on_progress: Callable[[CampaignProgress], None] | None = None,
     guess: Guess | None = None,
+    starts: WarmStarts | None = None,
 ) -> CampaignSummary:
     """Solve the states of ``sampler`` until it is done; each is kept before the sampler receives it.
 
     States that the dataset holds already are taken from there, so an interrupted campaign continues. A request names
     the state whose field it starts from, and that field comes from the dataset; so neither interruptions nor the number
-    of workers change a result, if the solver's answer depends on nothing but the state and the start. A state that
+    of workers change a result, if the solver's answer depends on nothing but the state and the start. A request without
+    start takes the nearest of ``starts``, and begins anew at rest where that leads to no values. A state that
     workers died over or hung over twice is kept with the status ``lost``. Times are estimated from ``guess`` until
     they are measured.
 
@@ -92,7 +95,7 @@ def run_campaign(
     with dataset.writing():
         if pool.losses.like is None and len(dataset):
             pool.losses.like = dataset.response(dataset.keys[0])
-        campaign = _Campaign(sampler, pool, dataset, on_progress, guess)
+        campaign = _Campaign(sampler, pool, dataset, on_progress, guess, starts)
         with finishing(FINISHED_FIRST) as interrupt:
             try:
                 campaign.run(interrupt)
@@ -125,12 +128,17 @@ class _Campaign:
         dataset: Dataset,
         on_progress: Callable[[CampaignProgress], None] | None,
         guess: Guess | None,
+        starts: WarmStarts | None,
     ) -> None:
         self.sampler = CheckedSampler(sampler, dataset.inputs)
         self.pool, self.dataset, self.on_progress = pool, dataset, on_progress
         self.began = time.perf_counter()
         self.queue: deque[Request] = deque()
         self.running: dict[str, Request] = {}
+        self.starts = starts
+        #: Names of the starts of running states that did not name one, and keys of those that begin at rest.
+        self.warm: dict[str, str] = {}
+        self.cold: set[str] = set()
         self.counts: Counter[Status] = Counter()
         self.solved = self.reused = 0
         self.forecast = StateForecast(dataset.inputs, guess or Guess(workers=pool.workers))
@@ -152,6 +160,8 @@ class _Campaign:
                 self.report(doing=STARTING)
             outcome = self.pool.wait_unless(interrupt.is_set)
             if outcome is None:
+                continue
+            if self.in_vain(outcome):
                 continue
             self.measured |= not outcome.stored
             seconds = None if outcome.stored else outcome.seconds
@@ -200,13 +210,28 @@ class _Campaign:
                 f"{origin_of(self.sampler.sampler)} asks for state '{request.key}' to start from '{request.start}', "
                 "which is not solved; report this to its authors"
             )
+        state = self.dataset.inputs.scatter(request.x)
         start = None if request.start is None else self.dataset.field(request.start)
+        elsewhere = None if request.start or request.key in self.cold else self.starts
+        if elsewhere is not None and (found := elsewhere.near(state)):
+            self.warm[request.key], start = found
         self.running[request.key] = request
-        self.pool.submit(request.key, self.dataset.inputs.scatter(request.x), start)
+        self.pool.submit(request.key, state, start)
+
+    def in_vain(self, outcome: FinishedSolve) -> bool:
+        """Return whether a warm start has led to no values; the state is then solved from rest."""
+        status = Status(int(outcome.response.status[0]))
+        if outcome.key not in self.warm or status.has_values or status is Status.lost:
+            return False
+        del self.warm[outcome.key]
+        self.cold.add(outcome.key)
+        self.queue.appendleft(self.running.pop(outcome.key))
+        return True
 
     def keep(self, outcome: FinishedSolve) -> Request:
         request = self.running.pop(outcome.key)
-        self.dataset.append(outcome.record(self.dataset.inputs, request.x, request.start))
+        start = self.warm.pop(outcome.key, request.start)
+        self.dataset.append(outcome.record(self.dataset.inputs, request.x, start))
         self.solved += 1
         return request
 
@@ -218,7 +243,8 @@ class _Campaign:
 
     def finish_running(self, within: float = math.inf) -> None:
         for outcome in self.pool.finish_running(time.monotonic() + within):
-            self.keep(outcome)
+            if not self.in_vain(outcome):
+                self.keep(outcome)
 
     def report(self, *, stopping: bool = False, doing: str = "") -> None:
         if self.on_progress is None:

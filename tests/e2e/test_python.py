@@ -12,6 +12,7 @@ from study import LOADS, write_study
 
 import porocore
 from porocore.errors import ConfigurationError, RunFolderError
+from porocore.study.run_folder.finished import FinishedRun
 
 ROOT = Path(__file__).parents[2]
 #: The finished run was made with one thread; this process may have more, which sum in another order.
@@ -84,6 +85,17 @@ def test_the_law_is_that_of_the_solved_body(study, a_copy, kind):
     K_ref = profile.conductivity if kind == "linear" else profile.reference_conductivity
     np.testing.assert_allclose(found.conductivity, K_ref, rtol=1e-3, atol=1e-3)
     assert not found.outside_training_range.any()
+
+
+def test_a_finished_run_that_is_read_stays_finished(study, a_copy):
+    """Else the next ``run --resume`` writes its report again."""
+    folder = a_copy()
+    assert FinishedRun.find(folder) is not None
+    own = porocore.Study(study, out=folder, progress=False)
+    own.sample()
+    own.law()
+    own.solve()
+    assert FinishedRun.find(folder) is not None
 
 
 def test_a_solver_of_ones_own_gives_the_settlement_of_the_body(study, a_copy, capsys):

@@ -22,6 +22,7 @@ from porocore.interfaces.records import SolvedState
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.integration.adaptive import ErrorControl
 from porocore.macro.integration.checkpoint import CheckpointFile
+from porocore.macro.integration.predictor import Predictor
 from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.sampling.datasets.layout import Block, Header, read_block, read_fields, write_block
 from porocore.states import MacroState, Status
@@ -107,17 +108,18 @@ def write_checkpoint(path: Path) -> None:
     steps = HistoryRecorder(d)
     steps.rows, steps.profiles = [(0.5,) * len(steps.columns)] * 2, list(column.profiles)
     control = ErrorControl(np.ones(UNKNOWNS), 0.1, (1.0, 2.0))
+    predictor = Predictor([0.2, 0.5], [np.zeros(UNKNOWNS), np.arange(7.0)])
     CheckpointFile(path, d, LAW, 0.0).save_if_due(
-        _stepper(), control, np.arange(7.0), _at_rest(POINTS), steps
+        _stepper(), control, predictor, np.arange(7.0), _at_rest(POINTS), steps
     )
 
 
 def read_checkpoint(path: Path) -> Any:
-    stepper, control = _stepper(), ErrorControl()
-    found = CheckpointFile(path, _discretisation(), LAW, 0.0).load(stepper, control)
+    stepper, control, predictor = _stepper(), ErrorControl(), Predictor()
+    found = CheckpointFile(path, _discretisation(), LAW, 0.0).load(stepper, control, predictor)
     assert found is not None
     x, memory, steps = found
-    return vars(stepper), control, x, memory, steps.rows, steps.profiles
+    return vars(stepper), control, predictor, x, memory, steps.rows, steps.profiles
 
 
 #: Name to a writer and a reader.

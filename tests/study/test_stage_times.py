@@ -25,6 +25,13 @@ def test_a_resumed_stage_says_that_its_time_is_of_several_runs(tmp_path: Path) -
     assert {stage: each.runs for stage, each in stage_times(path).items()} == {"sampling": 2, "training": 1}
 
 
+def test_a_stage_that_found_its_work_done_adds_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "timings.json"
+    with timed(path, "sampling") as clock:
+        clock.idle = True
+    assert not path.exists()
+
+
 def test_a_record_of_seconds_alone_is_of_one_run(tmp_path: Path) -> None:
     path = tmp_path / "timings.json"
     path.write_text(json.dumps({"sampling": 2.5}))

@@ -80,22 +80,36 @@ class Constraints:
         self.shift = 0.0
 
     def widened(self, places: Pattern) -> Constraints:
-        """Return the same unknowns with further places of the matrix and the same undeformed cell's factor."""
-        wider = type(self)(places, self.free, self._grid, self._solver)
-        wider._base, wider.active, wider.shift = self._base, self._base, self.shift
-        return wider
+        """Return the same unknowns with further places of the matrix, which begin by :meth:`take_over`."""
+        return type(self)(places, self.free, self._grid, self._solver)
+
+    def take_over(self, narrow: Constraints) -> None:
+        """Begin with the undeformed cell's factor and the shift of the narrower matrix."""
+        self._base, self.active, self.shift, self._factored = narrow._base, narrow._base, narrow.shift, None
 
     def factorise(self, entries: Array) -> int:
         """Factorise ``entries`` for the active factor, and return its negative pivots, -1 where unknown."""
         if self._factored is not entries:
-            if self._own is None:
-                self._own = self._make()
-            # Should the factorisation break down, what is left of it must not be used.
-            self.active, self._factored = self._base, None
-            self._own.factor(entries)
-            self.active, self._factored = self._own, entries
+            own = self._renewed()
+            own.factor(entries)
+            self.active, self._factored = own, entries
         assert self._own is not None
         return self._own.negative
+
+    def factorise_definite(self, entries: Array) -> bool:
+        """Factorise ``entries`` for the active factor if they are definite, and return whether they are."""
+        own = self._renewed()
+        definite = own.factor_definite(entries)
+        if definite:
+            self.active, self._factored = own, entries
+        return definite
+
+    def _renewed(self) -> SymmetricFactor:
+        if self._own is None:
+            self._own = self._make()
+        # Should the factorisation break down, what is left of it must not be used.
+        self.active, self._factored = self._base, None
+        return self._own
 
     def precondition(self, rhs: Array) -> Array:
         """Return the active factor applied to ``rhs``."""
@@ -109,11 +123,11 @@ class Constraints:
         def shifted(shift: float) -> Array | None:
             moved = entries.copy()
             moved[self.diagonal] += shift * float(np.abs(entries[self.diagonal]).mean())
-            return precondition(rhs) if self.factorise(moved) <= 0 else None
+            return precondition(rhs) if self.factorise_definite(moved) else None
 
         try:
             solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy, limit=PATIENCE)
-            if not solved.converged and self.factorise(entries) <= 0:
+            if not solved.converged and self.factorise_definite(entries):
                 solved = conjugate_gradients(apply, rhs, precondition, tolerance=accuracy)
             if solved.converged:
                 return solved.x
@@ -135,7 +149,8 @@ class Constraints:
         # A direct factor serves indefinite matrices.
         solved = refine(matrix, -R, self.precondition, tolerance=SENSITIVITY_TOLERANCE)
         U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
-        return Solved(U, curvature(R, U, matrix @ U), negative)
+        product = solved.product if solved.converged and solved.product is not None else matrix @ U
+        return Solved(U, curvature(R, U, product), negative)
 
 
 def curvature(R: Array, U: Array, KU: Array) -> Array:

@@ -92,3 +92,16 @@ class SymmetricFactor(SparseFactor):
     check = staticmethod(check_upper)
     #: Number of negative pivots of the last factorisation; -1: this solver cannot tell.
     negative: int
+
+    def factor_definite(self, data: Array) -> bool:
+        """Set up for entries (nnz,) and return whether the matrix is definite or its inertia unknown.
+
+        Where it is not, there may be nothing to solve with.
+
+        Raises
+        ------
+        FactorError
+            They are not finite, or the factorisation breaks down.
+        """
+        self.factor(data)
+        return self.negative <= 0

@@ -57,6 +57,11 @@ class IterativeConstraints(Constraints):
         """Discard the cycle and the factor of the last load path."""
         self._of, self._matrix, self._direct, self.shift = None, None, None, 0.0
 
+    def take_over(self, narrow: Constraints) -> None:
+        """Begin without a cycle, with the shift of the narrower matrix."""
+        super().take_over(narrow)
+        self._of, self._matrix = None, None
+
     def factorise(self, entries: Array) -> int:
         """Set up the cycle for ``entries``; return 1 if they prove indefinite thereby, else -1."""
         try:

@@ -142,6 +142,7 @@ class Iteration:
     iterations: int
     converged: bool
     indefinite: bool  #: a direction of negative curvature was met
+    product: Array | None = None  #: the matrix times x, where it is known
 
 
 def refine(
@@ -160,21 +161,21 @@ def refine(
     """
     goal = tolerance * np.linalg.norm(rhs, axis=0)
     x = np.zeros_like(rhs)
-    r = rhs.copy()
+    r, product = rhs.copy(), x
     worst = np.inf
     for iterations in range(limit + 1):
         norms = np.linalg.norm(r, axis=0)
         if (norms <= goal).all():
-            return Iteration(x, iterations, True, False)
+            return Iteration(x, iterations, True, False, product)
         relative = (norms / np.where(goal > 0, goal, 1.0)).max()
         if not relative < worst:
             break
         worst = relative
-        x += solve(r)
-        r = rhs - matrix @ x
-    return Iteration(
-        x, iterations, bool((norms <= np.maximum(goal, _round_off(matrix, x, rhs))).all()), False
-    )
+        x = x + solve(r)
+        product = matrix @ x
+        r = rhs - product
+    good = bool((norms <= np.maximum(goal, _round_off(matrix, x, rhs))).all())
+    return Iteration(x, iterations, good, False, product)
 
 
 def _round_off(matrix: sparse.csr_matrix, x: Array, rhs: Array) -> Array:

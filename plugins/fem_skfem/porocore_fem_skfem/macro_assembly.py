@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from scipy import sparse
@@ -23,6 +24,7 @@ from porocore_fem_skfem.macro_frames import Frames
 from porocore_fem_skfem.macro_iterative import Matrices
 from porocore_fem_skfem.macro_linear import MacroLinearSolver
 from porocore_fem_skfem.macro_pattern import BlockPattern, EquationPattern
+from porocore_fem_skfem.macro_small import SMALL, SmallSystem, SmallTangent
 from porocore_fem_skfem.macro_space import make_shapes
 
 #: Numbers in the intermediate products of as many elements as are treated at once.
@@ -45,8 +47,11 @@ class System:
         return self.uu, self.up, self.pu, self.pp
 
 
-class SkfemDiscretisation(Discretisation[System]):
+class SkfemDiscretisation(Discretisation[System | SmallSystem]):
     """Shape functions and sparsity; local node a of u_i has column n_u i / 3 + a, then come the pressures."""
+
+    #: Entries of all element matrices up to which a body is small.
+    largest_small: ClassVar[int] = SMALL
 
     def __init__(
         self, problem: MacroProblem, mesh: BodyMesh, boundary: BoundaryData, solver: Solver = "auto"
@@ -70,6 +75,21 @@ class SkfemDiscretisation(Discretisation[System]):
         self._by_p = np.ascontiguousarray(by_p).reshape(e, -1, 4 * q)
         self._build_patterns()
         self._solver = MacroLinearSolver(self, solver)
+        self._small = None if solver == "iterative" else self._small_tangent()
+        self.keeps_factor = self._small is not None
+
+    def _small_tangent(self) -> SmallTangent | None:
+        """Return the integration for a small body; None where it is large, or couples what it must not."""
+        if (
+            self.dofs.shape[0] * self.dofs.shape[1] ** 2 > self.largest_small
+            or self.rotation is not None
+            or self.boundary.followers
+        ):
+            return None
+        held, start = np.zeros(self.mesh.size, bool), self.problem.initial
+        if start.pressure == 0 and not any(map(any, start.gradient)):
+            held[self.prescribed] = ~self.boundary.values.any(axis=1)
+        return SmallTangent(self.shapes, self.dofs, self._equation, held)
 
     def _build_patterns(self) -> None:
         #: Equation of each unknown, -1 where it is prescribed, and of each free one; those of a plate share one.
@@ -96,15 +116,17 @@ class SkfemDiscretisation(Discretisation[System]):
     def _equation_pattern(self) -> EquationPattern:
         return EquationPattern(*self._patterns, self._equation)
 
-    def equation_matrix(self, system: System) -> sparse.csr_matrix:
+    def equation_matrix(self, system: System | SmallSystem) -> sparse.csr_matrix:
         """Return the matrix of the equations alone, sorted CSR with a symmetric pattern."""
+        if isinstance(system, SmallSystem):
+            return system.free
         return self._equation_pattern.matrix(system.blocks)
 
     def states_of(self, x: Array) -> tuple[MacroState, Array]:
         s, local = self.shapes, x[self.dofs]
         e = len(local)
-        u, p = local[:, : self.n_u].reshape(e, 1, 3, -1), local[:, self.n_u :]
-        grad_u = np.matmul(u, s.grad_u).reshape(-1, 3, 3)
+        u, p = local[:, : self.n_u].reshape(e, 3, -1), local[:, self.n_u :]
+        grad_u = np.matmul(u, self._by_grad).reshape(e, 3, -1, 3).swapaxes(1, 2).reshape(-1, 3, 3)
         grad_p = np.matmul(p[:, None, None, :], s.grad_p).reshape(-1, 3)
         return MacroState(grad_u, (p @ s.p.T).ravel()), grad_p
 
@@ -120,11 +142,20 @@ class SkfemDiscretisation(Discretisation[System]):
         moved = np.matmul(flux, self.shapes.grad_p.swapaxes(2, 3)).sum(axis=1).reshape(e, -1)
         return forces, stored, moved
 
-    def system(self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None) -> System:
+    def system(
+        self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None
+    ) -> System | SmallSystem:
         """Assemble the element blocks, those of oblique nodes in their frames, and add the follower's entries.
 
         Frames turn the components of one node, and a follower couples nodes of one element: all lies in one pattern.
         """
+        if self._small is not None:
+            return self._small.system(tangent, dt)
+        return self._block_system(tangent, dt, follower)
+
+    def _block_system(
+        self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None
+    ) -> System:
         blocks = tuple(
             pattern.zeros(*shape)
             for pattern, shape in zip(self._patterns, ((3, 3), (3, 1), (1, 3), (1, 1)), strict=True)
@@ -193,7 +224,18 @@ class SkfemDiscretisation(Discretisation[System]):
         volumes_p = np.matmul(by_p, by_pressure.reshape(e, 4 * q, c))
         return [values.reshape(e, -1) for values in (forces, forces_p, volumes, volumes_p)]
 
-    def magnitudes(self, system: System, x: Array) -> Array:
+    def _knowing(self, system: System | SmallSystem, x: Array) -> System | SmallSystem:
+        """Return the system, or one that knows the held unknowns too where ``x`` has them."""
+        if isinstance(system, SmallSystem) and self._small is not None and x[self._small.held].any():
+            return self._block_system(system.tangent, system.dt)
+        return system
+
+    def magnitudes(self, system: System | SmallSystem, x: Array) -> Array:
+        system = self._knowing(system, x)
+        if isinstance(system, SmallSystem):
+            terms, leading = np.zeros(len(x)), self.free[self.leading]
+            terms[leading] = abs(system.free) @ np.abs(x[leading]) + abs(system.moved) @ np.abs(x)
+            return terms
         n_u = self.mesh.n_u
         (uu, up), (pu, pp) = ((abs(part) for part in row) for row in self.matrices(system))
         u, p = np.abs(x[:n_u]), np.abs(x[n_u:])
@@ -201,7 +243,7 @@ class SkfemDiscretisation(Discretisation[System]):
 
     def solve(
         self,
-        system: System,
+        system: System | SmallSystem,
         right: Array,
         jump: Array,
         *,
@@ -211,6 +253,11 @@ class SkfemDiscretisation(Discretisation[System]):
         """Solve by :class:`~porocore_fem_skfem.macro_linear.MacroLinearSolver`."""
         change = np.zeros(len(right))
         change[self.prescribed] = jump
+        system = self._knowing(system, change)
+        if isinstance(system, SmallSystem):
+            right = self.equations(right) - system.moved @ change
+            change[self.free] = system.solve(right, self.linear)[self.of_free]
+            return change
         if jump.any():
             right = right - self._apply(system, change)
         change[self.free] = self._solver.solve(system, right, again=again, accuracy=accuracy)

@@ -125,11 +125,15 @@ class IterativeSolver:
         """
         right = self._supports.collected(right.copy())
         fresh = self._cycle is None or self._policy.due
-        self._set_up(matrices, mass, whole=fresh, pressure=fresh or not again)
-        solved = self._iterate(matrices, right, accuracy)
-        if not (solved.reached(accuracy) or fresh):
-            self._set_up(matrices, mass, whole=True, pressure=True)
+        try:
+            self._set_up(matrices, mass, whole=fresh, pressure=fresh or not again)
             solved = self._iterate(matrices, right, accuracy)
+            if not (solved.reached(accuracy) or fresh):
+                self._set_up(matrices, mass, whole=True, pressure=True)
+                solved = self._iterate(matrices, right, accuracy)
+        except (FactorError, np.linalg.LinAlgError, RuntimeError):
+            # A group of nodes or the coarsest level is singular, or what the preconditioner is applied to overflows.
+            solved = Solved(right, 0, np.inf)
         if not solved.reached(accuracy):
             self._policy.expire()
         return replace(solved, x=self._supports.expanded(solved.x))
@@ -187,10 +191,7 @@ class IterativeSolver:
             volumes[self._held_p] = 0.0
             return np.concatenate([u, pressure(volumes)])
 
-        try:
-            solved = flexible_gmres(apply, scale * right, precondition, accuracy=accuracy, limit=LIMIT)
-        except FactorError:  # what the factor of the linear level would have to be applied to is not finite
-            solved = Solved(right, 0, np.inf)
+        solved = flexible_gmres(apply, scale * right, precondition, accuracy=accuracy, limit=LIMIT)
         self._work.add_solve(solved.iterations, perf_counter() - began)
         self._policy.add(solved.iterations, solved.reduction)
         return solved

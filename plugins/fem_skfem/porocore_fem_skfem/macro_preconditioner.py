@@ -62,8 +62,7 @@ class DisplacementCycle:
 def _inverse(matrix: Any, modes: Array, relaxation: str, cycles: int) -> Solve:
     """Return an approximate inverse: a factor, or cycles of multigrid that knows fields of little energy."""
     if matrix.shape[0] <= FACTORED and pardiso.library() is not None:
-        rows = matrix.tocsr()
-        rows.sort_indices()
+        rows = _with_symmetric_pattern(matrix)
         factor = pardiso.GeneralFactor(rows.indptr, rows.indices, single=True)
         try:
             factor.factor(rows.data)
@@ -72,6 +71,17 @@ def _inverse(matrix: Any, modes: Array, relaxation: str, cycles: int) -> Solve:
         else:
             return factor.solve
     return _multigrid(matrix, modes, relaxation, cycles)
+
+
+def _with_symmetric_pattern(matrix: Any) -> sparse.csr_matrix:
+    """Return the matrix in sorted CSR with zeros where sums and products of matrices have left them out."""
+    m = matrix.tocoo()
+    diagonal = np.arange(m.shape[0])
+    rows, columns = (np.concatenate([*pair, diagonal]) for pair in ((m.row, m.col), (m.col, m.row)))
+    data = np.concatenate([m.data, np.zeros(len(rows) - len(m.data))])
+    found = sparse.csr_matrix((data, (rows, columns)), shape=m.shape)
+    found.sort_indices()
+    return found
 
 
 def pressure_cycle(matrix: sparse.csr_matrix, held: npt.NDArray[np.bool_]) -> Solve:

@@ -32,6 +32,11 @@ class ChebyshevSmoother:
         True where an unknown takes no part.
     shared
         Diagonal entries (unknown, value) of those unknowns that stand for several.
+
+    Raises
+    ------
+    LinAlgError
+        A group of nodes is singular, or the matrix is zero or not finite.
     """
 
     def __init__(
@@ -46,6 +51,8 @@ class ChebyshevSmoother:
         self._inverse = _inverses(matrix, blocks, held, groups)
         self._free = ~held.ravel()
         largest = self._largest(apply)
+        if not 0 < largest < np.inf:
+            raise np.linalg.LinAlgError("the tangent is zero or not finite")
         low, high = largest / REACH, ABOVE * largest
         self._centre, self._half = (high + low) / 2, (high - low) / 2
 

@@ -125,12 +125,6 @@ class Pattern:
         keys = np.union1d(self.keys, keys)
         return Pattern((keys // self.n).astype(np.int32), (keys % self.n).astype(np.int32), self.n)
 
-    def spread(self, entries: Array, places: Pattern) -> Array:
-        """Return the entries (nnz) of this pattern from those of a part of it."""
-        out = np.zeros(len(self.keys))
-        out[np.searchsorted(self.keys, places.keys)] = entries
-        return out
-
     def sum(self, keys: IntArray, values: Array) -> Array:
         """Return the entries (nnz) from values at some of the places."""
         return np.asarray(np.bincount(np.searchsorted(self.keys, keys), values, len(self.keys)), float)

@@ -21,7 +21,10 @@ from porocore_fem_skfem.checks import Indices, check_symmetric
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SparseFactor, SymmetricFactor
 
 _ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1
-_SYMMETRIC_INDEFINITE, _STRUCTURALLY_SYMMETRIC = -2, 1
+_DEFINITE, _SYMMETRIC_INDEFINITE, _STRUCTURALLY_SYMMETRIC = 2, -2, 1
+#: Unknowns up to which minimum degree orders them. At 3,000 it takes a third of the time of nested dissection, and the
+#: factors take the same; at 8,000 they take a fifth longer.
+MINIMUM_DEGREE = 5_000
 #: What the error codes of the library mean, by its reference manual.
 _ERRORS: dict[int, tuple[type[FactorError], str]] = {
     -1: (FactorError, "the input is inconsistent"),
@@ -51,41 +54,75 @@ def library() -> ctypes.CDLL | None:
     return None
 
 
-class _Pardiso(SparseFactor):
-    """Solver for one pattern in CSR, which is analysed once."""
+class _Session:
+    """One kind of factorisation of one checked pattern in CSR, which is analysed once.
+
+    Parameters
+    ----------
+    indptr, indices
+        Pattern.
+    kind
+        Type of the matrix by the library's reference manual.
+    options
+        Entries of ``iparm``.
+    dtype
+        Precision.
+    order
+        Order of the unknowns of another session of this pattern; None: it is found.
+    """
 
     def __init__(
-        self, indptr: Indices, indices: Indices, kind: int, options: dict[int, int], single: bool
+        self,
+        indptr: Indices,
+        indices: Indices,
+        kind: int,
+        options: dict[int, int],
+        dtype: npt.DTypeLike,
+        order: Indices | None = None,
     ) -> None:
-        super().__init__(indptr, indices, np.float32 if single else np.float64)
-        self._kind = kind
+        self._kind, self._n = kind, len(indptr) - 1
         self._indptr = np.ascontiguousarray(indptr, dtype=np.int32) + np.int32(1)
         self._indices = np.ascontiguousarray(indices, dtype=np.int32) + np.int32(1)
         self._handle = np.zeros(64, dtype=np.int64)
         self._iparm = np.zeros(64, dtype=np.int32)
-        self._iparm[0] = 1
-        for place, value in {**options, 27: int(single)}.items():
+        given = {0: 1, 1: _ordering(self._n), 4: 2 if order is None else 1}
+        for place, value in {**given, **options, 27: int(dtype == np.float32)}.items():
             self._iparm[place] = value
-        self._data = np.zeros(len(indices), dtype=self.dtype)
-        self._analysed = self._factored = False
+        self.order = np.zeros(self._n, dtype=np.int32) if order is None else order
+        self._data = np.zeros(len(indices), dtype=dtype)
+        self._analysed = self.factored = False
 
-    def _factor(self, data: Array) -> None:
+    @property
+    def negative(self) -> int:
+        """Number of negative pivots of a factor that counts them."""
+        return int(self._iparm[22])
+
+    def factor(self, data: Array) -> None:
+        """Factorise a matrix with these entries (nnz,)."""
         self._data[:] = data
-        self._factored = False
+        self.factored = False
         if not self._analysed:
             self._call(_ANALYSE)
             self._analysed = True
+            self._iparm[4] = 1  # the order is known from now on
         self._call(_FACTOR)
-        self._factored = True
+        self.factored = True
 
-    def _solve(self, rhs: Array) -> Array:
-        if not self._factored:
+    def solve(self, rhs: Array) -> Array:
+        """Return the inverse applied to (n,) or (n, k)."""
+        if not self.factored:
             raise FactorError("there is no factor to solve with")
         # Pardiso wants the right-hand sides column after column.
         b = np.array(rhs.T, order="C")
         x = np.empty_like(b)
         self._call(_SOLVE, b, x)
         return x.T.astype(np.float64)
+
+    def release(self) -> None:
+        """Give back the memory of the factor."""
+        if self._analysed:
+            self._call(_RELEASE)
+            self._analysed = self.factored = False
 
     def _call(self, phase: int, b: Array | None = None, x: Array | None = None) -> None:
         def integer(value: int) -> object:
@@ -100,9 +137,8 @@ class _Pardiso(SparseFactor):
         assert mkl is not None
         mkl.pardiso(
             pointer(self._handle),
-            *map(integer, (1, 1, self._kind, phase, self.n)),
-            *map(pointer, (self._data, self._indptr, self._indices)),
-            None,
+            *map(integer, (1, 1, self._kind, phase, self._n)),
+            *map(pointer, (self._data, self._indptr, self._indices, self.order)),
             integer(count),
             pointer(self._iparm),
             integer(0),
@@ -113,31 +149,72 @@ class _Pardiso(SparseFactor):
         if error.value:
             kind, meaning = _ERRORS.get(error.value, (FactorError, "an internal error"))
             raise kind(
-                f"PARDISO ended phase {phase} of {self.n} unknowns with error {error.value}: {meaning}"
+                f"PARDISO ended phase {phase} of {self._n} unknowns with error {error.value}: {meaning}"
             )
 
     def __del__(self) -> None:
         if getattr(self, "_analysed", False) and not sys.is_finalizing():
-            self._call(_RELEASE)
-            self._analysed = False
+            self.release()
 
 
-class PardisoFactor(_Pardiso, SymmetricFactor):
-    """LDLᵀ with Bunch–Kaufman pivoting of an upper triangle; in single precision by default."""
+def _ordering(n: int) -> int:
+    """Return the option for the order of n unknowns: by minimum degree or by nested dissection."""
+    return 0 if n <= MINIMUM_DEGREE else 2
+
+
+class PardisoFactor(SymmetricFactor):
+    """Cholesky factor of a definite matrix, LDLᵀ with Bunch–Kaufman pivoting of any other; in single precision.
+
+    A Cholesky factor takes three quarters of the time and counts nothing; it breaks down at the first negative pivot.
+    """
 
     def __init__(self, indptr: Indices, indices: Indices, *, single: bool = True) -> None:
-        super().__init__(indptr, indices, _SYMMETRIC_INDEFINITE, {1: 2, 9: 8, 20: 1}, single)
+        super().__init__(indptr, indices, np.float32 if single else np.float64)
+        self._pattern = indptr, indices
+        self._definite = _Session(indptr, indices, _DEFINITE, {}, self.dtype)
+        self._other: _Session | None = None
         self.negative = 0
 
+    def factor_definite(self, data: Array) -> bool:
+        entries = self._checked(data, ((self.nnz,),), "matrix")
+        self._release_other()
+        try:
+            self._definite.factor(entries)
+        except SingularError:
+            return False
+        self.negative = 0
+        return True
+
     def _factor(self, data: Array) -> None:
-        super()._factor(data)
-        self.negative = int(self._iparm[22])
+        if self.factor_definite(data):
+            return
+        order = self._definite.order
+        self._definite.release()
+        options = {9: 8, 20: 1}
+        self._other = _Session(*self._pattern, _SYMMETRIC_INDEFINITE, options, self.dtype, order)
+        self._other.factor(data)
+        self.negative = self._other.negative
+
+    def _release_other(self) -> None:
+        if self._other is not None:
+            self._other.release()
+            self._other = None
+
+    def _solve(self, rhs: Array) -> Array:
+        return (self._other or self._definite).solve(rhs)
 
 
-class GeneralFactor(_Pardiso):
+class GeneralFactor(SparseFactor):
     """LU of a matrix in CSR whose pattern is symmetric, its values not."""
 
     check = staticmethod(check_symmetric)
 
     def __init__(self, indptr: Indices, indices: Indices, *, single: bool) -> None:
-        super().__init__(indptr, indices, _STRUCTURALLY_SYMMETRIC, {1: 2, 9: 13}, single)
+        super().__init__(indptr, indices, np.float32 if single else np.float64)
+        self._session = _Session(indptr, indices, _STRUCTURALLY_SYMMETRIC, {1: 2, 9: 13}, self.dtype)
+
+    def _factor(self, data: Array) -> None:
+        self._session.factor(data)
+
+    def _solve(self, rhs: Array) -> Array:
+        return self._session.solve(rhs)

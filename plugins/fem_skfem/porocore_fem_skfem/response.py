@@ -132,9 +132,11 @@ class NeoHookeanResponse(SolidResponse):
         _, first, second = self.volumetric(np.log(at.J))
         pJ = at.p * at.J
         trace = (G * dF).sum(axis=(0, 1))
-        # G_il δF_kl G_kj = (G δFᵀ G)_ij, written out for the component-first layout.
-        inner = np.stack([[(G[i] * dF[k]).sum(axis=0) for k in range(3)] for i in range(3)])
-        swapped = np.stack([[(inner[i] * G[:, j]).sum(axis=0) for j in range(3)] for i in range(3)])
+        # G_il δF_kl G_kj = (G δFᵀ G)_ij; a load moves one or a few components of all points alike.
+        swapped = np.zeros_like(G)
+        for k, l in np.ndindex(3, 3):
+            if dF[k, l].any():
+                swapped += (dF[k, l] * G[:, l])[:, None] * G[k]
         return np.asarray((second + pJ) * trace * G - (first + pJ) * swapped + self.mu * dF)
 
     def stiffness(self, at: PointKinematics) -> Array:

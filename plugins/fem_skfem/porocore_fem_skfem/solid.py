@@ -26,6 +26,7 @@ from porocore_fem_skfem.linalg import choice_in_words, iterates
 from porocore_fem_skfem.node_grid import NodeGrid, node_grid
 from porocore_fem_skfem.operators import Operators, Scatter
 from porocore_fem_skfem.response import GeneralResponse, NeoHookeanResponse, SolidResponse
+from porocore_fem_skfem.widening import Widenings
 
 
 class SkfemIterate(Iterate):
@@ -117,6 +118,8 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         self.B = self.operators.gradient(self.n_nodes)
         self.B_T = self.B.T.tocsr()
         self.w = self.operators.weights
+        #: ∫ ∂N/∂Y_j dV, (nodes, 3).
+        self.grad_weights = self.B_T @ np.kron(np.eye(3), self.w).T
         self.scatter = Scatter(self.operators.cells, self.n_nodes, 3)
         self.response: SolidResponse = (
             NeoHookeanResponse(material, self.operators, self.scatter)
@@ -125,8 +128,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         )
         self._least_stress = 1e-3 * material.mean_moduli()[1]
         self._constraints: dict[str, Constraints] = {}
-        self._places = self.scatter.pattern
-        self._wider: dict[str, Constraints] = {}
+        self._widenings = Widenings(self.scatter.pattern)
 
     # ---- constraints ----------------------------------------------------------------------------
 
@@ -146,7 +148,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
 
     def reset(self) -> None:
         """Discard the factors of the last solve and the pattern of its contact."""
-        self._places, self._wider = self.scatter.pattern, {}
+        self._widenings.reset()
         self.constraints().reset(lambda: self.iterate_at(np.zeros((3, 3)), 0.0).tangent)
 
     # ---- the discrete solid ---------------------------------------------------------------------
@@ -201,7 +203,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
 
     def release(self, parity: str) -> None:
         self._constraints.pop(parity, None)
-        self._wider.pop(parity, None)
+        self._widenings.release(parity)
 
     def tangent(self, iterate: SkfemIterate, parity: str) -> sparse.csr_matrix:
         constraints, entries = self.system(iterate, parity)
@@ -241,7 +243,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
         solved = constraints.sensitivities(factor.entries, R)
         direct = second_derivatives(columns, np.stack([(load @ self.w).ravel() for load in loads]))
-        grad = np.stack([self.gradient(self.field(u, parity)) @ self.w for u in solved.U.T])
+        grad = np.stack([self.field(u, parity) @ self.grad_weights for u in solved.U.T])
         return Sensitivities(grad, direct + solved.curvature, solved.negative)
 
     def merged(self, values: Array) -> Array:
@@ -258,16 +260,12 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
             return constraints, constraints.restrict(iterate.tangent)
         rows, columns, values = iterate.touching.blocks(parity).entries
         rows, columns = (i % 3 * self.n_nodes + self.nodes[i // 3] for i in (rows, columns))
-        keys, upper = self._places.upper(rows, columns)
-        lacking = self._places.lacks(keys)
-        if len(lacking):
-            self._places, self._wider = self._places.widened(lacking), {}
-        if self._places is not self.scatter.pattern:
-            if parity not in self._wider:
-                self._wider[parity] = constraints.widened(self._places)
-            constraints = self._wider[parity]
-        entries = self._places.spread(iterate.tangent, self.scatter.pattern)
-        return constraints, constraints.restrict(entries + self._places.sum(keys, values[upper]))
+        places = self.scatter.pattern
+        keys, upper = places.upper(rows, columns)
+        wide = self._widenings.add(parity, keys, constraints)
+        if wide is not None:
+            return wide.constraints, wide.entries(iterate.tangent, keys, values[upper])
+        return constraints, constraints.restrict(iterate.tangent + places.sum(keys, values[upper]))
 
     def field(self, values: Array, parity: str = "") -> Array:
         """Return the field (3, nodes) of the free unknowns of a class."""

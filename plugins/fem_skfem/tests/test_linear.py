@@ -5,14 +5,18 @@ import pytest
 from scipy import sparse
 
 from porocore.cell.equilibrium.discrete import FactorError
+from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.discretisation import StepFailed
 from porocore.macro.linear_systems.work import LinearWork
-from porocore.macro.problem import MacroProblem
+from porocore.macro.problem import Boundary, MacroProblem, body_mesh
 from porocore.testing.macro_laws.solving import NONLINEAR
+from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem import macro_linear, pardiso
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
 from porocore_fem_skfem.linalg import SuperLUFactor, refine
 from porocore_fem_skfem.macro import SkfemMacroSolver
+from porocore_fem_skfem.macro_assembly import SkfemDiscretisation
+from porocore_fem_skfem.macro_small import SmallSystem
 
 #: Row pointers and columns of a symmetric pattern, and of its upper triangle.
 WHOLE = ([0, 2, 5, 7], [0, 1, 0, 1, 2, 1, 2])
@@ -199,3 +203,48 @@ def test_refinement_ends_where_round_off_does():
     # A factor of another matrix leads nowhere, and that is not taken for round-off.
     other = np.linalg.inv((matrix + 1e-3 * sparse.eye(40)).toarray())
     assert not refine(matrix, rhs, lambda r: other @ r, tolerance=1e-11).converged
+
+
+class Blocks(SkfemDiscretisation):
+    largest_small = 0
+
+
+@pytest.mark.parametrize("name", ["column", "pushed", "plate"])
+def test_a_small_body_has_the_system_of_a_large_one(name):
+    """Integrated into the equations at once and solved by a band, against blocks of nodes and SuperLU."""
+    column = {"elements": 6} if name == "column" else {"elements": (2, 3, 1)}
+    boundary = {"pushed": {"y+": {"displacement": (None, -0.1, None)}}, "plate": {"y+": {"plate": -0.1}}}
+    problem = confined_column(**column, size=(0.7, 1.1, 0.9))
+    problem = problem.model_copy(
+        update={
+            "boundary": problem.boundary
+            | {face: Boundary(**values) for face, values in boundary.get(name, {}).items()}
+        }
+    )
+    mesh = body_mesh(problem)
+    small, large = (
+        kind(problem, mesh, boundary_data(mesh, problem)) for kind in (SkfemDiscretisation, Blocks)
+    )
+    rng = np.random.default_rng(0)
+    x, right = np.zeros(mesh.size), rng.standard_normal(mesh.size)
+    x[small.free] = 0.01 * rng.standard_normal(len(small.free))
+    states, grad_p = small.states(x)
+    tangent = NONLINEAR.respond(states, grad_p, NONLINEAR.initial(len(states))).tangent
+    systems = small.system(tangent, 0.3), large.system(tangent, 0.3)
+    assert isinstance(systems[0], SmallSystem)
+    assert not isinstance(systems[1], SmallSystem)
+    both = [d.equation_matrix(system).toarray() for d, system in zip((small, large), systems, strict=True)]
+    np.testing.assert_allclose(both[0], both[1], rtol=0, atol=1e-13 * abs(both[1]).max())
+    jump = -0.1 * small.loads(1.0).values
+    for move in (jump, rng.standard_normal(len(jump))):  # the second moves what is held
+        found, wanted = (
+            d.solve(system, right, move) for d, system in zip((small, large), systems, strict=True)
+        )
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * abs(wanted).max())
+    if name == "plate":  # whose magnitudes may stand in any of its rows
+        return
+    sizes = [
+        d.magnitudes(system, x)[small.free[small.leading]]
+        for d, system in zip((small, large), systems, strict=True)
+    ]
+    np.testing.assert_allclose(sizes[0], sizes[1], rtol=1e-12)

@@ -89,6 +89,8 @@ class Forces:
 
 def joined(parts: list[Blocks]) -> Blocks:
     """Return all blocks as one batch; smaller blocks are padded with zeros."""
+    if len(parts) == 1:
+        return parts[0]
     k = max(part.nodes.shape[1] for part in parts)
     nodes, places, matrices = [], [], []
     for part in parts:

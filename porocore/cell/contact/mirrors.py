@@ -68,18 +68,20 @@ class MirrorState:
                 near = np.flatnonzero(gap.min(axis=1) < 0.1 * np.ptp(gap, axis=1))
                 g = gap[near] @ surface.N.T
                 touching = (g < 0).any(axis=1)
-                sides.append((axis, sign, near[touching], np.minimum(g[touching], 0.0)))
+                if touching.any():
+                    sides.append((axis, sign, near[touching], np.minimum(g[touching], 0.0)))
         self._sides: list[tuple[int, float, IntArray, Array]] = sides
         self._reflected: dict[tuple[int, float], Blocks] = {}
+        self._blocks: dict[tuple[bool, ...], Blocks] = {}
 
     @property
     def active(self) -> bool:
-        return any(len(facets) for _, _, facets, _ in self._sides)
+        return bool(self._sides)
 
     @property
     def depth(self) -> float:
         """Largest penetration of a plane."""
-        return max((float(-g.min()) for *_, g in self._sides if g.size), default=0.0)
+        return max((float(-g.min()) for *_, g in self._sides), default=0.0)
 
     @cached_property
     def forces(self) -> Forces:
@@ -102,17 +104,19 @@ class MirrorState:
         return Forces(energy, np.concatenate(nodes), np.concatenate(places), np.concatenate(gradient), share)
 
     def blocks(self, parity: str) -> Blocks:
-        parts = []
-        for axis, sign, facets, g in self._sides:
-            if "xyz"[axis] in odd_axes(parity, 0 if sign > 0 else 1):
-                if len(facets):
-                    if (axis, sign) not in self._reflected:
-                        self._reflected[axis, sign] = self._odd(axis, sign)
-                    parts.append(self._reflected[axis, sign])
-            else:
-                places = self._places(facets, axis, sign)
-                parts.append(Blocks(self._nodes(facets), places, self._even(axis, facets, g)))
-        return joined(parts)
+        odd = tuple("xyz"[axis] in odd_axes(parity, 0 if sign > 0 else 1) for axis, sign, *_ in self._sides)
+        if odd not in self._blocks:
+            self._blocks[odd] = joined(
+                [
+                    self._odd(axis, sign)
+                    if moved_apart
+                    else Blocks(
+                        self._nodes(facets), self._places(facets, axis, sign), self._even(axis, facets, g)
+                    )
+                    for moved_apart, (axis, sign, facets, g) in zip(odd, self._sides, strict=True)
+                ]
+            )
+        return self._blocks[odd]
 
     def _even(self, axis: int, facets: IntArray, g: Array) -> Array:
         surface = self.contact.surface
@@ -124,6 +128,11 @@ class MirrorState:
         return out.reshape(len(facets), 3 * k, 3 * k)
 
     def _odd(self, axis: int, sign: float) -> Blocks:
+        if (axis, sign) not in self._reflected:
+            self._reflected[axis, sign] = self._slid(axis, sign)
+        return self._reflected[axis, sign]
+
+    def _slid(self, axis: int, sign: float) -> Blocks:
         """Return the second derivatives for the distance from the reflected wall.
 
         Its nodes move by −R u, with the reflection R, where those of the wall move by u. Under the odd loads the image

@@ -10,7 +10,7 @@ import numpy as np
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorisedTangent, Iterate
 from porocore.cell.equilibrium.integrals import Sensitivities
 from porocore.cell.equilibrium.path import gap
-from porocore.cell.symmetry.exchange import images
+from porocore.cell.symmetry.exchange import axis_order, images
 from porocore.cell.symmetry.parity import UNIT_LOADS, classes, visible
 from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
 from porocore.states import Array, CellExtrema, CellResponse, CellTangent, Status
@@ -30,12 +30,15 @@ def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellR
     of_images: dict[str, int] = {}
     for parity, columns in classes(problem.mesh).items():
         first = min(images(parity, swaps))
-        if first in of_images and not (tangent and columns):
+        derived = tangent and bool(columns)
+        if first in of_images and (not derived or iterate.touching is None):
+            if derived:
+                _exchange_axes(mean_grad, second, axis_order(first, parity, swaps), columns)
             counts.append(of_images[first])
             continue
         factor = problem.factor(iterate, parity)
         answer = None
-        if tangent and columns:
+        if derived:
             answer = problem.sensitivities(factor, columns)
             grad = problem.copies * visible(problem.mesh, parity) * answer.grad
             mean_grad[:, :, columns] = np.moveaxis(grad, 0, -1)
@@ -47,6 +50,13 @@ def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellR
     # Where one class is unknown, the number is so too unless another one has unstable modes.
     negative = sum(max(count, 0) for count in counts) or min(counts)
     return _row(problem, iterate, negative, _tangent(iterate, mean_grad, second) if tangent else None)
+
+
+def _exchange_axes(mean_grad: Array, second: Array, order: Sequence[int], columns: Sequence[int]) -> None:
+    """Fill in the derivatives by the loads of a class from those of the class that an exchange of axes maps onto it."""
+    sources = [3 * order[column // 3] + order[column % 3] for column in columns]
+    mean_grad[:, :, columns] = mean_grad[np.ix_(order, order, sources)]
+    second[np.ix_(columns, columns)] = second[np.ix_(sources, sources)]
 
 
 def _unstable_modes(problem: DiscreteSolid, factor: FactorisedTangent, answer: Sensitivities | None) -> int:

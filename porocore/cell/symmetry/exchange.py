@@ -40,6 +40,29 @@ def images(parity: str, swaps: Iterable[str]) -> set[str]:
     return found
 
 
+def axis_order(parity: str, image: str, swaps: Iterable[str]) -> tuple[int, int, int]:
+    """Return the order of axes, product of exchanges, by which a parity class without a bar is mapped onto an image.
+
+    What belongs to the axis a in ``image`` belongs to the axis order[a] in ``parity``.
+
+    Raises
+    ------
+    ValueError
+        It is no image.
+    """
+    found: list[tuple[int, int, int]] = [(0, 1, 2)]
+    for order in found:
+        if image == "".join(sorted("xyz"[order.index("xyz".index(axis))] for axis in parity)):
+            return order
+        for pair in swaps:
+            i, j = ("xyz".index(axis) for axis in pair)
+            further = list(order)
+            further[i], further[j] = order[j], order[i]
+            if (moved := (further[0], further[1], further[2])) not in found:
+                found.append(moved)
+    raise ValueError(f"'{image}' is no image of '{parity}' under exchanges of {', '.join(swaps)}")
+
+
 @lru_cache(maxsize=24)
 def _exchange(mesh: CellMesh, i: int, j: int) -> IntArray | None:
     """Return the node that the exchange of two axes maps onto each node; None without that symmetry."""

@@ -20,6 +20,8 @@ def added_up(
 ) -> Iterator[None]:
     """Add what ``gained`` returns after the block to an entry of ``totals``, also when the block is interrupted.
 
+    Where that is nothing, the file is not touched.
+
     Raises
     ------
     RunFolderError
@@ -28,6 +30,8 @@ def added_up(
 
     def write() -> None:
         known, more = totals.get(entry, {}), gained()
+        if not more:
+            return
         totals[entry] = {name: known.get(name, 0) + more.get(name, 0) for name in {**known, **more}}
         write_json(path, totals, indent=2)
 

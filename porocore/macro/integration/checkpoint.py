@@ -23,11 +23,12 @@ from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.solution import file_name, read_profile
 from porocore.macro.integration.adaptive import ErrorControl
 from porocore.macro.integration.discretisation import Discretisation
+from porocore.macro.integration.predictor import Predictor
 from porocore.macro.integration.recorder import PROFILE, HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
 from porocore.states import Array
 
-FORMAT, VERSION = "porocore-macro-checkpoint", 4
+FORMAT, VERSION = "porocore-macro-checkpoint", 5
 #: What is kept of the time stepping.
 STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "proposed": float}
 #: No step is halved more often: 2 to this power is still a number.
@@ -47,9 +48,9 @@ class CheckpointFile:
         self._owner, self._written = stable_hash(text), monotonic()
 
     def load(
-        self, stepper: Stepper, control: ErrorControl
+        self, stepper: Stepper, control: ErrorControl, predictor: Predictor
     ) -> tuple[Array, LawMemory, HistoryRecorder] | None:
-        """Return unknowns, memory and record, and set ``stepper`` and ``control``; None if there is no file.
+        """Return unknowns, memory and record, and set ``stepper``, ``control`` and ``predictor``; None without a file.
 
         Raises
         ------
@@ -60,11 +61,13 @@ class CheckpointFile:
         if path is None or not d.communicator.on_root(path.exists):
             return None
         record = HistoryRecorder(d)
-        whole, memories, rows, profiles, step, rate, before = d.communicator.on_root(
+        whole, memories, rows, profiles, step, rate, before, (times, earlier) = d.communicator.on_root(
             partial(self._read, path, record.columns, len(control.scales))
         )
         control.length, control.scales = before
         control.rate = None if rate is None else rate[d.unknowns]
+        x = whole[d.unknowns]
+        predictor.times, predictor.states = times, [*(state[d.unknowns] for state in earlier), x]
         for name, value in step.items():
             setattr(stepper, name, value)
         known = {name: d.points_from_mesh(values) for name, values in memories.items()}
@@ -78,7 +81,7 @@ class CheckpointFile:
             )
         record.rows, record.profiles = [tuple(map(float, row)) for row in rows], profiles
         self._written = monotonic()
-        return whole[d.unknowns], memory, record
+        return x, memory, record
 
     def _read(self, path: Path, columns: tuple[str, ...], scales: int) -> tuple[Any, ...]:
         mesh = self._d.mesh
@@ -101,10 +104,17 @@ class CheckpointFile:
             if min(before[0], *before[1]) < 0:
                 raise ValueError("attributes 'length' and 'scales' are those of no step")
             profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
-            return whole, memories, rows, profiles, step, rate, before
+            earlier = _read_earlier(file, step["time"], mesh.size)
+            return whole, memories, rows, profiles, step, rate, before, earlier
 
     def save_if_due(
-        self, stepper: Stepper, control: ErrorControl, x: Array, memory: LawMemory, record: HistoryRecorder
+        self,
+        stepper: Stepper,
+        control: ErrorControl,
+        predictor: Predictor,
+        x: Array,
+        memory: LawMemory,
+        record: HistoryRecorder,
     ) -> None:
         """Write the state after an accepted step where it is due, atomically."""
         d, path = self._d, self._path
@@ -114,6 +124,8 @@ class CheckpointFile:
         arrays = {"x": d.gathered(x)}
         if control.rate is not None:
             arrays["rate"] = d.gathered(control.rate)
+        arrays["times"] = np.array(predictor.times)
+        arrays["earlier"] = np.array([d.gathered(state) for state in predictor.states[:-1]])
         arrays |= {name: d.points_to_mesh(value) for name, value in _arrays(memory, "memory")}
 
         def write() -> None:
@@ -143,6 +155,15 @@ def _read_stepping(file: Contents, last: float) -> dict[str, Any]:
     if not 0 <= found["halvings"] <= MOST_HALVINGS or found["streak"] < 0 or found["proposed"] <= 0:
         raise ValueError("attributes 'halvings', 'streak' and 'proposed' are those of no step")
     return found
+
+
+def _read_earlier(file: Contents, time: float, size: int) -> tuple[list[float], Array]:
+    """Return the times of the predictor's states, of which ``time`` is the last, and all states but that."""
+    times = [float(value) for value in file.array("times", "states")]
+    if not times or times[-1] != time or (np.diff(times) <= 0).any():
+        raise ValueError("'times' are no times of states up to the last step")
+    count = len(times) - 1
+    return times, file.array("earlier", count, size) if count else np.empty((0, size))
 
 
 def _arrays(batch: Any, prefix: str) -> list[tuple[str, Any]]:

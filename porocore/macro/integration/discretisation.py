@@ -124,6 +124,7 @@ class Discretisation(ABC, Generic[System]):
         self.weights = mesh.weights[elements].ravel()
         self.stretch = mesh.stretch
         self.linear = LinearWork()  # the backend fills it
+        self.keeps_factor = False  # whether to solve again with a system costs little
 
     @property
     def n_points(self) -> int:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
+from porocore.macro.integration.linearisation import Linearisation, Linearisations
 from porocore.macro.linear_systems.reuse import forcing
 from porocore.macro.problem import NewtonSettings
 from porocore.states import Array
@@ -27,7 +28,7 @@ class Step:
     x : (local unknowns,)
         Displacements and pressures.
     response
-        Of the law there.
+        Of the law there, without tangent where it was not needed.
     residual
         What is left, and the reactions.
     iterations
@@ -51,40 +52,70 @@ def newton_step(
     dt: float,
     loads: Loads,
     settings: NewtonSettings,
+    *,
+    guess: Array | None = None,
+    linearisations: Linearisations | None = None,
 ) -> Step:
     """Solve one backward Euler step of length ``dt`` under ``loads`` from the unknowns ``x``.
 
     The first iteration linearises at the old state and moves prescribed values as part of the linear system,
     so that a jump at the boundary does not fold the elements beside it.
 
+    Parameters
+    ----------
+    guess
+        First iterate, instead of ``x``; where it leads nowhere, the iteration begins again at ``x``.
+    linearisations
+        Those of the solve; without, every iteration linearises anew.
+
     Raises
     ------
     StepFailed
         No convergence, no values of the law, or a singular matrix; on all processes alike.
     """
+    linearisations = linearisations or Linearisations(d, law, chords=0)
+    if guess is not None:
+        with suppress(StepFailed):
+            return _iterated(d, law, memory, guess, dt, loads, settings, linearisations)
+    return _iterated(d, law, memory, x, dt, loads, settings, linearisations)
+
+
+def _iterated(
+    d: Discretisation,
+    law: MacroLaw,
+    memory: LawMemory,
+    x: Array,
+    dt: float,
+    loads: Loads,
+    settings: NewtonSettings,
+    linearisations: Linearisations,
+) -> Step:
     x = x.copy()
+    linear = linearisations.begin(dt, loads)
     misfits: list[float] = []
     for iteration in range(settings.iterations + 1):
         jump = loads.values - x[d.prescribed]
         moving = d.communicator.max(float(jump.any())) > 0
         states, grad_p = d.states(x)
-        response = law.respond(states, grad_p, memory)
+        # Most iterates beyond the first are the last, whose tangent nobody needs.
+        response = law.respond(states, grad_p, memory, tangent=linear is None)
         _refuse_missing_values(d, response)
         residual = d.residual(response, dt, loads, x)
+        linear = linear or linearisations.at(response, dt, x, loads)
         # A first guess within the tolerance is improved all the same: over many steps its errors add up.
         allowed = settings.tolerance if iteration else 0.0
-        misfit, system = _misfit(d, residual), None
-        if misfit > allowed or moving:
-            assert response.tangent is not None
-            system = d.system(response.tangent, dt, d.follower_tangent(x, loads))
-            misfit = _misfit(d, residual, _round_off(d, system, x, response, max(ROUND_OFF, law.noise)))
+        misfit = _misfit(d, residual)
+        if misfit > allowed:
+            misfit = _misfit(d, residual, _round_off(d, linear, x, max(ROUND_OFF, law.noise)))
         misfits.append(misfit)
-        if system is None or (misfit <= allowed and not moving):
+        if misfit <= allowed and not moving:
             return Step(x, response, residual, iteration, misfits)
         if iteration < settings.iterations:
+            if iteration and not linearisations.serves(misfits, settings.tolerance):
+                linear = linearisations.at(law.respond(states, grad_p, memory), dt, x, loads)
             before = misfits[-2] if iteration else None
             accuracy = forcing(misfit, before, settings.tolerance)
-            x -= d.solve(system, residual.values, -jump, again=iteration > 0, accuracy=accuracy)
+            x -= d.solve(linear.system, residual.values, -jump, again=iteration > 0, accuracy=accuracy)
             x[d.prescribed] = loads.values
     raise StepFailed(
         f"the relative residual of Newton's method was still {misfits[-1]:.2g} after {settings.iterations} iterations "
@@ -118,14 +149,10 @@ def _largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
     return force, volume
 
 
-def _round_off(
-    d: Discretisation, system: Any, x: Array, response: MacroResponse, share: float
-) -> tuple[float, float]:
+def _round_off(d: Discretisation, tangent: Linearisation, x: Array, share: float) -> tuple[float, float]:
     """Return the forces and volumes that are round-off, a ``share`` of the terms that cancel in them.
 
     These are |A| |x|, and for forces also the stress of the 1 in I + H, which hides loads below some 1e-12.
     """
-    assert response.tangent is not None
-    force, volume = _largest_free(d, d.magnitudes(system, x))
-    stiffest = d.communicator.max(float(np.abs(response.tangent.stress_grad_u).max(initial=0.0)))
-    return share * (force + stiffest * d.stretch), share * volume
+    force, volume = _largest_free(d, d.magnitudes(tangent.system, x))
+    return share * (force + tangent.stiffest * d.stretch), share * volume

@@ -17,7 +17,9 @@ from porocore.interfaces.solution import MacroSolution, StepReport
 from porocore.macro.integration.adaptive import ErrorControl, Reached
 from porocore.macro.integration.checkpoint import CheckpointFile
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
+from porocore.macro.integration.linearisation import Linearisations
 from porocore.macro.integration.newton import newton_step
+from porocore.macro.integration.predictor import Predictor
 from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
 from porocore.states import Array, MacroState
@@ -73,16 +75,17 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         """
         d = prepared
         problem, saved = d.problem, CheckpointFile(checkpoint, d, law, self.checkpoint_seconds)
-        stepper, control = Stepper(problem.time, problem.corners), ErrorControl()
+        stepper, control, predictor = Stepper(problem.time, problem.corners), ErrorControl(), Predictor()
         reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
-        x, memory, record = saved.load(stepper, control) or _at_rest(d, law)
+        x, memory, record = saved.load(stepper, control, predictor) or _at_rest(d, law, predictor)
+        newton = partial(newton_step, d, law, settings=problem.newton, linearisations=Linearisations(d, law))
         d.begin()
         while not stepper.done:
             time = stepper.next()
             dt, amplitudes = time - stepper.time, d.boundary.amplitudes(problem, time)
             finer = None
             try:
-                step = newton_step(d, law, memory, x, dt, d.loads(amplitudes), problem.newton)
+                step = newton(memory, x, dt, d.loads(amplitudes), guess=predictor.guess(time))
                 changed = law.before_accept(step.response, memory)
                 if changed is None and reached is not None and control.rate is None:
                     finer = _halved(d, law, memory, x, stepper.time, time)
@@ -104,7 +107,8 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             stepper.accept(error)
             if stepper.at_corner:
                 control.reset()
-            saved.save_if_due(stepper, control, x, memory, record)
+            predictor.add(time, x, stepper.at_corner)
+            saved.save_if_due(stepper, control, predictor, x, memory, record)
             if on_step is not None:
                 settlement = float(record.column("settlement")[-1])
                 on_step(StepReport(time, problem.time.end, step.iterations, settlement, work, notes))
@@ -121,8 +125,13 @@ def _halved(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array, begin
     return x
 
 
-def _at_rest(d: Discretisation, law: MacroLaw) -> tuple[Array, LawMemory, HistoryRecorder]:
-    """Return the unknowns of the initial state, the law's memory of it, and a recorder that begins with it."""
+def _at_rest(
+    d: Discretisation, law: MacroLaw, predictor: Predictor
+) -> tuple[Array, LawMemory, HistoryRecorder]:
+    """Return the unknowns of the initial state, the law's memory of it, and a recorder that begins with it.
+
+    The predictor begins with it, too.
+    """
     start, mesh, record = d.problem.initial, d.mesh, HistoryRecorder(d)
     whole = np.concatenate(
         [(mesh.points @ np.array(start.gradient).T).ravel(), np.full(len(mesh.p_nodes), start.pressure)]
@@ -131,6 +140,7 @@ def _at_rest(d: Discretisation, law: MacroLaw) -> tuple[Array, LawMemory, Histor
     states, grad_p = d.states(x)
     response = law.respond(states, grad_p, law.initial(d.n_points), tangent=False)
     record.add_start(x, response)
+    predictor.add(0.0, x, kink=True)
     return x, response.memory, record
 
 

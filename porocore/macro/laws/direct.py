@@ -97,6 +97,7 @@ class DirectCellLaw(CellLaw):
         self.on_work: Callable[[str], None] = lambda text: None
         self._rest = _Solved(_lean(reference), None)
         self._known: dict[bytes, _Solved] = {}
+        self._accepted: set[bytes] = set()
 
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
         """Return the responses of n states, reached from the undeformed cell."""
@@ -117,8 +118,11 @@ class DirectCellLaw(CellLaw):
         starts = [place.tobytes() for place in _place(before[first])]
         accepted = {place.tobytes() for place in np.unique(_place(before), axis=0)}
         # Earlier iterations and failed steps can no longer be a start; a next step begins where the last call ended.
-        self._known = {key: solved for key, solved in self._known.items() if key in accepted}
+        # Those of this iteration may be, where only the tangent is asked for.
+        same, self._accepted = accepted == self._accepted, accepted
         wanted = {place.tobytes(): (place, start) for place, start in zip(places, starts, strict=True)}
+        kept = accepted | wanted.keys() if same else accepted
+        self._known = {key: solved for key, solved in self._known.items() if key in kept}
         answers = self._answers(wanted)
         self._known |= answers
         self.work.points += len(states)

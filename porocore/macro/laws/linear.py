@@ -117,6 +117,7 @@ class LinearPoroelasticity(MacroLaw):
     """Small-strain poroelasticity as a macroscopic law, to compare the nonlinear ones with."""
 
     name = "linear"
+    constant_tangent = True
 
     def __init__(self, coefficients: LinearCoefficients) -> None:
         self.coefficients = c = coefficients

@@ -13,6 +13,7 @@ from porocore.errors import DataError
 from porocore.interfaces.records import flatten_response
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.datasets.layout import read_fields
+from porocore.sampling.warm_starts import OF_SAMPLES
 from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState, Status
 
 #: Largest misfit of a law, relative to the largest entry of what is compared.
@@ -52,7 +53,9 @@ def check_file(path: Path, tolerance: float = TOLERANCE) -> list[DatasetCheck]:
     kept = np.array([f is None or _at(f.grad_u, f.p, states, i) for i, f in enumerate(fields)])
     findings.append(_all("fields of their states", kept, keys, "u¹ of another state"))
     held = {key for key, f in zip(dataset.keys, fields, strict=True) if f is not None}
-    started = np.array([start is None or start in held for start in dataset.starts()])
+    started = np.array(
+        [start is None or start in held or start.startswith(OF_SAMPLES) for start in dataset.starts()]
+    )
     findings.append(_all("starts kept", started, keys, "a start whose u¹ is not in the file"))
     if response.extrema is not None:
         upright = ~valid | (response.extrema.min_jacobian > 0)

@@ -2,7 +2,8 @@
 
 Layout, n rows sorted by key, d sampled inputs: attributes ``format``, ``version``, ``identity``;
 ``inputs/names, lower, upper`` (d); ``provenance/*`` (texts); ``key``, ``start`` (n, text, empty: from the
-undeformed cell); ``x`` (n, d); ``grad_u`` (n, 3, 3); ``p``, ``seconds``, ``status`` (n);
+undeformed cell; ``samples: `` and a key: from a state of the samples beside this file); ``x`` (n, d);
+``grad_u`` (n, 3, 3); ``p``, ``seconds``, ``status`` (n);
 ``response/*`` as in :data:`porocore.states.CELL_FIELDS`;
 ``field/domain`` (n, text, empty: no field), ``field/grad_u``, ``field/p``, ``field/end`` (n), where its rows
 of ``field/u`` (all nodes, 3) end and those of the next row begin. Every array carries checksums.

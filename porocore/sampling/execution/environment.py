@@ -1,4 +1,4 @@
-"""What workers are started without: Ctrl-C, and the user's script."""
+"""The environment of workers: without Ctrl-C, and without the script of the user."""
 
 from __future__ import annotations
 

@@ -16,6 +16,7 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.interrupts import listening
 from porocore.sampling.forecast import Guess
+from porocore.sampling.warm_starts import WarmStarts
 from porocore.states import Array, Status
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
@@ -69,14 +70,14 @@ def sample(
             prepare_cell, arguments, **options, on_warning=console.warn, known=known, on_start=begin
         ) as pool,
     ):
-        states = sampler
-        ended = 0
+        states, ended = sampler, 0
         solved: Array | None = None
+        starts: WarmStarts | None = None
         for title, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
             if path == folder.test_dataset:
                 samples = Dataset.open(folder.dataset)
-                solved = samples.seconds()
+                solved, starts = samples.seconds(), WarmStarts(samples, config.cell.modulus)
                 drop_misplaced(dataset, held_out_states(config, samples))
                 states = held_out_states(config, samples)
             if retry_lost:
@@ -86,7 +87,8 @@ def sample(
                 timed(folder.timings, title) as clock,
                 told(known, title, console.note, clock.add, pool.workers),
             ):
-                summary = _campaign(title, states, pool, dataset, console, guess)
+                summary = _campaign(title, states, pool, dataset, console, guess, starts)
+                clock.idle = not summary.solved
             ended += summary.solved
             _tell(title, summary, folder, console)
     if known and known.found:
@@ -96,7 +98,13 @@ def sample(
 
 
 def _campaign(
-    title: str, sampler: Sampler, pool: CellPool, dataset: Dataset, console: Console, guess: Guess
+    title: str,
+    sampler: Sampler,
+    pool: CellPool,
+    dataset: Dataset,
+    console: Console,
+    guess: Guess,
+    starts: WarmStarts | None,
 ) -> CampaignSummary:
     with console.task(title, "states") as task:
 
@@ -110,7 +118,7 @@ def _campaign(
                 seconds=progress.seconds,
             )
 
-        return run_campaign(sampler, pool, dataset, on_progress=show, guess=guess)
+        return run_campaign(sampler, pool, dataset, on_progress=show, guess=guess, starts=starts)
 
 
 def _tell(title: str, summary: CampaignSummary, folder: RunFolder, console: Console) -> None:

@@ -23,10 +23,16 @@ class StageTime(NamedTuple):
 
 
 class StageClock:
-    """Clock of a running stage, which counts what stored results had taken as if it were taken now."""
+    """Clock of a running stage, which counts what stored results had taken as if it were taken now.
+
+    Attributes
+    ----------
+    idle
+        True if the stage found its work done, so that its time is not to be added.
+    """
 
     def __init__(self) -> None:
-        self._began, self._saved = time.perf_counter(), 0.0
+        self._began, self._saved, self.idle = time.perf_counter(), 0.0, False
 
     @property
     def seconds(self) -> float:
@@ -57,7 +63,11 @@ def timed(path: Path, stage: str, clock: StageClock | None = None) -> Iterator[S
         The disk is full or read-only.
     """
     record, clock = _record(path), clock or StageClock()
-    with added_up(path, record, stage, lambda: {"seconds": clock.seconds, "runs": 1, "saved": clock.saved}):
+
+    def gained() -> Numbers:
+        return {} if clock.idle else {"seconds": clock.seconds, "runs": 1, "saved": clock.saved}
+
+    with added_up(path, record, stage, gained):
         yield clock
 
 

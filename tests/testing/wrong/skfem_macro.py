@@ -14,7 +14,13 @@ from porocore.macro.problem import body_mesh
 from porocore.testing import MacroSolverSuite
 
 Right: Any = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver
-Elements: Any = pytest.importorskip("porocore_fem_skfem.macro_assembly").SkfemDiscretisation
+Discretisation: Any = pytest.importorskip("porocore_fem_skfem.macro_assembly").SkfemDiscretisation
+
+
+class Elements(Discretisation):
+    """As those of a large body, whose systems are blocks of nodes."""
+
+    largest_small = 0
 
 
 class Altered(Right):
