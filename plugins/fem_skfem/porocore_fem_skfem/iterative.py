@@ -25,9 +25,9 @@ from porocore_fem_skfem.products import Product
 
 #: Iterations with multigrid; 30 are usual to 1e-11.
 LIMIT = 400
-#: Iterations with the cycle of an earlier tangent: so many, and so many more for each digit. One of the tangent itself
-#: takes 2.8 a digit, and to set it up costs as much as four.
-AT_LEAST, EACH_DIGIT = 4, 4
+#: A cycle of an earlier tangent serves for so many iterations, and so many times those a digit that one took for its
+#: own tangent: 2.8, but 10 where the solid is nearly incompressible. To set one up costs as much as four iterations.
+AT_LEAST, TIMES = 4, 1.5
 #: Relative residual of a random right-hand side that no indefinite tangent reaches: 1/√n is above it by 1e-5.
 DEFINITE = 1e-8
 #: Accuracy of Newton's direction with a shifted tangent.
@@ -49,6 +49,7 @@ class IterativeConstraints(Constraints):
         #: Entries for which the cycle is set up, and their matrix.
         self._of: Array | None = None
         self._matrix: sparse.csr_matrix | None = None
+        self._per_digit = 0.0
         self._has_factors = solver == "auto" and len(free) <= FACTOR_LIMIT and pardiso.library() is not None
         self._places = places
         self._direct: Constraints | None = None
@@ -158,7 +159,7 @@ class IterativeConstraints(Constraints):
         """Return the solution with the cycle of an earlier tangent; None where there is none or it takes too long."""
         if self._of is None or self._of is entries:
             return None
-        limit = AT_LEAST + round(-EACH_DIGIT * np.log10(accuracy))
+        limit = AT_LEAST + round(TIMES * self._per_digit * -np.log10(accuracy))
         solved = self._iterate(self._padded.matrix(entries), right, accuracy, limit)
         return solved if solved.converged else None
 
@@ -167,7 +168,9 @@ class IterativeConstraints(Constraints):
         if self.factorise(entries) > 0:
             return None
         assert self._matrix is not None
-        return self._iterate(self._matrix, right, accuracy)
+        solved = self._iterate(self._matrix, right, accuracy)
+        self._per_digit = solved.iterations / -np.log10(accuracy)
+        return solved
 
     def _iterate(
         self, matrix: sparse.csr_matrix, right: Array, tolerance: float | Array, limit: int | None = None

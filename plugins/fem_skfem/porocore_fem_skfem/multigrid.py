@@ -29,6 +29,8 @@ DEGREE, RATIO = 2, 10.0
 COARSE_RATIO = 8.0
 #: Unknowns of the coarsest level, which is factorised as a full matrix.
 COARSEST = 1_500
+#: What it may have where nodes do not group any further.
+LARGEST_COARSEST = 6_000
 #: Steps of Lanczos' iteration for the largest eigenvalue, and the factor on what they find.
 STEPS, SAFETY = 12, 1.1
 #: Damping of the interpolation from groups, over the largest eigenvalue.
@@ -120,6 +122,8 @@ class Multigrid:
         ------
         IndefiniteError
             It is not positive definite.
+        FactorError
+            Its nodes do not group into few enough.
         """
         self._levels, self._between = [], list[tuple[Product, Product]]()
         block = self._block
@@ -140,6 +144,8 @@ class Multigrid:
             matrix = self._restricted(matrix, smoothed.tocsr())
             matrix = (matrix + sparse.diags(~active * matrix.diagonal().mean())).tocsr()
             block, depth = groups.motions.shape[1], depth + 1
+        if matrix.shape[0] > LARGEST_COARSEST:
+            raise FactorError(f"no level of multigrid below {matrix.shape[0]:,} unknowns was found")
         try:
             self._coarsest = cho_factor(matrix.toarray())
         except np.linalg.LinAlgError as error:
