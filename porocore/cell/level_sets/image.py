@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
@@ -36,6 +37,22 @@ def read_image(path: Path, crop: Crop | None = None) -> npt.NDArray[np.integer[A
     ConfigurationError
         The file is no image with whole numbers, the part is not within it, or tifffile is missing.
     """
+    found = _read(path, lambda shape, dtype: _check(path, shape, dtype, crop), crop)
+    return found.astype(np.int64) if found.dtype == bool else found
+
+
+def open_image(path: Path) -> npt.NDArray[np.integer[Any] | np.bool_]:
+    """Return the values of all voxels of an image of any size; those of a .npy file are read when they are looked at.
+
+    Raises
+    ------
+    ConfigurationError
+        As :func:`read_image`, but for the limits on the edges.
+    """
+    return _read(path, lambda shape, dtype: _check_kind(path, shape, dtype), None)
+
+
+def _read(path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop | None) -> npt.NDArray[Any]:
     suffix = path.suffix.lower()
     if suffix not in (".npy", *TIFF):
         raise ConfigurationError(f"{path}: expected an image as .npy, .tif or .tiff, got '{path.suffix}'")
@@ -45,16 +62,17 @@ def read_image(path: Path, crop: Crop | None = None) -> npt.NDArray[np.integer[A
             "image as .npy"
         )
     try:
-        found = _read_npy(path, crop) if suffix == ".npy" else _read_tiff(path, crop)
+        return (_read_npy if suffix == ".npy" else _read_tiff)(path, check, crop)
     except ConfigurationError:
         raise
     except Exception as error:  # readers raise any kind of error on a damaged file
         reason = " ".join(f"{error}".split())[:200] or type(error).__name__
         raise ConfigurationError(f"{path}: not an image that can be read: {reason}") from error
-    return found.astype(np.int64) if found.dtype == bool else found
 
 
-def _read_npy(path: Path, crop: Crop | None) -> npt.NDArray[Any]:
+def _read_npy(
+    path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop | None
+) -> npt.NDArray[Any]:
     """Read an array after a check of its header."""
     npy: Any = np.lib.format
     with path.open("rb") as file:
@@ -64,18 +82,20 @@ def _read_npy(path: Path, crop: Crop | None) -> npt.NDArray[Any]:
         first = version == (1, 0)
         read = npy.read_array_header_1_0 if first else npy.read_array_header_2_0
         shape, _, dtype = read(file)
-    _check(path, shape, dtype, crop)
+    check(shape, dtype)
     return np.asarray(_part(np.load(path, mmap_mode="r", allow_pickle=False), crop))
 
 
-def _read_tiff(path: Path, crop: Crop | None) -> npt.NDArray[Any]:
+def _read_tiff(
+    path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop | None
+) -> npt.NDArray[Any]:
     """Read the first series of pages, z leading, after a check of its header."""
     import tifffile
 
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # its messages are also raised
     with tifffile.TiffFile(path) as file:
         series = file.series[0]
-        _check(path, series.shape[::-1], series.dtype, crop)
+        check(series.shape[::-1], series.dtype)
         return np.asarray(_part(np.asarray(series.asarray()).T, crop))
 
 
@@ -83,18 +103,24 @@ def _part(image: npt.NDArray[Any], crop: Crop | None) -> npt.NDArray[Any]:
     return image if crop is None else image[tuple(slice(first, end) for first, end in crop)]
 
 
-def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None) -> None:
-    """Refuse an image of which the part that is used is no segmented image, before it is read."""
+def _check_kind(path: Path, shape: tuple[int, ...], dtype: Any) -> None:
+    """Refuse what is no segmented image in three dimensions, before it is read."""
     if dtype is None or not (np.issubdtype(dtype, np.bool_) or np.issubdtype(dtype, np.integer)):
         raise ConfigurationError(
             f"{path}: expected a segmented image, of whole numbers or of true and false, got values of the type "
             f"{dtype}; segment it first"
         )
-    got = f"got the shape {str(tuple(shape))[:80]}"
     if len(shape) != 3 or math.prod(shape) > MOST:
         raise ConfigurationError(
-            f"{path}: expected an image in three dimensions of at most {MOST:,} voxels, {got}"
+            f"{path}: expected an image in three dimensions of at most {MOST:,} voxels, got the shape "
+            f"{str(tuple(shape))[:80]}"
         )
+
+
+def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None) -> None:
+    """Refuse an image of which the part that is used is no segmented image, before it is read."""
+    _check_kind(path, shape, dtype)
+    got = f"got the shape {str(tuple(shape))[:80]}"
     if crop is not None:
         if any(not first < end <= length for (first, end), length in zip(crop, shape, strict=True)):
             raise ConfigurationError(

@@ -1,4 +1,4 @@
-"""``porocore cell``: one state of the cell, solved; ``cell fields``: its local fields; ``cell show``: its pores."""
+"""``porocore cell``: one state of the cell, its local fields, its pores, and how much of an image it must hold."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 
 from porocore.cli.common import chosen_store, command_group, in_units_of, interruptible, located, read_config
 from porocore.cli.options import ConfigArgument, FemOption, JsonOption, NoStoreOption, StoreOption
+from porocore.cli.representative import rev
 from porocore.cli.states import STATE_HELP, AtOption, GradUOption, PressureOption, read_state
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_ready
@@ -43,9 +44,11 @@ class _StateByDefault(TyperGroup):
 
 
 cell = command_group(
-    f"Solve one state of the cell (state, the default), write its local fields, or show its pores.\n\n{STATE_HELP}",
+    "Solve one state of the cell (state, the default), write its local fields, show its pores, or find how large a part"
+    f" of an image it must be.\n\n{STATE_HELP}",
     cls=_StateByDefault,
 )
+cell.command()(rev)
 
 
 @cell.command()

@@ -178,6 +178,11 @@ def spoken() -> ResultUnits:
 
 def length_text(*metres: float) -> str:
     """Return small lengths in the unit that suits the largest of them, such as ``192 x 192 x 384 µm``."""
-    units = {"m": 1.0, "mm": 1e3, "µm": 1e6, "nm": 1e9}
-    unit, factor = next(((u, f) for u, f in units.items() if max(metres) * f >= 1), ("nm", 1e9))
+    unit, factor = length_unit(max(metres))
     return f"{' x '.join(f'{length * factor:.4g}' for length in metres)} {unit}"
+
+
+def length_unit(metres: float) -> tuple[str, float]:
+    """Return the unit that suits a small length, and the factor of metres."""
+    units = {"m": 1.0, "mm": 1e3, "µm": 1e6, "nm": 1e9}
+    return next(((unit, factor) for unit, factor in units.items() if metres * factor >= 1), ("nm", 1e9))

@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from porocore.cell.cell import Cell
 from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
@@ -178,11 +179,17 @@ def share_of_flow(config: RunConfig) -> float:
 
 def expected_nodes(config: RunConfig) -> tuple[float, float]:
     """Return the approximate numbers of nodes of the solid and of the fluid that are solved, without meshing them."""
-    geometry, mesh = config.cell.geometry, config.cell.mesh
-    solid = geometry.elements(mesh.size) * (1 - geometry.porosity) * NODES_OF_TETRAHEDRON[mesh.element]
+    solid, fluid = nodes_of(config.cell, config.cell.geometry.porosity)
+    return solid * share_solved(config), fluid * share_of_flow(config)
+
+
+def nodes_of(cell: Cell, porosity: float) -> tuple[float, float]:
+    """Return the approximate numbers of nodes of the whole solid and of the fluid of one cell, without meshing them."""
+    geometry, mesh = cell.geometry, cell.mesh
+    solid = geometry.elements(mesh.size) * (1 - porosity) * NODES_OF_TETRAHEDRON[mesh.element]
     # The flow is quadratic on every mesh, and that of one cell.
-    fluid = geometry.elements(mesh.fluid_size) * geometry.porosity * NODES_OF_TETRAHEDRON["quadratic-curved"]
-    return solid * math.prod(config.cell.supercell) * share_solved(config), fluid * share_of_flow(config)
+    fluid = geometry.elements(mesh.fluid_size) * porosity * NODES_OF_TETRAHEDRON["quadratic-curved"]
+    return solid * math.prod(cell.supercell), fluid
 
 
 def process_memory(nodes: float) -> float:

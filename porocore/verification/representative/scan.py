@@ -1,0 +1,210 @@
+"""An image, and the sub-volumes that are cut out of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.cell.cell import Cell
+from porocore.cell.level_sets.image import SMALLEST, open_image
+from porocore.cell.level_sets.level_set import FEWEST
+from porocore.cell.level_sets.voxels import Voxels
+from porocore.core.units.results import length_text
+from porocore.errors import ConfigurationError
+from porocore.states import Array
+from porocore.study.config.config import RunConfig
+from porocore.verification.representative.plan import LADDER, SubvolumePlan
+
+#: Sub-volumes of one size of which the porosity is looked at, and voxels of all of them together.
+PLACES, VOXELS = 100, 2_000_000_000
+#: Digits of a mesh size; rounded up, so that no side gets an element more.
+DIGITS = 4
+
+Corner = tuple[int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Image from which sub-volumes are taken.
+
+    Attributes
+    ----------
+    cell
+        Cell of the configuration; its geometry says how a sub-volume becomes periodic, and its mesh how fine it is.
+    geometry
+        Its geometry.
+    values : (n₁, n₂, n₃)
+        Values of the voxels, read as far as they are looked at.
+    region : (3, 2)
+        First voxel, and the one after the last, along x, y, z, between which the sub-volumes lie.
+    elements
+        Sizes of the tetrahedra of the solid and of the fluid [voxels].
+    voxel
+        Cube root of the volume of a voxel [m]; None: not known.
+    """
+
+    cell: Cell
+    geometry: Voxels
+    values: npt.NDArray[Any]
+    region: tuple[tuple[int, int], ...]
+    elements: tuple[float, float]
+    voxel: float | None
+
+    @classmethod
+    def open(cls, config: RunConfig, plan: SubvolumePlan) -> Scan:
+        """Open the image of a configuration.
+
+        Raises
+        ------
+        ConfigurationError
+            The cell is no image, or its file no segmented one.
+        """
+        geometry, mesh = config.cell.geometry, config.cell.mesh
+        if not isinstance(geometry, Voxels):
+            raise ConfigurationError(
+                f"cell.geometry.kind: expected voxels, since sub-volumes are taken from an image, got '{geometry.kind}'"
+            )
+        path = geometry.checked("cell.geometry")
+        values = open_image(path)
+        whole = tuple((0, n) for n in values.shape)
+        part = whole if geometry.crop is None else geometry.crop
+        if any(not first < end <= n for (first, end), n in zip(part, values.shape, strict=True)):
+            raise ConfigurationError(
+                f"cell.geometry.crop: expected along each axis a first voxel and a larger end within {path}, got the "
+                f"shape {values.shape} and the part {[list(span) for span in part]}"
+            )
+        length = math.cbrt(math.prod(_cell_edge(geometry, end - first) for first, end in part))
+        elements = (
+            (mesh.size * length, mesh.fluid_size * length)
+            if plan.element is None
+            else (plan.element, plan.element)
+        )
+        voxel = None
+        if geometry.voxel_size is not None:
+            voxel = math.cbrt(math.prod(np.broadcast_to(geometry.voxel_size, 3)))
+        elif config.scales is not None:
+            voxel = config.scales.pore / length
+        return cls(config.cell, geometry, values, part if plan.within_crop else whole, elements, voxel)
+
+    @property
+    def extents(self) -> tuple[int, ...]:
+        """Voxels of the region along each axis."""
+        return tuple(end - first for first, end in self.region)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the image and the elements for reading."""
+        shape, extents = (" x ".join(map(str, each)) for each in (self.values.shape, self.extents))
+        of = "" if shape == extents else f", of which {extents} are used"
+        length = "" if self.voxel is None else f" of {length_text(self.voxel)}"
+        yield f"image {Path(self.geometry.path).name} of {shape} voxels{length}{of}, repeat: {self.geometry.repeat}"
+        solid, fluid = self.elements
+        yield f"elements of {solid:.3g} voxels in the solid and {fluid:.3g} in the fluid"
+
+    def edge(self, size: int) -> int:
+        """Return the edge of the cell that is made of a sub-volume [voxels]."""
+        return _cell_edge(self.geometry, size)
+
+    def length(self, size: int) -> float | None:
+        """Return the edge of a sub-volume in metres, of voxels that are no cubes the cube root of its volume."""
+        return None if self.voxel is None else size * self.voxel
+
+    def too_small(self, size: int) -> str:
+        """Return why a sub-volume is too small for a cell; empty if it is not."""
+        meshed = self.edge(size) // (2 if self.geometry.repeat == "mirror" else 1)
+        if self.geometry.repeat == "layer":
+            least = max(2 * self.geometry.layer, self.geometry.layer + SMALLEST)
+            if size < least:
+                return f"cell.geometry.layer: {self.geometry.layer} needs {least} voxels or more"
+        edges = np.broadcast_to(self.geometry.voxel_size or 1.0, 3)
+        short = float(edges.min() / np.cbrt(edges.prod()))
+        largest = max(self.elements)
+        if meshed * short < FEWEST * largest * (1 - 1e-9):
+            return f"fewer than {FEWEST} elements of {largest:.3g} voxels lie along its edge; give --element, such as 3"
+        return ""
+
+    def sizes(self, plan: SubvolumePlan) -> tuple[int, ...]:
+        """Return the sizes to look at.
+
+        Raises
+        ------
+        ConfigurationError
+            One that was given, or every one, is too large for the image or too small for a cell.
+        """
+        shortest = min(self.extents)
+        shape = " x ".join(map(str, self.extents))
+        if plan.sizes is None:
+            found = tuple(size for size in LADDER if size <= shortest and not self.too_small(size))
+            if not found:
+                raise ConfigurationError(
+                    f"--sizes: an image of {shape} voxels has no sub-volume for a cell: "
+                    f"{self.too_small(max(shortest, SMALLEST)) or 'it is too small'}"
+                )
+            return found
+        if plan.sizes[-1] > shortest:
+            part = "the part that cell.geometry.crop names" if plan.within_crop else "the image"
+            raise ConfigurationError(
+                f"--sizes: expected edges of at most {shortest} voxels, since {part} has {shape}, got {plan.sizes[-1]}"
+            )
+        for size in plan.sizes:
+            if fault := self.too_small(size):
+                raise ConfigurationError(f"--sizes: {size} voxels are too few for a cell: {fault}")
+        return plan.sizes
+
+    def places(self, size: int, plan: SubvolumePlan) -> list[Corner]:
+        """Return the first voxels of the sub-volumes of one size, those that are solved first."""
+        most = max(plan.count, min(PLACES, VOXELS // size**3))
+        draw = np.random.default_rng([plan.seed, size])
+        if plan.overlapping:
+            free = [extent - size + 1 for extent in self.extents]
+            drawn = [tuple(int(draw.integers(n)) for n in free) for _ in range(most)]
+            inner = list(dict.fromkeys(drawn))
+        else:
+            grid = [extent // size for extent in self.extents]
+            chosen = draw.permutation(math.prod(grid))[:most]
+            spare = [(extent - k * size) // 2 for extent, k in zip(self.extents, grid, strict=True)]
+            cubes = np.stack(np.unravel_index(chosen, grid), axis=1) * size + spare
+            inner = [tuple(map(int, cube)) for cube in cubes]
+        starts = [first for first, _ in self.region]
+        return [(a + starts[0], b + starts[1], c + starts[2]) for a, b, c in inner]
+
+    def porosities(self, size: int, places: list[Corner]) -> Array:
+        """Return the share of pore voxels of sub-volumes, before anything is blended or cleaned."""
+        shares = [
+            np.count_nonzero(self.values[x : x + size, y : y + size, z : z + size] == self.geometry.pore)
+            for x, y, z in places
+        ]
+        return np.array(shares, dtype=float) / size**3
+
+    def mesh_sizes(self, size: int) -> tuple[float, float]:
+        """Return ``mesh.size`` and ``mesh.fluid_size`` of the cell of a sub-volume."""
+        solid, fluid = (_rounded_up(element / self.edge(size)) for element in self.elements)
+        return solid, fluid
+
+    def subvolume(self, corner: Corner, size: int) -> Cell:
+        """Return the cell of one sub-volume.
+
+        Raises
+        ------
+        ConfigurationError
+            Its mesh would have too many elements.
+        """
+        solid, fluid = self.mesh_sizes(size)
+        crop = tuple((first, first + size) for first in corner)
+        geometry = self.geometry.model_copy(update={"crop": crop})
+        mesh = self.cell.mesh.model_copy(update={"size": solid, "fluid_size": fluid})
+        return Cell(**{**dict(self.cell), "geometry": geometry, "mesh": mesh})
+
+
+def _cell_edge(geometry: Voxels, size: int) -> int:
+    return {"mirror": 2 * size, "periodic": size, "layer": size - geometry.layer}[geometry.repeat]
+
+
+def _rounded_up(value: float) -> float:
+    scale = 10.0 ** (DIGITS - 1 - math.floor(math.log10(value)))
+    return float(f"{math.ceil(value * scale - 1e-6) / scale:.{DIGITS}g}")

@@ -1,0 +1,214 @@
+"""Study of sub-volumes: from an image to the size that suffices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from porocore.core.console import duration
+from porocore.core.files.atomic import new_folder
+from porocore.core.files.store import ResultStore
+from porocore.core.units.results import speaking
+from porocore.errors import PorocoreError, RunFolderError
+from porocore.study.config.config import RunConfig, cell_identity
+from porocore.study.preflight.checks import find_backends
+from porocore.study.store import cell_key, chosen_store
+from porocore.verification.representative.outlook import SizeOutlook, foresee
+from porocore.verification.representative.plan import SubvolumePlan
+from porocore.verification.representative.record import FILE, identity_of, load, save
+from porocore.verification.representative.results import RepresentativeVolume
+from porocore.verification.representative.scan import Corner, Scan
+from porocore.verification.representative.settling import judge
+from porocore.verification.representative.side_by_side import solve_all
+from porocore.verification.representative.subvolume import (
+    LOOSE,
+    SOLVED,
+    Subvolume,
+    SubvolumeJob,
+    solve_subvolume,
+)
+from porocore.verification.representative.tables import summary, write_tables
+
+
+@dataclass(frozen=True)
+class SubvolumeProgress:
+    """Progress of a study after one sub-volume.
+
+    Attributes
+    ----------
+    size, status
+        Edge [voxels] and status of the sub-volume.
+    done, expected, failed
+        Sub-volumes that are done, all, and those of the done ones without results.
+    work
+        Expected time of those that are done and of those that are left [s].
+    """
+
+    size: int
+    status: str
+    done: int
+    expected: int
+    failed: int
+    work: tuple[float, float]
+
+    def __str__(self) -> str:
+        return f"{self.size} voxels {self.status}"
+
+
+def study_representative_volume(
+    config: RunConfig,
+    folder: Path | str,
+    plan: SubvolumePlan | None = None,
+    *,
+    workers: int | None = None,
+    resume: bool = False,
+    on_subvolume: Callable[[SubvolumeProgress], None] = lambda progress: None,
+    store: ResultStore | str | Path | bool = True,
+    tell: Callable[[str], None] = lambda text: None,
+) -> RepresentativeVolume:
+    """Solve sub-volumes of growing size of an image, and judge from which size their results stay.
+
+    Parameters
+    ----------
+    config
+        The study; only its cell, finite elements, scales and workers count. The geometry is an image.
+    folder
+        Place of ``rev.json``, ``subvolumes.csv``, ``sizes.csv``, ``rev.png`` and ``rev.svg``.
+    plan
+        Sizes, numbers and places of the sub-volumes.
+    workers
+        Processes; by default as configured for sampling.
+    resume
+        Take the sub-volumes that the folder holds; the plan may be another one.
+    on_subvolume
+        Called after every sub-volume.
+    store
+        Folder of results that studies share; True: that of the user, False: none. A cell that it holds is not solved.
+    tell
+        Called with the outlook of each size, and with what came from the store.
+
+    Raises
+    ------
+    ConfigurationError
+        The cell is no image, or its sub-volumes are too large for it or too small for a cell.
+    RunFolderError
+        The folder cannot be written, or holds a study and ``resume`` is not given.
+    DataError
+        The folder holds a study of another image, way to make cells, or backend.
+    PluginError
+        The backend is missing.
+    PorocoreError
+        All sub-volumes failed.
+    """
+    from porocore.verification.representative.figure import write_figure
+
+    folder, plan = Path(folder), SubvolumePlan() if plan is None else plan
+    scan = Scan.open(config, plan)
+    sizes = scan.sizes(plan)
+    if (folder / FILE).exists() and not resume:
+        raise RunFolderError(
+            f"{folder} already holds a study; add --resume to continue it, or choose another --out"
+        )
+    if plan.solve:
+        find_backends(config, ["cell solver"])
+    identity = identity_of(config, scan)
+    known = load(folder / FILE, identity) if (folder / FILE).exists() else {}
+    new_folder(folder)
+    workers = config.sampling.worker_count() if workers is None else workers
+    for line in scan.lines():
+        tell(line)
+    outlooks = []
+    for size in sizes:
+        outlooks.append(foresee(scan, plan, size, workers))
+        tell(outlooks[-1].line(workers))
+    campaign = _Campaign(
+        config, scan, folder / FILE, identity, known, chosen_store(store), on_subvolume, tell
+    )
+    subvolumes = campaign.run(outlooks, workers)
+    settling = judge(subvolumes, plan.tolerance)
+    found = RepresentativeVolume(plan, scan, tuple(outlooks), tuple(subvolumes), settling, folder / FILE)
+    save(found.record, identity, campaign.known.values(), **summary(found))
+    with speaking(config.result_units):
+        tables = write_tables(folder, found)
+        found = replace(found, tables=tables, pictures=write_figure(folder, found))
+    if subvolumes and not any(each.status in (SOLVED, LOOSE) for each in subvolumes):
+        raise PorocoreError(
+            f"none of {len(subvolumes)} sub-volumes could be solved, the first one because: {subvolumes[0].message}"
+        )
+    return found
+
+
+class _Campaign:
+    """Sub-volumes that are solved and recorded one by one."""
+
+    def __init__(
+        self,
+        config: RunConfig,
+        scan: Scan,
+        path: Path,
+        identity: str,
+        known: dict[str, Subvolume],
+        store: ResultStore | None,
+        on_subvolume: Callable[[SubvolumeProgress], None],
+        tell: Callable[[str], None],
+    ) -> None:
+        self.config, self.scan, self.path, self.identity = config, scan, path, identity
+        #: By the identities of their cells; further ones that the record holds stay in it.
+        self.known = known
+        self.store, self.on_subvolume, self.tell = store, on_subvolume, tell
+
+    def run(self, outlooks: list[SizeOutlook], workers: int) -> list[Subvolume]:
+        """Solve what is not known and return the sub-volumes of the outlooks, in their order."""
+        jobs = [self._job(outlook, corner) for outlook in outlooks for corner in outlook.corners]
+        self._expected, self._work = len(jobs), sum(job.seconds for job in jobs)
+        self._done = self._failed = 0
+        self._behind = 0.0
+        left = []
+        for job in jobs:
+            if job.identity in self.known:
+                self._count(job)
+            else:
+                left.append(job)
+        left = self._from_store(left)
+        for job, found in solve_all(left, self.config.fem, self.store, workers):
+            self._take(job, found)
+        return [self.known[job.identity] for job in jobs]
+
+    def _job(self, outlook: SizeOutlook, corner: Corner) -> SubvolumeJob:
+        size, cell = outlook.size, self.scan.subvolume(corner, outlook.size)
+        identity = cell_identity(cell, self.config.fem)
+        return SubvolumeJob(
+            cell, identity, size, corner, self.scan.edge(size), outlook.seconds, outlook.side_by_side
+        )
+
+    def _from_store(self, jobs: list[SubvolumeJob]) -> list[SubvolumeJob]:
+        """Take what the store holds, and return the others."""
+        if self.store is None:
+            return jobs
+        left, saved, fem = [], list[float](), self.config.fem
+        for job in jobs:
+            kept = self.store.find("cells", cell_key(fem.backend, fem.options, job.cell, "piola"))
+            if kept is None:
+                left.append(job)
+                continue
+            saved.append(float(kept.facts["seconds"]))
+            self._take(job, solve_subvolume(job, fem, self.store, saved[-1]))
+        if saved:
+            cells = f"{len(saved)} {'cell' if len(saved) == 1 else 'cells'}"
+            self.tell(f"rev: {cells} came from the store, which saved about {duration(sum(saved))}")
+        return left
+
+    def _take(self, job: SubvolumeJob, found: Subvolume) -> None:
+        self.known[job.identity] = found
+        save(self.path, self.identity, self.known.values())
+        self._count(job)
+
+    def _count(self, job: SubvolumeJob) -> None:
+        found = self.known[job.identity]
+        self._done, self._behind = self._done + 1, self._behind + job.seconds
+        self._failed += found.status != SOLVED
+        work = (self._behind, max(0.0, self._work - self._behind))
+        self.on_subvolume(
+            SubvolumeProgress(job.size, found.status, self._done, self._expected, self._failed, work)
+        )
