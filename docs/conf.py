@@ -82,7 +82,7 @@ nitpick_ignore_regex = [
     (
         "py:class",
         r"(porocore\.interfaces\.(cell|macro)\.)?Prepared|porocore\.(cell\.(contact|materials|meshing|stability\.line)|core|macro\.(analytic|problem\.TimePlan)|study\.(api\.solved\.T|config|run_folder|tuning)"
-        r"|plugins\.kinds\.Scaffold|testing\.sampler_laws|verification\.(local_fields\.(nodal|points)|sensitivity\.(plan|results)))\b.*",
+        r"|plugins\.kinds\.Scaffold|testing\.sampler_laws|verification\.(local_fields\.(nodal|points)|sensitivity\.(plan|results)|representative))\b.*",
     ),
     # What stands where a type stands in a docstring, such as (n, 3, 3).
     ("py:class", r"(?!porocore\.)[^A-Z].*"),

@@ -65,6 +65,9 @@ if TYPE_CHECKING:
     from porocore.study.config.config import RunConfig as RunConfig
     from porocore.study.config.loading import load_config as load_config
     from porocore.verification.local_fields.solve import write_local_fields as write_local_fields
+    from porocore.verification.representative.study import (
+        study_representative_volume as study_representative_volume,
+    )
     from porocore.verification.reproduce import reproduce as reproduce
     from porocore.verification.sensitivity.study import study_sensitivity as study_sensitivity
     from porocore.verification.stability import map_stability as map_stability
@@ -101,6 +104,7 @@ _HOMES = {
     "porocore.interfaces.solution": ["History", "MacroSolution", "Profile", "StepReport", "StepWork"],
     "porocore.states": ["CellExtrema", "CellResponse", "CellTangent", "MacroState", "Status"],
     "porocore.verification.local_fields.solve": ["write_local_fields"],
+    "porocore.verification.representative.study": ["study_representative_volume"],
     "porocore.verification.reproduce": ["reproduce"],
     "porocore.verification.sensitivity.study": ["study_sensitivity"],
     "porocore.verification.stability": ["map_stability"],

@@ -33,50 +33,62 @@ from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from porocore.core.files.store import ResultStore
+    from porocore.study.config.config import RunConfig
     from porocore.verification.representative.plan import SubvolumePlan
     from porocore.verification.representative.results import RepresentativeVolume
     from porocore.verification.representative.study import SubvolumeProgress
 
+#: Columns of a page where standard output is no terminal.
+WIDTH = 150
 #: Names of the results above their columns.
 SHORT = {"modulus": "modulus", "biot": "Biot", "storage": "1/M_B"}
 
 
+SizesOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LIST",
+        help="Edges of the sub-volumes in voxels, such as 16,32,64.",
+        show_default="8 to 384, as the image, the elements, memory and an hour allow",
+    ),
+]
+CountOption = Annotated[int, typer.Option(metavar="N", help="Sub-volumes of each size that are solved.")]
+SeedOption = Annotated[int, typer.Option(metavar="N", help="Seed of the choice of their places.")]
+OverlappingOption = Annotated[
+    bool, typer.Option("--overlapping", help="Random places; by default sub-volumes do not overlap.")
+]
+CropOption = Annotated[
+    bool, typer.Option("--within-crop", help="Stay in cell.geometry.crop; by default in the whole image.")
+]
+ElementOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="X", help="Size of the elements in voxels.", show_default="as in the configured cell"
+    ),
+]
+ToleranceOption = Annotated[
+    float, typer.Option(metavar="X", help="Share by which results may differ, 0.05 for 5 %.")
+]
+PorosityOption = Annotated[bool, typer.Option("--porosity-only", help="Look at the voxels; solve nothing.")]
+FolderOption = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder of record, tables and picture.")
+]
+
+
 def rev(
     config: ConfigArgument = None,
-    sizes: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIST",
-            help="Edges of the sub-volumes in voxels, such as 16,32,64.",
-            show_default="8 to 384, as the image, the elements, memory and an hour allow",
-        ),
-    ] = None,
-    count: Annotated[int, typer.Option(metavar="N", help="Sub-volumes of each size that are solved.")] = 4,
-    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the choice of their places.")] = 0,
-    overlapping: Annotated[
-        bool, typer.Option("--overlapping", help="Random places; by default sub-volumes do not overlap.")
-    ] = False,
-    within_crop: Annotated[
-        bool,
-        typer.Option("--within-crop", help="Stay in cell.geometry.crop; by default in the whole image."),
-    ] = False,
-    element: Annotated[
-        float | None,
-        typer.Option(
-            metavar="X", help="Size of the elements in voxels.", show_default="as in the configured cell"
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float, typer.Option(metavar="X", help="Share by which results may differ, 0.05 for 5 %.")
-    ] = 0.05,
-    porosity_only: Annotated[
-        bool, typer.Option("--porosity-only", help="Look at the voxels; solve nothing.")
-    ] = False,
+    sizes: SizesOption = None,
+    count: CountOption = 4,
+    seed: SeedOption = 0,
+    overlapping: OverlappingOption = False,
+    within_crop: CropOption = False,
+    element: ElementOption = None,
+    tolerance: ToleranceOption = 0.05,
+    porosity_only: PorosityOption = False,
     fem: FemOption = None,
     workers: WorkersOption = None,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder of record, tables and picture.")
-    ] = Path("runs/rev"),
+    out: FolderOption = Path("runs/rev"),
     resume: ResumeOption = False,
     as_json: JsonOption = False,
     store: StoreOption = None,
@@ -96,24 +108,12 @@ def rev(
         resume=True, json=as_json, store=store, no_store=no_store,
     )  # fmt: skip
     with interruptible(again), located(path), in_units_of(settings):
-        from porocore.verification.representative.study import study_representative_volume
         from porocore.verification.representative.tables import summary
         from porocore.verification.representative.words import verdict
 
         check_workers(workers)
         plan = _plan(sizes, count, seed, overlapping, within_crop, element, tolerance, not porosity_only)
-        console = Console()
-        with console.task("rev", "cells") as task:
-
-            def show(progress: SubvolumeProgress) -> None:
-                task.update(
-                    progress.done, progress.expected, failed=progress.failed, detail=str(progress), work=progress.work
-                )  # fmt: skip
-
-            found = study_representative_volume(
-                settings, out, plan, workers=workers, resume=resume, on_subvolume=show, store=kept or False,
-                tell=console.note,
-            )  # fmt: skip
+        found = _studied(settings, out, plan, workers, resume, kept)
         if as_json:
             typer.echo(json.dumps({**summary(found), "verdict": list(verdict(found))}, allow_nan=False))
             return
@@ -122,6 +122,33 @@ def rev(
             typer.echo(line)
     for written in (found.record, *found.tables, *found.pictures):
         typer.echo(written)
+
+
+def _studied(
+    settings: RunConfig,
+    out: Path,
+    plan: SubvolumePlan,
+    workers: int | None,
+    resume: bool,
+    store: ResultStore | None,
+) -> RepresentativeVolume:
+    """Return the results of a study, of which the progress is shown."""
+    from porocore.verification.representative.study import study_representative_volume
+
+    console = Console()
+    with console.task("rev", "cells") as task:
+
+        def show(progress: SubvolumeProgress) -> None:
+            done, detail, work = progress.done, str(progress), progress.work
+            task.update(done, progress.expected, failed=progress.failed, detail=detail, work=work)
+
+        found = study_representative_volume(
+            settings, out, plan, workers=workers, resume=resume, on_subvolume=show, store=store or False,
+            tell=console.note,
+        )  # fmt: skip
+        if not found.subvolumes:
+            task.done_at_once("porosity of the voxels alone")
+    return found
 
 
 def _plan(
@@ -163,7 +190,7 @@ def _print(found: RepresentativeVolume) -> None:
 
     unit, by_voxel = length_column(found.scan, [each.size for each in found.outlooks])
     voxel, names = found.scan.voxel, list(QUANTITIES) if found.subvolumes else []
-    headings = ["voxels", *([f"edge [{unit}]"] if unit else []), "porosity of voxels"]
+    headings = ["voxels", *([f"edge [{unit}]"] if unit else []), "φ of voxels"]
     headings += ["solved"] if names else []
     headings += [titled(name, voxel, SHORT.get(name)) for name in names]
     table = plain_table(headings, range(len(headings)))
@@ -176,6 +203,6 @@ def _print(found: RepresentativeVolume) -> None:
         for name in names:
             _, mean, deviation = found.settling.scatter[name].at(each.size)
             by = factor(name, voxel)
-            row.append(text(by * mean, by * deviation))
+            row.append(number(mean, 3) if name == "anisotropy" else text(by * mean, by * deviation))
         table.add_row(*row)
-    page().print(table)
+    page(WIDTH).print(table)

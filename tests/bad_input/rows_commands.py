@@ -17,6 +17,7 @@ WITH_CONFIG = {
     "cell state": (),
     "cell fields": ("--out", "out"),
     "cell show": ("--out", "out"),
+    "cell rev": ("--out", "out"),
 }
 #: Commands that go on with a run folder.
 WITH_RUN = ("train", "solve", "report", "data info", "data check")

@@ -27,6 +27,7 @@ NEEDED = {
     "run": (CONFIG, "--out", "out"),
     "sample": (CONFIG, "--out", "out"),
     "check": (CONFIG,),
+    "cell rev": (CONFIG, "--out", "out"),
     "store clear": ("--store", "none-there"),
 }
 #: Options of commands with a value that cannot be used, and a part of the message.

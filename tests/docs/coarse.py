@@ -22,6 +22,7 @@ from porocore.core.files.yaml_document import YamlDocument
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
 from porocore.verification.ladder import cases as ladder
 from porocore.verification.local_fields import geometry, pictures
+from porocore.verification.representative.plan import SubvolumePlan
 from porocore.verification.sensitivity.plan import StudyPlan, Sweep
 
 #: Modules that hold the function by which every configuration is made.
@@ -133,6 +134,7 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
         values=lambda plan: plan.values[:1],
         line=lambda plan: LineSettings(1, 0.1, plan.line.eigenvalues),
     )
+    _shrink(patch, SubvolumePlan, sizes=lambda plan: (6, 8), count=lambda plan: 1, element=lambda plan: 2.0)
     find = porocore.verification.crosscheck.select_backends
     patch.setattr(
         porocore.verification.crosscheck,

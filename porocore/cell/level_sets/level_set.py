@@ -19,6 +19,9 @@ from porocore.errors import PorocoreError
 #: Smallest piece of a phase that the mesh keeps, in cubes: four tetrahedra. At a neck as narrow as an element single
 #: ones come off.
 CRUMB = 1 / 3
+#: Share of the solid up to which pieces that came loose are taken for specks. Of 22 images of smoothed noise with such
+#: pieces, at three voxels a tetrahedron, they were at most 2 % of the solid in 19, and 4 to 7 % in three.
+SPECKS = 0.02
 #: Smallest number of cubes along any side of the meshed part; with fewer, a periodic node may meet its own image.
 FEWEST = 3
 
@@ -35,9 +38,11 @@ class LevelSetGeometry(PoreGeometry):
 
 
 def mesh_level_set(
-    geometry: PoreGeometry, level_set: LevelSet, size: float, element: Element
+    geometry: PoreGeometry, level_set: LevelSet, size: float, element: Element, *, drop_specks: bool = False
 ) -> dict[Phase, Tetrahedra]:
     """Return both phases of the eighth of a geometry with mirrors, or of its whole cell.
+
+    With ``drop_specks`` small pieces of the solid that touch nothing belong to the fluid.
 
     Raises
     ------
@@ -56,10 +61,20 @@ def mesh_level_set(
         mesh = cut(lattice, level_set)
     except PorocoreError as error:
         raise PorocoreError(f"cannot mesh {geometry.description} at size {size:g}: {error}") from error
-    return phases(_without_crumbs(mesh, CRUMB * lattice.spacing.prod()), lattice, level_set, element)
+    mesh = _without_crumbs(mesh, CRUMB * lattice.spacing.prod())
+    return phases(_without_specks(mesh) if drop_specks else mesh, lattice, level_set, element)
 
 
 def _without_crumbs(mesh: TwoPhases, least: float) -> TwoPhases:
     """Return a mesh whose pieces below a volume belong to the other phase."""
     flipped = crumbs(mesh.cells, mesh.first, mesh.solid, volumes(mesh.points, mesh.cells), least)
     return replace(mesh, solid=mesh.solid ^ flipped)
+
+
+def _without_specks(mesh: TwoPhases) -> TwoPhases:
+    """Return a mesh with all pieces of the solid but its largest in the fluid, unless they are more than specks."""
+    sizes = volumes(mesh.points, mesh.cells)
+    loose = mesh.solid & crumbs(mesh.cells, mesh.first, mesh.solid, sizes, np.inf)
+    if sizes[loose].sum() > SPECKS * sizes[mesh.solid].sum():
+        return mesh
+    return replace(mesh, solid=mesh.solid & ~loose)

@@ -30,6 +30,8 @@ from porocore.verification.representative.tables import factor, length_column, t
 
 #: Shift of what lies beside another at one size, as a share of the width.
 BESIDE = 0.012
+#: Factor between permeabilities from which their axis is logarithmic.
+WIDE = 20.0
 #: Sizes that are at least so far apart, as a factor, both have a number at the axis.
 APART = 1.18
 
@@ -101,6 +103,9 @@ def _draw(axes: Axes, study: RepresentativeVolume, name: str) -> None:
             sizes * beside, by * scatter.mean, by * np.nan_to_num(scatter.deviation), color=BLUE, marker="o", ms=5,
             capsize=2.5, lw=1.2, label="mean and standard deviation",
         )  # fmt: skip
+        positive = [value for _, value in single if value > 0]
+        if name == "permeability" and positive and max(positive) > WIDE * min(positive):
+            axes.set_yscale("log")
     axes.set_ylabel(titled(name, study.scan.voxel, f"{quantity.title} ${quantity.symbol}$"))
 
 

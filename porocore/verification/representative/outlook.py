@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from porocore.cell.meshing.estimate import MOST
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.errors import ConfigurationError
 from porocore.states import Array
 from porocore.study.preflight import cost
 from porocore.study.preflight.workload import LIBRARIES, as_time, memory_here, nodes_of, process_memory
@@ -15,6 +15,8 @@ from porocore.verification.representative.scan import Corner, Scan
 
 #: Sizes that nobody asked for are solved where that takes no longer on the workers [s].
 LONG = 3600.0
+#: Reason why none is solved where only the porosity is wanted.
+NOT_ASKED = "only the porosity was asked for"
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,8 @@ class SizeOutlook:
         """Return the outlook as a sentence."""
         count, places, (solid, fluid) = self.solved, len(self.places), map(_few, self.nodes)
         text = f"{self.size} voxels: porosity {self.porosities.mean():.3g} by the voxels of {places}"
+        if self.left_out == NOT_ASKED:
+            return text
         if self.left_out:
             return f"{text}; no cell is solved: {self.left_out}"
         side_by_side = min(workers, self.side_by_side, count)
@@ -78,17 +82,11 @@ def foresee(scan: Scan, plan: SubvolumePlan, size: int, workers: int) -> SizeOut
     porosities = scan.porosities(size, places)
     count = min(plan.count, len(places))
     porosity = min(max(float(porosities.mean()), 0.01), 0.99)
-    left_out = "" if plan.solve else "only the porosity was asked for"
-    least = _least_size()
-    if min(scan.mesh_sizes(size)) < least and not left_out:
-        left_out = f"its elements would be smaller than {least:g} of the cell; give a larger --element"
-    if not left_out:
-        try:
-            cell = scan.subvolume(places[0], size)
-        except ConfigurationError as error:
-            left_out = f"{error}"
+    left_out = "" if plan.solve else NOT_ASKED
+    left_out = left_out or _too_fine(scan, size)
     if left_out:
         return SizeOutlook(size, tuple(places), porosities, count, (0.0, 0.0), 0.0, 0.0, 0, left_out)
+    cell = scan.subvolume(places[0], size)
     solid, fluid = nodes_of(cell, porosity)
     solid, fluid = solid / (8 if cell.mirrored else 1), fluid / (8 if cell.symmetric else 1)
     # Each sub-volume is the first state of its cell.
@@ -112,6 +110,14 @@ def _few(count: float) -> str:
     return f"{float(f'{count:.2g}'):,.0f}"
 
 
-def _least_size() -> float:
-    """Return the smallest size of elements that a configuration may give."""
-    return next(float(each.ge) for each in MeshSettings.model_fields["size"].metadata if hasattr(each, "ge"))
+def _too_fine(scan: Scan, size: int) -> str:
+    """Return why the mesh of a sub-volume has too many elements; empty if it has not."""
+    finest = min(scan.mesh_sizes(size))
+    least = next(each.ge for each in MeshSettings.model_fields["size"].metadata if hasattr(each, "ge"))
+    count = scan.geometry.elements(finest) * math.prod(scan.cell.supercell)
+    if finest >= least and count <= MOST:
+        return ""
+    return (
+        f"it would have about {float(f'{count:.2g}'):,.0f} elements, at most {MOST:,} are made, none smaller than "
+        f"{least:g} of the cell; give a larger --element"
+    )

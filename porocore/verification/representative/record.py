@@ -28,6 +28,16 @@ def identity_of(config: RunConfig, scan: Scan) -> str:
     return json_hash(parts, sort_keys=True, default=str)
 
 
+def holds_results(path: Path) -> bool:
+    """Return whether a record is there that must not be replaced: any but one of the porosity alone."""
+    if not path.exists():
+        return False
+    try:
+        return bool(read_json(path)["subvolumes"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return True
+
+
 def load(path: Path, identity: str) -> dict[str, Subvolume]:
     """Return the sub-volumes of a record by the identities of their cells, but those that were lost.
 

@@ -16,7 +16,7 @@ from porocore.study.preflight.checks import find_backends
 from porocore.study.store import cell_key, chosen_store
 from porocore.verification.representative.outlook import SizeOutlook, foresee
 from porocore.verification.representative.plan import SubvolumePlan
-from porocore.verification.representative.record import FILE, identity_of, load, save
+from porocore.verification.representative.record import FILE, holds_results, identity_of, load, save
 from porocore.verification.representative.results import RepresentativeVolume
 from porocore.verification.representative.scan import Corner, Scan
 from porocore.verification.representative.settling import judge
@@ -74,7 +74,7 @@ def study_representative_volume(
     config
         The study; only its cell, finite elements, scales and workers count. The geometry is an image.
     folder
-        Place of ``rev.json``, ``subvolumes.csv``, ``sizes.csv``, ``rev.png`` and ``rev.svg``.
+        Place of ``rev.json``, the tables and the picture.
     plan
         Sizes, numbers and places of the sub-volumes.
     workers
@@ -92,28 +92,22 @@ def study_representative_volume(
     ------
     ConfigurationError
         The cell is no image, or its sub-volumes are too large for it or too small for a cell.
-    RunFolderError
-        The folder cannot be written, or holds a study and ``resume`` is not given.
-    DataError
-        The folder holds a study of another image, way to make cells, or backend.
-    PluginError
-        The backend is missing.
-    PorocoreError
-        All sub-volumes failed.
+    RunFolderError, DataError
+        The folder cannot be written, holds a study and ``resume`` is not given, or one of another image or backend.
+    PluginError, PorocoreError
+        The backend is missing, or all sub-volumes failed.
     """
-    from porocore.verification.representative.figure import write_figure
-
     folder, plan = Path(folder), SubvolumePlan() if plan is None else plan
     scan = Scan.open(config, plan)
     sizes = scan.sizes(plan)
-    if (folder / FILE).exists() and not resume:
+    if not resume and holds_results(folder / FILE):
         raise RunFolderError(
             f"{folder} already holds a study; add --resume to continue it, or choose another --out"
         )
     if plan.solve:
         find_backends(config, ["cell solver"])
     identity = identity_of(config, scan)
-    known = load(folder / FILE, identity) if (folder / FILE).exists() else {}
+    known = load(folder / FILE, identity) if resume and (folder / FILE).exists() else {}
     new_folder(folder)
     workers = config.sampling.worker_count() if workers is None else workers
     for line in scan.lines():
@@ -122,21 +116,28 @@ def study_representative_volume(
     for size in sizes:
         outlooks.append(foresee(scan, plan, size, workers))
         tell(outlooks[-1].line(workers))
-    campaign = _Campaign(
-        config, scan, folder / FILE, identity, known, chosen_store(store), on_subvolume, tell
-    )
-    subvolumes = campaign.run(outlooks, workers)
-    settling = judge(subvolumes, plan.tolerance)
-    found = RepresentativeVolume(plan, scan, tuple(outlooks), tuple(subvolumes), settling, folder / FILE)
-    save(found.record, identity, campaign.known.values(), **summary(found))
+    record = folder / FILE
+    campaign = _Campaign(config, scan, record, identity, known, chosen_store(store), on_subvolume, tell)
+    solved = campaign.run(outlooks, workers)
+    settling = judge(solved, plan.tolerance)
+    found = RepresentativeVolume(plan, scan, tuple(outlooks), tuple(solved), settling, record)
+    save(record, identity, campaign.known.values(), **summary(found))
+    return _shown(found, config)
+
+
+def _shown(found: RepresentativeVolume, config: RunConfig) -> RepresentativeVolume:
+    """Write tables and picture, and refuse results of nothing."""
+    from porocore.verification.representative.figure import write_figure
+
+    folder, solved = found.record.parent, found.subvolumes
     with speaking(config.result_units):
         tables = write_tables(folder, found)
-        found = replace(found, tables=tables, pictures=write_figure(folder, found))
-    if subvolumes and not any(each.status in (SOLVED, LOOSE) for each in subvolumes):
+        pictures = write_figure(folder, found)
+    if solved and not any(each.status in (SOLVED, LOOSE) for each in solved):
         raise PorocoreError(
-            f"none of {len(subvolumes)} sub-volumes could be solved, the first one because: {subvolumes[0].message}"
+            f"none of {len(solved)} sub-volumes could be solved, the first one because: {solved[0].message}"
         )
-    return found
+    return replace(found, tables=tables, pictures=pictures)
 
 
 class _Campaign:

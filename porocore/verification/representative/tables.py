@@ -24,7 +24,7 @@ def factor(name: str, voxel: float | None) -> float:
 
 
 def unit_name(name: str, voxel: float | None) -> str:
-    """Return the unit of a quantity: µm² or the like, or voxels²; that of the study or a multiple of E; empty for a plain number."""
+    """Return the unit of a quantity, such as µm² or voxels², kPa or E; empty for a plain number."""
     unit = QUANTITIES[name].unit
     if unit == "permeability":
         return "voxels²" if voxel is None else f"{length_unit(voxel)[0]}²"
