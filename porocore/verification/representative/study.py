@@ -81,12 +81,10 @@ def study_representative_volume(
         Processes; by default as configured for sampling.
     resume
         Take the sub-volumes that the folder holds; the plan may be another one.
-    on_subvolume
-        Called after every sub-volume.
     store
         Folder of results that studies share; True: that of the user, False: none. A cell that it holds is not solved.
-    tell
-        Called with the outlook of each size, and with what came from the store.
+    on_subvolume, tell
+        Called after every sub-volume; called with the outlook of each size, and with what came from the store.
 
     Raises
     ------
@@ -110,19 +108,26 @@ def study_representative_volume(
     known = load(folder / FILE, identity) if resume and (folder / FILE).exists() else {}
     new_folder(folder)
     workers = config.sampling.worker_count() if workers is None else workers
-    for line in scan.lines():
-        tell(line)
-    outlooks = []
-    for size in sizes:
-        outlooks.append(foresee(scan, plan, size, workers))
-        tell(outlooks[-1].line(workers))
-    record = folder / FILE
+    outlooks, record = _foreseen(scan, plan, sizes, workers, tell), folder / FILE
     campaign = _Campaign(config, scan, record, identity, known, chosen_store(store), on_subvolume, tell)
     solved = campaign.run(outlooks, workers)
     settling = judge(solved, plan.tolerance)
     found = RepresentativeVolume(plan, scan, tuple(outlooks), tuple(solved), settling, record)
     save(record, identity, campaign.known.values(), **summary(found))
     return _shown(found, config)
+
+
+def _foreseen(
+    scan: Scan, plan: SubvolumePlan, sizes: tuple[int, ...], workers: int, tell: Callable[[str], None]
+) -> list[SizeOutlook]:
+    """Tell and return the outlook of each size."""
+    for line in scan.lines():
+        tell(line)
+    outlooks = []
+    for size in sizes:
+        outlooks.append(foresee(scan, plan, size, workers))
+        tell(outlooks[-1].line(workers))
+    return outlooks
 
 
 def _shown(found: RepresentativeVolume, config: RunConfig) -> RepresentativeVolume:
