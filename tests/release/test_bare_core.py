@@ -50,10 +50,7 @@ COMMANDS = [
     ("verify", f"there is no finite-element backend; install one: {ELSEWHERE}"),
     ("cell state study.yaml --p 0.01", SKFEM),
     ("cell fields study.yaml --at p=0.01 --out new", SKFEM),
-    (
-        "cell rev study.yaml --out new",
-        "cell.geometry.kind: expected voxels, since sub-volumes are taken from an image",
-    ),
+    ("cell rev study.yaml --out new", SKFEM),
     ("cell show study.yaml --out cell", "pictures need pyvista, which is not installed"),
     ("data info run", None),
     ("data check run", None),

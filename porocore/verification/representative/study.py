@@ -96,14 +96,14 @@ def study_representative_volume(
         The backend is missing, or all sub-volumes failed.
     """
     folder, plan = Path(folder), SubvolumePlan() if plan is None else plan
+    if plan.solve:
+        find_backends(config, ["cell solver"])
     scan = Scan.open(config, plan)
     sizes = scan.sizes(plan)
     if not resume and holds_results(folder / FILE):
         raise RunFolderError(
             f"{folder} already holds a study; add --resume to continue it, or choose another --out"
         )
-    if plan.solve:
-        find_backends(config, ["cell solver"])
     identity = identity_of(config, scan)
     known = load(folder / FILE, identity) if resume and (folder / FILE).exists() else {}
     new_folder(folder)
