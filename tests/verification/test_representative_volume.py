@@ -362,7 +362,7 @@ def test_the_command_prints_a_table_in_units_and_one_object(tmp_path, solves, mo
     assert found["enough"] == 6
     assert found["voxel [m]"] == pytest.approx(3e-6)
     assert found["sizes"][0]["permeability"]["mean"] == pytest.approx(1.0)
-    looked = invoke(*words[:-4], "--porosity-only", "--out", tmp_path / "looked")
+    looked = invoke(*words[:-3], "--porosity-only", "--out", tmp_path / "looked")
     assert looked.exit_code == 0, looked.output
     assert (
         "permeability and stiffness need larger ones" in looked.stdout or "scatters by more" in looked.stdout

@@ -26,7 +26,7 @@ class SubvolumePlan:
     Attributes
     ----------
     sizes
-        Edges [voxels], increasing; None: those of :data:`LADDER` that the image and the elements allow.
+        Edges [voxels], increasing; None: 8, 12, 16, 24 … 384, as far as image and elements allow.
     count
         Sub-volumes of each size that are solved, at most.
     seed
@@ -38,7 +38,7 @@ class SubvolumePlan:
     element
         Size of the tetrahedra of both phases [voxels]; None: as many voxels as in the cell of the configuration.
     tolerance
-        Share by which a result may differ, see :func:`porocore.verification.representative.settling.judge`.
+        Share by which means may differ from that of the largest size, and single sub-volumes may scatter.
     solve
         False: only the porosity of the voxels is looked at.
 

@@ -118,7 +118,7 @@ class Settling:
     tolerance
         Share by which they may differ.
     scatter
-        Of each of :data:`QUANTITIES`.
+        Of each quantity by name, such as ``permeability``.
     settled
         Size from which the means of each judged quantity stay, None where they do not.
     settled_all
