@@ -49,6 +49,7 @@ LawOption = Annotated[
     list[LawName] | None,
     typer.Option(
         "--law",
+        "--laws",
         metavar="LAW",
         help="surrogate, linear or direct (the cell itself, at every point). Repeatable.",
         show_default="surrogate and linear",

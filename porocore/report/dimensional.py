@@ -56,7 +56,7 @@ def dimensional_rows(
         The load is a stress only where it scales one; forces are listed where a surface is moved, settlements
         where they are a result.
     """
-    found = metrics["nonlinear"]
+    found, linear = metrics["nonlinear"], metrics["linear"]
     rows: list[tuple[str, str, float | None]] = []
 
     def said(value: float) -> str:
@@ -67,11 +67,12 @@ def dimensional_rows(
     if loading_mode.settles:
         rows += [
             ("final settlement", "displacement", found["final_settlement"]),
-            ("final settlement, linear", "displacement", metrics["linear"]["final_settlement"]),
             ("95 % of the settlement after", "time", found["time_to_95_percent"]),
             ("99 % of the settlement after", "time", found["time_to_99_percent"]),
-            ("99 %, linear", "time", metrics["linear"]["time_to_99_percent"]),
         ]
+    if loading_mode.settles and linear is not None:
+        rows.insert(-2, ("final settlement, linear", "displacement", linear["final_settlement"]))
+        rows.append(("99 %, linear", "time", linear["time_to_99_percent"]))
     rows += [
         ("largest pore pressure", "pressure", found["max_pressure"]),
         ("drained volume", "volume", found["drained"]),

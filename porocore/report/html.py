@@ -93,6 +93,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         context=context,
         warnings=all_warnings(context),
         metrics=metrics,
+        linear_shown=any(case.linear is not None for case in context.cases),
         sentences=[
             [
                 *force_sentences(case, moved, context.units),
@@ -141,9 +142,9 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
 
 def _forces(case: LoadCase, moved: Sequence[str]) -> list[tuple[str, str, dict[str, Any]]]:
     """Return law, surface and its :func:`reactions`, surface by surface, those that are moved first."""
-    solutions = (case.nonlinear, *case.others, case.linear)
+    solutions = (case.nonlinear, *case.compared)
     names = [each.law for each in solutions] if case.others else ["nonlinear", "linear"]
-    by_law = {law: reactions(each) for law, each in zip(names, solutions, strict=True)}
+    by_law = {law: reactions(each) for law, each in zip(names, solutions, strict=False)}
     surfaces = dict.fromkeys((*moved, *(name for found in by_law.values() for name in found)))
     return [(law, name, found[name]) for name in surfaces for law, found in by_law.items() if name in found]
 

@@ -56,23 +56,42 @@ class LeftOut:
 class LoadCase:
     """One load, solved with the cell's law and with linear poroelasticity on the same mesh and time plan.
 
+    ``linear`` is None where the linear law was left out.
     ``others`` are solutions with other closures, or with the cell itself (direct FE²). ``flagged`` says where and why
     the surrogate is not to be trusted in the nonlinear solution; it is empty where it is, or where no profile tells.
     ``left_out`` is the shear that alone is the reason, if that is so.
     """
 
     nonlinear: MacroSolution
-    linear: MacroSolution
+    linear: MacroSolution | None
     others: tuple[MacroSolution, ...] = ()
     flagged: str = ""
     left_out: LeftOut | None = None
 
     def __post_init__(self) -> None:
-        for solution in (self.linear, *self.others):
+        for solution in self.compared:
             if self.nonlinear.load != solution.load:
                 raise ValueError(
                     f"expected two solutions of one load, got {self.nonlinear.load:g} and {solution.load:g}"
                 )
+
+    @property
+    def compared(self) -> tuple[MacroSolution, ...]:
+        """The other solutions, the linear one last."""
+        return self.others if self.linear is None else (*self.others, self.linear)
+
+    @property
+    def both(self) -> tuple[MacroSolution, MacroSolution]:
+        """The nonlinear and the linear solution.
+
+        Raises
+        ------
+        ValueError
+            The linear law was left out.
+        """
+        if self.linear is None:
+            raise ValueError(f"load {self.load:g} was not solved with the linear law")
+        return self.nonlinear, self.linear
 
     @property
     def load(self) -> float:
@@ -165,10 +184,11 @@ def _first_time(history: History, share: float) -> float | None:
 
 def case_metrics(case: LoadCase) -> dict[str, Any]:
     """Return the figures of one load and the ratios nonlinear over linear, ready for ``macro`` in ``metrics.json``."""
-    nonlinear, linear = solution_metrics(case.nonlinear), solution_metrics(case.linear)
+    nonlinear = solution_metrics(case.nonlinear)
+    linear = None if case.linear is None else solution_metrics(case.linear)
 
     def ratio(key: str) -> float | None:
-        top, bottom = nonlinear[key], linear[key]
+        top, bottom = nonlinear[key], None if linear is None else linear[key]
         return None if top is None or not bottom else top / bottom
 
     return {
@@ -234,7 +254,7 @@ def case_warnings(
             f"{'' if left_out is None else f' Nothing but {left_out.name} flags them: {left_out.estimate}.'}"
         )
     for kind in ("nonlinear", "linear") if settles else ():
-        drift = metrics[kind]["steady_drift"]
+        drift = metrics[kind] and metrics[kind]["steady_drift"]
         if drift is not None and drift > STEADY_TOLERANCE:
             found.append(
                 f"Load {load}: the {kind} settlement still changed by {100 * drift:.1f} % of its final value "

@@ -37,16 +37,23 @@ MEANINGS: dict[Status, str] = {
 def case_sentences(metrics: dict[str, Any]) -> list[str]:
     """Return a load case, given its :func:`porocore.report.metrics.case_metrics`, in a few sentences."""
     nonlinear, linear = metrics["nonlinear"], metrics["linear"]
-    settled, expected = nonlinear["final_settlement"], linear["final_settlement"]
+    begin = (
+        f"Under the load {plain(metrics['load'])} the final settlement is "
+        f"{measured(nonlinear['final_settlement'], 'displacement')} with the nonlinear law of the cell"
+    )
+    reached = (
+        f"It reaches 95 % of its final value at t = {_time(nonlinear['time_to_95_percent'])} and 99 % at "
+        f"t = {_time(nonlinear['time_to_99_percent'])}."
+    )
+    if linear is None:
+        return [f"{begin}.", *([] if nonlinear["time_to_99_percent"] is None else [reached])]
     sentences = [
-        f"Under the load {plain(metrics['load'])} the final settlement is {measured(settled, 'displacement')} with the "
-        f"nonlinear law of the cell and {measured(expected, 'displacement')} with linear poroelasticity. "
+        f"{begin} and {measured(linear['final_settlement'], 'displacement')} with linear poroelasticity. "
         f"The nonlinear settlement is {difference(metrics['settlement_ratio'])}."
     ]
     if nonlinear["time_to_99_percent"] is not None and linear["time_to_99_percent"] is not None:
         sentences.append(
-            f"It reaches 95 % of its final value at t = {_time(nonlinear['time_to_95_percent'])} and 99 % at "
-            f"t = {_time(nonlinear['time_to_99_percent'])}. The linear settlement reaches them at "
+            f"{reached} The linear settlement reaches them at "
             f"t = {_time(linear['time_to_95_percent'])} and {_time(linear['time_to_99_percent'])}. "
             f"The nonlinear time to 99 % is {difference(metrics['time_to_99_percent_ratio'], 'shorter', 'longer')}."
         )
@@ -80,7 +87,7 @@ def whole_words(copies: float) -> str:
 
 def force_sentences(case: LoadCase, moved: Sequence[str], units: ResultUnits) -> list[str]:
     """Return the forces on the surfaces that are moved, in a few sentences."""
-    nonlinear, linear = reactions(case.nonlinear), reactions(case.linear)
+    nonlinear, linear = reactions(case.nonlinear), {} if case.linear is None else reactions(case.linear)
     sentences = []
     for name in moved:
         if name in nonlinear:
@@ -131,18 +138,21 @@ def _time(value: float | None) -> str:
 def benchmark_rows(published: Published, metrics: dict[str, Any]) -> list[ComparisonRow]:
     """Return the statements of the publication on one load beside the figures of that load."""
     nonlinear, linear = metrics["nonlinear"], metrics["linear"]
+    steady = ComparisonRow(
+        "time to the steady state, nonlinear",
+        f"at t = {plain(published.steady_time)} (no criterion stated)",
+        f"95 % at t = {_time(nonlinear['time_to_95_percent'])}, "
+        f"99 % at t = {_time(nonlinear['time_to_99_percent'])}",
+    )
+    if linear is None:
+        return [steady]
     return [
         ComparisonRow(
             "final settlement, nonlinear compared with linear",
             published.settlement,
             difference(metrics["settlement_ratio"]),
         ),
-        ComparisonRow(
-            "time to the steady state, nonlinear",
-            f"at t = {plain(published.steady_time)} (no criterion stated)",
-            f"95 % at t = {_time(nonlinear['time_to_95_percent'])}, "
-            f"99 % at t = {_time(nonlinear['time_to_99_percent'])}",
-        ),
+        steady,
         ComparisonRow(
             "time to the steady state, nonlinear compared with linear",
             published.duration,

@@ -92,5 +92,11 @@ ROWS = [
     ),
     incomplete_run("train", "samples.h5", "make it first: porocore sample run"),
     incomplete_run("solve", "surrogate.h5", "make it first: porocore train run"),
-    incomplete_run("report", "solutions/linear_load-0.04.h5", "make it first: porocore solve run"),
+    incomplete_run("report", "solutions/mean-gradient_load-0.04.h5", "make it first: porocore solve run"),
+    Row(
+        "run: without the surrogate",
+        ("run", CONFIG, "--laws", "linear", "--out", "out"),
+        ("--laws: expected surrogate", "got linear", "by porocore solve RUN"),
+        {CONFIG: study()},
+    ),
 ]

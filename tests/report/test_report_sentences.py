@@ -221,3 +221,18 @@ def test_times_that_a_store_saved_are_told(context):
     page = " ".join(render(replace(context, stages=stages)).split())
     assert "wall time with<br>an empty store" in page
     assert "This run itself took 90 s." in page
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_report_without_the_linear_law_compares_with_nothing(context, tmp_path):
+    (case,) = context.cases
+    without = replace(context, cases=(replace(case, linear=None),))
+    page = Page(render(without))
+    assert "settlement is 2.000" in page.words
+    assert "dashed lines" not in page.words
+    assert "with linear poroelasticity" not in page.words
+    assert "around 20 % smaller" not in page.words
+    for wrong in ("None", "nan"):
+        assert wrong not in page.words.split()
+    with pytest.raises(ValueError, match="not solved with the linear law"):
+        without.cases[0].both  # noqa: B018

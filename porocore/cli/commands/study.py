@@ -17,6 +17,7 @@ from porocore.cli.options import (
     FallbackName,
     FallbackOption,
     FemOption,
+    LawName,
     LawOption,
     MacroOption,
     NoStoreOption,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from porocore.plugins.kinds import Kind
     from porocore.study.config.config import RunConfig
     from porocore.study.run_folder.folder import RunFolder
+    from porocore.study.stages.solving import LawKind
 
 
 def run(
@@ -43,6 +45,7 @@ def run(
     macro: MacroOption = None,
     surrogate: SurrogateOption = None,
     closure: ClosureOption = None,
+    law: LawOption = None,
     fallback: FallbackOption = FallbackName.none,
     executor: ExecutorOption = None,
     scheduler: SchedulerOption = None,
@@ -57,23 +60,22 @@ def run(
     macroscale, --macro the second alone. Another backend, or another model of surrogate, does not take over the
     configured options.
     --closure NAME --resume continues a run with another closure: its solutions and its surrogate are added, and the
-    report shows both.
+    report shows both. --laws surrogate leaves linear poroelasticity out, with which the report compares.
     """
     path, settings = read_config(config, fem, surrogate, closure, macro)
+    laws = _laws_of_run(law, fallback)
     settings = settings.with_executor(executor, scheduler)
     _check_backends(path, settings, "cell solver", "macro solver", "sampler", "surrogate")
     kept = chosen_store(store, no_store)
     folder = _claim(path, settings, out, resume)
     again = command(
-        "run", config, fem=fem, macro=macro, surrogate=surrogate, closure=closure, executor=executor,
+        "run", config, fem=fem, macro=macro, surrogate=surrogate, closure=closure, law=law, executor=executor,
         scheduler=scheduler, fallback=_unless_none(fallback), out=folder.path, resume=True, store=store,
         no_store=no_store,
     )  # fmt: skip
     with interruptible(again), located(path), folder:
         from porocore.study.stages import pipeline
-        from porocore.study.stages.solving import USUAL_LAWS, with_fallback
 
-        laws = with_fallback(USUAL_LAWS, fallback)
         report_path = pipeline.run(folder, settings, console=Console(), laws=laws, store=kept)
     typer.echo(report_path)
 
@@ -242,17 +244,16 @@ def _shared_solver(config: RunConfig, laws: Sequence[str]) -> MacroSolver:
 def report(run: RunArgument) -> None:
     """Write figures of merit, the files for ParaView and the report.
 
-    Prints the path of the report, a page to open in a browser. The report compares solutions of several closures and of
-    direct FE².
+    Prints the path of the report, a page to open in a browser. It compares the solutions that there are: of closures,
+    linear poroelasticity and direct FE².
     """
-    from porocore.study.run_folder.files import LINEAR
     from porocore.study.stages.stage_files import train_command
 
     folder = _open(run)
     folder.require(folder.dataset, "sample")
     config = folder.config.with_closure(folder.shown_closure)
     folder.require(folder.surrogate_of(config), train_command(folder, config))
-    for path in folder.solutions(config.closure, LINEAR):
+    for path in folder.solutions(config.closure):
         folder.require(path, "solve")
     with interruptible(command("report", run)), folder:
         from porocore.study.stages import pipeline
@@ -265,6 +266,19 @@ def _open(path: Path) -> RunFolder:
     from porocore.study.run_folder.folder import RunFolder
 
     return RunFolder.open(path)
+
+
+def _laws_of_run(law: list[LawName] | None, fallback: FallbackName) -> tuple[LawKind, ...]:
+    """Return the laws that a run solves with; its report shows the surrogate, whatever is beside it."""
+    from porocore.study.stages.solving import USUAL_LAWS, with_fallback
+
+    laws: tuple[LawKind, ...] = tuple(kind.value for kind in law) if law else USUAL_LAWS
+    if "surrogate" not in laws:
+        raise ConfigurationError(
+            f"--laws: expected surrogate, which the report of a run shows, got {', '.join(laws)}; add --laws "
+            "surrogate, or solve with other laws alone by porocore solve RUN --law"
+        )
+    return with_fallback(laws, fallback)
 
 
 def _unless_none(fallback: FallbackName) -> FallbackName | None:

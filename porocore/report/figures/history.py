@@ -35,7 +35,7 @@ OTHERS = ((GREEN, (0, (7, 1.5))), (PURPLE, (0, (4, 1.2, 1, 1.2))), (ORANGE, (0, 
 @styled
 def history_figure(
     nonlinear: MacroSolution,
-    linear: MacroSolution,
+    linear: MacroSolution | None,
     *others: MacroSolution,
     log_time: bool = False,
     settles: bool = True,
@@ -46,7 +46,7 @@ def history_figure(
     Parameters
     ----------
     nonlinear, linear
-        Two solutions of one problem.
+        Two solutions of one problem; None: without the linear one.
     *others
         Further nonlinear ones, such as with another closure; each is then called by its law.
     log_time
@@ -102,12 +102,12 @@ def _draw(
 
 
 def _curves(
-    nonlinear: MacroSolution, linear: MacroSolution, others: tuple[MacroSolution, ...]
+    nonlinear: MacroSolution, linear: MacroSolution | None, others: tuple[MacroSolution, ...]
 ) -> list[tuple[MacroSolution, str, Any, str]]:
     """Return each solution with its colour, line style and label."""
     return [
         (nonlinear, NONLINEAR, "-", nonlinear.law if others else "nonlinear"),
-        (linear, LINEAR, DASHED, "linear"),
+        *([] if linear is None else [(linear, LINEAR, DASHED, "linear")]),
         *((other, colour, style, other.law) for other, (colour, style) in zip(others, OTHERS, strict=False)),
     ]
 

@@ -142,7 +142,7 @@ def end_of_rise(solution: MacroSolution, panel: Panel) -> float | None:
 
 @styled
 def relaxation_figure(
-    nonlinear: MacroSolution, linear: MacroSolution, plain: str, units: ResultUnits | None = None
+    nonlinear: MacroSolution, linear: MacroSolution | None, plain: str, units: ResultUnits | None = None
 ) -> Figure:
     """Draw the panel called ``plain``, which falls, against the logarithm of the time from its peak."""
     units = units or ResultUnits()
@@ -159,7 +159,7 @@ def relaxation_figure(
 
 @styled
 def series_figure(
-    nonlinear: MacroSolution, linear: MacroSolution, plain: str, units: ResultUnits | None = None
+    nonlinear: MacroSolution, linear: MacroSolution | None, plain: str, units: ResultUnits | None = None
 ) -> Figure:
     """Draw the panel called ``plain`` against time, the cell's law solid and linear poroelasticity dashed."""
     units = units or ResultUnits()
@@ -180,12 +180,12 @@ def _draw(
     axes: Axes,
     panel: Panel,
     nonlinear: MacroSolution,
-    linear: MacroSolution,
+    linear: MacroSolution | None,
     units: ResultUnits,
     begin: float | None = None,
 ) -> None:
     """Draw the curves of a panel, against time or the time from ``begin`` on."""
-    others = {p.plain: p.curves for p in panels(linear)}.get(panel.plain, {})
+    others = {} if linear is None else {p.plain: p.curves for p in panels(linear)}.get(panel.plain, {})
     t, factor = units.factor("time"), units.factor(panel.quantity)
 
     def line(solution: MacroSolution, values: Array, **how: Any) -> None:
@@ -201,9 +201,10 @@ def _draw(
     for i, (name, names) in enumerate(drawn.items()):
         colour = TIME_COLOURS[i % len(TIME_COLOURS)]
         line(nonlinear, panel.curves[name], color=colour, label=" and ".join(names))
-        if name in others:
+        if linear is not None and name in others:
             line(linear, others[name], color=colour, ls=DASHED, lw=1.3)
-    axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
+    if linear is not None:
+        axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
     sign = f"\n({panel.sign})" if panel.sign else ""
     axes.set_ylabel(axis_label(panel.label, panel.quantity, units) + sign)
     axes.margins(x=0.01)

@@ -250,9 +250,20 @@ class Study:
             (run,) = macro_laws(folder, self.config, stack, (kind,)).values()
             return Law(run.law, load_reference(folder, self.config).porosity, self.units)
 
-    def report(self) -> Path:
-        """Write the report, and return the path of the page."""
-        self.solve()
+    def report(self, laws: Sequence[LawKind] = USUAL_LAWS) -> Path:
+        """Write the report, and return the path of the page.
+
+        Parameters
+        ----------
+        laws
+            As for :meth:`solve`, the surrogate among them; without ``linear`` nothing is compared with it.
+        """
+        require_laws(laws)
+        if "surrogate" not in laws:
+            raise ConfigurationError(
+                f"laws: expected 'surrogate' among them, which a report shows, got {laws}"
+            )
+        self.solve(laws)
         with self._at_work() as folder:
             return pipeline.report(folder, self.config, console=self._console)
 

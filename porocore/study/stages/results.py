@@ -60,7 +60,7 @@ class RunResults:
 
     @property
     def all_solutions(self) -> list[MacroSolution]:
-        """Solutions, load by load: with the shown closure, linear, others."""
+        """Solutions, load by load: with the shown closure, linear where it was not left out, others."""
         return [solution for each in self.solutions.values() for solution in each.values()]
 
     @classmethod
@@ -75,10 +75,10 @@ class RunResults:
             A file is damaged or belongs to another study.
         """
         reference = load_reference(folder, config)
-        laws = {
-            load: list(dict.fromkeys((config.closure, LINEAR, *folder.solved(load))))
-            for load in config.macro.loads
-        }
+        laws: dict[float, list[str]] = {}
+        for load in config.macro.loads:
+            linear = (LINEAR,) if folder.solution(LINEAR, load).exists() else ()
+            laws[load] = list(dict.fromkeys((config.closure, *linear, *folder.solved(load))))
         closures = dict.fromkeys(law for each in laws.values() for law in each if law in CLOSURES)
         surrogates = {closure: load_surrogate(folder, with_closure(config, closure)) for closure in closures}
         return cls(

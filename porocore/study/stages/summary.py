@@ -100,7 +100,7 @@ def report_context(results: RunResults) -> ReportContext:
 def _case(results: RunResults, load: float) -> LoadCase:
     others = dict(results.solutions[load])
     closure = results.config.closure
-    nonlinear, linear = others.pop(closure), others.pop(LINEAR)
+    nonlinear, linear = others.pop(closure), others.pop(LINEAR, None)
     objective = results.config.surrogate_model == "potential"
     surrogate, units = results.surrogates[closure], results.config.result_units
     flagged = flagged_place(nonlinear, surrogate, objective, units, _more_states(results))

@@ -101,7 +101,7 @@ def _small_sooner(results: Results) -> Finding:
 @CLAIMS.claim("Figure 18b", "P = −0.01: slightly more settlement than linear in between")
 def _small_transient(results: Results) -> Finding:
     case = results.column.case(SMALL)
-    nonlinear, linear = case.nonlinear.history, case.linear.history
+    nonlinear, linear = (solution.history for solution in case.both)
     more = (nonlinear.settlement - linear.settlement) / linear.settlement[-1]
     ahead = nonlinear.settlement / nonlinear.settlement[-1] - linear.settlement / linear.settlement[-1]
     i = int(np.argmax(ahead))
@@ -139,7 +139,7 @@ def _time_below(solution: MacroSolution, share: float) -> float:
 @CLAIMS.claim("Figure 14a", "P = −0.2: the pressure vanishes faster than linear")
 def _pressure_sooner(results: Results) -> Finding:
     case = results.column.case(LARGE)
-    halves, tenths = ([_time_below(s, share) for s in (case.nonlinear, case.linear)] for share in (0.5, 0.1))
+    halves, tenths = ([_time_below(s, share) for s in case.both] for share in (0.5, 0.1))
     return judge_statement(
         tenths[0] < tenths[1],
         f"below half of its largest value from t = {number(halves[0], 3)} (linear {number(halves[1], 3)}), "
@@ -153,7 +153,7 @@ def _closer_when_small(results: Results) -> Finding:
     for name, word in (("pressure_max", "pressure"), ("drained_paper", "drained volume")):
         gaps = []
         for case in (results.column.case(LARGE), results.column.case(SMALL)):
-            one, other = getattr(case.nonlinear.history, name), getattr(case.linear.history, name)
+            one, other = (getattr(solution.history, name) for solution in case.both)
             gaps.append(float(np.abs(one - other).max() / np.abs(other).max()))
         closer.append(gaps[1] < gaps[0])
         texts.append(f"{word}: largest gap {percent(gaps[0], 0)} under −0.2, {percent(gaps[1])} under −0.01")
@@ -165,7 +165,7 @@ def _drained_sooner(results: Results) -> Finding:
     case = results.column.case(LARGE)
     nonlinear, linear = (
         float(np.interp(10, s.history.time, s.history.drained_paper) / s.history.drained_paper[-1])
-        for s in (case.nonlinear, case.linear)
+        for s in case.both
     )
     return judge_statement(
         nonlinear > linear,
@@ -190,7 +190,7 @@ def _drained_less(results: Results) -> Finding:
 )
 def _fluid_more_sensitive(results: Results) -> Finding:
     case = results.column.case(SMALL)
-    nonlinear, linear = case.nonlinear.history, case.linear.history
+    nonlinear, linear = (solution.history for solution in case.both)
     i = int(np.argmin(np.abs(nonlinear.settlement - 0.1)))
     settlement, pressure = (
         abs(float(one[i] - other[i])) / float(scale)

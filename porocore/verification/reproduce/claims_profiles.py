@@ -61,7 +61,7 @@ def _pressure_profiles(results: Results) -> Finding:
     case = results.column.case(LARGE)
     gaps, texts = [], []
     for time in results.column.times:
-        one, other = profile_at(case.nonlinear, time).p, profile_at(case.linear, time).p
+        one, other = (profile_at(solution, time).p for solution in case.both)
         gaps.append(float(np.abs(one - other).max() / np.abs(other).max()))
         texts.append(f"{percent(gaps[-1], 0)} at t = {plain(time)}")
     return judge_statement(
@@ -135,7 +135,7 @@ def _velocity(results: Results) -> Finding:
     case = results.column.case(LARGE)
     found, texts = [], []
     for time in results.column.times:
-        here, there = profile_at(case.nonlinear, time), profile_at(case.linear, time)
+        here, there = (profile_at(solution, time) for solution in case.both)
         w, linear, pushed = (_largest(flow) for flow in (paper_velocity(here), there.flux, here.flux))
         found.append((w, linear))
         texts.append(

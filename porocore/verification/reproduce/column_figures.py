@@ -67,7 +67,7 @@ def history(results: Results, name: str, load: float) -> Figure:
         (solution, *look, f"nonlinear, closure {solution.law}")
         for solution, look in zip((case.nonlinear, *case.others), ((NONLINEAR, "-"), *OTHERS), strict=False)
     ]
-    for solution, colour, stroke, label in (*curves, (case.linear, LINEAR, DASHED, "linear")):
+    for solution, colour, stroke, label in (*curves, (case.both[1], LINEAR, DASHED, "linear")):
         values = getattr(solution.history, name)
         axes.plot(solution.history.time, values, color=colour, ls=stroke, label=label)
     axes.set(xlabel="time $t$ [–]", ylabel=HISTORIES[name])
