@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw, LawMemory
-from porocore.macro.laws import CLOSURES, ClosedLaw, LinearCellLaw, MeanGradientClosure
+from porocore.macro.laws import CLOSURES, ClosedLaw, LinearCellLaw, MeanGradientClosure, macro_law
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import CellResponse, CellTangent, MacroState
 from porocore.testing.synthetic.response import cubic_reference
@@ -141,6 +143,19 @@ def test_each_point_stands_alone(law, points):
         np.testing.assert_allclose(
             single.tangent.flux_grad_u, whole.tangent.flux_grad_u[row], rtol=1e-12, atol=1e-14
         )
+
+
+def test_many_points_are_treated_by_parts(law, points, monkeypatch):
+    near = partial(np.testing.assert_allclose, rtol=1e-12, atol=1e-14)
+    states, grad_p, memory = points
+    whole = law.respond(states, grad_p, memory)
+    monkeypatch.setattr(macro_law, "CHUNK", 2)
+    for tangent in (True, False):
+        parts = law.respond(states, grad_p, memory, tangent=tangent)
+        assert (parts.tangent is not None) == tangent
+        near(parts.stress, whole.stress)
+        near(parts.memory.mean_grad, whole.memory.mean_grad)
+    near(law.respond(states, grad_p, memory).tangent.flux_grad_u, whole.tangent.flux_grad_u)
 
 
 def test_flags_of_the_cell_law_are_passed_on(law, points):

