@@ -92,4 +92,6 @@ def test_what_is_no_pressure_is_refused(study, text, words):
 
 def test_a_state_by_names_may_have_a_unit_too():
     words = refusal("cell", "fields", BRAIN, "--at", "H22=-0.1,p=3 mm")
-    assert words.endswith("--at p: expected a pressure, such as 2 kPa, got '3 mm', which is a length")
+    assert words.endswith(
+        "--at p: expected a pressure, such as 2 kPa, got '3 mm', which is a length; did you mean 'mmHg'?"
+    )

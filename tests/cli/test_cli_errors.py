@@ -3,9 +3,7 @@
 import errno
 import json
 import re
-import subprocess
 import sys
-import time
 import types
 
 import numpy as np
@@ -328,21 +326,11 @@ def test_cell_for_reading_leaves_out_what_is_too_long():
     )
 
 
-def test_help_is_fast_and_version_is_that_of_the_package(porocore_command):
-    times = []
-    for _ in range(3):
-        begun = time.perf_counter()
-        done = subprocess.run(
-            [sys.executable, "-c", "from porocore.cli import main; main()", "--help"],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        times.append(time.perf_counter() - begun)
-    assert all(
-        name in done.stdout for name in ("run", "sample", "train", "solve", "report", "cell", "plugins")
-    )
-    assert min(times) < 0.6
+def test_help_names_the_commands_and_version_is_that_of_the_package(porocore_command):
+    """How light both are is tested by what they import, in test_imports."""
+    status, out, _ = porocore_command("--help")
+    assert status == 0
+    assert all(name in out for name in ("run", "sample", "train", "solve", "report", "cell", "plugins"))
     assert porocore_command("--version")[:2] == (0, f"porocore {porocore.__version__}\n")
 
 
