@@ -15,7 +15,7 @@ from porocore.sampling.datasets.check import check_file
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.random_states import RandomStates
-from porocore.sampling.warm_starts import OF_SAMPLES, WarmStarts
+from porocore.sampling.warm_starts import OF_SAMPLES, ONSET, WarmStarts
 from porocore.states import MacroState, Status
 
 #: Every state of this cell is solvable.
@@ -77,3 +77,18 @@ def test_a_start_in_vain_is_made_from_rest(tmp_path: Path) -> None:
     assert len(test) == 12
     assert test.starts() == [None] * 12
     assert test.responses().valid.all()
+
+
+def test_where_walls_begin_to_touch_the_path_is_that_from_rest(tmp_path: Path) -> None:
+    samples, _ = sample(tmp_path / "samples.h5", OPEN)
+    responses = samples.responses()
+    responses.status[:] = Status.contact
+    assert responses.extrema is not None
+    state = MacroState(np.diag([0.0, -0.31, 0.0])[None], np.zeros(1))
+    found = []
+    for share in (0.5 * ONSET, 2 * ONSET):
+        responses.extrema.contact_share[:] = share
+        samples.responses = lambda: responses  # type: ignore[method-assign]
+        found.append(WarmStarts(samples, 1.0).near(state))
+    assert found[0] is None
+    assert found[1] is not None
