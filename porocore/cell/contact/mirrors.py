@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from porocore.cell.contact.forces import Blocks, Forces, joined
-from porocore.cell.contact.pairs import REACH, ContactPairs, Image, find_pairs
+from porocore.cell.contact.pairs import REACH, ContactPairs, Wall, find_pairs
 from porocore.cell.contact.penetration import PenetratingPoints, motion_of
 from porocore.cell.contact.pore_surface import pore_surface
 from porocore.cell.meshing.mesh import CellMesh
@@ -142,8 +142,8 @@ class MirrorState:
         R = np.eye(3)
         R[axis, axis] = -1.0
         period = np.eye(3)[axis] * (0.0 if sign > 0 else contact.mesh.sides[axis])
-        image = Image(x @ R + self._F0 @ period, X @ R + period, reflected=True)
-        pairs = find_pairs(contact.surface, x, X, image, 2 * REACH * contact.deepest)
+        image = Wall(contact.surface, x @ R + self._F0 @ period, X @ R + period, reflected=True)
+        pairs = find_pairs(Wall(contact.surface, x, X), image, 2 * REACH * contact.deepest)
         inside, points, corners = pairs.penetrating(x, image.x)
         own, other = inside.own, inside.other
         m, a = own.shape

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -26,20 +27,54 @@ BEHIND = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Image:
-    """Image of the wall, shifted by periods or reflected.
+class FacetShapes:
+    """Centres (F, 3), unit normals (F, 3) and radii (F,) of the corner triangles of the wall's facets."""
 
-    Attributes
-    ----------
-    x, X : (nodes, 3)
-        Deformed and undeformed position of the image of each node.
-    reflected
-        True for a reflection, which reverses the orientation of the facets.
-    """
+    centres: Array
+    normals: Array
+    radii: Array
 
-    x: Array
-    X: Array
-    reflected: bool = False
+    @classmethod
+    def from_nodes(cls, surface: PoreSurface, x: Array, *, reflected: bool = False) -> FacetShapes:
+        """Return the shapes of the facets of nodes x; a reflection reverses their orientation."""
+        corners = x[surface.facets[:, :3]]
+        centres = corners.mean(axis=1)
+        m = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+        sign = -1.0 if reflected else 1.0
+        return cls(centres, sign * m / np.linalg.norm(m, axis=1)[:, None], radii)
+
+    def shifted(self, by: Array) -> FacetShapes:
+        """Return the shapes after a translation."""
+        return replace(self, centres=self.centres + by)
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Search tree of the centres."""
+        return cKDTree(self.centres)
+
+
+class Wall:
+    """The wall of a mesh, or an image of it: deformed and undeformed positions x, X (nodes, 3), and its facets."""
+
+    def __init__(self, surface: PoreSurface, x: Array, X: Array, *, reflected: bool = False) -> None:
+        self.surface, self.x, self.X, self.reflected = surface, x, X, reflected
+
+    @cached_property
+    def deformed(self) -> FacetShapes:
+        """Shapes of the deformed facets."""
+        return FacetShapes.from_nodes(self.surface, self.x, reflected=self.reflected)
+
+    @cached_property
+    def undeformed(self) -> FacetShapes:
+        """Shapes of the undeformed facets."""
+        return FacetShapes.from_nodes(self.surface, self.X, reflected=self.reflected)
+
+    def shifted(self, by: Array, before: Array) -> Wall:
+        """Return the image after translations of the deformed and of the undeformed wall."""
+        image = Wall(self.surface, self.x + by, self.X + before, reflected=self.reflected)
+        image.deformed, image.undeformed = self.deformed.shifted(by), self.undeformed.shifted(before)
+        return image
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +132,14 @@ def nearest_only(images: list[Pairs]) -> list[Pairs]:
     return [pairs[np.sort(row[chosen][image[chosen] == i])] for i, pairs in enumerate(images)]
 
 
-def find_pairs(surface: PoreSurface, x: Array, X: Array, image: Image, reach: float) -> Pairs:
-    """Return the points within ``reach`` of a facing triangle, before or behind it; x, X (nodes, 3)."""
-    slave, master = _facing(surface, x, X, image, reach)
+def find_pairs(wall: Wall, image: Wall, reach: float) -> Pairs:
+    """Return the points of a wall within ``reach`` of a facing triangle of an image, before or behind it."""
+    surface = wall.surface
+    slave, master = _facing(wall, image, reach)
     triangles = surface.facets[:, SUBTRIANGLES if surface.facets.shape[1] == 6 else np.array([[0, 1, 2]])]
     if image.reflected:
         triangles = triangles[:, :, ::-1]
-    points = np.einsum("qa,pai->pqi", surface.N, x[surface.facets[slave]])
+    points = np.einsum("qa,pai->pqi", surface.N, wall.x[surface.facets[slave]])
     gaps, where, cosines = nearest(points[:, :, None], image.x[triangles[master]][:, None])
     pair, point, triangle = np.nonzero((np.abs(gaps) < reach) & (cosines > BESIDE))
     number = slave[pair] * len(surface.N) + point
@@ -121,36 +157,20 @@ def find_pairs(surface: PoreSurface, x: Array, X: Array, image: Image, reach: fl
     )
 
 
-def _facing(
-    surface: PoreSurface, x: Array, X: Array, image: Image, reach: float
-) -> tuple[IntArray, IntArray]:
+def _facing(wall: Wall, image: Wall, reach: float) -> tuple[IntArray, IntArray]:
     """Return pairs of facets, of the wall and of the image, that are near and face each other."""
-    corners = surface.facets[:, :3]
-    centres, normals, radii = _shape(x[corners])
-    others, other_normals, _ = _shape(image.x[corners], reflected=image.reflected)
-    span = 2 * float(radii.max()) + reach
-    near = np.flatnonzero(
-        ((others > centres.min(axis=0) - span) & (others < centres.max(axis=0) + span)).all(axis=1)
-    )
+    own, other = wall.deformed, image.deformed
+    span = 2 * float(own.radii.max()) + reach
+    low, high = own.centres.min(axis=0) - span, own.centres.max(axis=0) + span
+    near = np.flatnonzero(((other.centres > low) & (other.centres < high)).all(axis=1))
     if not len(near):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    found = cKDTree(centres).sparse_distance_matrix(cKDTree(others[near]), span, output_type="ndarray")
+    found = own.tree.sparse_distance_matrix(cKDTree(other.centres[near]), span, output_type="ndarray")
     slave, master = found["i"].astype(np.int64), near[found["j"].astype(np.int64)]
-    close = found["v"] < radii[slave] + radii[master] + reach
-    opposed = (normals[slave] * other_normals[master]).sum(axis=1) < OPPOSED
+    close = found["v"] < own.radii[slave] + own.radii[master] + reach
+    opposed = (own.normals[slave] * other.normals[master]).sum(axis=1) < OPPOSED
     kept = np.flatnonzero(close & opposed)
     slave, master = slave[kept], master[kept]
-    before, _, _ = _shape(X[corners])
-    other, normal, _ = _shape(image.X[corners], reflected=image.reflected)
-    away = before[slave] - other[master]
-    ahead = (away * normal[master]).sum(axis=1) >= -BEHIND * np.linalg.norm(away, axis=1)
+    away = wall.undeformed.centres[slave] - image.undeformed.centres[master]
+    ahead = (away * image.undeformed.normals[master]).sum(axis=1) >= -BEHIND * np.linalg.norm(away, axis=1)
     return slave[ahead], master[ahead]
-
-
-def _shape(corners: Array, *, reflected: bool = False) -> tuple[Array, Array, Array]:
-    """Return centres, unit normals (F, 3) and radii (F,) of triangles (F, 3, 3)."""
-    centres = corners.mean(axis=1)
-    m = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
-    sign = -1.0 if reflected else 1.0
-    return centres, sign * m / np.linalg.norm(m, axis=1)[:, None], radii

@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from porocore.cell.contact.forces import Blocks, Forces, joined
-from porocore.cell.contact.pairs import REACH, ContactPairs, Image, Pairs, find_pairs, nearest_only
+from porocore.cell.contact.pairs import REACH, ContactPairs, Pairs, Wall, find_pairs, nearest_only
 from porocore.cell.contact.penetration import PenetratingPoints, motion_of
 from porocore.cell.contact.pore_surface import pore_surface
 from porocore.cell.meshing.mesh import CellMesh
@@ -40,12 +40,12 @@ class WallContact:
 
     def _search(self, F0: Array, x: Array) -> ContactPairs:
         """Return the contact pairs by the periodic shifts (3,) of the facing wall."""
-        X, reach = self.mesh.points, REACH * self.deepest
+        wall, reach = Wall(self.surface, x, self.mesh.points), REACH * self.deepest
         shifts: list[Array] = []
         found: list[Pairs] = []
         for shift in product((-1.0, 0.0, 1.0), repeat=3):
             s: Array = np.multiply(shift, self.mesh.spans)
-            pairs = find_pairs(self.surface, x, X, Image(x + F0 @ s, X + s), reach)
+            pairs = find_pairs(wall, wall.shifted(F0 @ s, s), reach)
             if len(pairs.weights):
                 shifts.append(s)
                 found.append(pairs)
