@@ -120,6 +120,8 @@ def test_a_march_ends_as_with_factors(name, law):
         mine, other = (getattr(by[solver].profiles[-1], field) for solver in ("iterative", "direct"))
         np.testing.assert_allclose(mine, other, rtol=0, atol=1e-8 * abs(other).max())
     work = by["iterative"].work
+    if law is not NONLINEAR:
+        np.testing.assert_array_equal(by["iterative"].history.iterations[1:], 1)
     assert work["set_ups"].sum() <= 2 < work["systems"].sum()
     assert (work["iterations"][1:] > 0).all()
     assert "preconditioned iteration (macro.options.solver = iterative)" in by["iterative"].linear_solver

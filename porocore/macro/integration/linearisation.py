@@ -11,6 +11,7 @@ import numpy as np
 from porocore.interfaces.law import MacroLaw, MacroResponse
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.integration.discretisation import Discretisation
+from porocore.macro.linear_systems.reuse import forcing, sufficient
 from porocore.states import Array
 
 #: Decimals of the Δt whose system serves for all steps that differ from it by round-off only. It depends on the step
@@ -55,8 +56,17 @@ class Linearisations:
     def begin(self, dt: float, loads: Loads) -> Linearisation | None:
         """Return the linearisation that is known for a new step of length ``dt``; None: there is none."""
         self._age = 0
-        same = self._constant and not any(loads.pressures) and self._dt == _rounded(dt)
+        same = self._is_exact(loads) and self._dt == _rounded(dt)
         return self._last if same else None
+
+    def _is_exact(self, loads: Loads) -> bool:
+        return self._constant and not any(loads.pressures)
+
+    def accuracy(self, misfit: float, before: float | None, tolerance: float, loads: Loads) -> float:
+        """Return the relative residual to which a system is to be solved; see :func:`forcing`."""
+        if self._is_exact(loads):
+            return sufficient(misfit, tolerance)
+        return forcing(misfit, before, tolerance)
 
     def at(self, response: MacroResponse, dt: float, x: Array, loads: Loads) -> Linearisation:
         """Return the linearisation at the response to the unknowns ``x``."""

@@ -11,7 +11,6 @@ from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
 from porocore.macro.integration.linearisation import Linearisation, Linearisations
-from porocore.macro.linear_systems.reuse import forcing
 from porocore.macro.problem import NewtonSettings
 from porocore.states import Array
 
@@ -114,7 +113,7 @@ def _iterated(
             if iteration and not linearisations.serves(misfits, settings.tolerance):
                 linear = linearisations.at(law.respond(states, grad_p, memory), dt, x, loads)
             before = misfits[-2] if iteration else None
-            accuracy = forcing(misfit, before, settings.tolerance)
+            accuracy = linearisations.accuracy(misfit, before, settings.tolerance, loads)
             x -= d.solve(linear.system, residual.values, -jump, again=iteration > 0, accuracy=accuracy)
             x[d.prescribed] = loads.values
     raise StepFailed(
