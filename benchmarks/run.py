@@ -17,6 +17,7 @@ SCRIPTS = (
     "contact",
     "executors",
     "voxels",
+    "macro_iteration",
     "macro_size",
     "start_up",
 )

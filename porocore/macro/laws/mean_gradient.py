@@ -90,7 +90,7 @@ class MeanGradientClosure(Closure):
         storage_F = step.reshape(n, 1, 9) @ cof_F
         by_F = np.concatenate([stress_F, storage_F], axis=1)  # (n, 10, 9)
         by_H, by_p = by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
-        flux_H, flux_p = pore.flux_tangent(grad_p, cell, phi_s, cof_F)
+        flux_H, flux_p = pore.flux_tangent(grad_p, cell, phi_s, cof_F, (dF_dH, dF_dp))
         return MacroTangent(
             stress_grad_u=by_H[:, :9].reshape(n, 3, 3, 3, 3),
             stress_p=by_p[:, :9].reshape(n, 3, 3) - phi_f * pore.cof,

@@ -101,7 +101,12 @@ class PulledBack:
         return np.isnan(self.J)[:, None, None]
 
     def flux_tangent(
-        self, grad_p: Array, cell: CellTangent, solid_fraction: float, cof_F: Array | None = None
+        self,
+        grad_p: Array,
+        cell: CellTangent,
+        solid_fraction: float,
+        cof_F: Array | None = None,
+        deformation: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """Return ∂q/∂H (n, 3, 9) and ∂q/∂p (n, 3).
 
@@ -112,11 +117,13 @@ class PulledBack:
         ----------
         cof_F
             ∂cof F̄/∂F̄ (n, 9, 9) where it is known already.
+        deformation
+            :func:`deformation_tangent` where it is known already.
         """
         n = len(self.J)
         if self.undeformed is not None:
             by_F = self._flux_by_deformation(grad_p, self.undeformed, cof_F)
-            dF_dH, dF_dp = deformation_tangent(cell, solid_fraction)
+            dF_dH, dF_dp = deformation or deformation_tangent(cell, solid_fraction)
             return by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
         if cell.conductivity_grad_u is None or cell.conductivity_p is None:
             return np.zeros((n, 3, 9)), np.zeros((n, 3))
