@@ -14,6 +14,7 @@ from scipy import sparse
 
 from porocore.cell.equilibrium.discrete import FactorError, LoadStepFailed
 from porocore.cell.equilibrium.path import least_shifted
+from porocore.macro.linear_systems.memory import available_bytes, factor_bytes, fits
 from porocore.states import Array, IntArray, Status
 from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.constraints import SENSITIVITY_TOLERANCE, Constraints, Solved, curvature
@@ -28,6 +29,8 @@ LIMIT = 400
 #: A cycle of an earlier tangent serves for so many iterations, and so many times those a digit that one took for its
 #: own tangent: 2.8, but 10 where the solid is nearly incompressible. To set one up costs as much as four iterations.
 AT_LEAST, TIMES = 4, 1.5
+#: Unknowns of a factor that was measured, its GiB, and the exponent of its growth.
+FACTOR_MEMORY = (314_000, 4.3, 1.2)
 #: Relative residual of a random right-hand side that no indefinite tangent reaches: 1/√n is above it by 1e-5.
 DEFINITE = 1e-8
 #: Accuracy of Newton's direction with a shifted tangent.
@@ -142,7 +145,8 @@ class IterativeConstraints(Constraints):
 
     def _by_factor(self) -> Constraints | None:
         """Return the same unknowns with a factor; None where there is no solver for it, or it would be too large."""
-        if self._direct is None and self._has_factors:
+        needed = factor_bytes(len(self.free), *FACTOR_MEMORY)
+        if self._direct is None and self._has_factors and fits(needed, available_bytes()):
             self._direct = Constraints(self._places, self.free, self._grid, self._solver)
         return self._direct
 

@@ -22,7 +22,7 @@ from porocore_fem_skfem.checks import Indices
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SymmetricFactor
 
 #: Beyond this number of unknowns multigrid is taken. A state with its derivatives takes 3.1 s by multigrid and 3.2 s by
-#: factors at 46,000 unknowns, 9.1 s and 14.9 s at 126,000, beside the first analysis of 3 and 13 s for the factors.
+#: factors at 46,000 unknowns, 15 s by both at 126,000; the first state takes 3 and 21 s more by factors.
 DIRECT_LIMIT = 50_000
 #: Up to this number of unknowns a factor takes over where multigrid fails, as of an indefinite tangent. At 314,000 it
 #: takes 87 s and 7 GB with a state.
