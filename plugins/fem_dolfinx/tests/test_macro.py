@@ -13,6 +13,7 @@ if not find_spec("dolfinx"):
 
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.solution import History, Profile
+from porocore.macro.problem import NewtonSettings
 from porocore.plugins import registry
 from porocore.testing.synthetic.response import confined_column, linear_law, mean_gradient_law
 from porocore_fem_dolfinx.conformance import TestDolfinxMacroSolver
@@ -87,14 +88,18 @@ def other_solver():
 @pytest.mark.parametrize("law", [linear_law(), mean_gradient_law()], ids=["linear", "nonlinear"])
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_histories_and_fields_are_those_of_scikit_fem(name, law):
-    other = other_solver()
-    expected = other.solve(other.prepare(PROBLEMS[name]), law)
-    found = solve(PROBLEMS[name], law)
+    """At round-off; a solver that keeps its factor takes more iterations, and shorter ones."""
+    other, converged = other_solver(), NewtonSettings(tolerance=1e-15)
+    problem = PROBLEMS[name].model_copy(update={"newton": converged})
+    expected = other.solve(other.prepare(problem), law)
+    found = solve(problem, law)
     assert expected.history.pressure_max.max() > 0
     for field in fields(History):
+        if field.name == "iterations":
+            continue
         mine, theirs = (getattr(solution.history, field.name) for solution in (found, expected))
-        # A uniform stress has a spread of round-off only.
-        scale = abs(theirs).max() if field.name != "stress_spread" else 1e-3
+        # A uniform stress has a spread of round-off only: of forces 20 units, over an area of 0.01.
+        scale = abs(theirs).max() if field.name != "stress_spread" else 1e-2
         np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-10 * scale, err_msg=field.name)
     for mine, theirs in zip(found.profiles, expected.profiles, strict=True):
         for field in fields(Profile):
