@@ -150,7 +150,8 @@ class MacroSolution:
     compression : name → (steps,)
         Force against the outward normal of each of them that is plane, positive in compression; of a study.
     inflow : name → (steps,)
-        Rate of fluid that enters through each surface with a prescribed pressure, the mean over the step.
+        Rate of fluid that enters through each surface with a prescribed pressure, the mean over the step; of a study,
+        through its images in the whole specimen too.
     work : name → (steps,)
         Fields of :class:`StepWork` against the history's time, where they are known; zero at rest.
     linear_solver

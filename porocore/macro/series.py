@@ -73,7 +73,8 @@ def all_series(solution: MacroSolution) -> Iterator[Series]:
             words = f"force on the body at the surface {name}, component {i + 1}"
             yield Series(f"{name}: force {i + 1}", "force", words, values[:, i], f"+ along {axis}")
     for name, values in solution.inflow.items():
-        words = f"fluid that enters through the surface {name}"
+        images = " and its images in the whole body" if solution.copies > 1 else ""
+        words = f"fluid that enters through the surface {name}{images}"
         yield Series(f"{name}: inflow", "flow", words, values, "+ into the body")
 
 

@@ -26,7 +26,7 @@ class DimensionalRow:
     values: tuple[str, ...]
 
 
-def fluid_velocity(profile: Profile) -> Array:
+def darcy_flux(profile: Profile) -> Array:
     """Return w (elements, 3) = F₀ q/J₀, F₀ = I + H: the relative fluid flux through area of the deformed body.
 
     It is F₀ that deforms the body and its surface, so that w of a flux q̄ through reference area dA is q̄ dA/da along
@@ -49,7 +49,7 @@ def dimensional_rows(
     Parameters
     ----------
     solution
-        The nonlinear one; its profiles give the largest fluid velocity.
+        The nonlinear one; its profiles give the largest Darcy flux.
     conductivity
         K (3, 3) of the undeformed cell.
     loading_mode
@@ -85,10 +85,10 @@ def dimensional_rows(
         for which in ("peak", "final"):
             rows.append((f"{which} {force_name(force)} on {name}", "force", force[which]))
     if solution.profiles:
-        profile = max(solution.profiles, key=lambda p: float(np.abs(fluid_velocity(p)).max()))
+        profile = max(solution.profiles, key=lambda p: float(np.abs(darcy_flux(p)).max()))
         time = measured(profile.time, "time")
-        name = f"largest fluid velocity relative to the solid, of all profiles (at t = {time})"
-        rows.append((name, "velocity", float(np.abs(fluid_velocity(profile)).max())))
+        name = f"largest Darcy flux through the deformed body, mean of an element (at t = {time})"
+        rows.append((name, "velocity", float(np.abs(darcy_flux(profile)).max())))
     return [
         DimensionalRow(
             name, number(value), tuple(_in_units(value, quantity, each) for each in units.values())

@@ -43,7 +43,7 @@ class OutputUnits(StrictModel):
     volume: str | None = None
     """Unit of drained fluid; null: that of the length, cubed."""
     velocity: str | None = None
-    """Unit of the fluid's velocity relative to the solid; null: length by time."""
+    """Unit of the Darcy flux, the volume of fluid that passes the solid by area and time; null: length by time."""
     flow: str | None = None
     """Unit of inflows through a surface; null: volume by time."""
     conductivity: str | None = None

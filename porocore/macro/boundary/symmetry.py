@@ -116,7 +116,8 @@ def part_problem(problem: MacroProblem) -> MacroProblem:
 def whole_specimen(solution: MacroSolution, problem: MacroSetup) -> MacroSolution:
     """Return the solution of a part with the forces and volumes of the whole, and the compressive force on planes.
 
-    Forces on symmetry planes, which are inside the whole, are left out.
+    Forces on symmetry planes, which are inside the whole, are left out. Where the whole has a surface twice, on either
+    side, the force is that on one of the two, as a testing machine measures it; the inflow is that through both.
     """
     symmetry = Symmetry.of(problem)
     copies, history = symmetry.copies, solution.history
@@ -136,7 +137,7 @@ def whole_specimen(solution: MacroSolution, problem: MacroSetup) -> MacroSolutio
         ),
         reactions=reactions,
         compression=compression,
-        inflow={name: symmetry.surface(name).copies * rate for name, rate in solution.inflow.items()},
+        inflow={name: copies * rate for name, rate in solution.inflow.items()},
     )
 
 

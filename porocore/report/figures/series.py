@@ -75,7 +75,8 @@ def panels(solution: MacroSolution) -> Iterator[Panel]:
             Panel(
                 "inflow of fluid",
                 "flow",
-                "inflow through surfaces of given pressure",
+                "inflow through surfaces of given pressure"
+                + (" and their images in the whole body" if solution.copies > 1 else ""),
                 dict(solution.inflow),
                 "positive into the body",
             )
