@@ -8,6 +8,7 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import OrthogonalChannels, Voxels
 from porocore.cell.level_sets.agreement import disagreements
+from porocore.cell.level_sets.level_set import lattice_edges
 from porocore.cell.level_sets.runs import necks, runs
 from porocore.cell.mesh_quality import CLOSED_PORES, measure_mesh_quality, quality_lines
 from porocore.cell.meshing.mesh import MeshSettings
@@ -79,9 +80,19 @@ def test_a_neck_that_the_mesh_closes_is_named_with_its_axis(tmp_path):
 def test_an_open_neck_of_less_than_two_elements_is_named(tmp_path):
     geometry = image(tmp_path, necked(6), repeat="periodic")
     (note,) = [note for note in disagreements(cell_of(geometry, 0.15)) if "necks" in note]
-    assert note.startswith("the image's pores run through along x by necks as narrow as 0.2")
+    assert note.startswith("the image's pores run through along x by necks that no ball wider than 0.2")
     assert "the permeability there depends on the mesh: give cell.mesh.fluid_size: 0.1" in note
     assert [note for note in disagreements(cell_of(geometry, 0.1)) if "necks" in note] == []
+
+
+@pytest.mark.parametrize("size", [0.06, 0.065, 0.08, 0.1, 0.12])
+def test_every_neck_of_less_than_two_elements_is_told_with_one_width_and_one_advice(tmp_path, size):
+    geometry = image(tmp_path, necked(4), repeat="periodic")
+    width = necks(~geometry.solid, np.full(3, 1 / 24), 1.0, periodic=True)["x"]
+    notes = [note for note in disagreements(cell_of(geometry, size)) if "pores run through along x" in note]
+    assert bool(notes) == (width / lattice_edges(geometry, size)[0] < 2)
+    assert all("fluid_size: 0.083" in note for note in notes)
+    assert all(f"wider than {width:.2g} of" in note for note in notes if "ball" in note)
 
 
 def test_what_smoothing_closes_asks_for_less_smoothing(tmp_path):

@@ -24,8 +24,11 @@ def layers(tmp_path):
 def test_elements_across_the_thinnest_parts_are_counted(layers):
     cell = Cell(geometry=layers, mesh=MeshSettings(size=0.05, fluid_size=0.1))
     _, _, wall, pore = islice(resolution(cell), 4)
-    assert wall == "  thinnest wall: some 3.5 voxels or 0.11 of the cell, 2.2 elements of mesh.size"
-    assert pore.startswith("  narrowest pore: some 28 voxels or 0.86 of the cell")
+    assert (
+        wall
+        == "  thinnest wall, by the largest ball in it: some 3.5 voxels or 0.11 of the cell, 2.2 elements of mesh.size"
+    )
+    assert pore.startswith("  narrowest pore, by the largest ball in it: some 28 voxels or 0.86 of the cell")
     assert pore.endswith(" elements of mesh.fluid_size")
 
 
@@ -37,11 +40,36 @@ def test_elements_are_told_in_voxels_and_in_the_unit_of_the_user(layers):
     assert fluid == "  mesh.fluid_size 0.0625 is 2 voxels, 25 µm"
 
 
+def test_the_real_edge_is_told_and_the_sizes_that_give_the_same_mesh(layers):
+    cell = Cell(geometry=layers, mesh=MeshSettings(size=0.19, fluid_size=0.4))
+    solid, fluid = islice(resolution(cell, length=400e-6), 2)
+    assert solid == (
+        "  mesh.size 0.19 becomes 0.167, so that whole elements fill the cell: 5.3 voxels, 66.67 µm; any size from "
+        "0.1667 to 0.1999 gives this mesh"
+    )
+    assert fluid.endswith("11 voxels, 133.3 µm; any size from 0.3334 on gives this mesh")
+    counts = {
+        size: len(layers.tetrahedra(size, "linear")["solid"].cells) for size in (0.1666, 0.1667, 0.1999, 0.2)
+    }
+    assert counts[0.1667] == counts[0.1999] < counts[0.1666]
+    assert counts[0.2] < counts[0.1999]
+
+
+def test_elements_are_counted_by_their_real_edge(layers):
+    """Sizes of one mesh have one count, and no size beside it."""
+    told = [
+        list(resolution(Cell(geometry=layers, mesh=MeshSettings(size=size, fluid_size=0.1))))[2]
+        for size in (0.0835, 0.09)
+    ]
+    assert told[0] == told[1]
+    assert "1.3 elements" in told[0]
+
+
 def test_too_few_elements_are_said_with_the_size_to_write(layers):
     found = resolution(Cell(geometry=layers, mesh=MeshSettings(size=0.1, fluid_size=0.1)))
     note = next(line for line in found if "thinnest wall resolve" in line)
     assert note.startswith(
-        "note: 1.1 elements across the thinnest wall resolve it poorly; cell.mesh.size: 0.055 has 2"
+        "note: 1.1 elements across the thinnest wall resolve it poorly; cell.mesh.size: 0.054 has 2"
     )
     fine = MeshSettings(size=0.0546, fluid_size=0.1, element="linear")
     assert not any("note" in line for line in resolution(Cell(geometry=layers, mesh=fine)))
@@ -51,7 +79,10 @@ def test_of_a_mirrored_image_the_voxels_are_half_as_large(layers):
     mesh = MeshSettings(size=0.05, fluid_size=0.1)
     cell = Cell(geometry=layers.model_copy(update={"repeat": "mirror"}), mesh=mesh)
     _, _, wall = islice(resolution(cell), 3)
-    assert wall == "  thinnest wall: some 3.5 voxels or 0.055 of the cell, 1.1 elements of mesh.size"
+    assert (
+        wall
+        == "  thinnest wall, by the largest ball in it: some 3.5 voxels or 0.055 of the cell, 1.1 elements of mesh.size"
+    )
 
 
 def test_a_cell_that_is_no_image_has_none():

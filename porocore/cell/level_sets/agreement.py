@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.cell.level_sets.level_set import lattice_edges
 from porocore.cell.level_sets.runs import necks, runs, through_axes
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces
@@ -17,7 +18,7 @@ from porocore.states import Array, IntArray
 
 #: Difference of the porosities from which there is a note: share of the image's, and of the cell.
 SHARE, POINTS = 0.03, 0.01
-#: Elements across a neck below which the flow or the force through it is one of the mesh.
+#: Elements across a neck, a wall or a pore below which the flow or the force through it is one of the mesh.
 FEWEST = 2.0
 #: Voxels across a neck up to which less smoothing widens it.
 SMOOTHED = 4.5
@@ -78,6 +79,8 @@ class _Compared:
         Pieces of the image, and along which axes they run through, see :func:`runs`.
     narrow
         Necks of less than two elements, by axis.
+    size
+        Edge of the elements, by which they are counted.
     """
 
     geometry: Voxels
@@ -93,7 +96,7 @@ class _Compared:
     @classmethod
     def of(cls, cell: Cell, geometry: Voxels, name: str, phase: Phase, key: str) -> _Compared:
         voxels = geometry.solid if phase == "solid" else ~geometry.solid
-        periodic, size = geometry.unfolding == "whole", float(getattr(cell.mesh, key))
+        periodic, size = geometry.unfolding == "whole", lattice_edges(geometry, getattr(cell.mesh, key))[0]
         narrow: dict[str, float] = {}
         if voxels.size <= MOST:
             narrow = necks(voxels, voxel_edges(geometry), FEWEST * size, periodic=periodic)
@@ -122,9 +125,9 @@ class _Compared:
             width = min(self.narrow[axis] for axis in weak)
             what = "permeability" if self.phase == "fluid" else "stiffness"
             yield (
-                f"the image's {self.name} {run} through along {_listed(weak)} by necks as narrow as {width:.2g} of the "
-                f"cell, {count_text(width / self.size)} of mesh.{self.key}; the {what} there depends on the mesh: "
-                f"{self._advice([width])}"
+                f"the image's {self.name} {run} through along {_listed(weak)} by necks that no ball "
+                f"wider than {width:.2g} of the cell gets through, {count_text(width / self.size)} of mesh.{self.key}; "
+                f"the {what} there depends on the mesh: {self._advice([width])}"
             )
         yield from self._shut()
 
@@ -151,7 +154,7 @@ class _Compared:
     ) -> str:
         """Return what to write so that necks of these widths are resolved, and that ``is_open`` holds once smoothed."""
         width = min(widths, default=self.size)
-        finer = f"cell.mesh.{self.key}: {width / FEWEST:.2g}"
+        finer = f"cell.mesh.{self.key}: {at_most(width / FEWEST):g}"
         less = [value for value in LESS if value < self.geometry.smoothing]
         if is_open(*self._smoothed(self.geometry.smoothing)):
             few = width < SMOOTHED * float(voxel_edges(self.geometry).min())
@@ -176,6 +179,12 @@ class _Compared:
         place = place + sides / 2 if self.geometry.unfolding == "whole" else np.abs(place)
         index = (place / voxel_edges(self.geometry)).astype(np.int64)
         return int(labels[tuple(np.clip(index, 0, np.array(labels.shape) - 1))])
+
+
+def at_most(size: float) -> float:
+    """Return a size rounded down to two digits."""
+    digit = 10.0 ** (math.floor(math.log10(size)) - 1)
+    return float(f"{math.floor(size / digit + 1e-6) * digit:.2g}")
 
 
 def count_text(elements: float) -> str:

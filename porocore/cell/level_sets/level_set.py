@@ -15,6 +15,7 @@ from porocore.cell.meshing.connectivity import crumbs
 from porocore.cell.meshing.estimate import PER_CUBE, require_few
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, volumes
 from porocore.errors import PorocoreError
+from porocore.states import Array, IntArray
 
 #: Smallest piece of a phase that the mesh keeps, in cubes: four tetrahedra. At a neck as narrow as an element single
 #: ones come off.
@@ -52,9 +53,8 @@ def mesh_level_set(
     periodic = geometry.unfolding == "whole"
     high = np.array(geometry.sides) / 2
     low = -high if periodic else np.zeros(3)
-    edge = min(size, (high - low).min() / FEWEST)
-    n = np.ceil((high - low) / edge - 1e-9).astype(np.int64)
-    if edge < size:  # more elements than were expected of the size
+    n = _counts(high - low, size)
+    if size > (high - low).min() / FEWEST:  # more elements than were expected of the size
         require_few(PER_CUBE * float(n.prod()), "cell.geometry: its box is too flat")
     lattice = body_centred(n, low, high, periodic=periodic)
     try:
@@ -63,6 +63,24 @@ def mesh_level_set(
         raise PorocoreError(f"cannot mesh {geometry.description} at size {size:g}: {error}") from error
     mesh = _without_crumbs(mesh, CRUMB * lattice.spacing.prod())
     return phases(_without_specks(mesh) if drop_specks else mesh, lattice, level_set, element)
+
+
+def lattice_edges(geometry: PoreGeometry, size: float) -> tuple[float, float]:
+    """Return the edge of the lattice's cubes, the longest one, and the size below which all sizes give this lattice.
+
+    A whole number of cubes fills each side of the meshed part, so their edge is at most the size; it is itself the
+    smallest size of this lattice. The second number is infinite where the lattice is the coarsest one.
+    """
+    span = np.array(geometry.sides) / (1 if geometry.unfolding == "whole" else 2)
+    n = _counts(span, size)
+    coarser = float((span / np.maximum(n - 1, 1)).min())
+    return float((span / n).max()), coarser if coarser <= span.min() / FEWEST * (1 + 1e-9) else np.inf
+
+
+def _counts(span: Array, size: float) -> IntArray:
+    """Return the number of cubes (3,) along each side of the meshed part."""
+    edge = min(size, float(span.min()) / FEWEST)
+    return np.ceil(span / edge - 1e-9).astype(np.int64)
 
 
 def _without_crumbs(mesh: TwoPhases, least: float) -> TwoPhases:

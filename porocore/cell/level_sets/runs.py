@@ -71,16 +71,27 @@ def necks(phase: Mask, voxel: Array, widest: float, *, periodic: bool) -> dict[s
     found: dict[str, float] = {}
     open_axes = through_axes(runs(phase, periodic=periodic)[1])
     step = float(np.min(voxel))
-    for width, deep in _thinned(phase, voxel, widest, periodic=periodic):
+    for width, deep in _thinned(phase, voxel, widest + step, periodic=periodic):
         still = through_axes(runs(deep, periodic=periodic, corners=True)[1])
         found |= {axis: width for axis in open_axes if axis not in still and axis not in found}
         if len(found) == len(open_axes):
             break
-    return {axis: max(width - step, step) for axis, width in found.items()}
+    widths = {axis: max(width - step, step) for axis, width in found.items()}
+    return {axis: width for axis, width in widths.items() if width < widest - 1e-9 * step}
+
+
+def way_out(phase: Mask, voxel: Array, start: tuple[int, ...], widest: float, *, periodic: bool) -> float:
+    """Return the width, up to ``widest``, of the narrowest neck on the widest way from a voxel through the cell."""
+    step = float(np.min(voxel))
+    for width, deep in _thinned(phase, voxel, widest, periodic=periodic):
+        labels, axes = runs(deep, periodic=periodic, corners=True)
+        if not axes[labels[start]]:
+            return max(width - step, step)
+    return widest
 
 
 def _thinned(phase: Mask, voxel: Array, widest: float, *, periodic: bool) -> Iterator[tuple[float, Mask]]:
-    """Yield widths up to ``widest``, a voxel apart, and the centres of the balls of that diameter in the phase."""
+    """Yield widths of whole voxels up to ``widest``, and the centres of the balls of that diameter in the phase."""
     from scipy.ndimage import distance_transform_edt  # slow to import
 
     step = float(np.min(voxel))
@@ -96,6 +107,6 @@ def _thinned(phase: Mask, voxel: Array, widest: float, *, periodic: bool) -> Ite
         ]
         - step / 2
     )
-    for width in [*np.arange(2 * step, widest, step), widest]:
+    for width in step * np.arange(2, max(int(np.ceil(widest / step - 1e-9)), 2) + 1):
         # The axis of a channel of an even number of voxels lies between their centres.
         yield float(width), depth >= (width - step) / 2 - 1e-9 * step

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.level_sets.agreement import count_text, disagreements, voxel_edges
+from porocore.cell.level_sets.agreement import FEWEST, at_most, count_text, disagreements, voxel_edges
+from porocore.cell.level_sets.level_set import lattice_edges
 from porocore.cell.level_sets.thickness import least_thickness
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.core.units.results import length_text
 
-#: Elements across a wall or a pore below which bending or flow through it is not resolved.
-FEWEST = 2.0
+#: Difference of the real from the given size of the elements from which both are told, as a share.
+SAME = 1e-3
 #: Voxels across a wall or a pore that the smoothed image still has.
 SEEN = 2.0
 
@@ -31,8 +32,7 @@ def resolution(cell: Cell, length: float | None = None) -> Iterator[str]:
     whole = geometry.unfolding == "whole"
     voxel = voxel_edges(geometry)
     for key, size in (("size", cell.mesh.size), ("fluid_size", cell.mesh.fluid_size)):
-        text = "" if length is None else f", {length_text(size * length)}"
-        yield f"  mesh.{key} {size:g} is {size / voxel.min():.2g} voxels{text}"
+        yield f"  mesh.{key} {size:g} {_edge_text(geometry, size, length)}"
     notes = []
     for name, phase, key, size in (
         ("thinnest wall", solid, "size", cell.mesh.size),
@@ -41,15 +41,31 @@ def resolution(cell: Cell, length: float | None = None) -> Iterator[str]:
         thickness = least_thickness(phase, voxel, periodic=whole)
         if not np.isfinite(thickness):
             continue
-        elements, voxels = thickness / size, thickness / voxel.min()
+        elements, voxels = thickness / lattice_edges(geometry, size)[0], thickness / voxel.min()
         yield (
-            f"  {name}: some {voxels:.2g} voxels or {thickness:.2g} of the cell, {count_text(elements)} of "
-            f"mesh.{key}"
+            f"  {name}, by the largest ball in it: some {voxels:.2g} voxels or {thickness:.2g} of the cell, "
+            f"{count_text(elements)} of mesh.{key}"
         )
         if elements < FEWEST and voxels >= SEEN:
             notes.append(
                 f"note: {count_text(elements)} across the {name} resolve it poorly; cell.mesh.{key}: "
-                f"{thickness / FEWEST:.2g} has {FEWEST:g} there"
+                f"{at_most(thickness / FEWEST):g} has {FEWEST:g} there"
             )
     yield from notes
     yield from (f"note: {note}" for note in disagreements(cell))
+
+
+def _edge_text(geometry: Voxels, size: float, length: float | None) -> str:
+    """Return the real edge of the elements of a size, and between which sizes the mesh is the same."""
+    edge, coarser = lattice_edges(geometry, size)
+    voxels = f"{edge / voxel_edges(geometry).min():.2g} voxels"
+    if length is not None:
+        voxels += f", {length_text(edge * length)}"
+    if abs(edge - size) < SAME * size:
+        return f"is {voxels}"
+    # Rounded into the range.
+    low, high = np.ceil(edge * 1e4) / 1e4, np.floor(coarser * (1 - 1e-9) * 1e4) / 1e4
+    same = f"from {low:g} to {high:g}" if np.isfinite(coarser) else f"from {low:g} on"
+    return (
+        f"becomes {edge:.3g}, so that whole elements fill the cell: {voxels}; any size {same} gives this mesh"
+    )
