@@ -174,9 +174,9 @@ def quality_lines(quality: MeshQuality) -> list[str]:
         )
     part = {"wedge": "a 48th", "eighth": "an eighth", "whole": "the whole cell"}[quality.unfolding]
     # That of a run is the solid's; the fluid's may be finer.
-    meshes = f"; of the solid's mesh {1 - quality.solid.share:.6g}" if quality.solid else ""
-    meshes += f"; of the fluid's mesh {quality.fluid.share:.6g}" if quality.fluid else ""
-    lines.append(f"porosity: {quality.porosity:.6g}{meshes}")
+    meshes = f"; of the solid's mesh {1 - quality.solid.share:.6f}" if quality.solid else ""
+    meshes += f"; of the fluid's mesh {quality.fluid.share:.6f}" if quality.fluid else ""
+    lines.append(f"porosity: {quality.porosity:.6f}{meshes}")
     lines.append(f"meshed: {part}" + (", unfolded by mirrors" if quality.unfolding != "whole" else ""))
     for name, phase in (("solid", quality.solid), ("fluid", quality.fluid)):
         if phase is None:
@@ -192,8 +192,9 @@ def quality_lines(quality: MeshQuality) -> list[str]:
             shares = ", ".join(f"{region} {share:.4g}" for region, share in phase.regions.items())
             lines.append(f"{name}, regions: {shares} of the cell")
         lines += [f"{name}, {_hangs(piece, len(phase.pieces) > 1)}" for piece in phase.pieces[:6]]
-        if len(phase.pieces) > 6:
-            lines.append(f"{name}, and {len(phase.pieces) - 6} smaller pieces")
+        if rest := phase.pieces[6:]:
+            some = "1 smaller piece" if len(rest) == 1 else f"{len(rest)} smaller pieces"
+            lines.append(f"{name}, and {some} of volume {sum(piece.volume for piece in rest):.6f} in all")
     if closed_pores(quality.fluid.pieces if quality.fluid else ()):
         lines.append(CLOSED_PORES)
     alone = f"{quality.unmatched} facets without a partner"
@@ -212,7 +213,7 @@ def closed_pores(fluid: Sequence[Piece]) -> bool:
 
 
 def _hangs(piece: Piece, several: bool) -> str:
-    size = f"a piece of volume {piece.volume:.4g}" if several else "one piece"
+    size = f"a piece of volume {piece.volume:.6f}" if several else "one piece"
     if piece.rank == 0:
         return f"{size}: closed in itself, reaches no other cell"
     if piece.rank == 3:

@@ -158,3 +158,19 @@ def test_the_pressure_of_closed_pores_is_said_once(tmp_path):
     pores[:, 5:12, 5:12] = True
     open_one = measure_mesh_quality(cell_of(image(tmp_path, pores, repeat="periodic"), 0.2))
     assert CLOSED_PORES not in quality_lines(open_one)
+
+
+def test_the_printed_volumes_of_pieces_add_up_to_that_of_the_phase(tmp_path):
+    x, y, z = np.meshgrid(*[np.arange(20)] * 3, indexing="ij")
+    pores = (x - 9.5) ** 2 + (y - 9.5) ** 2 < 16
+    for i, j in ((3, 3), (3, 16), (16, 3), (16, 16)):
+        for k in (4, 14):
+            pores |= (x - i) ** 2 + (y - j) ** 2 + (z - k) ** 2 < 7
+    mesh = MeshSettings(size=0.15, fluid_size=0.1)
+    quality = measure_mesh_quality(Cell(geometry=image(tmp_path, pores, repeat="periodic"), mesh=mesh))
+    assert len(quality.fluid.pieces) == 9
+    lines = quality_lines(quality)
+    of_mesh = float(re.search(r"fluid's mesh ([\d.]+)", "\n".join(lines))[1])
+    told = [float(re.search(r"of volume ([\d.]+)", line)[1]) for line in lines if "of volume" in line]
+    assert len(told) == 7
+    assert sum(told) == pytest.approx(of_mesh, abs=4.5e-6)

@@ -80,7 +80,7 @@ def lattice_edges(geometry: PoreGeometry, size: float) -> tuple[float, float]:
 def _counts(span: Array, size: float) -> IntArray:
     """Return the number of cubes (3,) along each side of the meshed part."""
     edge = min(size, float(span.min()) / FEWEST)
-    return np.ceil(span / edge - 1e-9).astype(np.int64)
+    return np.asarray(np.ceil(span / edge - 1e-9), dtype=np.int64)
 
 
 def _without_crumbs(mesh: TwoPhases, least: float) -> TwoPhases:

@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.periodicity import facet_classes
 from porocore.cell.meshing.shape_functions import FACETS
-from porocore.cell.meshing.tetrahedra import volumes
+from porocore.cell.meshing.tetrahedra import curved_volumes
 from porocore.states import Array, IntArray
 
 Mask = npt.NDArray[np.bool_]
@@ -32,7 +32,7 @@ class Piece:
     Attributes
     ----------
     volume
-        Volume in one cell, with straight edges.
+        Volume in one cell, with the curved edges.
     rank
         Number of independent directions in which it percolates, 0 for an isolated piece.
     axes
@@ -67,7 +67,7 @@ def pieces(mesh: CellMesh) -> tuple[Piece, ...]:
     number, part = connected_components(graph, directed=False)
     links = np.unique(np.column_stack([part[across], shifts]), axis=0)
     roots, windings = joined(number, links)
-    each, of_root = np.abs(volumes(mesh.points, mesh.cells)), np.array(roots)
+    each, of_root = np.abs(curved_volumes(mesh.points, mesh.cells)), np.array(roots)
     sizes = np.bincount(part, each, number)
     # The last one in this order is the largest of its part.
     order = np.lexsort((each, of_root[part]))

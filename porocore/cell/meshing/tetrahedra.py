@@ -87,8 +87,13 @@ def volumes(points: Array, cells: IntArray) -> Array:
 
 def volume(points: Array, cells: IntArray) -> float:
     """Return the volume of all tetrahedra with their curved edges."""
+    return float(curved_volumes(points, cells).sum()) if len(cells) else 0.0
+
+
+def curved_volumes(points: Array, cells: IntArray) -> Array:
+    """Return the volume of each tetrahedron with its curved edges, (M,)."""
     at, weights = tetrahedron_rule(DEGREE)
-    return float((determinants(points, cells, at) @ weights).sum()) if len(cells) else 0.0
+    return np.asarray(determinants(points, cells, at) @ weights)
 
 
 def determinants(points: Array, cells: IntArray, at: Array) -> Array:
