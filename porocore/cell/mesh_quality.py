@@ -9,6 +9,7 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.sides import CUBE, Sides
+from porocore.cell.level_sets.agreement import grains
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_disconnected
 from porocore.cell.meshing.mesh import CellMesh, make_mesh
 from porocore.cell.meshing.shape_functions import EDGES, FACETS
@@ -108,7 +109,7 @@ def measure_mesh_quality(cell: Cell) -> MeshQuality:
         cell.geometry.disconnected or why_disconnected(of_solid.pieces if of_solid else ()),
         blocked(of_fluid.pieces if of_fluid else ()),
         cell.geometry.sides,
-        cell.geometry.notes,
+        (*cell.geometry.notes, *grains(single)),
     )
 
 

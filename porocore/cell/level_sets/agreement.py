@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.cell.level_sets.cleaning import labelled
 from porocore.cell.level_sets.level_set import lattice_edges
-from porocore.cell.level_sets.runs import necks, runs, through_axes
+from porocore.cell.level_sets.runs import necks, runs, through_axes, way_out
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces
-from porocore.cell.meshing.tetrahedra import Phase, volume
+from porocore.cell.meshing.tetrahedra import Phase, curved_volumes, volume
 from porocore.states import Array, IntArray
 
 #: Difference of the porosities from which there is a note: share of the image's, and of the cell.
@@ -22,10 +23,18 @@ SHARE, POINTS = 0.03, 0.01
 FEWEST = 2.0
 #: Voxels across a neck up to which less smoothing widens it.
 SMOOTHED = 4.5
+#: Tetrahedra that are meshed at most to find a size of the image's porosity: 20,000 take 3 s.
+TRIED = 60_000
+#: Largest factor from one size that is tried to the next, and the smallest size.
+STEP, SMALLEST = 0.93, 0.01
+#: Share of the pores up to which pieces that the mesh closes are told with no advice.
+LITTLE = 0.01
 #: Values of the smoothing that are tried where it closes something [voxels].
 LESS = (0.5, 0.0)
 #: Voxels of an image beyond which its necks are not searched for.
 MOST = 10_000_000
+#: Share of a grain below which it is lost where the mesh has less of it.
+LOST = 0.25
 #: Volumes that a note names.
 NAMED = 3
 
@@ -39,16 +48,19 @@ def voxel_edges(geometry: Voxels) -> Array:
     return np.asarray(np.multiply(geometry.sides, part) / geometry.solid.shape)
 
 
-def disagreements(cell: Cell) -> Iterator[str]:
-    """Yield in what the meshes of a cell differ from its image, and what to write; nothing for cells without one."""
+def disagreements(cell: Cell, *, tried: bool = False) -> Iterator[str]:
+    """Yield in what the meshes of a cell differ from its image, and what to write; nothing for cells without one.
+
+    With ``tried`` a size that is advised for the porosity was meshed, where that is cheap.
+    """
     if isinstance(cell.geometry, Voxels):
         single = cell.model_copy(update={"supercell": (1, 1, 1)})
-        yield from _porosities(single, cell.geometry)
+        yield from _porosities(single, cell.geometry, tried)
         for phase in _PHASES:
             yield from _Compared.of(single, cell.geometry, *phase).notes()
 
 
-def _porosities(cell: Cell, geometry: Voxels) -> Iterator[str]:
+def _porosities(cell: Cell, geometry: Voxels, tried: bool) -> Iterator[str]:
     image = geometry.porosity
     limit, noted = min(SHARE * image, POINTS), set[float]()
     for _, phase, key in reversed(_PHASES):
@@ -57,12 +69,31 @@ def _porosities(cell: Cell, geometry: Voxels) -> Iterator[str]:
         porosity = 1 - share if phase == "solid" else share
         if abs(porosity - image) > limit and size not in noted:
             noted.add(size)
-            # The error is of second order in the size.
-            smaller = size * math.sqrt(limit / abs(porosity - image))
             yield (
                 f"the porosity of the image is {image:.4g}, that of the mesh of the {phase} {porosity:.4g}; "
-                f"cell.mesh.{key}: {smaller:.2g} should bring them within {limit:.2g}"
+                f"{_closer(cell, phase, key, porosity, limit, tried)}"
             )
+
+
+def _closer(cell: Cell, phase: Phase, key: str, porosity: float, limit: float, tried: bool) -> str:
+    """Return the size that brings the porosity of a mesh within a limit, meshed here, or else one to try."""
+    geometry, size = cell.geometry, float(getattr(cell.mesh, key))
+    image, spent = geometry.porosity, 0.0
+    while True:
+        # The error is of second order in the size, and scatters.
+        factor = math.sqrt(limit / abs(porosity - image))
+        size = at_most(max(SMALLEST, lattice_edges(geometry, size)[0] * min(factor, STEP)))
+        spent += geometry.elements(size) / (1 if geometry.unfolding == "whole" else 8)
+        if not tried or spent > TRIED or size <= SMALLEST:
+            return (
+                f"try cell.mesh.{key}: {size:g}; it was not meshed for this note, and the porosity does not approach "
+                "the image's evenly"
+            )
+        part = geometry.tetrahedra(size, cell.mesh.element)[phase]
+        share = volume(part.points, part.cells) * (1 if geometry.unfolding == "whole" else 8)
+        porosity = 1 - share if phase == "solid" else share
+        if abs(porosity - image) <= limit:
+            return f"cell.mesh.{key}: {size:g} was meshed here and has {porosity:.4g}, within {limit:.2g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,11 +174,28 @@ class _Compared:
         if len(shut) > 1:
             more = ", …" if len(shut) > NAMED else ""
             some = f"{len(shut)} pieces of the volumes {volumes}{more}, closed in themselves, are"
+        part = sum(piece.volume for piece in shut) / sum(piece.volume for piece in self.mesh)
+        share = f"of the mesh of the {self.phase} {some} open in the image, {100 * part:.2g} % of the {self.phase}"
+        if self.phase == "fluid":
+            share += "; this share bears the pressure p and does not flow"
+            if part < LITTLE:
+                yield f"{share}; it is small enough to be left so"
+                return
         # Specks may lie where the smoothed image has the other phase.
         advice = self._advice(
-            list(self.narrow.values()), lambda labels, axes: bool(axes[self._label(labels, shut[0])])
+            [self._way_out(shut[0])], lambda labels, axes: bool(axes[self._label(labels, shut[0])])
         )
-        yield f"of the mesh of the {self.phase} {some} open in the image: {advice}"
+        yield f"{share}: {advice}"
+
+    def _way_out(self, piece: Piece) -> float:
+        solid = self.geometry.solid
+        return way_out(
+            solid if self.phase == "solid" else ~solid,
+            voxel_edges(self.geometry),
+            _voxels(self.geometry, np.array(piece.inside)),
+            FEWEST * self.size,
+            periodic=self.geometry.unfolding == "whole",
+        )
 
     def _advice(
         self, widths: list[float], is_open: Callable[[IntArray, list[str]], bool] = lambda labels, axes: True
@@ -175,10 +223,43 @@ class _Compared:
 
     def _label(self, labels: IntArray, piece: Piece) -> int:
         """Return the number of the image's piece at a piece of the mesh; 0 where the image has the other phase."""
-        place, sides = np.array(piece.inside), np.array(self.geometry.sides)
-        place = place + sides / 2 if self.geometry.unfolding == "whole" else np.abs(place)
-        index = (place / voxel_edges(self.geometry)).astype(np.int64)
-        return int(labels[tuple(np.clip(index, 0, np.array(labels.shape) - 1))])
+        return int(labels[_voxels(self.geometry, np.array(piece.inside))])
+
+
+def _voxels(geometry: Voxels, places: Array) -> tuple[IntArray, ...]:
+    """Return the indices of the voxels at places (..., 3) of the whole cell."""
+    sides = np.array(geometry.sides)
+    places = places + sides / 2 if geometry.unfolding == "whole" else np.abs(places)
+    index = (places / voxel_edges(geometry)).astype(np.int64)
+    return tuple(np.moveaxis(np.clip(index, 0, np.array(geometry.solid.shape) - 1), -1, 0))
+
+
+def grains(cell: Cell) -> Iterator[str]:
+    """Yield what the mesh of the solid makes of the grains of an image that touch the rest by no face of a voxel."""
+    if not isinstance(geometry := cell.geometry, Voxels):
+        return
+    labels = labelled(geometry.solid, periodic=geometry.repeat != "mirror")
+    sizes = np.bincount(labels.ravel())[1:]
+    if len(sizes) < 2:
+        return
+    mesh = cell.make_mesh("solid", "whole")
+    elements = labels[_voxels(geometry, mesh.points[mesh.cells[:, :4]].mean(axis=1))]
+    meshed = np.bincount(elements, curved_volumes(mesh.points, mesh.cells), len(sizes) + 1)[1:]
+    apart = {int(labels[_voxels(geometry, np.array(piece.inside))]) - 1 for piece in pieces(mesh)[1:]}
+    of_grain = sizes / geometry.solid.size
+    loose = [i for i in range(len(sizes)) if i != sizes.argmax()]
+    lost = [i for i in loose if i not in apart and meshed[i] < LOST * of_grain[i]]
+    held = [i for i in loose if i not in apart and i not in lost]
+    for found, what in (
+        (held, "joined to the rest by"),
+        (sorted(apart & set(loose)), "apart in"),
+        (lost, "lost in"),
+    ):
+        if found:
+            counts = ", ".join(f"{n:,}" for n in sorted(sizes[found], reverse=True)[:NAMED])
+            more = ", …" if len(found) > NAMED else ""
+            one = "1 of these grains" if len(found) == 1 else f"{len(found)} of these grains"
+            yield f"{one} ({counts}{more} voxels) {'is' if len(found) == 1 else 'are'} {what} the mesh"
 
 
 def at_most(size: float) -> float:

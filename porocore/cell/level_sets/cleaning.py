@@ -47,10 +47,10 @@ class Cleaned:
             notes.append(
                 f"{_pieces(self.filled, 'pore')} filled, {sum(self.filled) * share:.3g} % of the image"
             )
-        if floating := _sizes(_labelled(self.solid, self.periodic))[1:]:
+        if floating := _sizes(labelled(self.solid, periodic=self.periodic))[1:]:
             notes.append(
-                f"{_pieces(floating, 'grain')} of the solid without contact to the rest; the mesh keeps those that its "
-                "elements resolve, and may lose the others; cell.geometry.drop_grains: true makes pores of them"
+                f"{_pieces(floating, 'grain')} of the solid without contact to the rest, face to face; "
+                "cell.geometry.drop_grains: true makes pores of them"
             )
         return tuple(notes)
 
@@ -63,12 +63,12 @@ def clean(solid: Mask, *, periodic: bool, drop_grains: bool, fill_pores: int) ->
     grains: tuple[int, ...] = ()
     filled: tuple[int, ...] = ()
     if drop_grains:
-        labels = _labelled(solid, periodic)
+        labels = labelled(solid, periodic=periodic)
         grains = _sizes(labels)[1:]
         if grains:
             solid = labels == 1 + int(np.bincount(labels.ravel())[1:].argmax())
     if fill_pores:
-        labels = _labelled(~solid, periodic)
+        labels = labelled(~solid, periodic=periodic)
         counts = np.bincount(labels.ravel())
         small = (counts <= fill_pores) & (np.arange(len(counts)) > 0)
         filled = tuple(sorted(map(int, counts[small]), reverse=True))
@@ -76,7 +76,7 @@ def clean(solid: Mask, *, periodic: bool, drop_grains: bool, fill_pores: int) ->
     return Cleaned(solid, grains, filled, periodic)
 
 
-def _labelled(mask: Mask, periodic: bool) -> IntArray:
+def labelled(mask: Mask, *, periodic: bool) -> IntArray:
     """Return the number of the piece of each voxel, from 1; 0 outside of the mask."""
     from scipy.ndimage import label  # slow to import
     from scipy.sparse import coo_matrix

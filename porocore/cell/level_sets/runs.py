@@ -80,7 +80,9 @@ def necks(phase: Mask, voxel: Array, widest: float, *, periodic: bool) -> dict[s
     return {axis: width for axis, width in widths.items() if width < widest - 1e-9 * step}
 
 
-def way_out(phase: Mask, voxel: Array, start: tuple[int, ...], widest: float, *, periodic: bool) -> float:
+def way_out(
+    phase: Mask, voxel: Array, start: tuple[IntArray, ...], widest: float, *, periodic: bool
+) -> float:
     """Return the width, up to ``widest``, of the narrowest neck on the widest way from a voxel through the cell."""
     step = float(np.min(voxel))
     for width, deep in _thinned(phase, voxel, widest, periodic=periodic):

@@ -52,7 +52,7 @@ def resolution(cell: Cell, length: float | None = None) -> Iterator[str]:
                 f"{at_most(thickness / FEWEST):g} has {FEWEST:g} there"
             )
     yield from notes
-    yield from (f"note: {note}" for note in disagreements(cell))
+    yield from (f"note: {note}" for note in disagreements(cell, tried=True))
 
 
 def _edge_text(geometry: Voxels, size: float, length: float | None) -> str:

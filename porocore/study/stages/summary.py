@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.level_sets.agreement import disagreements
+from porocore.cell.level_sets.agreement import disagreements, grains
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.mesh_quality import CLOSED_PORES, closed_pores
 from porocore.cell.meshing.connectivity import pieces
@@ -289,6 +289,7 @@ def _cell_summary(results: RunResults) -> CellSummary:
         law=results.config.conductivity,
         remarks=(
             *cell.geometry.notes,
+            *grains(single),
             *(line.strip() for line in edges(results.config)),
             *([CLOSED_PORES] if closed else []),
         ),
