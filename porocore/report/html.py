@@ -27,7 +27,7 @@ from porocore.report.text import (
     all_warnings,
     benchmark_rows,
     case_sentences,
-    flagged_sentence,
+    flagged_around,
     force_sentences,
     whole_words,
 )
@@ -96,10 +96,15 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         linear_shown=any(case.linear is not None for case in context.cases),
         sentences=[
             [
-                *force_sentences(case, moved, context.units),
-                *(case_sentences(m) if context.loading_mode.settles else ()),
-                *((FOLLOWER,) if context.loading_mode.follows else ()),
-                flagged_sentence(m, case.left_out),
+                *flagged_around(
+                    [
+                        *force_sentences(case, moved, context.units),
+                        *(case_sentences(m) if context.loading_mode.settles else ()),
+                        *((FOLLOWER,) if context.loading_mode.follows else ()),
+                    ],
+                    m,
+                    case.left_out,
+                ),
                 visited_sentence(visited_shares(case.nonlinear, context.sampling)),
             ]
             for m, case in zip(metrics, context.cases, strict=True)

@@ -148,8 +148,8 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
     """Return figures of merit of one solution, ready for JSON; a figure that is not defined is None.
 
     Lengths, volumes, times and pressures are dimensionless as in the solution. ``stress_spread`` is the
-    largest deviation of P_E,22 from its mean over the body, over all times, as a share of the load: zero in
-    a column.
+    largest deviation of P_E,22 from its mean over the body, over all times, over the load factor: zero in a column, a
+    share of the load where stresses are prescribed, a stress for each unit of the factor where displacements are.
     """
     history = solution.history
     load = abs(solution.load)

@@ -13,6 +13,8 @@ from porocore.report.metrics import LeftOut, LoadCase, case_metrics, case_warnin
 from porocore.report.words.cell import ComparisonRow
 from porocore.states import Status
 
+#: From such a flagged share of the body on the results are told only after it.
+LARGE_SHARE = 0.1
 #: Said where a pressure follows the deformed surface.
 FOLLOWER = (
     "The linear law carries the follower, too, on the surface that it has deformed. So under twice the load the linear "
@@ -74,6 +76,15 @@ def flagged_sentence(metrics: dict[str, Any], left_out: LeftOut | None = None) -
             f"Parts of the body are flagged: there the surrogate is not reliable. {flagged_shares(nonlinear)}"
         )
     return "In no part of the body is the surrogate flagged as unreliable."
+
+
+def flagged_around(results: list[str], metrics: dict[str, Any], left_out: LeftOut | None = None) -> list[str]:
+    """Return the sentences of a load case with that on its flagged share: first where the share is large, else last."""
+    flagged = flagged_sentence(metrics, left_out)
+    small = left_out is not None and left_out.is_small
+    if metrics["nonlinear"]["flagged_largest"] >= LARGE_SHARE and not small:
+        return [flagged, *results]
+    return [*results, flagged]
 
 
 def whole_words(copies: float) -> str:

@@ -84,6 +84,44 @@ def test_says_how_far_the_conductivity_rises(context, page):
     assert ends == pytest.approx([K_ref.min(), K_ref.max(), K_t.min(), K_t.max()], abs=0.006)
 
 
+def test_the_conductivity_is_told_along_the_axes_along_which_the_body_drains(context):
+    case = context.cases[0]
+    # det F̄ K_t,11 of the made-up column, stretched along x by 2 %.
+    bodies = [
+        replace(
+            profile, conductivity=profile.conductivity * 0 + 1.9 / np.linalg.det(F)[:, None, None] * np.eye(3)
+        )
+        for profile in case.nonlinear.profiles
+        for F in [profile.deformation]
+    ]
+    inflow = {"x+": np.array([0.0, -1.0]), "y+": np.zeros(2)}
+    drained = replace(case, nonlinear=replace(case.nonlinear, profiles=tuple(bodies), inflow=inflow))
+    words = conductivity_sentence(drained, context.cell)
+    assert "The body drains along x. At t" in words
+    assert "K_ref,11" in words
+    assert "K_ref,22" not in words
+    assert "both are 1.94, so K_ref,11 is lowered." in words
+    assert "depends on this increase" not in words
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_large_flagged_share_is_told_before_the_results(context):
+    for share, first in ((1.0, True), (0.05, False)):
+        case = LoadCase(replace_outside(context, share), context.cases[0].linear)
+        words = Page(render(replace(context, warnings=(), cases=(case,)))).words
+        flagged = words.index("Parts of the body are flagged: there the surrogate is not reliable")
+        assert (flagged < words.index("Under the load −0.2")) == first
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_stress_spread_is_a_share_of_the_load_only_where_stresses_are_prescribed(context):
+    moved = replace(context, loading_mode=LoadingMode(displaced=("top",), stressed=False))
+    for case, shown in ((context, True), (moved, False)):
+        words = Page(render(case)).words
+        assert "deviates from the mean of the body by at most" in words
+        assert (re.search("body by at most .{1,20} of the load[.]", words) is not None) == shown
+
+
 def test_says_that_the_conductivity_is_that_of_the_deformed_pore(context):
     cell = replace(context.cell, law="deformed")
     words = conductivity_sentence(context.cases[0], cell)

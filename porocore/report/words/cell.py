@@ -127,15 +127,38 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
         found = (
             f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}. The figures show K_t. "
             "The flux through reference area follows K_ref = det F̄ K_t. Compression along an axis raises K_t "
-            "and K_ref along this axis, although the pores become narrower. The time of consolidation depends on "
-            "this increase."
+            "and K_ref along this axis, although the pores become narrower, and extension lowers them. The time of "
+            "consolidation depends on K_ref along the axes along which the body drains."
         )
     if not case.nonlinear.profiles:
         return found
     last = case.nonlinear.profiles[-1]
     K = cell.linear.conductivity
-    told = [_at_axis(i, last, K) for i in ((1,) if is_isotropic(K) else range(3))]
+    drained = drained_axes(case)
+    told = [_at_axis(i, last, K) for i in drained or ((1,) if is_isotropic(K) else range(3))]
+    if drained:
+        found += " The body drains along " + " and ".join("xyz"[i] for i in drained) + "."
     return f"{found} At t = {measured(last.time, 'time', 3)} the values in the body are {'; '.join(told)}."
+
+
+def drained_axes(case: LoadCase) -> tuple[int, ...]:
+    """Return the axes of the faces of a block (x+, y-) through which fluid moves; empty for other bodies."""
+    flows = case.nonlinear.inflow.items()
+    moved = {name[0] for name, flow in flows if name[1:] in ("+", "-") and np.any(flow)}
+    return tuple(i for i, axis in enumerate("xyz") if axis in moved)
+
+
+def _change(values: Array, rest: float) -> str:
+    """Return whether K_ref along an axis lies above its value in the undeformed cell, below it, or on both sides."""
+    if np.ptp(np.append(values, rest)) <= 1e-6 * rest:
+        return "unchanged"
+    if values.min() >= rest * (1 - 1e-6):
+        return "raised"
+    return (
+        "lowered"
+        if values.max() <= rest * (1 + 1e-6)
+        else "lowered in parts of the body and raised in others"
+    )
 
 
 def _at_axis(i: int, profile: Profile, K: Array) -> str:
@@ -149,5 +172,6 @@ def _at_axis(i: int, profile: Profile, K: Array) -> str:
     at = f"{i + 1}{i + 1}"
     return (
         f"{through_reference} for K_ref,{at} and {transformed} for K_t,{at}{unit('conductivity')}; "
-        f"in the undeformed cell both are {measured(float(K[i, i]), 'conductivity', 3)}"
+        f"in the undeformed cell both are {measured(float(K[i, i]), 'conductivity', 3)}, so K_ref,{at} is "
+        f"{_change(profile.reference_conductivity[:, i, i], float(K[i, i]))}"
     )
