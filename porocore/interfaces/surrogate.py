@@ -81,20 +81,35 @@ class TrainingProgress:
     epoch, epochs
         How many were taken, and how many are taken at most.
     loss, validation_loss
-        Present losses.
+        Present losses; the second is NaN for a training that keeps no states for validation.
     ends
         Epoch after which the training ends if the loss stays above its smallest so far; None: the last.
+    unit
+        What is counted: epochs, or iterations of L-BFGS.
+    ended
+        In the last report how the training ended, in a few words, where it is worth telling.
     """
 
     epoch: int
     epochs: int
     loss: float
-    validation_loss: float
+    validation_loss: float = math.nan
     ends: int | None = None
+    unit: str = "epochs"
+    ended: str = ""
+
+    @property
+    def words(self) -> str:
+        """The losses that there are, and how the training ended."""
+        losses = {"loss": self.loss, "validation": self.validation_loss}
+        told = [f"{name} {value:.2e}" for name, value in losses.items() if not math.isnan(value)]
+        return ", ".join([*told, self.ended] if self.ended else told)
 
     @property
     def left(self) -> float:
         """Epochs that are left, as far as can be told: the geometric mean of the fewest and the most."""
+        if self.ended:
+            return 0.0
         fewest = self.epochs if self.ends is None else min(self.ends, self.epochs)
         return math.sqrt(max(fewest - self.epoch, 0) * (self.epochs - self.epoch))
 

@@ -122,11 +122,16 @@ class SamplingSummary:
 
 @dataclass(frozen=True, eq=False)
 class TrainingCurve:
-    """Losses against epochs, all (k,)."""
+    """Losses against epochs, or iterations of L-BFGS, all (k,); without validation states the last is NaN."""
 
     epoch: Array
     loss: Array
     validation_loss: Array
+
+    @property
+    def validated(self) -> bool:
+        """True if states were kept for validation."""
+        return bool(np.isfinite(self.validation_loss).any())
 
 
 @dataclass(frozen=True, eq=False)

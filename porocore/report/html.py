@@ -190,7 +190,7 @@ def _surrogate_parts(surrogate: SurrogateSummary, pictures: Pictures) -> dict[st
             pictures.svg(
                 f"{closure}_training",
                 figures.training_figure(surrogate.curve),
-                "Training and validation loss",
+                "Training and validation loss" if surrogate.curve.validated else "Training loss",
             )
             if surrogate.curve is not None
             else None

@@ -202,6 +202,14 @@ def test_training_marks_the_best_epoch():
     assert_no_overlap(figure)
 
 
+def test_training_without_validation_has_one_curve_over_iterations():
+    iteration = np.arange(25.0, 200, 25)
+    figure = training_figure(TrainingCurve(iteration, 1 / iteration, np.full(7, np.nan)))
+    assert len(figure.axes[0].lines) == 1
+    assert figure.axes[0].get_xlabel() == "iteration"
+    assert not any(word in str(legend(figure)) for word in ("validation", "best"))
+
+
 def volume_by_divergence(triangles):
     """∫ x·n dS / 3 over a closed surface of outward triangles."""
     return np.einsum("ti,ti->", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6

@@ -63,14 +63,19 @@ def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
 
 @styled
 def training_figure(curve: TrainingCurve) -> Figure:
-    """Draw loss and validation loss against epochs, logarithmic; the best validation loss is marked."""
+    """Draw losses against epochs, logarithmic; the best validation loss is marked where states were kept for it."""
     figure = new_figure(5.4, 3.6)
     axes = figure.add_subplot()
     axes.semilogy(curve.epoch, curve.loss, color=BLUE, lw=1.3, label="training")
-    axes.semilogy(
-        curve.epoch, curve.validation_loss, color=VERMILLION, lw=1.3, ls=(0, (4, 1.5)), label="validation"
-    )
-    if np.isfinite(curve.validation_loss).any():
+    if curve.validated:
+        axes.semilogy(
+            curve.epoch,
+            curve.validation_loss,
+            color=VERMILLION,
+            lw=1.3,
+            ls=(0, (4, 1.5)),
+            label="validation",
+        )
         best = int(np.nanargmin(curve.validation_loss))
         axes.plot(
             curve.epoch[best],
@@ -82,7 +87,9 @@ def training_figure(curve: TrainingCurve) -> Figure:
             mew=1.5,
             label=f"best, epoch {curve.epoch[best]:.0f}",
         )
-    axes.set(xlabel="epoch", ylabel="loss (mean squared error, scaled) [–]")
+    axes.set(
+        xlabel="epoch" if curve.validated else "iteration", ylabel="loss (mean squared error, scaled) [–]"
+    )
     axes.margins(x=0.02)
     legend_above(figure, axes, columns=3)
     return figure

@@ -5,7 +5,6 @@ An interrupted training continues from its checkpoint.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -53,12 +52,11 @@ def train(
 
         def show(progress: TrainingProgress) -> None:
             curve.add(progress)
-            losses = f"loss {progress.loss:.2e}, validation {progress.validation_loss:.2e}"
             if progress.epochs == 1:
-                task.done_at_once("" if math.isnan(progress.loss) else f"loss {progress.loss:.2e}")
+                task.done_at_once(progress.words)
                 return
-            work = (progress.epoch, progress.left)
-            task.update(progress.epoch, progress.epochs, detail=losses, work=work)
+            task.unit, work = progress.unit, (progress.epoch, progress.left)
+            task.update(progress.epoch, progress.epochs, detail=progress.words, work=work)
 
         surrogate.fit(data, seed=config.surrogate.seed, checkpoint=checkpoint, on_progress=show)
         surrogate.save(path)
@@ -74,6 +72,7 @@ def _key(config: RunConfig, data: TrainingSet) -> str:
 class TrainingCurveFile:
     """Losses of a training as a CSV file, one row for each report of progress, written at once.
 
+    Its first column counts epochs, or iterations of L-BFGS; without validation states the last one is ``nan``.
     A resumed training repeats the epochs since its checkpoint, so their rows stand twice.
 
     Parameters

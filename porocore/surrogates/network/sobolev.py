@@ -172,7 +172,7 @@ def train(
         done += 1
         if on_progress is not None and done % REPORT_INTERVAL == 0:
             loss = float(function(state)[0])
-            on_progress(TrainingProgress(done, iterations, loss, loss))
+            on_progress(TrainingProgress(done, iterations, loss, unit="iterations"))
 
     # The remainder of a polynomial may be so small that L-BFGS, whose limits are absolute, would not start.
     unit = function(theta)[0] or 1.0
@@ -191,8 +191,18 @@ def train(
     )
     if on_progress is not None:
         loss = unit * float(found.fun)
-        on_progress(TrainingProgress(done, iterations, loss, loss))
+        ended = _ending(int(found.status), done, iterations)
+        on_progress(TrainingProgress(done, iterations, loss, unit="iterations", ended=ended))
     return layered_network(found.x, shapes, activation)
+
+
+def _ending(status: int, done: int, iterations: int) -> str:
+    """Return how L-BFGS ended, given its status in scipy."""
+    if status == 0:
+        return "converged"
+    if status == 1:
+        return f"stopped by the limit of {'iterations' if done >= iterations else 'evaluations'}"
+    return "stopped where no step lowers the loss"
 
 
 def _first_weights(shapes: list[tuple[int, int]], activation: str, seed: int) -> Array:

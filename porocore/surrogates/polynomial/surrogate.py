@@ -56,6 +56,6 @@ class PolynomialSurrogate(ModelSurrogate):
         errors = {"cross-validated slopes of W": found.errors[found.degree]} if found.errors else {}
         if on_progress is not None:
             loss = found.errors.get(found.degree, float("nan")) ** 2
-            on_progress(TrainingProgress(1, 1, loss, loss))
+            on_progress(TrainingProgress(1, 1, loss))
         self.settings = {"degree": found.degree}
         return with_potential_error(model, data), errors

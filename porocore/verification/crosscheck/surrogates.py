@@ -52,7 +52,7 @@ def train(config: RunConfig, name: str, samples: SharedSamples, console: Console
     with console.task(f"training, {name}", "epochs") as task:
 
         def show(progress: TrainingProgress) -> None:
-            work = (progress.epoch, progress.left)
+            task.unit, work = progress.unit, (progress.epoch, progress.left)
             task.update(progress.epoch, progress.epochs, detail=f"loss {progress.loss:.2e}", work=work)
 
         def fit() -> Surrogate:
