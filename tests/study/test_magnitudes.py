@@ -42,7 +42,7 @@ def test_a_ramp_whose_unit_was_left_out_is_seen_with_both_times():
     assert note.startswith(
         "'until' of a ramp under macro.boundary.y+ is 5e-09 s, and the body consolidates in 2 s"
     )
-    assert note.endswith("did you leave out a unit?")
+    assert "did you leave out a unit, here or of cell.viscosity? The time grows with cell.viscosity" in note
     (note,) = run_times(macro(-0.3, ramp=1e-6), 1.0, ResultUnits())
     assert note.startswith("the ramp of macro.time, ramp_increments times ramp_step, is 1e-06, and the body")
     assert list(run_times(macro({"ramp": -0.3, "until": 0.1}, ramp=1e-6), 1.0, ResultUnits())) == []
@@ -54,7 +54,11 @@ def test_a_ramp_whose_unit_was_left_out_is_seen_with_both_times():
         (10.0, 2.5, ""),
         (1.0, 0.25, ""),
         (0.11, 0.02, ""),
-        (0.09, 0.02, "the run ends after 0.09, long before the body consolidates (1); check macro.time and"),
+        (
+            0.09,
+            0.02,
+            "the run ends after 0.09, long before the body consolidates (1); check macro.time, cell",
+        ),
         (200.0, 0.5, ""),
         (
             200.0,
@@ -70,6 +74,16 @@ def test_a_run_is_compared_with_its_consolidation(end, step, said):
     assert all(note.startswith(said) for note in notes)
 
 
+def test_every_odd_time_may_come_of_a_viscosity_without_its_unit():
+    """970 without mPa s was 970 Pa s: the ramp was blamed, which was right, and viscosity was no cause at all."""
+    time = {"end": 0.09, "step": 0.02, "ramp_increments": 1, "ramp_step": 1e-6, "profiles": []}
+    for units, consolidation in ((ResultUnits(), 1.0), (ResultUnits(SCALES), SECOND)):
+        end = {"end": 0.09 * consolidation, "ramp_step": 1e-6 * consolidation}
+        ramp, early = run_times(macro(-0.3, time=time | end), consolidation, units)
+        assert "cell.viscosity" in early
+        assert ("cell.viscosity" in ramp) == units.given
+
+
 @dataclass
 class Study:
     """What the note looks at."""
@@ -77,10 +91,11 @@ class Study:
     macro: MacroSetup
     edge: float
     scaled: bool = True
+    edges: tuple[float, float, float] = (1.2, 1.0, 1 / 1.2)
 
     @property
     def cell(self):
-        return SimpleNamespace(geometry=SimpleNamespace(sides=(1.2, 1.0, 1 / 1.2), length=None))
+        return SimpleNamespace(geometry=SimpleNamespace(sides=self.edges, length=None))
 
     @property
     def scales(self):
@@ -97,11 +112,30 @@ def test_a_body_of_few_cells_is_noted_with_both_lengths():
     # 3 mm along y; along x the whole is 8 mm of cells of 0.6 mm.
     (note,) = notes(plug, 0.5e-3)
     assert note.startswith(
-        "the body is 6 cells thick: 3 mm along y, and the edge of the periodic cell is 500 µm;"
+        "the body is 6 cells thick: 3 mm along y, and the edge of the periodic cell along it is 500 µm (13 along x"
     )
     (note,) = notes(plug, 4e-3)
     assert note.startswith("the body is thinner than one cell: 3 mm along y, and the edge of the periodic")
     assert "scales.pore" in note
+
+
+def test_each_axis_counts_by_its_own_edge_and_a_held_one_is_named():
+    """A cell with edges of 0.72, 0.72 and 1.04 mm in 6 by 4 by 5 mm: 4.8 of them along z are the fewest."""
+    faces = {
+        "x-": {"normal": 0},
+        "y-": {"normal": 0},
+        "y+": {"normal": -0.3},
+        "x+": {"pressure": 0},
+        "z-": {"normal": 0},
+    }
+    body = {"kind": "box", "size": [6, 4, 5], "elements": [1, 1, 1]}
+    study = Study(MacroSetup.model_validate({"body": body, "boundary": faces}), 0.72e-3 / 1.2)
+    study.edges = (1.2, 1.2, 1.2 * 1.04 / 0.72)
+    assert "4.8 cells thick: 5 mm along z" in next(separation(study, body_mesh(study.macro)))
+    study.macro = MacroSetup.model_validate({"body": body, "boundary": faces | {"z+": {"normal": 0}}})
+    held = next(separation(study, body_mesh(study.macro)))
+    assert "4 mm along y" in held
+    assert "along z both faces are held" in held
 
 
 def test_across_rigid_planes_a_column_has_no_size():

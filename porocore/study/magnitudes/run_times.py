@@ -15,6 +15,11 @@ JUMP = 1e-4
 EARLY = 0.1
 #: A run so many times as long, in steps that are longer than it, shows nothing of it either.
 LATE = 100.0
+#: All that the time of consolidation depends on.
+GROWS = (
+    "the time grows with cell.viscosity, of which a number without unit is a multiple of scales.viscosity, and with "
+    "the square of the size, and falls with the modulus and the square of the pore size (scales.pore or voxel_size)"
+)
 
 
 def run_times(macro: MacroSetup, consolidation: float, units: ResultUnits) -> Iterator[str]:
@@ -31,10 +36,9 @@ def run_times(macro: MacroSetup, consolidation: float, units: ResultUnits) -> It
                 f"iteration and the sampled ranges have to bear; {_unit(units)}"
             )
     scales = (
-        ", the body's size and the scales: the time grows with the square of the size, and falls with the modulus and "
-        "with the square of the pore size (scales.pore or voxel_size)"
+        f", the body's size and the scales: {GROWS}"
         if units.given
-        else " and the size of the body"
+        else ", cell.viscosity and the size of the body"
     )
     if plan.end < EARLY * consolidation:
         yield (
@@ -49,7 +53,9 @@ def run_times(macro: MacroSetup, consolidation: float, units: ResultUnits) -> It
 
 
 def _unit(units: ResultUnits) -> str:
-    return "did you leave out a unit?" if units.given else "is that what you want?"
+    if not units.given:
+        return "is that what you want?"
+    return f"did you leave out a unit, here or of cell.viscosity? {GROWS[0].upper()}{GROWS[1:]}"
 
 
 def _ramps(macro: MacroSetup) -> Iterator[tuple[str, float]]:

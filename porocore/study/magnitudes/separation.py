@@ -20,7 +20,10 @@ NORMAL = 1e-9
 
 
 def separation(config: RunConfig, mesh: BodyMesh) -> Iterator[str]:
-    """Yield a note where few cells lie across the body, none without scales, in which the cell has no length."""
+    """Yield a note where few cells lie across the body, none without scales, in which the cell has no length.
+
+    The cells along each axis are counted by their own edge along it; the fewest are told.
+    """
     if config.scales is None:
         return
     edges = np.array(config.cell.geometry.sides) * config.scales.pore
@@ -30,18 +33,33 @@ def separation(config: RunConfig, mesh: BodyMesh) -> Iterator[str]:
     if cells >= FEW:
         return
     body, cell = length_text(float(sizes[i])), length_text(float(edges[i]))
+    across = f"{body} along {'xyz'[i]}, and the edge of the periodic cell along it is {cell}{_others(sizes / edges, i)}"
     source = "scales.pore" if config.cell.geometry.length is None else "cell.geometry.voxel_size"
     check = f"check {source}, macro.body, and the unit of each length"
     if cells < 1:
         yield (
-            f"the body is thinner than one cell: {body} along {'xyz'[i]}, and the edge of the periodic cell is {cell}; "
+            f"the body is thinner than one cell: {across}; "
             f"it is no body of such cells, and no result means anything: {check}"
         )
         return
     yield (
-        f"the body is {cells:.2g} cells thick: {body} along {'xyz'[i]}, and the edge of the periodic cell is {cell}; "
+        f"the body is {cells:.2g} cells thick: {across}; "
         f"its law is that of very many cells, and below {FEW:g} results are to be taken with care: {check}"
     )
+
+
+def _others(counts: Array, least: int) -> str:
+    """Return in words how many cells lie along the other axes."""
+    finite = [
+        f"{counts[i]:.2g} along {axis}"
+        for i, axis in enumerate("xyz")
+        if i != least and np.isfinite(counts[i])
+    ]
+    endless = [axis for i, axis in enumerate("xyz") if not np.isfinite(counts[i])]
+    said = f" ({' and '.join(finite)})" if finite else ""
+    if endless:
+        said += f"; along {' and '.join(endless)} both faces are held, as if the body went on, and nothing is counted"
+    return said
 
 
 def _sizes(macro: MacroSetup, mesh: BodyMesh) -> Array:
