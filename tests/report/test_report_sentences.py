@@ -258,7 +258,8 @@ def test_times_that_a_store_saved_are_told(context):
     stages = (Stage("sampling", 300.0, "", 240.0), Stage("training", 30.0))
     page = " ".join(render(replace(context, stages=stages)).split())
     assert "wall time with<br>an empty store" in page
-    assert "This run itself took 90 s." in page
+    assert "The stages of this run itself took 90 s." in page
+    assert "the time in which this report is written, and that of starting the program, are not" in page
 
 
 @pytest.mark.usefixtures("undrawn")

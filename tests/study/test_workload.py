@@ -42,7 +42,8 @@ def test_a_mesh_beyond_the_memory_is_refused_with_a_size_that_fits(tmp_path, mon
 def test_processes_share_the_memory_that_the_mesh_needs(tmp_path, monkeypatch):
     monkeypatch.setattr(workload, "memory_here", lambda: 6e9)
     with pytest.raises(
-        ConfigurationError, match=r"sampling.workers: 8 processes need .*; take at most [2-5]$"
+        ConfigurationError,
+        match=r"sampling.workers: 8 workers and the run itself need .*; take at most [2-5]$",
     ):
         workload.require_memory(study(tmp_path, 0.07, executor="processes", workers=8))
 
@@ -77,7 +78,9 @@ def test_a_fluid_beyond_the_memory_is_refused_too(tmp_path, monkeypatch):
         workload.require_memory(config.model_copy(update={"cell": fine}))
 
 
-@pytest.mark.parametrize("law", [cost.FIRST, cost.STATE, cost.CONDUCTIVITY, cost.SOLID, cost.FLUID])
+@pytest.mark.parametrize(
+    "law", [cost.FIRST, cost.STATE, cost.CONDUCTIVITY, cost.SOLID, cost.EIGHTH, cost.FLUID]
+)
 def test_the_cost_is_that_measured_and_grows_on_beyond(law):
     assert [law.at(n) for n in law.nodes] == pytest.approx(law.values)
     assert law.at(0) == 0
@@ -105,4 +108,24 @@ def test_the_time_of_a_study_is_that_of_its_states_on_its_workers():
     assert eighth.state == pytest.approx(cost.STATE.at(2_500))
     said = list(four.as_lines())
     assert "20,000 nodes of the solid and 30,000 of the fluid" in said[1]
-    assert said[1].endswith(f"{workload.as_time(four.cell_time)} in all on 4 quiet cores")
+    assert f"all cells {workload.as_time(four.cell_time)} on 4 quiet cores" in said[1]
+    assert said[1].endswith("without training, macro runs and report")
+
+
+def test_the_memory_is_that_of_all_processes_at_once():
+    """An eighth of 12,128 nodes was told to take 1.5 GB; two workers and their parent held 4.0 to 4.5 GB."""
+    two = workload.Workload(32, 2, 17, 2, 8, 4, 97_020, 107_653, (1 / 8, 1 / 8))
+    assert two.memory == pytest.approx(3 * two.process)
+    assert two.memory == pytest.approx(4.25e9, rel=0.2)
+    assert two.process == pytest.approx(1.5e9, rel=0.2)
+    assert replace(two, workers=1, serial=True).memory == pytest.approx(two.process)
+    assert replace(two, workers=0).memory == pytest.approx(
+        two.process
+    )  # a scheduler has the workers elsewhere
+    said = next(iter(two.as_lines()))
+    assert (
+        "4.9 GB of memory in all while cells are solved, 1.6 GB each of 2 workers and of the run itself"
+        in said
+    )
+    alone = next(iter(replace(two, workers=1, serial=True).as_lines()))
+    assert alone.endswith("1.6 GB of memory in all while cells are solved")

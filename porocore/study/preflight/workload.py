@@ -12,11 +12,9 @@ from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight import cost
+from porocore.study.preflight.cost import LIBRARIES, memory_law, process_memory
 from porocore.study.reach import shears
 
-#: Memory of one process that solves cells [bytes], shared pages counted once: in the benchmark with either
-#: finite-element backend, and of the libraries alone.
-PROCESS, LIBRARIES = 2.7e8, 2e8
 #: Nodes for each tetrahedron that a geometry expects; measured 1.7 to 2.4 of second order on images, since
 #: more tetrahedra are made at the wall.
 NODES_OF_TETRAHEDRON = {"linear": 0.27, "quadratic-straight": 2.0, "quadratic-curved": 2.0}
@@ -52,6 +50,8 @@ class Workload:
         Shares of them that are solved.
     deformed
         True if every state also has the flow through its deformed pore.
+    serial
+        True if states are solved by the run's own process, without workers.
     """
 
     states: int
@@ -64,6 +64,7 @@ class Workload:
     fluid: int
     parts: tuple[float, float] = (1.0, 1.0)
     deformed: bool = False
+    serial: bool = False
 
     @classmethod
     def of(cls, config: RunConfig, states: int, elements: int, nodes: tuple[int, int]) -> Workload:
@@ -80,6 +81,7 @@ class Workload:
             *nodes,
             (share_solved(config), share_of_flow(config)),
             config.conductivity == "deformed",
+            solves_itself(config),
         )
 
     @property
@@ -90,9 +92,16 @@ class Workload:
 
     @property
     def memory(self) -> float:
-        """Approximate memory of all processes that solve cells [bytes]."""
-        solid, fluid = self._solved
-        return max(max(1, self.workers) * process_memory(solid), LIBRARIES + cost.FLUID.at(fluid))
+        """Approximate memory of all processes at once [bytes]: workers, and the run itself, which solves K and rest."""
+        return max(
+            (1 if self.serial else self.workers + 1) * self.process,
+            LIBRARIES + cost.FLUID.at(self._solved[1]),
+        )
+
+    @property
+    def process(self) -> float:
+        """Approximate memory of each of them [bytes]."""
+        return process_memory(self._solved[0], self.parts[0])
 
     @property
     def state(self) -> float:
@@ -123,16 +132,24 @@ class Workload:
         """Yield the counts for reading."""
         yield (
             f"work: {self.states} states of the cell, {self.runs} macro runs of {self.steps} steps or more; "
-            f"some {self.disk / 1e9:.2g} GB on disk, {self.memory / 1e9:.2g} GB of memory while cells are solved"
+            f"some {self.disk / 1e9:.2g} GB on disk, {self.memory / 1e9:.2g} GB of memory in all while cells are solved"
+            f"{self._each}"
         )
-        solid, fluid = self._solved
-        workers = max(1, self.workers)
+        (solid, fluid), workers = self._solved, max(1, self.workers)
         yield (
             f"  cell problems of {solid:,.0f} nodes of the solid and {fluid:,.0f} of the fluid: "
             f"{as_time(self.state)} for a state with its derivatives, {as_time(self.state + self.first)} for the "
             f"first, {as_time(self.conductivity)} for K; "
-            f"{as_time(self.cell_time)} in all on {workers} quiet {'core' if workers == 1 else 'cores'}"
+            f"all cells {as_time(self.cell_time)} on {workers} quiet {'core' if workers == 1 else 'cores'}, without "
+            "training, macro runs and report"
         )
+
+    @property
+    def _each(self) -> str:
+        if self.serial or not self.workers:
+            return ""
+        who = f"{self.workers} {'worker' if self.workers == 1 else 'workers'} and of the run itself"
+        return f", {self.process / 1e9:.2g} GB each of {who}"
 
 
 def workers_here(config: RunConfig) -> int:
@@ -141,6 +158,13 @@ def workers_here(config: RunConfig) -> int:
     if sampling.scheduler is not None:
         return 0
     return 1 if sampling.executor == "serial" else sampling.worker_count()
+
+
+def solves_itself(config: RunConfig) -> bool:
+    """Return True if the process that runs the study solves the states, without workers beside it."""
+    sampling = config.sampling
+    alone = sampling.executor == "auto" and sampling.state_seconds is None and workers_here(config) == 1
+    return sampling.scheduler is None and (sampling.executor == "serial" or alone)
 
 
 def share_solved(config: RunConfig) -> float:
@@ -192,11 +216,6 @@ def nodes_of(cell: Cell, porosity: float) -> tuple[float, float]:
     return solid * math.prod(cell.supercell), fluid
 
 
-def process_memory(nodes: float) -> float:
-    """Return the memory of one process that solves a solid of so many nodes [bytes]."""
-    return max(PROCESS, LIBRARIES + cost.SOLID.at(nodes))
-
-
 def as_time(seconds: float) -> str:
     """Return a time that is known roughly, for reading."""
     for unit, length in (("days", 86_400), ("h", 3600), ("min", 60), ("s", 1)):
@@ -213,14 +232,14 @@ def require_memory(config: RunConfig) -> None:
     ConfigurationError
         The mesh of the cell is too fine, or the processes are too many.
     """
-    workers, there = workers_here(config), memory_here()
+    workers, there, share = workers_here(config), memory_here(), share_solved(config)
     if there is None or workers == 0:
         return
     (nodes, flow), mesh = expected_nodes(config), config.cell.mesh
-    process, fluid = process_memory(nodes), LIBRARIES + cost.FLUID.at(flow)
+    process, fluid = process_memory(nodes, share), LIBRARIES + cost.FLUID.at(flow)
     spare = max(there - LIBRARIES, LIBRARIES)
     for key, count, phase, needs, law in (
-        ("size", nodes, "solid", process, cost.SOLID),
+        ("size", nodes, "solid", process, memory_law(share)),
         ("fluid_size", flow, "fluid", fluid, cost.FLUID),
     ):
         if needs > there:
@@ -230,11 +249,11 @@ def require_memory(config: RunConfig) -> None:
                 f"needs some {needs / 1e9:.3g} GB of memory, but this machine has {there / 1e9:.3g} GB; take "
                 f"{_at_least(larger)} or more, or a part of the cell"
             )
-    if workers > 1 and workers * process > there:
+    if workers > 1 and (workers + 1) * process > there:
         raise ConfigurationError(
-            f"sampling.workers: {workers} processes need some {workers * process / 1e9:.3g} GB of memory, "
-            f"{process / 1e9:.2g} GB each, but this machine has {there / 1e9:.3g} GB; take at most "
-            f"{max(1, int(there / process))}"
+            f"sampling.workers: {workers} workers and the run itself need some {(workers + 1) * process / 1e9:.3g} GB "
+            f"of memory, {process / 1e9:.2g} GB each, but this machine has {there / 1e9:.3g} GB; take at most "
+            f"{max(1, int(there / process) - 1)}"
         )
 
 

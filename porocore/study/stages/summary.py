@@ -79,6 +79,7 @@ def report_context(results: RunResults) -> ReportContext:
         stages=tuple(
             Stage(name, each.seconds, f"in {each.runs} runs" if each.runs > 1 else "", each.saved)
             for name, each in results.timings.items()
+            if name != "report"  # of an earlier page; this one is not written yet
         ),
         provenance={**versions(), **reference.mesh, "run identity": config.identity},
         config_text=config.resolved_yaml(),
