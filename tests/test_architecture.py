@@ -152,6 +152,15 @@ def test_files_and_functions_are_short():
     assert faults == []
 
 
+def test_no_two_public_classes_have_one_name():
+    files = {}
+    for path in SOURCES:
+        for node in tree_of(path).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                files.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert {name: paths for name, paths in files.items() if len(paths) > 1} == {}
+
+
 def test_the_core_imports_no_plugin_nor_their_packages():
     faults = [
         f"{module}:{line} imports {imported}"

@@ -16,7 +16,7 @@ from porocore.verification.representative import outlook, side_by_side
 from porocore.verification.representative.plan import SubvolumePlan
 from porocore.verification.representative.record import FILE
 from porocore.verification.representative.scan import Scan
-from porocore.verification.representative.settling import JUDGED, QUANTITIES, Scatter, judge, typical
+from porocore.verification.representative.settling import JUDGED, QUANTITIES, SizeStatistics, judge, typical
 from porocore.verification.representative.subvolume import FAILED, LOOSE, LOST, SHAPES, SOLVED, Subvolume
 from porocore.verification.representative.words import verdict
 
@@ -304,7 +304,7 @@ def test_sizes_that_the_machine_cannot_solve_are_left_out_and_named(tmp_path, mo
 
 
 def test_means_and_their_scatter():
-    found = Scatter.of({8: [1.0, 3.0, np.nan], 4: [10.0], 16: [2.0, 2.1], 12: [np.nan]})
+    found = SizeStatistics.of({8: [1.0, 3.0, np.nan], 4: [10.0], 16: [2.0, 2.1], 12: [np.nan]})
     assert found.sizes == (4, 8, 16)
     np.testing.assert_allclose(found.mean, [10.0, 2.0, 2.05])
     np.testing.assert_allclose(found.deviation, [np.nan, np.sqrt(2), np.sqrt(0.005)])
@@ -313,7 +313,7 @@ def test_means_and_their_scatter():
     assert not found.suffices(8, 0.05)
     assert found.suffices(8, 0.8)
     assert found.needed(8, 0.1) == 200  # (2 · √2/2 / 0.1)²
-    assert Scatter.of({8: [1.0]}).settled(0.5) is None
+    assert SizeStatistics.of({8: [1.0]}).settled(0.5) is None
 
 
 def test_the_size_is_that_of_the_slowest_quantity():

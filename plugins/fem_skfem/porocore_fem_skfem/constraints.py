@@ -20,7 +20,7 @@ SENSITIVITY_TOLERANCE = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class LinearResponse:
     """Answer of the equilibrium to k loads.
 
     Attributes
@@ -136,7 +136,7 @@ class Constraints:
             raise LoadStepFailed(Status.not_converged) from error
         return x
 
-    def sensitivities(self, entries: Array, R: Array) -> Solved:
+    def sensitivities(self, entries: Array, R: Array) -> LinearResponse:
         """Return the answer to loads with the residuals R (n, k).
 
         Raises
@@ -150,7 +150,7 @@ class Constraints:
         solved = refine(matrix, -R, self.precondition, tolerance=SENSITIVITY_TOLERANCE)
         U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
         product = solved.product if solved.converged and solved.product is not None else matrix @ U
-        return Solved(U, curvature(R, U, product), negative)
+        return LinearResponse(U, curvature(R, U, product), negative)
 
 
 def curvature(R: Array, U: Array, KU: Array) -> Array:

@@ -17,7 +17,7 @@ from porocore.cell.equilibrium.path import least_shifted
 from porocore.macro.linear_systems.memory import available_bytes, factor_bytes, fits
 from porocore.states import Array, IntArray, Status
 from porocore_fem_skfem import pardiso
-from porocore_fem_skfem.constraints import SENSITIVITY_TOLERANCE, Constraints, Solved, curvature
+from porocore_fem_skfem.constraints import SENSITIVITY_TOLERANCE, Constraints, LinearResponse, curvature
 from porocore_fem_skfem.linalg import FACTOR_LIMIT, Iteration, conjugate_gradients
 from porocore_fem_skfem.multigrid import IndefiniteError, Multigrid
 from porocore_fem_skfem.node_grid import NodeGrid, PaddedPattern
@@ -113,7 +113,7 @@ class IterativeConstraints(Constraints):
             raise LoadStepFailed(Status.not_converged) from error
         return x
 
-    def sensitivities(self, entries: Array, R: Array) -> Solved:
+    def sensitivities(self, entries: Array, R: Array) -> LinearResponse:
         """Return −K⁻¹ R, and whether K is definite, by one iteration for all columns and a random one."""
         solved = None
         if self.factorise(entries) <= 0:
@@ -124,11 +124,11 @@ class IterativeConstraints(Constraints):
             if solved.converged:
                 U = solved.x[:, :-1]
                 second = curvature(-right[:, :-1], U, self._matrix @ U)
-                return Solved(U[self._padded.places], second, 0)
+                return LinearResponse(U[self._padded.places], second, 0)
         if (direct := self._by_factor()) is not None:
             return direct.sensitivities(entries, R)
         unknown = np.full_like(R, np.nan)
-        return Solved(unknown, R.T @ unknown, 1 if solved is None or solved.indefinite else -1)
+        return LinearResponse(unknown, R.T @ unknown, 1 if solved is None or solved.indefinite else -1)
 
     def negative(self, entries: Array) -> int:
         """Return the number of negative eigenvalues; without a factor 1 for one or more, -1 if nothing tells."""

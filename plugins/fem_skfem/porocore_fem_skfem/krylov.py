@@ -16,7 +16,7 @@ BREAKDOWN = 1e-14
 
 
 @dataclass(frozen=True)
-class Solved:
+class IterationResult:
     """Solution of an iteration."""
 
     x: Array
@@ -35,7 +35,7 @@ def flexible_gmres(
     *,
     accuracy: float,
     limit: int,
-) -> Solved:
+) -> IterationResult:
     """Solve A x = ``right`` by GMRES, preconditioned from the right, orthogonalised twice [Saad 1993].
 
     Parameters
@@ -50,7 +50,7 @@ def flexible_gmres(
     size = float(np.linalg.norm(right))
     x, r, count = np.zeros_like(right), right, 0
     if size == 0:
-        return Solved(x, 0, 0.0)
+        return IterationResult(x, 0, 0.0)
     left = size
     while count < limit:
         change, steps = _cycle(apply, r, precondition, accuracy * size, min(RESTART, limit - count))
@@ -60,7 +60,7 @@ def flexible_gmres(
         before, left = left, float(np.linalg.norm(r))
         if not left > 1.5 * accuracy * size or not left < 0.9 * before:
             break
-    return Solved(x, count, left / size if np.isfinite(left) else np.inf)
+    return IterationResult(x, count, left / size if np.isfinite(left) else np.inf)
 
 
 def _cycle(

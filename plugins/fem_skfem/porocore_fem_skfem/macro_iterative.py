@@ -16,7 +16,7 @@ from porocore.macro.linear_systems.coarse import LinearLevel
 from porocore.macro.linear_systems.reuse import ReusePolicy
 from porocore.macro.linear_systems.work import LinearWork
 from porocore.states import Array, IntArray
-from porocore_fem_skfem.krylov import Solved, flexible_gmres
+from porocore_fem_skfem.krylov import IterationResult, flexible_gmres
 from porocore_fem_skfem.macro_preconditioner import DisplacementCycle, Solve, pressure_cycle
 from porocore_fem_skfem.macro_smoother import ChebyshevSmoother
 
@@ -107,7 +107,7 @@ class IterativeSolver:
         *,
         again: bool,
         accuracy: float,
-    ) -> Solved:
+    ) -> IterationResult:
         """Return the solution of A x = ``right`` (unknowns,), which is zero where prescribed.
 
         A preconditioner that has served before and does not do is made anew.
@@ -133,7 +133,7 @@ class IterativeSolver:
                 solved = self._iterate(matrices, right, accuracy)
         except (FactorError, np.linalg.LinAlgError, RuntimeError):
             # A group of nodes or the coarsest level is singular, or what the preconditioner is applied to overflows.
-            solved = Solved(right, 0, np.inf)
+            solved = IterationResult(right, 0, np.inf)
         if not solved.reached(accuracy):
             self._policy.expire()
         return replace(solved, x=self._supports.expanded(solved.x))
@@ -171,7 +171,7 @@ class IterativeSolver:
     def _forces(self, uu: sparse.bsr_matrix, u: Array) -> Array:
         return self._of_u.collected(uu @ self._of_u.expanded(u))
 
-    def _iterate(self, matrices: Matrices, right: Array, accuracy: float) -> Solved:
+    def _iterate(self, matrices: Matrices, right: Array, accuracy: float) -> IterationResult:
         began, n_u, scale = perf_counter(), self._n_u, self._scale
         (uu, up), (pu, pp) = matrices
         assert self._cycle is not None

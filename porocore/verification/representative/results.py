@@ -9,7 +9,7 @@ from pathlib import Path
 from porocore.verification.representative.outlook import SizeOutlook
 from porocore.verification.representative.plan import SubvolumePlan
 from porocore.verification.representative.scan import Scan
-from porocore.verification.representative.settling import Scatter, Settling
+from porocore.verification.representative.settling import Settling, SizeStatistics
 from porocore.verification.representative.subvolume import SOLVED, Subvolume
 
 
@@ -47,9 +47,9 @@ class RepresentativeVolume:
     pictures: tuple[Path, ...] = ()
 
     @cached_property
-    def voxels(self) -> Scatter:
+    def voxels(self) -> SizeStatistics:
         """Porosity by the voxels of many sub-volumes of each size."""
-        return Scatter.of({each.size: list(each.porosities) for each in self.outlooks})
+        return SizeStatistics.of({each.size: list(each.porosities) for each in self.outlooks})
 
     def solved(self, size: int) -> tuple[int, int]:
         """Return how many sub-volumes of a size have all results, and how many were tried."""

@@ -13,7 +13,7 @@ from porocore.verification.representative.subvolume import Subvolume
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ScalarResult:
     """A result of a sub-volume as one number.
 
     Attributes
@@ -33,13 +33,13 @@ class Quantity:
 
 
 #: By the names in :meth:`Subvolume.scalars`.
-QUANTITIES: dict[str, Quantity] = {
-    "porosity": Quantity("porosity", r"\varphi_f", ""),
-    "permeability": Quantity("permeability", r"\mathrm{tr}\,\mathbf{k}/3", "permeability"),
-    "anisotropy": Quantity("anisotropy", r"(k_{max} - k_{min})\,/\,\bar{k}", "", judged=False),
-    "modulus": Quantity("drained modulus", r"E_d", "stress"),
-    "biot": Quantity("Biot coefficient", r"\mathrm{tr}\,\mathbf{\alpha}/3", ""),
-    "storage": Quantity("storage", r"1/M_B", "compliance"),
+QUANTITIES: dict[str, ScalarResult] = {
+    "porosity": ScalarResult("porosity", r"\varphi_f", ""),
+    "permeability": ScalarResult("permeability", r"\mathrm{tr}\,\mathbf{k}/3", "permeability"),
+    "anisotropy": ScalarResult("anisotropy", r"(k_{max} - k_{min})\,/\,\bar{k}", "", judged=False),
+    "modulus": ScalarResult("drained modulus", r"E_d", "stress"),
+    "biot": ScalarResult("Biot coefficient", r"\mathrm{tr}\,\mathbf{\alpha}/3", ""),
+    "storage": ScalarResult("storage", r"1/M_B", "compliance"),
 }
 JUDGED = tuple(name for name, quantity in QUANTITIES.items() if quantity.judged)
 #: Standard errors that the mean of several sub-volumes may be off.
@@ -47,7 +47,7 @@ ERRORS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Scatter:
+class SizeStatistics:
     """One quantity over the sub-volumes of each of n sizes; NaN where it is not known.
 
     Attributes
@@ -66,8 +66,8 @@ class Scatter:
     deviation: Array
 
     @classmethod
-    def of(cls, values: Mapping[int, Sequence[float]]) -> Scatter:
-        """Return that of values by size, of which those that are not finite are left out."""
+    def of(cls, values: Mapping[int, Sequence[float]]) -> SizeStatistics:
+        """Return the statistics of values by size, of which those that are not finite are left out."""
         known = {size: np.array([v for v in given if math.isfinite(v)]) for size, given in values.items()}
         known = {size: given for size, given in sorted(known.items()) if len(given)}
         count = np.array([float(len(given)) for given in known.values()])
@@ -128,7 +128,7 @@ class Settling:
     """
 
     tolerance: float
-    scatter: dict[str, Scatter]
+    scatter: dict[str, SizeStatistics]
     settled: dict[str, int | None]
     settled_all: int | None
     enough: int | None
@@ -150,7 +150,7 @@ def judge(subvolumes: Sequence[Subvolume], tolerance: float) -> Settling:
     for each in subvolumes:
         for name, value in each.scalars().items():
             values[name].setdefault(each.size, []).append(value)
-    scatter = {name: Scatter.of(by_size) for name, by_size in values.items()}
+    scatter = {name: SizeStatistics.of(by_size) for name, by_size in values.items()}
     settled = {name: scatter[name].settled(tolerance) for name in JUDGED}
     sizes = [value for value in settled.values() if value is not None]
     settled_all = max(sizes) if len(sizes) == len(settled) else None

@@ -109,7 +109,7 @@ def study_representative_volume(
     new_folder(folder)
     workers = config.sampling.worker_count() if workers is None else workers
     outlooks, record = _foreseen(scan, plan, sizes, workers, tell), folder / FILE
-    campaign = _Campaign(config, scan, record, identity, known, chosen_store(store), on_subvolume, tell)
+    campaign = _Solves(config, scan, record, identity, known, chosen_store(store), on_subvolume, tell)
     solved = campaign.run(outlooks, workers)
     settling = judge(solved, plan.tolerance)
     found = RepresentativeVolume(plan, scan, tuple(outlooks), tuple(solved), settling, record)
@@ -145,7 +145,7 @@ def _shown(found: RepresentativeVolume, config: RunConfig) -> RepresentativeVolu
     return replace(found, tables=tables, pictures=pictures)
 
 
-class _Campaign:
+class _Solves:
     """Sub-volumes that are solved and recorded one by one."""
 
     def __init__(

@@ -184,7 +184,7 @@ def run_study(
             CellPool(prepare_cell, arguments, workers=workers, known=known) as pool,
             told(known, "sensitivity", tell),
         ):
-            for line in _Campaign(study, pool, half_lines, on_state).lines():
+            for line in _HalfLineSolves(study, pool, half_lines, on_state).lines():
                 study.lines[line_name(line.load, line.sign)] = line
                 save(path, study)
     return study
@@ -229,7 +229,7 @@ def study_identity(
     return json_hash(parts, sort_keys=True)
 
 
-class _Campaign:
+class _HalfLineSolves:
     """Half lines that share the workers of a pool, the longest first."""
 
     def __init__(
