@@ -1,4 +1,4 @@
-"""The core's cell mesh as a dolfinx mesh, with the core's quadrature."""
+"""The core's cell mesh as a dolfinx mesh (CellDomain): function spaces, values at points, maps of nodes."""
 
 from __future__ import annotations
 

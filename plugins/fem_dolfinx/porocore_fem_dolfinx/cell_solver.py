@@ -1,4 +1,4 @@
-"""Cell solver on dolfinx and PETSc."""
+"""Cell solver on dolfinx and PETSc: its options, the discrete solid and the discrete fluid of a mesh."""
 
 from __future__ import annotations
 

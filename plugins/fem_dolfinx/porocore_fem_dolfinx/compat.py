@@ -1,4 +1,4 @@
-"""Differences between the versions of dolfinx, 0.5 (Debian 12) to 0.9 (Debian 13): one function for each.
+"""Differences between dolfinx 0.5 (Debian 12) and 0.9 (Debian 13): meshes, spaces, forms, assembly.
 
 Elements, which differ too, have a module of their own.
 """

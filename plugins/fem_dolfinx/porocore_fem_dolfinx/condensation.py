@@ -1,4 +1,4 @@
-"""Condensation of periodic images and held unknowns by a matrix from the free unknowns to all."""
+"""Condensation of periodic images and held unknowns by a matrix T; copies between PETSc and scipy."""
 
 from __future__ import annotations
 

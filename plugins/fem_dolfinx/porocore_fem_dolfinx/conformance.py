@@ -1,4 +1,4 @@
-"""Laws for the solvers of this plugin, in its tests and in ``porocore plugin check``."""
+"""Test classes that hold this plugin's cell and macro solver to the laws of the conformance kit."""
 
 from __future__ import annotations
 

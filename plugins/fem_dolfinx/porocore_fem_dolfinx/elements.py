@@ -1,4 +1,4 @@
-"""Finite elements, of basix.ufl or of the old UFL."""
+"""Lagrange elements, quadrature elements and quadrature points, of basix.ufl or of the old UFL."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Folder of the compiled forms, in which one process compiles at a time.
+"""Folder of the compiled forms, and the lock by which one process compiles at a time.
 
 FFCx marks a form that is being compiled by its C file. Whoever finds the mark waits ten seconds and gives up, so two
 processes on a busy machine fail each other, and one that is killed while it compiles fails all that come after it.

@@ -1,4 +1,4 @@
-"""Offers of this plugin; importing this module loads nothing heavy."""
+"""Offers of this plugin: its cell and macro solver by name; importing this module loads nothing heavy."""
 
 from __future__ import annotations
 

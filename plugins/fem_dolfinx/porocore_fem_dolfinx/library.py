@@ -1,4 +1,4 @@
-"""The installed dolfinx: imported after h5py, and checked for its version and its kind of numbers.
+"""Import of dolfinx after h5py, and the check of its version and of its kind of numbers.
 
 Other modules take dolfinx from here, so that h5py always comes first.
 """

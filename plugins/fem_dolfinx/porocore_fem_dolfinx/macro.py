@@ -1,4 +1,4 @@
-"""Macro solver on dolfinx: the core's time integration on UFL forms and PETSc, on any number of MPI processes."""
+"""Macro solver on dolfinx: its options, and the discretisation that it makes of a problem."""
 
 from __future__ import annotations
 

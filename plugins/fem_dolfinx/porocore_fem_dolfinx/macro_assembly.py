@@ -1,4 +1,4 @@
-"""Residual, tangent and linear solve of the u–p problem on the processes of a communicator."""
+"""Residual, tangent and linear solve of the u–p problem on all processes (DolfinxDiscretisation)."""
 
 from __future__ import annotations
 

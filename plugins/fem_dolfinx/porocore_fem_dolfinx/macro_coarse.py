@@ -1,4 +1,4 @@
-"""The linear level of the displacements as PETSc matrices, distributed like the pressures."""
+"""Linear displacements as PETSc matrices: the coarse level of multigrid, and its rigid motions."""
 
 from __future__ import annotations
 

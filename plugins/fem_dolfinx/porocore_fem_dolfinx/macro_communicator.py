@@ -1,4 +1,4 @@
-"""MPI processes that solve one macro problem together."""
+"""MPI processes that solve one macro problem together: sums, maxima, united lists, failure of one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PETSc's linear solver of the coupled system by options: MUMPS' factor, or what the user chose."""
+"""Linear solver of the u–p system by PETSc options: MUMPS' factor, or what the user chose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The u–p problem in UFL; the law's responses are functions at the quadrature points."""
+"""The u–p problem in UFL: compiled forms, and functions with the law's response at quadrature points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear systems of the u–p problem: by a factor, by multigrid if large, or by the user's PETSc options."""
+"""Choice of the linear solver of the u–p problem: factor, multigrid or options; fallback if it stagnates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PETSc options from a configuration, under a prefix of their own; unknown ones are refused."""
+"""PETSc options from the configuration, under a prefix of their own; unknown and unused ones are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The solid cell problem: energy of UFL's forms and the core's contact, and linear solves with its tangent."""
+"""The discrete solid in UFL (DolfinxSolid): energy, residual, tangent, factors, integrals, sensitivities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interface of the solid problem's forms, whatever the material."""
+"""Interface of the solid's compiled forms: residual, tangent, load change, means; for any material."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Forms of a solid of any material; the core's stress and tangent are functions at the quadrature points."""
+"""Solid forms for any material: the core's stress and tangent as functions at the quadrature points."""
 
 from __future__ import annotations
 

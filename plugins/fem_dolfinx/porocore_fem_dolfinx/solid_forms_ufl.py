@@ -1,4 +1,4 @@
-"""Forms of a neo-Hookean solid in UFL; H, p and the material's constants change without compilation."""
+"""Solid forms of a neo-Hookean solid in UFL; H, p and its constants change without compilation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The displacements of the solid: nodes, dofs, and the free unknowns of each parity class."""
+"""Function space of the solid's displacement: maps of nodes and dofs, free unknowns of a parity class."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fluid cell problem in UFL: Taylor–Hood elements, one system for velocity and pressure."""
+"""The discrete fluid in UFL: Stokes flow on Taylor–Hood elements, one saddle-point system."""
 
 from __future__ import annotations
 

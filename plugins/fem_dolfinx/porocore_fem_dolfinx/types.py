@@ -1,4 +1,4 @@
-"""Types of dolfinx and UFL as far as they are used here; the libraries' own differ from version to version."""
+"""Protocols and type aliases of dolfinx and UFL objects (Mesh, Function, Form, …), for the type checker."""
 
 from __future__ import annotations
 

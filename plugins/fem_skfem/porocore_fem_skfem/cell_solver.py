@@ -1,4 +1,4 @@
-"""Cell solver on scikit-fem's elements."""
+"""Cell solver on scikit-fem's elements: its options, the discrete solid and the discrete fluid of a mesh."""
 
 from __future__ import annotations
 

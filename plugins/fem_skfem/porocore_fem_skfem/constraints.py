@@ -1,4 +1,4 @@
-"""Free unknowns of the parity classes, and linear solves: conjugate gradients around a factor that is kept."""
+"""Free unknowns of a parity class, and linear solves by conjugate gradients around a factor that is kept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interface of the linear solvers: an approximate inverse of a matrix of fixed pattern.
+"""Interface of a sparse factor as an approximate inverse; errors of a singular matrix and of memory.
 
 Nothing reaches a native library that is not checked here: it would read beyond arrays, or never end.
 """

@@ -1,4 +1,4 @@
-"""Linear solves of large cells by conjugate gradients around multigrid, without a factor and so without its inertia.
+"""Linear solves of large cells: conjugate gradients around multigrid, and definiteness without a factor.
 
 A tangent is definite if conjugate gradients solve for a random right-hand side and meet no negative curvature. While
 all Ritz values are positive, the residual polynomial exceeds 1 at every negative eigenvalue. So the residual cannot

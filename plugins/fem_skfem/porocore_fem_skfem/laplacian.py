@@ -1,4 +1,4 @@
-"""Inverses of the Laplacian of a velocity component: by a factor, or approximate ones by a cycle of multigrid."""
+"""Inverses of the Laplacian of a velocity component in Stokes flow: a factor, or a cycle of multigrid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Symmetric linear systems: a factor (or a multigrid cycle) as preconditioner, conjugate gradients on top.
+"""Symmetric linear systems: choice by size, SuperLU, iterative refinement, conjugate gradients.
 
 A factor may be of single precision, of a neighbouring state or no factor at all; the iteration makes up
 for it and notices negative curvature. Patterns are upper triangles in CSR with the diagonal first.

@@ -1,4 +1,4 @@
-"""Macro solver on scikit-fem: the core's time integration on its shape functions and direct factors."""
+"""Macro solver on scikit-fem: its options, and the discretisation that it makes of a problem."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Residual, tangent and linear solve of the u–p problem from the law's response at all quadrature points.
+"""Discretisation of the u–p problem: residual and tangent from the law's response; chooses the small path.
 
 An integral over an element is a product of matrices: values at its points times shape functions at its points.
 """

@@ -1,4 +1,4 @@
-"""Element blocks in the frames of oblique nodes."""
+"""Rotation of element blocks into the frames of nodes on oblique surfaces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Large u–p systems by a preconditioned iteration, whose preconditioner serves until it has aged."""
+"""GMRES on large u–p systems, supports and plates in vectors, and a preconditioner that is kept until it ages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear systems of the u–p problem: by a factor where they are small, else by a preconditioned iteration."""
+"""Linear solver of the u–p problem: factor or GMRES by size, fallback to a factor, errors of a failure."""
 
 from __future__ import annotations
 

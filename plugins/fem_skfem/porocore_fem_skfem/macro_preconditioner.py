@@ -1,4 +1,4 @@
-"""Block preconditioner of the u–p tangent: multigrid for the displacements, then for the pressures."""
+"""Preconditioner of the u–p tangent: a cycle for the displacements, multigrid for the pressures."""
 
 from __future__ import annotations
 

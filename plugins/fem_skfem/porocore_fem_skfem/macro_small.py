@@ -1,4 +1,4 @@
-"""Tangent and factor of a small body, such as a column: integrated straight into the equations, and kept whole."""
+"""Tangent and band factor of a small body, such as a column: summed straight into the equations."""
 
 from __future__ import annotations
 

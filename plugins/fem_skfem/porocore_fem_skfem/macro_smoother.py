@@ -1,4 +1,4 @@
-"""Smoother of the quadratic displacements: Chebyshev's polynomial of dense inverses of strongly coupled nodes."""
+"""Smoother of the quadratic displacements: Chebyshev's polynomial of dense inverses of groups of nodes."""
 
 from __future__ import annotations
 

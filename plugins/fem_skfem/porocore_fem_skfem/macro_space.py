@@ -1,4 +1,4 @@
-"""scikit-fem's shape functions on the elements of the body."""
+"""Shape functions of scikit-fem, tabulated at the quadrature points of a body."""
 
 from __future__ import annotations
 

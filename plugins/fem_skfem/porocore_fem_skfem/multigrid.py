@@ -1,4 +1,4 @@
-"""Multigrid for displacements, or for a scalar: quadratic elements, linear ones on the same mesh, groups of nodes.
+"""Multigrid for matrices of cells: quadratic elements, linear ones on the same mesh, groups of nodes.
 
 One cycle is a symmetric and positive definite approximation of the inverse, even of a matrix that is not quite positive
 definite: a Chebyshev polynomial has |p| < 1 on (0, b], b above the largest eigenvalue, and p > 1 below 0, so the part

@@ -1,4 +1,4 @@
-"""Nodes of the unknowns of a cell, and matrices with all components of each node, as multigrid wants them."""
+"""Nodes of the unknowns of a cell, and matrices padded to all components of each node, for multigrid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PARDISO, the sparse direct solver of Intel's Math Kernel Library, by its C interface.
+"""PARDISO, the sparse direct solver of Intel's Math Kernel Library, through its C interface.
 
 The wrappers on the package index know neither the separate phases, nor single precision, nor the inertia,
 which are what makes a cell solve fast and tells whether its tangent is indefinite.

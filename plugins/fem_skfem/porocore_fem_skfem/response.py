@@ -1,4 +1,4 @@
-"""Response of the solid at the quadrature points, and its tangent stiffness.
+"""Material response at the quadrature points of the solid: energy, stress, tangent stiffness of elements.
 
 Arrays at quadrature points are component-first, (3, 3, points), element by element.
 """

@@ -1,4 +1,4 @@
-"""The solid cell problem on one domain: energy, residual, tangent and averages of Π = ∫ (Ψ(F) + pJ) dV.
+"""The discrete solid (SkfemSolid): energy, residual, tangent, linear solves, integrals, sensitivities.
 
 Arrays at quadrature points are component-first, (3, 3, points).
 """

@@ -1,4 +1,4 @@
-"""The fluid cell problem: Stokes flow through the pore under unit forces.
+"""The discrete fluid: Stokes flow under unit forces, by factors of Laplacians or by an iteration.
 
 Quadratic velocity and linear pressure (Taylor–Hood, inf–sup stable). The velocity components do not couple,
 so the Schur complement of the pressure is solved by conjugate gradients with one Laplacian factor for

@@ -1,4 +1,4 @@
-"""Stokes flow through large pores: MINRES for velocity and pressure, preconditioned by multigrid and the mass.
+"""Stokes flow through large pores: MINRES for velocity and pressure, multigrid and mass as preconditioner.
 
 An iteration costs one cycle of multigrid; conjugate gradients for the pressure alone would solve for the velocity.
 """

@@ -1,4 +1,4 @@
-"""Matrices that contact widens: walls that touch couple unknowns that share no element."""
+"""Patterns of matrices that contact widens: touching walls couple unknowns that share no element."""
 
 from __future__ import annotations
 

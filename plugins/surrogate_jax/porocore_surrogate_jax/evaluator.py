@@ -1,4 +1,4 @@
-"""Networks compiled by JAX and evaluated batch by batch."""
+"""Evaluation of a network by JAX, compiled and in batches: values, gradients, Hessians."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hooks of this plugin, without importing jax."""
+"""Offer of this plugin, the surrogate ``jax``, without importing jax."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JAX as this plugin uses it: double precision, one thread, a device of the user's choice, derivatives of a loss.
+"""Use of JAX: double precision, one thread, choice of the device, derivatives of a training loss.
 
 Importing this module switches JAX to 64 bits, for the whole process; nothing else in porocore does.
 """

@@ -1,4 +1,4 @@
-"""The networks of the paper and of the potential, trained and evaluated by JAX."""
+"""Surrogate ``jax``: the networks of the paper and of the potential, trained and evaluated by JAX."""
 
 from __future__ import annotations
 

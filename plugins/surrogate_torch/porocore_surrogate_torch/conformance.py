@@ -1,4 +1,4 @@
-"""Conformance suites of this plugin, for its tests and for ``porocore plugin check``."""
+"""Conformance suites of this plugin: those of the networks, for its tests and ``porocore plugin check``."""
 
 from porocore.testing.surrogate_laws.networks import network_suites
 from porocore_surrogate_torch.surrogate import TorchSurrogate

@@ -1,4 +1,4 @@
-"""A network with its first and second derivatives in torch, layer by layer."""
+"""Evaluation of a network by torch: values, gradients, Hessians; choice of the device, one thread."""
 
 from __future__ import annotations
 

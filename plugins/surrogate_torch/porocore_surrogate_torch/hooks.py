@@ -1,4 +1,4 @@
-"""Hooks of this plugin, without importing torch."""
+"""Offer of this plugin, the surrogate ``torch``, without importing torch."""
 
 from __future__ import annotations
 

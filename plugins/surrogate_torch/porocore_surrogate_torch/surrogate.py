@@ -1,4 +1,4 @@
-"""The networks of the paper and of the potential, trained by torch."""
+"""Surrogate ``torch``: the networks of the paper and of the potential, trained and evaluated by torch."""
 
 from __future__ import annotations
 

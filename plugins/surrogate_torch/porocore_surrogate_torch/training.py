@@ -1,4 +1,4 @@
-"""Derivatives by torch, and its Adam (Kingma & Ba 2015) for the network of ``mlp``, deterministic to the last bit."""
+"""Training by torch: its Adam for the network of ``mlp`` (Kingma & Ba 2015), and derivatives of a loss."""
 
 from __future__ import annotations
 
