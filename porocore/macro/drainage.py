@@ -64,6 +64,14 @@ def drained_surfaces(macro: MacroSetup) -> list[str]:
     return [name for name, boundary in macro.boundary.items() if boundary.pressure is not None]
 
 
+def drained_axes(macro: MacroSetup) -> tuple[int, ...]:
+    """Return the axes along which fluid leaves by flat faces across them; all three where one face is none of these."""
+    faces = [macro.surfaces[name].of if name in macro.surfaces else name for name in drained_surfaces(macro)]
+    if not all(face in Box.surfaces for face in faces):
+        return (0, 1, 2)
+    return tuple(i for i, axis in enumerate("xyz") if any(face[0] == axis for face in faces))
+
+
 def drainage_time(macro: MacroSetup, coefficients: LinearCoefficients, share: float = 0.95) -> float | None:
     """Return the time in which so large a share of what a sudden load drives out has left; None: nothing can leave.
 

@@ -12,7 +12,7 @@ from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.abilities import require_conductivity, require_parts
-from porocore.study.preflight.workload import require_states
+from porocore.study.preflight.limits import require_states
 
 
 def make_backend(kind: Kind, config: RunConfig) -> Any:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.macro.body.surfaces import Patch
-from porocore.macro.drainage import undrained
+from porocore.macro.drainage import drained_axes, undrained
 from porocore.macro.problem import Boundary
 from porocore.testing.synthetic.response import confined_column
 
@@ -49,6 +49,21 @@ def test_a_part_of_a_face_has_its_direction(column):
     (warning,) = undrained(strip, np.diag([1.0, 0.0, 1.0]))
     assert "no fluid along y" in warning
     assert "the surface strip" in warning
+
+
+def test_the_axes_along_which_fluid_leaves(column):
+    """Across flat faces and parts of them; along all three where one is curved."""
+    assert drained_axes(column) == (1,)
+    both = with_faces(column, side=Boundary(displacement=(0, None, 0), pressure=0))
+    assert drained_axes(both) == (0, 1)
+    strip = both.boundary | {"strip": both.boundary["x+"]}
+    del strip["x+"], strip["y+"]
+    part = both.model_copy(update={"surfaces": {"strip": Patch(of="x+", y=(0.0, 0.5))}, "boundary": strip})
+    assert drained_axes(part) == (0,)
+    mantle = column.model_copy(update={"boundary": {"side": Boundary(pressure=0), **column.boundary}})
+    assert drained_axes(mantle) == (0, 1, 2)
+    closed = {name: Boundary(normal=0) for name in column.boundary}
+    assert drained_axes(column.model_copy(update={"boundary": closed})) == ()
 
 
 def test_of_two_drained_faces_the_closed_one_is_named(column):

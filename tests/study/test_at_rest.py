@@ -16,7 +16,12 @@ from porocore.macro.problem import MacroProblem, MacroSetup, TimePlan
 from porocore.plugins import registry
 from porocore.report.metrics import time_to_fraction
 from porocore.study.config.loading import load_config
-from porocore.study.preflight.at_rest import at_rest, cell_lines, thin_fluid
+from porocore.study.preflight.at_rest import (
+    at_rest,
+    cell_lines,
+    coefficients_of_consolidation,
+    thin_fluid,
+)
 
 POISSON = 0.2
 
@@ -131,10 +136,12 @@ ODD = OutputUnits(length="um", stress="mmHg", time="h")
 def test_moduli_and_permeability_are_those_of_the_scales():
     """Of a psi, an inch's thousandth part and a centipoise, by hand."""
     scales = Scales(modulus=75 * 6894.757293168, length=1e-3, pore=23e-9, viscosity=1.0)
-    confined, young, flow = cell_lines(coefficients(), 1e-3, ResultUnits(scales, ODD))
+    confined, young, biot, flow = cell_lines(coefficients(), 1e-3, ResultUnits(scales, ODD))
     psi = 75 * 51.71493
     assert confined.startswith(f"confined modulus {0.4 * 0.8 / 1.2 / 0.6 * psi:.0f} mmHg (0.444 of")
     assert young == f"Young's modulus {0.4 * psi:.0f} mmHg"
+    assert biot == "Biot coefficient 0.800; storage 1/M_B 1.29 · 10⁻⁵ 1/mmHg"
+    assert 0.05 / psi == pytest.approx(1.29e-5, rel=2e-3)
     assert flow == (
         "permeability 1.06 · 10⁻¹⁸ m²; of a fluid of 0.001 Pa s: 1.06 · 10⁻¹⁵ m⁴/(N s) = 508 µm²/(mmHg h)"
     )
@@ -143,8 +150,24 @@ def test_moduli_and_permeability_are_those_of_the_scales():
     assert list(cell_lines(coefficients((2.0, 1.0, 0.0)), 0.5, ResultUnits())) == [
         "confined modulus 0.444 E",
         "Young's modulus 0.400 E",
+        "Biot coefficient 0.800; storage 1/M_B 0.0500 1/E",
         "permeability 1.00, 0.500, 0 d² along x, y, z, conductivity K 2.00, 1.00, 0 along x, y, z",
     ]
+
+
+def test_the_coefficient_of_consolidation_is_that_along_the_drained_axes():
+    """Of Terzaghi's layer; in the units of the scales E d²/μ_c, by hand."""
+    c = coefficients((5.0, 2.0, 2.0))
+    known = Terzaghi.from_coefficients(c, 2.0, 0.01).consolidation_coefficient
+    assert known == pytest.approx(2 / (0.05 + 0.8**2 / (0.4 * 0.8 / 1.2 / 0.6)))
+    scales = Scales(modulus=75 * 6894.757293168, length=1e-3, pore=23e-9, viscosity=1.0)
+    told = coefficients_of_consolidation(c, (1,), ResultUnits(scales, ODD))
+    by_hand = known * 75 * 6894.757293168 * 23e-9**2 * 1e12 * 3600
+    assert by_hand == pytest.approx(1.32e6, rel=5e-3)
+    assert told.startswith("coefficient of consolidation c_v 1.32 · 10⁶ µm²/h along y, of a layer")
+    plain = [coefficients_of_consolidation(c, axes, ResultUnits()) for axes in ((0, 1), (1, 2))]
+    assert plain[0].startswith(f"coefficient of consolidation c_v {2.5 * known:.2f}, {known:.2f} along x, y,")
+    assert plain[1].startswith(f"coefficient of consolidation c_v {known:.2f} along y, z,")
 
 
 def test_a_plain_viscosity_that_was_meant_in_units_is_seen(tmp_path):

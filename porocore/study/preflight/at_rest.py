@@ -11,7 +11,7 @@ from porocore.core.files.store import ResultStore
 from porocore.core.units.results import ResultUnits, length_text
 from porocore.core.units.scales import QUANTITIES
 from porocore.errors import PluginError
-from porocore.macro.drainage import drainage_time, drained_surfaces
+from porocore.macro.drainage import drainage_time, drained_axes, drained_surfaces
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.problem import body_mesh
 from porocore.plugins import registry
@@ -61,6 +61,8 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
     coefficients = linear_coefficients(reference, config)
     yield "at rest, drained:"
     yield from (f"  {line}" for line in cell_lines(coefficients, cell.viscosity, config.result_units))
+    if axes := drained_axes(config.macro):
+        yield f"  {coefficients_of_consolidation(coefficients, axes, config.result_units)}"
     yield from _consolidation(config, coefficients)
     yield from predicted_reach(config, coefficients)
 
@@ -83,7 +85,7 @@ def thin_fluid(config: RunConfig) -> Iterator[str]:
 
 
 def cell_lines(c: LinearCoefficients, viscosity: float, units: ResultUnits) -> Iterator[str]:
-    """Yield moduli and permeability of a cell; without scales in multiples of E and of d².
+    """Yield moduli, Biot's coefficients and permeability of a cell; without scales in multiples of E and of d².
 
     The confined modulus C_iiii is that of a sample that cannot give way sideways, also called aggregate or oedometer
     modulus. Young's modulus is that of one that can.
@@ -99,6 +101,8 @@ def cell_lines(c: LinearCoefficients, viscosity: float, units: ResultUnits) -> I
     else:
         yield f"confined modulus {_axes(confined, 'E')}"
         yield f"Young's modulus {_axes(young, 'E')}"
+    storage, unit = c.storage * units.factor("compliance"), units.name("compliance") if units.given else "1/E"
+    yield f"Biot coefficient {_axes(np.diag(c.biot), '')}; storage 1/M_B {number(storage, 3)} {unit}"
     K = np.diag(c.conductivity)
     if units.scales is None:
         yield f"permeability {_axes(K * viscosity, 'd²')}, conductivity K {_axes(K, '')}"
@@ -108,6 +112,16 @@ def cell_lines(c: LinearCoefficients, viscosity: float, units: ResultUnits) -> I
     fluid = f"{viscosity * units.scales.factor('viscosity'):.4g} {QUANTITIES['viscosity'].unit}"
     asked = _along(K, "conductivity", units)
     yield f"permeability {si}; of a fluid of {fluid}: {by} = {asked}"
+
+
+def coefficients_of_consolidation(c: LinearCoefficients, axes: tuple[int, ...], units: ResultUnits) -> str:
+    """Return c_v along some axes as text; one value where they are the same."""
+    values = np.array([c.consolidation_coefficient(axis) for axis in axes]) * units.factor("diffusivity")
+    same = np.ptp(values) <= SAME * np.abs(values).max()
+    texts = ", ".join(number(value, 3) for value in (values[:1] if same else values))
+    unit = f" {units.name('diffusivity')}" if units.given else ""
+    along = ", ".join("xyz"[axis] for axis in axes)
+    return f"coefficient of consolidation c_v {texts}{unit} along {along}, of a layer compressed and drained there"
 
 
 def _consolidation(config: RunConfig, coefficients: LinearCoefficients) -> Iterator[str]:

@@ -33,10 +33,11 @@ from porocore.study.magnitudes.left_out import left_out
 from porocore.study.magnitudes.separation import separation
 from porocore.study.preflight.at_rest import cell_length, edges
 from porocore.study.preflight.guess import decisions
+from porocore.study.preflight.limits import require_memory, slow_states
 from porocore.study.preflight.resolution import resolution
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import check_time_functions, late_functions
-from porocore.study.preflight.workload import Workload, require_memory, share_solved, sheared, slow_states
+from porocore.study.preflight.workload import Workload, share_solved, sheared
 
 #: Points of a table that are shown.
 MOST_POINTS = 4
@@ -187,7 +188,8 @@ def outline(config: RunConfig) -> Iterator[str]:
     nodes *= math.prod(config.cell.supercell)
     yield from Workload.of(config, sampler.expected, len(place(config).cells), (nodes, fluid)).as_lines()
     yield from decisions(sampler)
-    if slow := slow_states(nodes * share_solved(config), config.cell.mesh.size):
+    share = share_solved(config)
+    if slow := slow_states(nodes * share, config.cell.mesh.size, share):
         yield f"note: {slow}"
     yield from (f"note: {warning}" for warning in separation(config, place(config)))
     yield from (f"note: {warning}" for warning in uncovered(sampling.input_space(), config.cell.point_group))

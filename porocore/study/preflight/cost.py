@@ -34,34 +34,62 @@ class Measured:
         return float(ys[i] * (x / xs[i]) ** exponent)
 
 
-#: Nodes of the solids and of the fluids that were measured: images of smoothed noise of porosity ½ with 16³ to 64³
-#: voxels at three voxels a tetrahedron, curved elements of second order, scikit-fem with PARDISO, one core. The last
-#: two are solved by multigrid, whose times were taken beside other work and divided by what that cost a factor, 1.24.
-SOLIDS = (4_236, 7_280, 16_797, 46_040, 111_804)
-FLUIDS = (3_861, 8_231, 17_604, 44_269, 110_201)
-#: Nodes of eighths that were measured.
-EIGHTHS = (3_853, 5_561, 12_128, 24_140)
-#: Seconds: of the first state of a process beyond those of any other, of a state with its derivatives, and of K.
-FIRST = Measured(SOLIDS, (0.33, 0.69, 3.7, 1.0, 3.8))
-STATE = Measured(SOLIDS, (0.53, 0.93, 2.4, 12, 36))
-CONDUCTIVITY = Measured(FLUIDS, (0.19, 0.39, 1.2, 3.7, 12))
-#: Bytes beyond those of the libraries.
-SOLID = Measured(SOLIDS, (1.6e8, 3.2e8, 8.1e8, 1.1e9, 2.7e9))
-FLUID = Measured(FLUIDS, (3.2e7, 6.1e7, 1.4e8, 4.4e8, 9.1e8))
-#: Bytes of an eighth of a cell with mirrors, by its nodes: every parity of the derivatives has its own factor there.
-#: The largest resident set beyond that of the libraries, of an image of 18 × 18 × 26 voxels at mesh sizes of 0.1 to
-#: 0.045. Two workers at 12,128 nodes held 1.45 GB each, and their parent 1.12 GB (proportional set size).
-EIGHTH = Measured(EIGHTHS, (3.95e8, 5.82e8, 1.44e9, 2.54e9))
+@dataclass(frozen=True)
+class Costs:
+    """Costs of the problems of one domain by the nodes that are solved.
+
+    Attributes
+    ----------
+    first, state
+        Seconds of a process for a state with its derivatives, and for the first one beyond those.
+    solid
+        Bytes that the states take beyond those of the libraries.
+    conductivity, fluid
+        Seconds and bytes of K.
+    """
+
+    first: Measured
+    state: Measured
+    solid: Measured
+    conductivity: Measured
+    fluid: Measured
+
+
+#: Nodes of the solids and of the fluids that were measured: images of smoothed noise of porosity ½ with 12³ to 64³
+#: voxels at three voxels a tetrahedron, curved elements of second order, scikit-fem with PARDISO, one core of a machine
+#: with some other work. Beyond 50,000 unknowns, three a node, multigrid takes over.
+SOLIDS = (1_674, 4_236, 7_280, 16_797, 46_040, 111_804)
+FLUIDS = (1_358, 3_861, 8_231, 17_604, 44_269, 110_201)
+#: The whole cell.
+WHOLE = Costs(
+    first=Measured(SOLIDS, (0.16, 0.36, 0.97, 2.4, 3.2, 4.7)),
+    state=Measured(SOLIDS, (0.27, 0.41, 0.71, 2.1, 8.0, 32)),
+    solid=Measured(SOLIDS, (6.6e7, 1.5e8, 2.9e8, 7.3e8, 1.1e9, 2.7e9)),
+    conductivity=Measured(FLUIDS, (0.052, 0.15, 0.32, 0.90, 3.5, 11)),
+    fluid=Measured(FLUIDS, (2.0e7, 3.0e7, 6.5e7, 1.5e8, 4.3e8, 9.3e8)),
+)
+#: The same of images with mirrors, of 12³ to 48³ voxels, on the eighth. Every parity of the derivatives and every axis
+#: of the flow has a problem of its own there. Two workers at 12,128 nodes held 1.45 GB each, and their parent 1.12 GB
+#: (proportional set size), of which the table makes 1.42 GB.
+SOLID_EIGHTHS = (1_348, 7_160, 16_421, 33_564, 45_643)
+FLUID_EIGHTHS = (1_268, 8_073, 17_285, 43_785)
+EIGHTH = Costs(
+    first=Measured(SOLID_EIGHTHS, (0.21, 2.0, 5.4, 5.6, 9.7)),
+    state=Measured(SOLID_EIGHTHS, (0.072, 1.0, 3.5, 11, 17)),
+    solid=Measured(SOLID_EIGHTHS, (1.0e8, 7.6e8, 2.0e9, 2.6e9, 3.6e9)),
+    conductivity=Measured(FLUID_EIGHTHS, (0.11, 0.76, 2.0, 9.3)),
+    fluid=Measured(FLUID_EIGHTHS, (2.9e7, 1.1e8, 2.7e8, 5.6e8)),
+)
 #: Memory of one process that solves cells [bytes], shared pages counted once: in the benchmark with either
 #: finite-element backend, and of the libraries alone.
 PROCESS, LIBRARIES = 2.7e8, 2e8
 
 
+def costs(share: float) -> Costs:
+    """Return the costs of the domain that is this share of a cell: its eighth, or the whole."""
+    return WHOLE if share == 1 else EIGHTH
+
+
 def process_memory(nodes: float, share: float = 1.0) -> float:
     """Return the memory of one process that solves so many nodes, which are this share of a solid [bytes]."""
-    return max(PROCESS, LIBRARIES + memory_law(share).at(nodes))
-
-
-def memory_law(share: float) -> Measured:
-    """Return the memory by the nodes that are solved, where these are this share of a solid."""
-    return SOLID if share == 1 else EIGHTH
+    return max(PROCESS, LIBRARIES + costs(share).solid.at(nodes))

@@ -10,8 +10,8 @@ from porocore.interfaces.sampler import Sampler
 from porocore.sampling.forecast import Guess
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight import cost
-from porocore.study.preflight.workload import as_time, expected_nodes, workers_here
+from porocore.study.preflight.cost import costs
+from porocore.study.preflight.workload import as_time, expected_nodes, share_solved, workers_here
 
 #: Seconds of a quiet core in which a process has loaded the libraries and prepared the cell: coarse cells.
 START = 0.7
@@ -36,7 +36,7 @@ def guessed_times(config: RunConfig, sampler: Sampler, solved: Array | None = No
     if solved is not None and len(solved):
         return Guess(max(workers, 1), 0.0, float(solved.mean()), decision, first=1.0)
     start = 0.0 if workers == 1 else START * slow
-    state = (LEAST + cost.STATE.at(expected_nodes(config)[0])) * slow
+    state = (LEAST + costs(share_solved(config)).state.at(expected_nodes(config)[0])) * slow
     return Guess(max(workers, 1), start, state, decision)
 
 

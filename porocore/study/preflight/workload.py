@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from porocore.cell.cell import Cell
-from porocore.core.models.bounds import MOST_STATES
-from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight import cost
-from porocore.study.preflight.cost import LIBRARIES, memory_law, process_memory
+from porocore.study.preflight.cost import LIBRARIES, process_memory
 from porocore.study.reach import shears
 
 #: Nodes for each tetrahedron that a geometry expects; measured 1.7 to 2.4 of second order on images, since
 #: more tetrahedra are made at the wall.
 NODES_OF_TETRAHEDRON = {"linear": 0.27, "quadratic-straight": 2.0, "quadratic-curved": 2.0}
-#: A state that takes longer on one core is noted [s].
-LONG = 60.0
 #: Bytes of a solved state with its derivatives, and of each node of its field.
 STATE, NODE = 4_000, 24
 #: Numbers of one time step in a history, and of one quadrature point in a kept field.
@@ -47,7 +42,9 @@ class Workload:
     solid, fluid
         Nodes of the cell's solid and fluid.
     parts
-        Shares of them that are solved.
+        Shares of them that are solved for the sampled states and for K.
+    rest
+        Share of the solid that is solved at rest.
     deformed
         True if every state also has the flow through its deformed pore.
     serial
@@ -63,6 +60,7 @@ class Workload:
     solid: int
     fluid: int
     parts: tuple[float, float] = (1.0, 1.0)
+    rest: float = 1.0
     deformed: bool = False
     serial: bool = False
 
@@ -80,6 +78,7 @@ class Workload:
             len(time.profiles) + 2,
             *nodes,
             (share_solved(config), share_of_flow(config)),
+            1 / 8 if config.cell.mirrored else 1.0,
             config.conductivity == "deformed",
             solves_itself(config),
         )
@@ -95,7 +94,7 @@ class Workload:
         """Approximate memory of all processes at once [bytes]: workers, and the run itself, which solves K and rest."""
         return max(
             (1 if self.serial else self.workers + 1) * self.process,
-            LIBRARIES + cost.FLUID.at(self._solved[1]),
+            LIBRARIES + cost.costs(self.parts[1]).fluid.at(self._solved[1]),
         )
 
     @property
@@ -106,23 +105,33 @@ class Workload:
     @property
     def state(self) -> float:
         """Approximate time of one state with its derivatives on one quiet core [s]."""
-        return cost.STATE.at(self._solved[0]) + (self.conductivity if self.deformed else 0.0)
+        return self._state(self.parts[0])
+
+    def _state(self, share: float) -> float:
+        costs = cost.costs(share)
+        # The flow through a deformed pore is solved on the domain of the state.
+        flow = costs.conductivity.at(self.fluid * share) if self.deformed else 0.0
+        return costs.state.at(self.solid * share) + flow
 
     @property
     def first(self) -> float:
         """Approximate time that the first state of a process takes longer than any other [s]."""
-        return cost.FIRST.at(self._solved[0])
+        return self._first(self.parts[0])
+
+    def _first(self, share: float) -> float:
+        return cost.costs(share).first.at(self.solid * share)
 
     @property
     def conductivity(self) -> float:
         """Approximate time of K on one quiet core [s]."""
-        return cost.CONDUCTIVITY.at(self._solved[1])
+        return cost.costs(self.parts[1]).conductivity.at(self._solved[1])
 
     @property
     def cell_time(self) -> float:
         """Approximate time of all cell problems, K and the state at rest included; the states share the workers [s]."""
-        each = self.first + (1 + math.ceil(self.states / max(1, self.workers))) * self.state
-        return self.conductivity + each
+        again = 0.0 if self.serial and self.rest == self.parts[0] else self.first
+        rest = self._first(self.rest) + self._state(self.rest)
+        return self.conductivity + rest + again + math.ceil(self.states / max(1, self.workers)) * self.state
 
     @property
     def _solved(self) -> tuple[float, float]:
@@ -187,7 +196,7 @@ def sheared(config: RunConfig, nodes: int, more: Iterable[str] = ()) -> list[str
     sampled, names = shears(config.sampling.inputs), shears(more or config.sampling.inputs)
     if not config.cell.mirrored or not names or (more and sampled):
         return []
-    eighth, whole = (as_time(cost.STATE.at(nodes * share)) for share in (1 / 8, 1))
+    eighth, whole = (as_time(cost.costs(share).state.at(nodes * share)) for share in (1 / 8, 1))
     them = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
     is_ = "would be" if more else "is" if len(names) == 1 else "are"
     return [
@@ -222,78 +231,3 @@ def as_time(seconds: float) -> str:
         if seconds >= 2 * length:
             return f"{float(f'{seconds / length:.2g}'):g} {unit}"
     return f"{seconds:.1g} s"
-
-
-def require_memory(config: RunConfig) -> None:
-    """Refuse processes that this machine has too little memory for.
-
-    Raises
-    ------
-    ConfigurationError
-        The mesh of the cell is too fine, or the processes are too many.
-    """
-    workers, there, share = workers_here(config), memory_here(), share_solved(config)
-    if there is None or workers == 0:
-        return
-    (nodes, flow), mesh = expected_nodes(config), config.cell.mesh
-    process, fluid = process_memory(nodes, share), LIBRARIES + cost.FLUID.at(flow)
-    spare = max(there - LIBRARIES, LIBRARIES)
-    for key, count, phase, needs, law in (
-        ("size", nodes, "solid", process, memory_law(share)),
-        ("fluid_size", flow, "fluid", fluid, cost.FLUID),
-    ):
-        if needs > there:
-            larger = getattr(mesh, key) * (count / law.nodes_for(spare)) ** (1 / 3)
-            raise ConfigurationError(
-                f"cell.mesh.{key}: at {getattr(mesh, key):g} the {phase} has about {count:,.0f} nodes, and solving it "
-                f"needs some {needs / 1e9:.3g} GB of memory, but this machine has {there / 1e9:.3g} GB; take "
-                f"{_at_least(larger)} or more, or a part of the cell"
-            )
-    if workers > 1 and (workers + 1) * process > there:
-        raise ConfigurationError(
-            f"sampling.workers: {workers} workers and the run itself need some {(workers + 1) * process / 1e9:.3g} GB "
-            f"of memory, {process / 1e9:.2g} GB each, but this machine has {there / 1e9:.3g} GB; take at most "
-            f"{max(1, int(there / process) - 1)}"
-        )
-
-
-def slow_states(nodes: float, size: float) -> str:
-    """Return a note on a solid of which a state takes long; empty for a smaller one."""
-    seconds = cost.STATE.at(nodes)
-    if seconds <= LONG:
-        return ""
-    larger = size * (nodes / cost.STATE.nodes_for(LONG)) ** (1 / 3)
-    beyond = ", which is beyond what was measured" if nodes > 1.2 * cost.SOLIDS[-1] else ""
-    return (
-        f"a state of {nodes:,.0f} nodes of the solid takes about {as_time(seconds)} on one core{beyond}; "
-        f"cell.mesh.size: {_at_least(larger)} takes {as_time(LONG)}"
-    )
-
-
-def _at_least(size: float) -> str:
-    """Return a size in two digits, rounded up."""
-    digits = 1 - math.floor(math.log10(size))
-    return f"{math.ceil(round(size * 10**digits, 6)) / 10**digits:g}"
-
-
-def require_states(config: RunConfig, expected: int) -> None:
-    """Refuse a sampler that expects to ask for more states than can be solved.
-
-    Raises
-    ------
-    ConfigurationError
-        The states are too many.
-    """
-    if not expected <= MOST_STATES:
-        raise ConfigurationError(
-            f"sampling: sampler '{config.sampling.sampler}' would ask for {float(expected):.3g} states; at most "
-            f"{MOST_STATES} are solved: take fewer or larger steps"
-        )
-
-
-def memory_here() -> float | None:
-    """Return the memory of this machine [bytes]; None if the system does not tell."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -27,10 +28,12 @@ def noise(seed: int, voxels: int, smoothing: float) -> npt.NDArray[np.uint8]:
     return np.asarray(smooth < np.median(smooth), dtype=np.uint8)
 
 
-def image_cell(path: Path, seed: int, voxels: int) -> Voxels:
-    """Write an image of noise that is smoothed over an eighth of its edge, and return it as a periodic cell."""
+def image_cell(
+    path: Path, seed: int, voxels: int, repeat: Literal["periodic", "mirror"] = "periodic"
+) -> Voxels:
+    """Write an image of noise that is smoothed over an eighth of its edge, and return it as a cell or as its eighth."""
     np.save(path, noise(seed, voxels, voxels / 8))
-    return Voxels(kind="voxels", path=str(path), pore=1, repeat="periodic")
+    return Voxels(kind="voxels", path=str(path), pore=1, repeat=repeat)
 
 
 class OpenCells(CellSuite):

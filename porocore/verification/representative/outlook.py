@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from porocore.cell.meshing.estimate import MOST
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.states import Array
-from porocore.study.preflight import cost
-from porocore.study.preflight.cost import LIBRARIES, process_memory
-from porocore.study.preflight.workload import as_time, memory_here, nodes_of
+from porocore.study.preflight.cost import LIBRARIES, costs, process_memory
+from porocore.study.preflight.limits import memory_here
+from porocore.study.preflight.workload import as_time, nodes_of
 from porocore.verification.representative.plan import SubvolumePlan
 from porocore.verification.representative.scan import Corner, Scan
 
@@ -89,11 +89,12 @@ def foresee(scan: Scan, plan: SubvolumePlan, size: int, workers: int) -> SizeOut
         return SizeOutlook(size, tuple(places), porosities, count, (0.0, 0.0), 0.0, 0.0, 0, left_out)
     cell = scan.subvolume(places[0], size)
     solid, fluid = nodes_of(cell, porosity)
-    share = 1 / 8 if cell.mirrored else 1.0
-    solid, fluid = solid * share, fluid / (8 if cell.symmetric else 1)
+    share, of_flow = (1 / 8 if mirrored else 1.0 for mirrored in (cell.mirrored, cell.symmetric))
+    solid, fluid = solid * share, fluid * of_flow
+    states, flow = costs(share), costs(of_flow)
     # Each sub-volume is the first state of its cell.
-    seconds = cost.FIRST.at(solid) + cost.STATE.at(solid) + cost.CONDUCTIVITY.at(fluid)
-    memory, there = max(process_memory(solid, share), LIBRARIES + cost.FLUID.at(fluid)), memory_here()
+    seconds = states.first.at(solid) + states.state.at(solid) + flow.conductivity.at(fluid)
+    memory, there = max(process_memory(solid, share), LIBRARIES + flow.fluid.at(fluid)), memory_here()
     side_by_side = workers if there is None else min(workers, int(there / memory))
     if side_by_side < 1:
         assert there is not None
