@@ -1,4 +1,4 @@
-"""The errors that a user or a plugin author is meant to meet.
+"""Kinds of errors that a user meets: configuration, plugin, run folder, data, solve, unexpected.
 
 Every message says what was expected, what came and what to do. Only the command line turns one of these
 into text on a terminal and exit status 2; a library caller catches :class:`PorocoreError`.

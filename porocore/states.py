@@ -1,4 +1,4 @@
-"""Macroscopic states, and the responses of the cell to them.
+"""Macroscopic states (H, p), responses of the cell (CellResponse, tangent, extrema), status codes.
 
 Every array is float64 and is led by the batch axis of length n. Derivatives carry the indices of the
 response first and those of the variable last. Everything is dimensionless: stresses,

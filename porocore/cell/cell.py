@@ -1,4 +1,4 @@
-"""A cell: pore geometry, material of the solid, viscosity of the fluid, mesh size."""
+"""Configuration of a cell: pore geometry, materials, viscosity, mesh, contact; its symmetry and identity."""
 
 from __future__ import annotations
 

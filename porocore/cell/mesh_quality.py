@@ -1,4 +1,4 @@
-"""Mesh quality of a cell: porosity, size and shape of the elements, connectivity, periodicity."""
+"""Mesh quality of a cell: porosity, sizes, dihedral angles, connectivity, unmatched facets, as text."""
 
 from __future__ import annotations
 

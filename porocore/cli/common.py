@@ -1,4 +1,4 @@
-"""Helpers that several commands use."""
+"""Helpers of several commands: reading of the configuration, interruption, store, pressure and inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The end of a command: an error becomes one message and an exit status.
+"""End of a command: an error becomes one message on standard error and an exit status.
 
 Exit status: 0 done, 1 a check that failed, 2 an error that the message explains, 70 an unexpected exception
 (sysexits.h: internal software error), 130 interrupted by Ctrl-C, 143 by SIGTERM.

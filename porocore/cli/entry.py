@@ -1,4 +1,4 @@
-"""The application with its commands."""
+"""Entry point of ``porocore``: the application with its groups of commands and its version."""
 
 from __future__ import annotations
 

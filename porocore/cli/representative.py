@@ -1,4 +1,4 @@
-"""``porocore cell rev``: how large a part of an image has to be."""
+"""``porocore cell rev``: how large a sub-volume of an image has to be."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One way to give a state: ``--at``, ``--grad-u`` and ``--p`` of all commands that solve one."""
+"""One way to give a state on the command line: ``--at``, ``--grad-u`` and ``--p``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables on standard output."""
+"""Tables on standard output: console, plain tables, numbers with decimals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Progress of a run: a live bar on a terminal, occasional plain lines elsewhere.
+"""Progress of a run: a bar on a terminal, plain lines elsewhere; time that is left, durations as text.
 
 Everything goes to standard error; standard output is for results.
 """

@@ -1,4 +1,4 @@
-"""Exceptions that nobody expected: the whole of one goes to a file, and one line says where that is."""
+"""Exceptions that nobody expected: the whole goes to a file, one line says where that is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cell solver: from macroscopic states to the responses of the periodic cell."""
+"""Interface of a cell solver: prepare, solve, conductivity; fields and solutions that it returns."""
 
 from __future__ import annotations
 

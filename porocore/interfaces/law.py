@@ -1,4 +1,4 @@
-"""Macroscopic law, evaluated by the macro solver at its quadrature points.
+"""Interfaces of laws: of the cell (CellLaw) and of the macroscale (MacroLaw), its response and tangent.
 
 Linear poroelasticity (:mod:`porocore.macro.laws.linear`) and a closed cell law (:mod:`porocore.macro.laws`) are both of
 this kind, so one macro code path serves all and each checks the others.

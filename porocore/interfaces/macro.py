@@ -1,4 +1,4 @@
-"""The macro solver: the u–p problem of the homogenised body under a macroscopic law."""
+"""Interface of a macro solver: prepare and solve the u–p problem; parts of a problem that it may offer."""
 
 from __future__ import annotations
 

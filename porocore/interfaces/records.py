@@ -1,4 +1,4 @@
-"""One solved state, and how batches of responses are laid out as named arrays in a file."""
+"""One solved state (SolvedState), responses as named arrays for files, check of a record."""
 
 from __future__ import annotations
 

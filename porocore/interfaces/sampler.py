@@ -1,4 +1,4 @@
-"""The sampler: which states to solve next. Ask for states, tell what came of them."""
+"""Interfaces of samplers: ask and tell, requests, explorations, committees, facts of the study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Solution of a macro problem: the history, the profiles, and their mesh."""
+"""Solution of a macro problem: history, profiles, mesh, its file; report of one accepted step."""
 
 from __future__ import annotations
 

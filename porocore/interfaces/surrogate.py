@@ -1,4 +1,4 @@
-"""The surrogate: a fast stand-in for the solid cell problem, learned from solved states."""
+"""Interface of a surrogate: fit, predict, save, load; its training set and progress; least states."""
 
 from __future__ import annotations
 

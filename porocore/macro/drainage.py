@@ -1,4 +1,4 @@
-"""Drainage of a body: whether its fluid can leave, and how long that takes."""
+"""Drainage of a body: whether its fluid can leave, through which surfaces, and how long that takes."""
 
 from __future__ import annotations
 

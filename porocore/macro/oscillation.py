@@ -1,4 +1,4 @@
-"""Early pressures after loading, which a mesh does not resolve at the drained surfaces.
+"""Early pressures after loading that a mesh does not resolve: diffusion time of the elements, a warning.
 
 In a time t the fluid of a layer of about √(c_v t) leaves. As long as that is thinner than an element, the linear
 pressure overshoots beside it: for a sudden load and one step of backward Euler where Δt < h²/(6 c_v) [Vermeer and

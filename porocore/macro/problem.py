@@ -1,4 +1,4 @@
-"""Macroscale problem: a body of poroelastic material, its boundary conditions and its time plan."""
+"""Macro problem in the configuration: boundary conditions, load over time, initial state, probes, body mesh."""
 
 from __future__ import annotations
 

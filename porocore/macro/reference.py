@@ -1,4 +1,4 @@
-"""Undeformed cell: response, conductivity and phase fractions for the later stages."""
+"""Undeformed cell (CellReference): response, tangent, conductivity, phase fractions; its file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Histories of a macro solution, column by column, with names and quantities."""
+"""Columns of a solution against time: history, probes, forces, inflows; their CSV table."""
 
 from __future__ import annotations
 

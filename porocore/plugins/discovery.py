@@ -1,4 +1,4 @@
-"""Offers of the installed packages, read from their entry points; a plugin that fails is kept with its reason.
+"""Offers of the installed packages, read from their entry points; broken ones are kept with the reason.
 
 Nothing heavy is imported: listing plugins works when torch is slow to load, missing or broken.
 """

@@ -1,4 +1,4 @@
-"""The entry points of the group ``porocore``, each with its source; damaged metadata of one stop no other."""
+"""Entry points of the group ``porocore``, each with its source; damaged metadata of one stop no other."""
 
 from __future__ import annotations
 

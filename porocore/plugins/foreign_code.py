@@ -1,4 +1,4 @@
-"""Running code of plugins: what it returns, raises, prints and takes, and in which of its files a fault lies."""
+"""Calls of a plugin's code: exits and output are caught, a fault is told with its file and line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The hooks by which a plugin offers its implementations.
+"""Hooks of plugins, and the description of one implementation (Offer).
 
 A hook returns light descriptions: importing the module that holds it must not import torch, dolfinx or
 another heavy library, so that ``porocore plugins`` stays fast and works when one of them is broken.

@@ -1,4 +1,4 @@
-"""The kinds of plugins, one record each, and the plugins that the project itself publishes."""
+"""List of the kinds of plugins: interface versions, suite, scaffold; plugins of the project itself."""
 
 from __future__ import annotations
 

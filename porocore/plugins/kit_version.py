@@ -1,4 +1,4 @@
-"""The version of the conformance kit.
+"""Version of the conformance kit, and the complaint about a suite that pins another one.
 
 The first number is raised when a law is added or sharpened, so that a plugin that passed may fail; the second when
 suites gain something that no passing plugin can notice.

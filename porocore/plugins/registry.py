@@ -1,4 +1,4 @@
-"""Finding the implementations that installed packages offer, by kind and name.
+"""Registry: the class of an implementation by kind and name; errors of missing or misfit ones.
 
 Nothing heavy is imported until :meth:`Registry.get` is asked for a class: listing plugins works when torch is
 slow to load, missing or broken. A plugin that cannot be used is kept with its reason and stops no other.

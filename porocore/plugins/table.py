@@ -1,4 +1,4 @@
-"""Every plugin with its state, as ``porocore plugins`` shows it."""
+"""Rows of ``porocore plugins``: every plugin with its state and advice; complaints about double names."""
 
 from __future__ import annotations
 

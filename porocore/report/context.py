@@ -1,4 +1,4 @@
-"""Content of the report page, in typed records."""
+"""Records of what the report page shows: cell, sampling, surrogate, costs, stages, published values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The main results with units: in those of the study, and for each scenario of the configuration."""
+"""Results with units, also for each scenario: table rows, figures for metrics.json, Darcy flux."""
 
 from __future__ import annotations
 

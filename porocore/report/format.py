@@ -1,4 +1,4 @@
-"""Numbers as text for a reader: significant digits, a real minus sign, a dash for what is not defined."""
+"""Numbers as text for a reader: significant digits, a dash for what is not defined, per cent, durations."""
 
 from __future__ import annotations
 

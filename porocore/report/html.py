@@ -1,4 +1,4 @@
-"""Report page: one self-contained HTML file."""
+"""Report page of a run: one self-contained HTML file with its sections and pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loading mode of a body, and the forces on a body that is moved, as a testing machine shows them."""
+"""Loading by displacements or stresses; forces on moved surfaces: peak, end, relaxation, names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of merit of macro solutions: settlements, times to settle, drained volumes, flagged shares."""
+"""Figures of merit of solutions: settlements, times to settle, drained volumes, flagged shares, warnings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parts of every HTML page: templates, filters and embedded figures."""
+"""Parts of every HTML page: templates and filters, embedded SVG and PNG pictures, names of their files."""
 
 from __future__ import annotations
 

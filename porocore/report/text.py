@@ -1,4 +1,4 @@
-"""Results in sentences, and in tables beside a publication."""
+"""Results in sentences: load cases, flagged shares, forces, warnings; rows beside a publication."""
 
 from __future__ import annotations
 

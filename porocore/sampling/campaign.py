@@ -1,4 +1,4 @@
-"""Campaign between a sampler, which asks for states, the pool that solves them and the dataset that keeps them."""
+"""Loop of a sampling: a sampler asks for states, a pool solves them, a dataset keeps them."""
 
 from __future__ import annotations
 

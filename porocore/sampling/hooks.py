@@ -1,4 +1,4 @@
-"""Hooks of the built-in samplers, offered like those of plugins."""
+"""Offers of the samplers that come with porocore, by their names."""
 
 from __future__ import annotations
 

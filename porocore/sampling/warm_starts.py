@@ -1,4 +1,4 @@
-"""Starts of solves from the fields of states that are known already, instead of the undeformed cell."""
+"""Starts of solves from the field of the nearest known state instead of the undeformed cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The configured backends, made with their options, and their check before a run."""
+"""Configured backends, made with their options; model that a surrogate learns; check before a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The configurations that come with porocore: the benchmark, and others to start from."""
+"""Configurations that come with porocore: their paths, and the text of a new one to start from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Facts of the benchmark's publication that a report shows beside a run that repeats it."""
+"""Values and crease line of the benchmark's publication, which a report shows beside a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values that components of the state reach beyond what is sampled, and the lines that would sample them."""
+"""Components of the state that leave the sampled ranges, advice on lines to sample, shears left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The user's store: results that every study on the same cell may use, under hashes of all that they depend on."""
+"""The user's store, which all studies share: its folder, hashes (keys) of cells and trainings, files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hooks of the built-in surrogate, offered like those of plugins."""
+"""Offer of the surrogate that comes with porocore, the polynomial."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Surrogates whose predictions come from a model of this package: what all backends share."""
+"""Base of surrogates with a model of porocore (ModelSurrogate): fit, predict, save, load; numpy reader."""
 
 from __future__ import annotations
 

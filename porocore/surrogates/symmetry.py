@@ -1,4 +1,4 @@
-"""Action of a point group on the variables of a surrogate and on its predictions.
+"""Action of a point group on variables and predictions; ties between polynomial coefficients.
 
 A signed permutation Q of the axes takes L to Q L Qᵀ, so it permutes the components of L and changes some of their
 signs; the same holds of the places of a tensor that is predicted. Nothing but permutations and signs is needed.

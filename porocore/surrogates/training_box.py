@@ -1,4 +1,4 @@
-"""Saturation beyond the sampled states, where the fine structure of a fit means nothing.
+"""Saturation of a fit outside the box of the training states, where its fine structure means nothing.
 
 A polynomial of high degree, or a network, means nothing outside its training states and soon loses convexity. So only
 W₂ and a polynomial of low degree are continued there; all finer parts are evaluated at variables that follow y inside

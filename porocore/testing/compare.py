@@ -1,4 +1,4 @@
-"""Comparing responses, and moving states, in the conformance suites."""
+"""Comparison of responses in the suites, values and slopes; states moved by one component."""
 
 from __future__ import annotations
 

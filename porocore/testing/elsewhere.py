@@ -1,4 +1,4 @@
-"""A suite in another process: with another hash seed, in another folder, and with nothing that this one remembers."""
+"""Questions about a suite that another process answers, with another hash seed and folder."""
 
 from __future__ import annotations
 

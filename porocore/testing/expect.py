@@ -1,4 +1,4 @@
-"""Expectations of a law; a violation reads: law, state: expected …; got …."""
+"""Expectations of a law (near, same, refused) and the message of a violation."""
 
 from __future__ import annotations
 

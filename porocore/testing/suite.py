@@ -1,4 +1,4 @@
-"""Shared part of all suites of the kit: the version that a plugin pins, and the laws that it breaks knowingly."""
+"""Base of all suites (Suite): version of the kit that a plugin pins, laws that it breaks knowingly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Installed backends that are held against each other or against known answers, and why others are not."""
+"""Installed backends that take part in a comparison, or named ones, and why others do not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stability map of a configured cell, with its tables and its figure."""
+"""Stability map of a configured cell as a study (map_stability), with its tables and figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Extension of the solid's displacement into the pore, so that the mesh of the fluid follows the wall.
+"""Harmonic extension of the solid's displacement into the pore, so that the fluid's mesh follows.
 
 Inside the pore any extension that folds no element gives the same flow. The corners of the fluid's elements follow a
 harmonic field with a larger stiffness in smaller elements, mid-edge nodes lie halfway between them, and on the wall

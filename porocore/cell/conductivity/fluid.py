@@ -1,4 +1,4 @@
-"""Interface of a discrete fluid: Stokes flow through a mesh that may be deformed."""
+"""Interface of a discrete fluid (DiscreteFluid): Stokes flow through a mesh that may be deformed."""
 
 from __future__ import annotations
 

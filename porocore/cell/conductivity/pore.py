@@ -1,4 +1,4 @@
-"""Conductivity of a pore whose wall follows the solid, and its requirements on a cell."""
+"""Conductivity K and K_ref of the undeformed and the deformed pore (Pore); requirements on a cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interpolation of the solid's displacement to the nodes of the fluid on the pore wall.
+"""Interpolation of the solid's displacement to the fluid's nodes on the pore wall.
 
 Solid and fluid are meshed separately, so the nodes of their walls differ, and between its nodes each wall is its own
 polynomial. A wall node of the fluid is therefore located in the elements of the solid along the wall: in the element

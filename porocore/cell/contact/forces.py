@@ -1,4 +1,4 @@
-"""Energy of contact at one iterate as a function of nodal positions, and its derivatives.
+"""First and second derivatives of the contact energy by nodal positions and loads, in blocks.
 
 The position of a node is x = F₀ X̃ + u, where X̃ is its place in the undeformed cell, periodic shift included. So one
 gradient and one Hessian by positions give the derivatives by the unknowns u and by the load H.

@@ -1,4 +1,4 @@
-"""Contact of the wall with its own mirror images: against the planes of the eighth of the cell.
+"""Contact of the eighth of the cell with its mirror planes (MirrorContact), under diagonal loads.
 
 The energy is ε/2 ∫ ⟨−g⟩² dA over the undeformed wall with the gap g to each of the six planes. The planes x_a = 0
 stay, those at X_a = s_a/2, with the cell's sides s, move to (1 + H_aa) s_a/2. Under loads that preserve the mirrors, g

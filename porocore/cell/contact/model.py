@@ -1,4 +1,4 @@
-"""Protocols of a contact model and of its state, and the choice of a model for a mesh."""
+"""Interface of a contact model and its state; choice of the model of a mesh, default stiffness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Search for contact pairs: points of the wall, and the triangles of the wall or of its images that they face."""
+"""Search for contact pairs: points of the wall, and the triangles of the wall or images that they face."""
 
 from __future__ import annotations
 

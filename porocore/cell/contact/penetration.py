@@ -1,4 +1,4 @@
-"""Penalty energy of the points of the wall that have penetrated a triangle."""
+"""Penalty energy, gradient and blocks of the points of the wall that have penetrated a triangle."""
 
 from __future__ import annotations
 

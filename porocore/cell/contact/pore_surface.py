@@ -1,4 +1,4 @@
-"""The pore surface: quadrature points with weights on the wall's facets of a mesh of the solid."""
+"""The pore surface: the wall's facets of a solid mesh, with quadrature points, weights and area."""
 
 from __future__ import annotations
 

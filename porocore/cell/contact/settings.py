@@ -1,4 +1,4 @@
-"""Settings of self-contact in the configuration."""
+"""Keys of self-contact in the configuration: ``kind`` and the stiffness of the penalty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The signed distance of points from moving triangles, with first and second derivatives.
+"""Signed distance of points from moving triangles, with its first and second derivatives.
 
 It is the distance from the nearest point of the triangle, in the face, on an edge or at a vertex. So the distance from
 a surface of triangles is continuous; on its inner side it is continuously differentiable except where two faces are

@@ -1,4 +1,4 @@
-"""Contact of the wall with itself and its periodic images, for the whole cell under any load.
+"""Contact of the wall with itself and its periodic images (WallContact): whole cell, any load.
 
 Every quadrature point of the wall is paired with the nearest triangle of the facing facets (a quadratic facet counts as
 four); g is its distance from it, and the energy is ε/8 ∫ ⟨−g⟩² dA over the undeformed wall. Both walls of a contact

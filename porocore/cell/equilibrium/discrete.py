@@ -1,4 +1,4 @@
-"""Interface of a discrete solid: the energy of one mesh, its derivatives and linear solves."""
+"""Interface of a discrete solid: iterates, energy, residual, factorised tangent, sensitivities, errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Integrals over the domain at an equilibrium, and its sensitivities to the loads."""
+"""Domain integrals and extrema at an equilibrium, its sensitivities to the loads, second derivatives."""
 
 from __future__ import annotations
 

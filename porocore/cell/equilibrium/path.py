@@ -1,4 +1,4 @@
-"""Load path from a known equilibrium to the wanted load.
+"""Load path to the wanted state: steps, prediction, Newton with line search, least shift of the tangent.
 
 Each step: a predictor along the exact tangent, then Newton on Π with a line search that keeps J > 0 and
 lowers the energy.

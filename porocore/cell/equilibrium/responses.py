@@ -1,4 +1,4 @@
-"""Averages over the cell at an equilibrium, and their exact derivatives from its sensitivities."""
+"""Responses at an equilibrium: averages, their derivatives by H and p, status by unstable modes."""
 
 from __future__ import annotations
 

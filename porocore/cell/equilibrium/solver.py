@@ -1,4 +1,4 @@
-"""Cell solver around a discrete solid and a Stokes problem: domains, starts, statuses."""
+"""Base of cell solvers (EquilibriumCellSolver): eighth or whole, start fields, conductivity, statuses."""
 
 from __future__ import annotations
 

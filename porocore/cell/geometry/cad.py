@@ -1,4 +1,4 @@
-"""Geometries that are drawn with the OpenCASCADE kernel of gmsh and meshed by gmsh."""
+"""Base of drawn geometries: import of gmsh, mesh sizes, tetrahedra from gmsh, folded elements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Unions of spheres and of round bars between them, as a level set and as a volume."""
+"""Unions of spheres and round bars between them: level set, gradient and share of volume."""
 
 from __future__ import annotations
 

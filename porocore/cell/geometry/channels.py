@@ -1,4 +1,4 @@
-"""Straight circular channels, among them the cell of Dehghani & Zilian."""
+"""Pores as straight circular channels along the axes (OrthogonalChannels), as in the paper's cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Volumes that several geometries draw with the OpenCASCADE kernel of gmsh."""
+"""Volumes drawn with gmsh's OpenCASCADE: the eighth, the wedge, and a volume split by tools."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fillets: the solid is the union of all balls of the fillet's radius that fit into the solid with sharp ridges.
+"""Rounded ridges between channels: volume of the rounded solid, projection of points onto the fillet.
 
 A ball of radius f that touches two channels of radius r has its centre at the distance R = r + f from both axes, on an
 arc of an ellipse, for instance (R cos t, R cos t, R sin t) between the channels along x and y. The directions of its

@@ -1,4 +1,4 @@
-"""Choice of a pore geometry by the ``kind`` in the configuration.
+"""List of the pore geometries by ``kind``, and the default one.
 
 A geometry meshes its smallest part that mirrors unfold into the whole cell; :mod:`porocore.cell.meshing.mirror` unfolds
 the mesh.

@@ -1,4 +1,4 @@
-"""Solid obstacles in a fluid, packings of known permeability; and a cell without pores."""
+"""Solid spheres or cylinders in a fluid (SphereArray, CylinderArray), and a cell without pores."""
 
 from __future__ import annotations
 

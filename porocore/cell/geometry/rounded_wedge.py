@@ -1,4 +1,4 @@
-"""The wedge 0 ≤ x ≤ y ≤ z ≤ ½ of a cell with three channels and rounded ridges, built face by face.
+"""The wedge 0 ≤ x ≤ y ≤ z ≤ ½ of a cell with rounded channels, drawn face by face in gmsh.
 
 The wedge contains parts of the channel along z, half of the fillet along one ridge, and a sixth of a corner. Boolean
 operations and OpenCASCADE's own fillets fail on the sphere of the corner and the planes that cut it lengthwise. So the

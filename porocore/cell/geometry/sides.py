@@ -1,4 +1,4 @@
-"""Sides of a cell that is a box: in units of the cube root of its volume, so that every cell has the volume 1."""
+"""Sides of a cell that is a box, scaled to the volume 1."""
 
 from __future__ import annotations
 

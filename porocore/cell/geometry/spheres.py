@@ -1,4 +1,4 @@
-"""Spherical pores joined by cylindrical throats."""
+"""Spherical pores on a lattice or at given centres, joined by throats (SpherePores, Throat)."""
 
 from __future__ import annotations
 

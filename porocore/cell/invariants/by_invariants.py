@@ -1,4 +1,4 @@
-"""Stress and tangent of all materials whose energy is a formula of invariants."""
+"""Base of materials by a formula of invariants: energy, stress and tangent (InvariantMaterial)."""
 
 from __future__ import annotations
 

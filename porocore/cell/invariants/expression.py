@@ -1,4 +1,4 @@
-"""Strain energy written as a formula in the configuration."""
+"""Material whose strain energy is a formula in the configuration (ExpressionMaterial)."""
 
 from __future__ import annotations
 

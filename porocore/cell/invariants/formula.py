@@ -1,4 +1,4 @@
-"""Strain energies from text to sympy, with bounds on the cost of their derivatives.
+"""Strain energies from text to sympy, bounds on their cost, and the term that cancels stress at rest.
 
 :mod:`porocore.core.formulas.expressions` reads the text: numbers, names and arithmetic; it executes nothing. The names
 of the configuration do not enter the sympy expression.

@@ -1,4 +1,4 @@
-"""Invariants of C = FᵀF, and J, with their derivatives by F.
+"""Invariants of C = FᵀF with their derivatives by F: I₁, I₂, I₃, J, fibres' I₄ and I₅, power sums.
 
 I₁ = tr C, I₂ = (I₁² − tr C²)/2, J = det F; of a fibre along the unit vector a, I₄ = a·Ca and I₅ = a·C²a (Spencer 1984,
 Constitutive theory for strongly anisotropic solids); of the principal stretches, T_α = λ₁^α + λ₂^α + λ₃^α.

@@ -1,4 +1,4 @@
-"""Agreement of an image with its mesh: porosity, and connection of the phases from cell to cell."""
+"""Notes on differences between an image and its mesh: porosity, pieces, walls and grains that touch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pieces of an image: grains of the solid that float, closed pores, and the image without them."""
+"""Removal of floating grains and closed pores from an image, and numbering of its pieces."""
 
 from __future__ import annotations
 

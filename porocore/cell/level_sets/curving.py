@@ -1,4 +1,4 @@
-"""Second-order tetrahedra that follow a level set."""
+"""Both phases in second-order tetrahedra, whose mid-edge nodes on the wall lie on the level set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tetrahedra of both phases of a level set, cut from a lattice.
+"""Tetrahedra of both phases, cut from a lattice along a level set; projection of points onto it.
 
 Isosurface stuffing [Labelle & Shewchuk, ACM Trans. Graph. 26 (2007) 57]: lattice nodes near the wall move onto it, and
 tetrahedra across the wall are cut. A node moves to a close cut of one of its edges, so no small pieces are cut off.

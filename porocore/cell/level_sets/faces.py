@@ -1,4 +1,4 @@
-"""Opposite faces of an image: how far they match, and a layer in which the image is made to match."""
+"""Opposite faces of an image: the share that does not match, and a layer in which they are made to match."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Segmented images: their files, and a smooth level set of the boundary between their two phases."""
+"""Reading of image files (.npy, .tif), and a smooth level set of their two phases (SmoothImage)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Geometries with the zero of a level set as their wall, and their meshes."""
+"""Base of geometries by a level set: their meshes, edge of the lattice, removal of crumbs and specks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Thickness of the thinnest walls or pores of an image."""
+"""Thickness of the thinnest walls, struts or channels of an image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Triply periodic minimal surfaces, and other level sets of their functions."""
+"""Pores by triply periodic minimal surfaces (TriplyPeriodic): level sets, level of a porosity."""
 
 from __future__ import annotations
 

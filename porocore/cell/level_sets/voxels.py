@@ -1,4 +1,4 @@
-"""Geometry from a segmented image."""
+"""Pores of a segmented image (Voxels): its keys, its sides, its point group, its level set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choice of a material by the ``kind`` in the configuration."""
+"""List of the materials by ``kind``, and the default one."""
 
 from __future__ import annotations
 

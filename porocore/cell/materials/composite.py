@@ -1,4 +1,4 @@
-"""Solid of several materials, one for each region of its mesh."""
+"""Solid of several materials, one for each region (Composite), placed on the elements of a mesh."""
 
 from __future__ import annotations
 

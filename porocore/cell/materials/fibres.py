@@ -1,4 +1,4 @@
-"""Directions of fibres in the undeformed solid."""
+"""Directions of fibres: unit vectors, turned ones, equal families, names of their invariants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fibre-reinforced solid of Holzapfel, Gasser and Ogden."""
+"""Material of Holzapfel, Gasser and Ogden: neo-Hookean with fibres that stiffen in tension."""
 
 from __future__ import annotations
 

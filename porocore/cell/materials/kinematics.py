@@ -1,4 +1,4 @@
-"""Kinematic quantities of many deformation gradients, shared by their invariants."""
+"""C, B, J, cofactor and principal stretches of many deformation gradients, computed when needed."""
 
 from __future__ import annotations
 

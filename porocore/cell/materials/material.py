@@ -1,4 +1,4 @@
-"""Interfaces of a strain energy and of a configured material."""
+"""Interface of a strain energy (StrainEnergy), and base of a configured material (Material)."""
 
 from __future__ import annotations
 

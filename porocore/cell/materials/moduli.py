@@ -1,4 +1,4 @@
-"""Elasticity of small strains: averaged moduli, and checks of the undeformed solid."""
+"""Averaged Young's and shear modulus of a stiffness, Kelvin matrix, check of the solid at rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The compressible Mooney–Rivlin solid."""
+"""Material of Mooney and Rivlin, compressible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compressible neo-Hookean solid in closed form."""
+"""Material with a neo-Hookean energy, compressible, E = 1, in closed form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The compressible Ogden solid, in principal stretches."""
+"""Material of Ogden in principal stretches, compressible."""
 
 from __future__ import annotations
 

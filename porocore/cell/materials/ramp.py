@@ -1,4 +1,4 @@
-"""Smooth positive part, for fibres that bear tension only."""
+"""Smooth positive part with two derivatives, for fibres that bear tension only; the same in sympy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Connectivity of a phase across the periodic cell, and the directions in which its pieces percolate.
+"""Connected pieces of a phase, the axes along which they percolate, and why a solid has no stiffness.
 
 Tetrahedra that share a facet belong to one piece, also across opposite faces of the cell. A closed path through a piece
 has the winding (a, b, c): the net number of crossings of the faces across x, y and z. The piece percolates in the

@@ -1,4 +1,4 @@
-"""Limit on the number of elements, checked before a mesh is made."""
+"""Refusal of a mesh with too many elements, by an estimate, before it is made."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lumped mass, which makes the eigenvalues of a tangent independent of the mesh."""
+"""Lumped mass of the nodes, which makes the eigenvalues of a tangent independent of the mesh."""
 
 from __future__ import annotations
 

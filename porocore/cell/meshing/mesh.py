@@ -1,4 +1,4 @@
-"""Meshes of the solid and of the fluid, unfolded by symmetry where a geometry meshes a part of the cell."""
+"""Mesh settings, and the mesh of one phase (CellMesh): quadrature, wall, mirrors, periodic nodes, hash."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Geometry from a mesh file with tetrahedra of both phases."""
+"""Geometry from a mesh file with tagged tetrahedra of solid and fluid (MeshFile)."""
 
 from __future__ import annotations
 

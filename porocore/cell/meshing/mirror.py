@@ -1,4 +1,4 @@
-"""Unfolding of the mesh of a symmetric part of the cell by reflections.
+"""Unfolding of a mesh by reflections: wedge to eighth to whole cell; unfolding of a displacement.
 
 The images share their nodes on the mirror planes exactly, so the whole cell has matching opposite faces, and that of a
 wedge has the full symmetry of the cube.

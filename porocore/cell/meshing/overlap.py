@@ -1,4 +1,4 @@
-"""Overlap of the pore wall with a mirror plane or with the solid, which J > 0 does not exclude.
+"""Overlap of the deformed pore wall with a mirror plane or the solid: smallest gap, nodes inside.
 
 Under strong compression the ridges where two channels meet crease and fold through their mirror plane while J stays
 positive everywhere; without contact such a state has no meaning.

@@ -1,4 +1,4 @@
-"""Periodicity of a mesh: partners on opposite faces, matched to the last bit."""
+"""Periodicity of a mesh: nodes of opposite faces matched to the last bit, classes of facets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quadrature of tetrahedra and triangles, the same for every backend."""
+"""Quadrature rules of tetrahedra and triangles, the same for every backend."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear and quadratic triangles and tetrahedra: their nodes in VTK order and their shape functions."""
+"""Shape functions of linear and quadratic triangles and tetrahedra, nodes in VTK order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A block of n₁ × n₂ × n₃ whole cells as one periodic domain, for modes of longer periods than the cell's.
+"""Mesh of a block of n₁ × n₂ × n₃ whole cells, for modes of longer periods; fields repeated on it.
 
 Its first cell is the whole cell; that of cubic cells is [−½, n₁ − ½] × [−½, n₂ − ½] × [−½, n₃ − ½].
 """

@@ -1,4 +1,4 @@
-"""Tetrahedra that a geometry returns, and operations common to all of them."""
+"""Tetrahedra of one phase, and operations on them: volumes, mid-edge nodes, facets, orientation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loss of rank-one convexity of W: the smallest eigenvalue of the acoustic tensor over all directions.
+"""Loss of rank-one convexity: the acoustic tensor, and its smallest eigenvalue over all directions.
 
 Q_ik(n) = A_ijkl n_j n_l with A = ∂P_E/∂H at fixed p, the drained tangent. Where m·Q(n)m < 0 for some n and m, a jump of
 F by m ⊗ n lowers the energy to second order: the macroscopic problem loses ellipticity, and bands may form.

@@ -1,4 +1,4 @@
-"""Negative pivots of the tangent for each wave vector with components in {0, π}, on the eighth of the cell.
+"""Numbers of unstable modes for each wave vector in {0, π}³, by negative pivots on the eighth.
 
 Each wave vector has eight classes of perturbations (:func:`porocore.cell.symmetry.parity.bloch_classes`). Each class
 has a tangent of the eighth with its own held displacements. By Sylvester's law their negative pivots add up to the

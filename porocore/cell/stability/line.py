@@ -1,4 +1,4 @@
-"""One line of a stability map: states from its start to its goal, and the onset of each kind of event."""
+"""One line of a stability map: states solved one after another, onsets of events by bisection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stability maps: a plan of several lines, their solution, and the files of the results."""
+"""Plan, solution and HDF5 file of a stability map; its tables states.csv and onsets.csv."""
 
 from __future__ import annotations
 

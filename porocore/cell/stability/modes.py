@@ -1,4 +1,4 @@
-"""Lowest eigenvalue and mode of the tangent for a wave vector.
+"""Lowest eigenvalue and buckling mode of the tangent for a wave vector, by Lanczos' iteration.
 
 K u = λ M u with the lumped mass M of the undeformed solid at density 1, so λ is the minimum of δ²Π per ∫|u|² dV and
 depends on the mesh by the discretisation error only. Units are E and the cube root of the cell's volume.

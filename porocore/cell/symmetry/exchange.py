@@ -1,4 +1,4 @@
-"""Exchanges of axes that leave a state unchanged; parity classes that they map onto each other have equal results."""
+"""Exchanges of axes that change neither mesh nor state: classes with equal results are solved once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Operations of the cube that map the mesh of a whole periodic cell onto itself, and its regions onto each other."""
+"""Operations of the cube that map the mesh of a whole cell, and its regions, onto themselves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parity classes of perturbations, and the boundary conditions on the mirror planes and on the whole cell.
+"""Parity classes of fields on the eighth, and the components that they hold on mirror planes and wall.
 
 A perturbation by H_ij is even or odd under the mirror of each axis. On the planes of an axis an odd field has a normal
 component only, an even field has tangential components only.

@@ -1,4 +1,4 @@
-"""Point groups of periodic sets of points or voxels.
+"""Point groups of periodic sets of points, and of cells of voxels.
 
 A cell is periodic, so its origin is arbitrary: Q belongs to its point group if x → Q x + t maps the cell onto itself
 for some shift t. Each candidate for t maps one point of a rare kind onto another one of that kind.

@@ -1,4 +1,4 @@
-"""``porocore cell``: one state of the cell, its local fields, its pores, and how much of an image it must hold."""
+"""``porocore cell``: commands ``state``, ``fields`` and ``show``; results of a state as text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``porocore plugins`` and ``porocore plugin``: the installed plugins, a new project, and the laws of the kit."""
+"""``porocore plugins`` and ``porocore plugin``: list of plugins, new project, check by the kit."""
 
 from __future__ import annotations
 

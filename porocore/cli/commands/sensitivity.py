@@ -1,4 +1,4 @@
-"""``porocore sensitivity``: every response of the cell along one load at a time."""
+"""``porocore sensitivity``: every response of the cell along one load at a time; plan from text."""
 
 from __future__ import annotations
 

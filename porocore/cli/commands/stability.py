@@ -1,4 +1,4 @@
-"""``porocore stability``: the map of creases, contact and instability of the cell."""
+"""``porocore stability``: map of creases, contact and instability of the cell; tables of its onsets."""
 
 from __future__ import annotations
 

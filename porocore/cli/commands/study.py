@@ -1,4 +1,4 @@
-"""``run`` and its steps ``sample``, ``train``, ``solve`` and ``report``."""
+"""``porocore run`` and its steps ``sample``, ``train``, ``solve`` and ``report``."""
 
 from __future__ import annotations
 

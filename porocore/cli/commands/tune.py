@@ -1,4 +1,4 @@
-"""``porocore tune``: the size of the network."""
+"""``porocore tune``: search of the size of a network."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``porocore units``: dimensionless results in SI units."""
+"""``porocore units``: dimensionless results in SI units, and values with units dimensionless."""
 
 from __future__ import annotations
 

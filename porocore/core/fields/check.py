@@ -1,4 +1,4 @@
-"""Check of a batch of responses against the declaration of its fields: types, shapes, numbers, NaN."""
+"""Check of a batch of responses against its declared fields: types, shapes, numbers, NaN, statuses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fields of a batch of rows, declared once: beside the dataclass that holds them.
+"""Declaration of the fields of a batch of rows, beside the dataclass that holds them; their list.
 
 What a file holds, which shapes and numbers are right, a row without values and the documentation follow from the
 declaration, so that a new field is one line.

@@ -1,4 +1,4 @@
-"""Atomic writing: a reader never sees half of a file, and nothing else is touched."""
+"""Atomic writing of a file (atomic_path), new folders for results, refusal of a place inside a run."""
 
 from __future__ import annotations
 

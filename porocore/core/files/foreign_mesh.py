@@ -1,4 +1,4 @@
-"""Meshes of other programs, read by meshio."""
+"""Meshes of other programs, read by meshio and checked."""
 
 from __future__ import annotations
 

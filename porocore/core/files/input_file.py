@@ -1,4 +1,4 @@
-"""Sections that are read from a file: where it is, and that it is still the one that was meant."""
+"""Configuration sections that name a file (FromFile): its absolute path, its hash, whether it changed."""
 
 from __future__ import annotations
 

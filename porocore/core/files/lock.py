@@ -1,4 +1,4 @@
-"""One holder at a time: a lock file, which the system releases when its holder ends, however it ends."""
+"""Lock file with one holder at a time (take_lock), released when its holder ends; refusal names the holder."""
 
 from __future__ import annotations
 

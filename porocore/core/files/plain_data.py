@@ -1,4 +1,4 @@
-"""Results as plain data, JSON and CSV files of them, and digests."""
+"""Results as plain data: JSON and CSV files, hashes, settings laid over others."""
 
 from __future__ import annotations
 

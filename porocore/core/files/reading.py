@@ -1,4 +1,4 @@
-"""Reading files that may come from anybody: only ordinary ones, and none that is larger than it may be."""
+"""Bounded reading of text and JSON from files that may come from anybody; only ordinary ones."""
 
 from __future__ import annotations
 

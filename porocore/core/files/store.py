@@ -1,4 +1,4 @@
-"""Results of earlier work by the hash of all that they depend on, in a folder of bounded size.
+"""Store of results by kind and hash, in a folder of bounded size (ResultStore): find, keep, check, clear.
 
 Nothing in it is needed: a file that is missing, damaged or removed by another process is computed again. So any number
 of processes may read, write and clear it at the same time.

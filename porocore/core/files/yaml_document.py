@@ -1,4 +1,4 @@
-"""Reading a YAML file together with the line on which each key stands."""
+"""Reading of a YAML file with the line of each key (YamlDocument); dotted names of keys."""
 
 from __future__ import annotations
 

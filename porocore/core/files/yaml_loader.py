@@ -1,4 +1,4 @@
-"""YAML of bounded size, depth and numbers, so that no file can take all memory or for ever."""
+"""YAML loader with bounds on size, depth, aliases and numbers, so that no file can take all memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arguments at which a formula of one variable has no value: divisions by zero, roots of negative numbers, overflow."""
+"""Places where a formula of one variable has no value: division by zero, roots, overflow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Formulas that a user writes as text, read without executing anything: numbers, names, arithmetic and functions."""
+"""Formulas from text, read without executing anything: numbers, names, arithmetic, functions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Prescribed values as functions of time."""
+"""Functions of time in the configuration (TimeFunction): table, ramp or expression; corners, values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading HDF5 files that may come from anybody: every array by name, shape and kind, or one message."""
+"""Reading of arrays, attributes and texts of an HDF5 file by name, shape and kind; one error if damaged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that nobody vouches for, tried in another process before this one opens them."""
+"""Start of a second process that tries an untrusted HDF5 file before this one opens it."""
 
 from __future__ import annotations
 

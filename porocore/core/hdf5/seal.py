@@ -1,4 +1,4 @@
-"""The ends of an HDF5 file, looked at before HDF5 is: its superblock, and behind its data the seal, a checksum of all.
+"""Checks of both ends of an HDF5 file before it is opened: superblock, length, checksum behind the data.
 
 HDF5 may read for ever where a byte was changed, so damage is found here. A file that another program has written or
 changed has no seal; HDF5 cuts off what lies behind its data when it writes.

@@ -1,4 +1,4 @@
-"""Structure of an HDF5 file: groups, arrays and texts that are complete and no larger than the file can hold."""
+"""Structure of an open HDF5 file: groups, arrays, storage and filters, complete and of possible size."""
 
 from __future__ import annotations
 

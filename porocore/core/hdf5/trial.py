@@ -1,4 +1,4 @@
-"""A process in which a file is read before this one reads it: HDF5 may crash where a byte is wrong, or never end."""
+"""The second process itself: reads all of an HDF5 file with limits on time and memory, and says the fault."""
 
 from __future__ import annotations
 

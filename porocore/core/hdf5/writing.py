@@ -1,4 +1,4 @@
-"""Writing HDF5 files on a disk that may be full.
+"""Atomic writing of a sealed HDF5 file on a disk that may be full (atomic_hdf5).
 
 When the operating system refuses a write, HDF5 keeps the half-written file open, tries again at every later
 close, and may end in a segmentation fault. So a file is made in memory and reaches the disk as plain bytes, with a

@@ -1,4 +1,4 @@
-"""States as users write them: one by its components' names, or n as numbers, nested lists or arrays."""
+"""States (H, p) as users give them: by names of components, as numbers, nested lists or arrays."""
 
 from __future__ import annotations
 

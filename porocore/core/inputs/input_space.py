@@ -1,4 +1,4 @@
-"""Named inputs of a study: components of (H, p) and their ranges."""
+"""Inputs that are sampled and their ranges (InputSpace); size up to which another component counts as zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check of macroscopic states before they are solved: det F > 0, and magnitudes that a cell could bear."""
+"""Check of states before they are solved: det F > 0 and bearable magnitudes; least det F in a box."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sampled range of a surrogate: the hull of the sampled inputs, and which states lie in it."""
+"""Hull of the sampled inputs (SampledRange): which states lie outside it, and how far."""
 
 from __future__ import annotations
 

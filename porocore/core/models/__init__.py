@@ -1,1 +1,1 @@
-"""Pieces of configuration models: bounds on numbers, and the choice of a model by its ``kind``."""
+"""Base of configuration sections: strict models, bounds on numbers, choice by ``kind``, a walk over all."""

@@ -1,4 +1,4 @@
-"""Bounds on numbers of a configuration; a larger one is a mistake, since no machine would finish."""
+"""Bounds on numbers of a configuration: most states, elements, workers; largest number and seed."""
 
 from __future__ import annotations
 

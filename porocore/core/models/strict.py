@@ -1,4 +1,4 @@
-"""The base of configuration sections, and sections that have other keys for each ``kind``."""
+"""Base of configuration sections (StrictModel), and the choice of a section by its ``kind``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One walk over a configuration: every value with its place and its declaration."""
+"""Walk over a configuration: every value with its place and its declaration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Processes that share one macro problem: their rank and number, and their communication.
+"""Processes that share one macro problem (Communicator): rank, sums, maxima; the launcher's variables.
 
 The core knows no MPI. A backend that distributes its work derives its own :class:`Communicator`.
 """

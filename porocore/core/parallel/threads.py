@@ -1,4 +1,4 @@
-"""One thread for numerical libraries.
+"""One thread for numerical libraries: in this process, in its children, or during a block.
 
 Several threads gain nothing here: the matrices are small. On a busy machine they lose everything. Threads of OpenBLAS
 that wait give up the processor again and again, and the system hands it to other programs: a study of 46 s stood still

@@ -1,4 +1,4 @@
-"""Determinant and cofactor of 3 × 3 tensors in closed form, real or complex."""
+"""Determinant and cofactor of 3 × 3 tensors in closed form, and the derivative of the cofactor."""
 
 from __future__ import annotations
 

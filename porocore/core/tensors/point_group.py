@@ -1,4 +1,4 @@
-"""Point groups of cells: which rotations and reflections of the cube leave a cell as it is.
+"""Point groups of cells (PointGroup): rotations of the cube, their products, names of groups.
 
 Tensors of second order, all that is exchanged with a cell, do not feel an inversion: (−Q) A (−Q)ᵀ = Q A Qᵀ. So an
 operation counts as the same as its product with the inversion, and each is represented by the rotation of the two.

@@ -1,4 +1,4 @@
-"""Polar decomposition F = R U of many 3 × 3 tensors, and the derivative of its rotation."""
+"""Rotation R of the polar decomposition F = R U of many tensors, and its derivative."""
 
 from __future__ import annotations
 

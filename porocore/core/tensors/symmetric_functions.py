@@ -1,4 +1,4 @@
-"""Eigenvalues, logarithm and exponential of symmetric matrices, and the derivative of the exponential."""
+"""Eigenvalues, logarithm and exponential of symmetric matrices; derivative of the exponential."""
 
 from __future__ import annotations
 

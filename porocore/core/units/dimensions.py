@@ -1,4 +1,4 @@
-"""Physical dimension or unit of a key of the configuration, declared beside the key.
+"""Declaration of the dimension or unit of a configuration key, beside the key.
 
 ``Annotated[float, Dimension("time")]`` is a plain number for pydantic. :mod:`porocore.core.units.texts` finds the
 declaration where a text such as ``5 s`` stands, and the JSON schema allows such a text there.

@@ -1,4 +1,4 @@
-"""Numbers with units: read exactly by pint, which is imported where the first one stands."""
+"""Numbers with units from text, such as ``5 mm``, into SI units by pint; errors of unknown units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units of results."""
+"""Units of results (ResultUnits, OutputUnits): factors and names; units within messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Characteristic values, and one dimensionless unit of each quantity in SI units."""
+"""Characteristic scales of a study (Scales): list of quantities with their SI units; scenarios."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conversion of texts with units in a configuration to numbers, at the keys that have a dimension."""
+"""Conversion of texts with units in a configuration to dimensionless numbers."""
 
 from __future__ import annotations
 

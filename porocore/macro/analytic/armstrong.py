@@ -1,4 +1,4 @@
-"""Unconfined compression of a poroelastic cylinder between frictionless impermeable plates, in closed form."""
+"""Closed form by Armstrong: unconfined compression of a poroelastic cylinder between plates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mandel's problem, a block squeezed between rigid plates that drains to its sides, in closed form."""
+"""Closed form by Mandel: a block squeezed between rigid plates that drains to its sides."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Terzaghi's one-dimensional consolidation, with compressible constituents, in closed form."""
+"""Closed form by Terzaghi: one-dimensional consolidation of a layer, with compressible constituents."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Large-strain consolidation of a clay layer in closed form (Xie & Leo 2004).
+"""Closed form by Xie & Leo (2004): large-strain consolidation of a clay layer.
 
 A saturated layer is drained on top and loaded by q at t = 0 beyond the load and the self-weight under which it rests.
 In the Lagrangian coordinate a, the depth below the surface before q, the paper has

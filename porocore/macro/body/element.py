@@ -1,4 +1,4 @@
-"""The two kinds of finite elements of a body: shape functions and quadrature on the reference element.
+"""Reference elements of a body, hexahedron and tetrahedron: shape functions, quadrature, facets.
 
 Displacement and geometry are quadratic, the pressure is linear on the same corners (Taylor–Hood), so a hexahedron has
 27 nodes and 8 corners, a tetrahedron 10 and 4. Nodes are in VTK's order.

@@ -1,4 +1,4 @@
-"""Kinds of bodies by the ``kind`` in the configuration; y is the axis of cylinders."""
+"""Kinds of bodies in the configuration: Box, Cylinder, QuarterCylinder, Wedge, MeshedBody; their cuts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A body as a mesh of quadratic elements, with names for the parts of its surface."""
+"""Mesh of a body (BodyMesh): nodes, Jacobians, facets of a named surface, deformation, checks."""
 
 from __future__ import annotations
 

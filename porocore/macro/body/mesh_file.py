@@ -1,4 +1,4 @@
-"""Bodies from files: meshes with named surfaces, and geometries that gmsh meshes."""
+"""Bodies from files: meshes with named surfaces by meshio, geometries that gmsh meshes; checks of both."""
 
 from __future__ import annotations
 

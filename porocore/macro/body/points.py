@@ -1,4 +1,4 @@
-"""States at the quadrature points of a body's elements, where a law is asked for them."""
+"""States (H, p) at the quadrature points of a body's elements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hexahedra in blocks: boxes, and sectors and whole cylinders about the y axis."""
+"""Structured hexahedral meshes: boxes with graded edges, sectors and whole cylinders."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parts of a body's surface that the problem names, and what their facets say of normals and areas."""
+"""Patches cut out of named surfaces; normals, areas and tangents of facets at quadrature points."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Boundary data of a body: conditions, followers, frames of oblique nodes, symmetry planes, reactions, probes."""
+"""Boundary data of a body: conditions, followers, oblique frames, symmetry planes, reactions, probes."""

@@ -1,4 +1,4 @@
-"""Boundary data: prescribed values of unknowns, and the nodal forces and fluxes of surface and body loads."""
+"""Collection of a problem's boundary data: prescribed values, nodal forces and fluxes, loads at a time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Displacement and pressure at material points of the body."""
+"""Interpolation of displacement and pressure at probes: the element that holds a point, and its weights."""
 
 from __future__ import annotations
 

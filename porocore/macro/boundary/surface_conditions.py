@@ -1,4 +1,4 @@
-"""Conditions of one surface: displacements, plate, tractions, pressures and fluxes."""
+"""Conditions of one surface: displacements, normal motion, plate, tractions, pressures and fluxes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Symmetry planes of a body: the part that is solved, and the whole specimen that it stands for.
+"""Symmetry planes of a body: problem of the part that is solved, solution of the whole specimen.
 
 A study speaks of the whole specimen. A macro solver sees the part between the planes: the force on a plate is divided
 among the parts before a solve, and forces and volumes are those of the whole after it.

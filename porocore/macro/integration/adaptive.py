@@ -1,4 +1,4 @@
-"""Error of a backward Euler step, from the change of the rate or from two steps of half the length."""
+"""Error of a time step, from the change of the rate or from two half steps; share of the load reached."""
 
 from __future__ import annotations
 

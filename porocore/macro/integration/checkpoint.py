@@ -1,4 +1,4 @@
-"""Checkpoint of a macro solve in one HDF5 file, from which it continues to the same solution.
+"""Checkpoint file of a macro solve: writing when due, reading, refusal of another problem or law.
 
 Unknowns and quadrature points are in the mesh's order, so any backend, on any number of processes, can continue
 what another one began: the equations are the same, and so is the solution up to the solver's tolerance.

@@ -1,4 +1,4 @@
-"""Interface of a backend to the time loop: states at quadrature points, residuals, and linear solves.
+"""Interface of a backend to the time loop: states, residual, tangent, solve; exception of a failed step.
 
 A process holds *local* unknowns: first those that it owns, then copies of others that its elements touch. A
 backend that does not distribute owns all. Vectors here are numpy arrays over the local unknowns; at nodes of oblique

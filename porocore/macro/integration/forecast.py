@@ -1,4 +1,4 @@
-"""Forecast of the steps that a solve still takes, from its time plan and the steps that were accepted."""
+"""Forecast of the steps that a solve still takes, from its time plan and the accepted steps."""
 
 from __future__ import annotations
 

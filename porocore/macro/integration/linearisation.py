@@ -1,4 +1,4 @@
-"""Linearisations of a time step, and how long one serves."""
+"""Tangent of a time step: its factorised systems, how long one serves, accuracy of a linear solve."""
 
 from __future__ import annotations
 

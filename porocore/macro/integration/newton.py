@@ -1,4 +1,4 @@
-"""One time step: Newton's iteration with the exact tangent."""
+"""Newton's iteration of one time step: convergence, round-off, refusal of missing values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recorder of a solve: one row of the history a step, and profiles at the chosen times."""
+"""Recorder of a solve: rows of the history, profiles at the chosen times, sums over processes."""
 
 from __future__ import annotations
 

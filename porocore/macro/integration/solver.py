@@ -1,4 +1,4 @@
-"""Macro solver whose time loop every backend shares: step, Newton, record, checkpoint."""
+"""Base of macro solvers (TimeSteppingMacroSolver): loop over steps, state at rest, half steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choice of time steps: the time plan of a problem, halving after a failed step and growing back.
+"""Choice of the next time step: time plan, kinks of the loads, halving after a failure, growth.
 
 Independent of the macro backend, and deterministic: the same successes and failures give the same times.
 """

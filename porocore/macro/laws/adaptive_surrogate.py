@@ -1,4 +1,4 @@
-"""Surrogate that is refitted to cells solved where a macro run leaves the sampled range."""
+"""Surrogate refitted to cells solved where a macro run leaves the sampled range (AdaptiveSurrogate)."""
 
 from __future__ import annotations
 

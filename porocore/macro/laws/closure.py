@@ -1,4 +1,4 @@
-"""Closures: stress, fluid storage and flux as functions of the responses of the cell."""
+"""Base of closures: stress, storage and flux from the cell's responses; check of what a closure requires."""
 
 from __future__ import annotations
 

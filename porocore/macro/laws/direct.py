@@ -1,4 +1,4 @@
-"""Direct FE²: the cell itself is solved at every quadrature point of the body, without a surrogate."""
+"""Direct FE²: a cell law that solves the cell at every quadrature point (DirectCellLaw), and its work."""
 
 from __future__ import annotations
 

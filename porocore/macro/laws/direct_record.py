@@ -1,4 +1,4 @@
-"""Cost of cells solved during a macro run, added up over all sessions that worked on a solution."""
+"""Cost of cells solved during a macro run, by direct FE² or an adaptive surrogate, added up and read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The linear limit: Biot's poroelasticity with the coefficients of the undeformed cell, and its cell law."""
+"""Linear poroelasticity: coefficients, macroscopic law, linear cell law, tangents of the undeformed cell."""
 
 from __future__ import annotations
 

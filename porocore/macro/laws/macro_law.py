@@ -1,4 +1,4 @@
-"""Macroscopic laws of a cell law and a closure: fixed, or refined where a step leaves the training range."""
+"""Macroscopic law of a cell law and a closure (ClosedLaw); one refined where a step leaves its range."""
 
 from __future__ import annotations
 

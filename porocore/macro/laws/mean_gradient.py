@@ -1,4 +1,4 @@
-"""The closure of Dehghani & Zilian: the solid responds to its average deformation gradient."""
+"""Mean-gradient closure of Dehghani & Zilian: the solid responds to its average deformation gradient."""
 
 from __future__ import annotations
 

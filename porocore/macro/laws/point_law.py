@@ -1,4 +1,4 @@
-"""A macroscopic law as a function of the state alone, for solvers that users write themselves."""
+"""Law as a function of (H, p) alone, with derivatives, for solvers that users write (Law, LawResponse)."""
 
 from __future__ import annotations
 

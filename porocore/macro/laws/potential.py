@@ -1,4 +1,4 @@
-"""The exact closure: stress and fluid volume are the derivatives of the cell's effective potential."""
+"""Potential closure, exact: stress and fluid volume are derivatives of the cell's effective potential."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The mean deformation of the solid, and the flux through the pore.
+"""Mean deformation of the solid, transformed conductivity and flux through the pore; laws of conductivity.
 
 Both closures take the flux from here. Its conductivity is that of the undeformed pore, carried along with F̄, or that of
 the deformed pore, which is a response of the cell.

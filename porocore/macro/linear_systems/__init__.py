@@ -1,1 +1,1 @@
-"""Linear systems of large bodies: what the iterations of all backends share."""
+"""Linear systems of large bodies, for all backends: choice, coarse level, memory, reuse, work."""

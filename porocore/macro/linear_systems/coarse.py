@@ -1,4 +1,4 @@
-"""Displacements that are linear on the same elements: the second level of multigrid for the quadratic ones."""
+"""Linear displacements on a body's elements, prolongation, rigid motions: the coarse level of multigrid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Work of the linear solver over a solve: figures for metrics.json, and words for the log."""
+"""Work of the linear solver as figures for metrics.json and as words for the log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Memory that a direct factor would take, and that which the machine has left."""
+"""Memory that a direct factor would take, memory that the machine has left, and whether one fits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Age of a preconditioner that is kept, and the precision that Newton's method wants of a linear system."""
+"""Age at which a kept preconditioner is renewed; tolerance of a linear solve within Newton's iteration."""
 
 from __future__ import annotations
 

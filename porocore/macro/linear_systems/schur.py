@@ -1,4 +1,4 @@
-"""Approximation of the Schur complement of the pressure by a mass matrix."""
+"""Mass matrix that approximates the Schur complement of the pressure in a preconditioner."""
 
 from __future__ import annotations
 

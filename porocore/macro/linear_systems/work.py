@@ -1,4 +1,4 @@
-"""Record of the work of a linear solver, which a backend fills and the time loop takes after every step."""
+"""Record of the work of a linear solver, filled by a backend and taken after every step."""
 
 from __future__ import annotations
 

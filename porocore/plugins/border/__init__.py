@@ -1,4 +1,4 @@
-"""The border to plugins: what comes out of one is checked once, where it comes in, and the fault names the plugin.
+"""Border to plugins: all that comes out of one is checked once, and the fault names the plugin.
 
 Behind it the core relies on shapes, numbers, statuses and keys.
 """

@@ -1,4 +1,4 @@
-"""Checked solutions of macro solvers."""
+"""Check of the solution of a macro solver: mesh, history, profiles."""
 
 from __future__ import annotations
 

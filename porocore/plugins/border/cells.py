@@ -1,4 +1,4 @@
-"""Checked responses of cell solvers."""
+"""Check of the responses and the conductivity that a cell solver returns."""
 
 from __future__ import annotations
 

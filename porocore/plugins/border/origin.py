@@ -1,4 +1,4 @@
-"""Origin of an object: kind, name, distribution and file of a plugin's class."""
+"""Origin of an object that a plugin made: its distribution and file; the error that names them."""
 
 from __future__ import annotations
 

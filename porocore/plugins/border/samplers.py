@@ -1,4 +1,4 @@
-"""Checked requests of samplers."""
+"""Check of the requests of a sampler as they come (CheckedSampler)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checked predictions of surrogates."""
+"""Check of the predictions of a surrogate or another cell law."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A complete plugin project: it can be installed, works, and passes the laws of its interface."""
+"""Files of a new plugin project, for ``porocore plugin new``."""
 
 from __future__ import annotations
 

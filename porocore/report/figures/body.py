@@ -1,4 +1,4 @@
-"""The deformed body, coloured by its pore pressure."""
+"""Figure of the deformed body, coloured by its pore pressure."""
 
 from __future__ import annotations
 

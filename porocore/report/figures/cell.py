@@ -1,4 +1,4 @@
-"""A picture of the solid of the cell."""
+"""Picture of the cell's solid, shaded; surface triangles of a tetrahedral mesh."""
 
 from __future__ import annotations
 

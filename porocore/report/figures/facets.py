@@ -1,4 +1,4 @@
-"""Curved facets of a body, cut into plane pieces to draw."""
+"""Division of curved facets of a body into plane pieces, and the facets that face the viewer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Settlement, pore pressure and drained volume against time."""
+"""Figure of settlement, pore pressure and drained volume against time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fields along the column's axis at chosen times."""
+"""Figures of fields along a column's axis; check that a body is a column; times of the profiles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figure of the solved states by their status."""
+"""Figure of the solved states by status, in the plane of two inputs, with those in the body."""
 
 from __future__ import annotations
 

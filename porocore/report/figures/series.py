@@ -1,4 +1,4 @@
-"""Figures of probes, reactions and inflows against time."""
+"""Figures of probes, reactions and inflows against time; early peaks, axes that turn logarithmic."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One style for all figures, and figures as bytes; pyplot and its global state are not used."""
+"""Style of all figures: fonts, colours, legends, labels with units; figures as SVG and PNG bytes."""
 
 from __future__ import annotations
 

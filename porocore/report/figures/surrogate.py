@@ -1,4 +1,4 @@
-"""Figures of a surrogate: errors on held-out states, losses during training, and the sizes that were tried."""
+"""Figures of a surrogate: predicted against solved, losses of a training, errors of network sizes."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Words and rows of the report: the cell, its states."""
+"""Sentences and rows of the report: the cell, components of tensors, held-out errors, statuses."""

@@ -1,4 +1,4 @@
-"""The cell of the report: its coefficients along each axis, its mesh, and the conductivity of the flux."""
+"""Rows on the cell for the report: conductivity, linear coefficients, mesh; a sentence on the flux."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Components of tensors by name: one name for those that are the same, none for those that are zero."""
+"""Names of tensor components, such as K₂₂: equal ones as one row, zero ones left out."""
 
 from __future__ import annotations
 

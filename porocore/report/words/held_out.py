@@ -1,4 +1,4 @@
-"""Errors of a surrogate on held-out states, as a share of the range of its training and of that in the body."""
+"""Errors of a surrogate on held-out states, as a share of the range of its training or of the body."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Statuses of the solved states, and by nearest neighbours of the states in the body."""
+"""Shares of statuses of the solved states, and of the body by its nearest solved states, in words."""
 
 from __future__ import annotations
 

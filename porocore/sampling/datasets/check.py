@@ -1,4 +1,4 @@
-"""Checks of a dataset: that it is whole, and that its states obey the laws of every cell."""
+"""Checks of a dataset: file, arrays, and laws of every cell such as reciprocity and symmetry."""
 
 from __future__ import annotations
 

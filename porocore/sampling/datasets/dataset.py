@@ -1,4 +1,4 @@
-"""Dataset: the solved states of a run in one HDF5 file that survives a kill at any moment."""
+"""Dataset of solved states in one HDF5 file: append, merge parts, states, responses, digest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""HDF5 layout of solved states, the same for a merged dataset and for a single finished solve.
+"""HDF5 layout of solved states: blocks of rows written and read, fields u¹ read row by row.
 
 Layout, n rows sorted by key, d sampled inputs: attributes ``format``, ``version``, ``identity``;
 ``inputs/names, lower, upper`` (d); ``provenance/*`` (texts); ``key``, ``start`` (n, text, empty: from the

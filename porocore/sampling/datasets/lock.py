@@ -1,4 +1,4 @@
-"""One writer of a data set at a time: a lock beside its file."""
+"""Lock beside a dataset, so that it has one writer at a time."""
 
 from __future__ import annotations
 

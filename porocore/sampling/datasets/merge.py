@@ -1,4 +1,4 @@
-"""Merging of several datasets of the same cell and inputs."""
+"""Merging of several datasets of the same cell and inputs into one file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading of a dataset: the file and the finished solves beside it, also while another process merges them."""
+"""Reading of a dataset's file together with the unmerged solves in the folder beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Solving of cell states side by side."""
+"""Workers that solve cell states side by side: this process, processes, dask, executors; the pool."""
 
 from porocore.sampling.execution.choice import EXECUTORS as EXECUTORS
 from porocore.sampling.execution.environment import require_children as require_children

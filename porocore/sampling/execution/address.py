@@ -1,4 +1,4 @@
-"""Address of a dask scheduler: whether it is one, and whether a scheduler answers."""
+"""Check of a dask scheduler's address, and that a scheduler answers there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choice of the workers that solve the states."""
+"""Choice of the workers by name (this process, processes, dask); settings that exclude each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Workers of a dask.distributed scheduler, on any number of machines.
+"""Workers of a dask.distributed scheduler, or of a local cluster (DaskBackend).
 
 States are not left to dask's scheduler to place: each worker is handed one at a time, so that a worker that dies or
 hangs is blamed for that state only, and none waits behind another.

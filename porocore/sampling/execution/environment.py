@@ -1,4 +1,4 @@
-"""The environment of workers: without Ctrl-C, and without the script of the user."""
+"""Environment in which worker processes start: no Ctrl-C, not the user's script run again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Executors that the caller has made: threads, MPI ranks, or a cluster of another kind."""
+"""Workers in an executor that the caller has made (FuturesBackend): threads, MPI ranks, a cluster."""
 
 from __future__ import annotations
 

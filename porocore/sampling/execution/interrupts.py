@@ -1,4 +1,4 @@
-"""Ctrl-C: acknowledged at once, also while the main thread is in a library, and never lost; for commands SIGTERM, too.
+"""Ctrl-C and SIGTERM: acknowledged at once, also while the main thread is in a library; never lost.
 
 A thread hears of it as the system does. The first one raises KeyboardInterrupt, or where a block finishes something
 first, is noted; if the block has not ended some seconds later, it is raised again. A second one raises too, and if that

@@ -1,4 +1,4 @@
-"""Losses of workers: which state is tried again, recorded as lost, or reported as an error."""
+"""Account of dead workers: a state is tried again, recorded as lost, or reported as an error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pool of workers: which states run, which wait, and how the state of a dead worker is tried again."""
+"""Pool of workers (CellPool): submit and wait for states, queue, replacement of dead workers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Worker processes on this machine, one thread each."""
+"""Worker processes on this machine, one thread each (ProcessBackend); they end with their parent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Solved states of one cell in a store: a state is not solved twice, in whichever study it is asked for."""
+"""Cell solver that takes states from a store and adds those that it solves (StoringSolver)."""
 
 from __future__ import annotations
 

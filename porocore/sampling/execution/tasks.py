@@ -1,4 +1,4 @@
-"""Tasks of a worker: the cell is prepared once, and then solved state by state.
+"""Calls that run in a worker: prepare the cell, solve one state, release; results and failures as data.
 
 An executor calls these functions. Every exception travels back as text.
 """

@@ -1,4 +1,4 @@
-"""Worker backends: workers that solve one state at a time."""
+"""Interface of workers and of their backend; the backend that solves in this process."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Samplers: density sweep, designs, lines, and those that learn."""
+"""Samplers: density sweep, designs, those that learn, random states."""

@@ -1,4 +1,4 @@
-"""Sampling at the largest disagreement of a committee of surrogates (query by committee)."""
+"""Sampler ``active``: states where a committee of surrogates disagrees most; base of learning samplers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choice of a round of states among candidates: the most valuable, and not all in one place."""
+"""Choice of a round among candidate states: most valuable, spread out; Sobol points, first states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sweeps of one input at a time that are refined where the response bends."""
+"""Sampler ``density-sweep``: sweeps of one input at a time, refined where the response bends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Designs that fill the box of the inputs evenly: all states are known before the first is solved."""
+"""Samplers ``sobol`` and ``latin-hypercube``: designs that fill the box evenly; corners of the box."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One sweep of one input in one direction, with the check of the output density."""
+"""One sweep of one input in one direction: next value, check of the output density."""
 
 from __future__ import annotations
 

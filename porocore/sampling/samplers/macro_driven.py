@@ -1,4 +1,4 @@
-"""Sampling of the states that the macro runs of a study visit."""
+"""Sampler ``macro-driven``: states that macro runs of the study visit."""
 
 from __future__ import annotations
 

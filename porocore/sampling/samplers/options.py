@@ -1,4 +1,4 @@
-"""Checks of what samplers receive: their options, with the key of the configuration, and the keys of states."""
+"""Checks of a sampler's options and of the keys of states that it is told."""
 
 from __future__ import annotations
 

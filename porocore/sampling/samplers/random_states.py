@@ -1,4 +1,4 @@
-"""Random states in the box of the inputs, to test a surrogate on."""
+"""Random states in the box of the inputs, to test a surrogate on; further ones for failures."""
 
 from __future__ import annotations
 

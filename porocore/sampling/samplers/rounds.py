@@ -1,4 +1,4 @@
-"""Samplers that ask in rounds: every state of a round is solved before the next round is chosen.
+"""Base of samplers that ask in rounds: each is solved before the next is chosen.
 
 So what a round asks for depends on all states before it and on nothing else: not on the order in which they were
 solved, nor on the number of workers, nor on interruptions.

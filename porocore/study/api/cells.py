@@ -1,4 +1,4 @@
-"""One cell from Python: its porosity, its conductivity and its response to any state."""
+"""One cell from Python (CellProblem): porosity, conductivity, response to states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Macro solutions as arrays, as xarray datasets and as pyvista grids."""
+"""Macro solutions from Python (Solved, Solutions): arrays, xarray datasets, pyvista grids."""
 
 from __future__ import annotations
 

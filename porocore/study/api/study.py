@@ -1,4 +1,4 @@
-"""A whole study from Python, with the stages, files and identities of the command line."""
+"""A whole study from Python (Study): check, sample, train, tune, solve, law, report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Validation errors as texts: key, expected value, given value, advice."""
+"""Validation errors as texts: key, expected value, given value, advice, line of the file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Advice on unknown keys: what there is for what a user may rightly expect, and where a known key belongs."""
+"""Advice on unknown keys: what there is instead, and where a known key belongs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading a configuration: YAML or nested settings in, validated settings out."""
+"""Reading of a configuration from YAML or nested settings: scales, units, unknown surfaces, one error."""
 
 from __future__ import annotations
 

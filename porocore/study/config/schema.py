@@ -1,4 +1,4 @@
-"""Descriptions and units of the configuration's keys, and its JSON schema for editors."""
+"""JSON schema of the configuration for editors; descriptions and units of its keys."""
 
 from __future__ import annotations
 

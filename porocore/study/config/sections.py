@@ -1,4 +1,4 @@
-"""The sections of a configuration: backends, sampling, surrogate, macroscale."""
+"""Sections of the configuration: fem, sampling, held-out states, surrogate, macroscale."""
 
 from __future__ import annotations
 

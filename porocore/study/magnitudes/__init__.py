@@ -1,1 +1,1 @@
-"""Notes on lengths and times of a study that do not suit one another, most often since a unit was left out."""
+"""Notes on lengths and times that do not suit one another, mostly since a unit was left out."""

@@ -1,4 +1,4 @@
-"""Defaults of the macroscale that a study with scales leaves out: multiples of a scale, told in the study's unit."""
+"""Lines on default values of the macroscale that a study with scales leaves out, in its units."""
 
 from __future__ import annotations
 

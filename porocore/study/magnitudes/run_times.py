@@ -1,4 +1,4 @@
-"""Times of a run against the time in which its body consolidates."""
+"""Notes on ramps, steps and ends of a run that are far from the consolidation time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Edge of the periodic cell against the smallest size of the body: homogenisation needs many cells across it."""
+"""Note on few cells across the body: edge of the cell against the smallest size of the body."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Checks of a study before its first solve."""
+"""Checks and notes before the first solve: plugins, ranges, cost, symmetry, resolution, time functions."""

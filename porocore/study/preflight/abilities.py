@@ -1,4 +1,4 @@
-"""The needs of a study compared with the abilities that its plugins declare."""
+"""Needs of a study against abilities that its plugins declare: conductivity, parts of a problem."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A study in the terms of its user, from its undeformed cell: moduli, permeability, time of consolidation."""
+"""Outline of a study from its undeformed cell: moduli, permeability, consolidation time, thin fluid."""
 
 from __future__ import annotations
 

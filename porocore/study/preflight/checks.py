@@ -1,4 +1,4 @@
-"""Checks of a study before anything is solved, and the outline of its run."""
+"""Checks before the first solve: backends, sampled box, workers, body; outline of the run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time and memory of one cell problem by its number of nodes, interpolated between measured ones.
+"""Measured time and memory of a cell problem by its number of nodes, interpolated.
 
 ``benchmarks/cell_cost.py`` measures them again and prints the ratio of each estimate to what it finds.
 """

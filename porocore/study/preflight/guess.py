@@ -1,4 +1,4 @@
-"""Times of a sampling before anything of it is measured."""
+"""Expected times of a sampling before anything of it is measured; slowness of a busy machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear solutions of a study's body in few steps, before anything of the cell but its state at rest is solved."""
+"""Linear solutions of a study's body in few steps, before any cell but the one at rest is solved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Notes on what leaves the sampled ranges, before a run: by the body's linear solution, and by what is prescribed.
+"""Notes before a run on components that leave the sampled ranges, or ranges that are too wide.
 
 Between two surfaces across an axis whose displacements are prescribed, a component of H has a known mean along every
 line that joins them, so it reaches at least this mean somewhere on the line.

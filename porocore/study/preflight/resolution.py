@@ -1,4 +1,4 @@
-"""Thinnest wall and narrowest pore of an image, in elements of the cell's mesh."""
+"""Element size of an image's mesh in voxels; elements across its thinnest wall and narrowest pore."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Notes on the symmetry of a cell: shears that are no inputs, a mesh that is too coarse for it."""
+"""Notes on symmetry: shears that are no inputs, planes that the cell lacks, a mesh that breaks it."""
 
 from __future__ import annotations
 

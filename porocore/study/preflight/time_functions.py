@@ -1,4 +1,4 @@
-"""Check of every function of time over the run, before anything is solved, and notes of those that go beyond it."""
+"""Check of every function of time over the run; notes on those that go on after its end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers of solves, bytes on disk, memory and time of a study, before anything is solved."""
+"""Counts of a study before it runs: solves, nodes, disk, memory, time; refusal of too many."""
 
 from __future__ import annotations
 

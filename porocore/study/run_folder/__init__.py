@@ -1,1 +1,1 @@
-"""The run folder: its lock, the paths of its files, their provenance, and what a resumed run need not do again."""
+"""Run folder: its lock, paths of its files, their provenance, record of a finished run."""

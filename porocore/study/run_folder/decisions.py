@@ -1,4 +1,4 @@
-"""Decisions of a sampler in one file beside the data set: a resumed one asks for the same states at once.
+"""File of a sampler's decisions beside the dataset, so that a resumed one chooses the same.
 
 A decision is found by a hash of the run and of all that it was made on. So one of another run, or one that was made on
 other responses, is never found; a file whose checksum does not fit is passed over. What is not found is decided again.

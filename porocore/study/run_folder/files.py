@@ -1,4 +1,4 @@
-"""Paths of the files of a run, and the names of the laws in them."""
+"""Paths of all files of a run; names of its laws, of direct FE² and of the fallback."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Record of a finished run: the files that it ended with, so that nothing is done again while they are the same."""
+"""Record of a finished run: size and time of its files, so that a resumed run does nothing."""
 
 from __future__ import annotations
 

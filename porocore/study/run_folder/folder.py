@@ -1,4 +1,4 @@
-"""The folder of one run, and the right to write it.
+"""The run folder (RunFolder): made, locked, opened; refusal of a folder of another run.
 
 A folder belongs to one configuration from the moment it is claimed. It is never taken over by another run,
 and two processes cannot write it at the same time.

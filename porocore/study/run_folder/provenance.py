@@ -1,4 +1,4 @@
-"""Versions that the results depend on."""
+"""Versions of porocore, its plugins and packages that results depend on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Facts of a study for its sampler: the undeformed cell, the needs of the closure, and the states of macro runs."""
+"""Macro runs on a coarse mesh for a sampler: the states that they visit; facts of the study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures of merit of a run, ready for JSON."""
+"""Contents of metrics.json but the stage times: cell, sampling, surrogate, loads, errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run, stage by stage: configuration → cell → samples → surrogate → macroscale → report.
+"""All stages of a run one after another: cell, samples, surrogate, macroscale, report.
 
 Each stage reads the files of the one before it from the run folder, continues where an earlier process stopped, and
 adds its wall time to the folder's record.

@@ -1,4 +1,4 @@
-"""The cell stage: the undeformed cell of a run. Beside it, one state of a cell on its own."""
+"""The cell stage: the undeformed cell, from the store or solved; one state of a cell on its own."""
 
 from __future__ import annotations
 

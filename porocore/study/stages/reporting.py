@@ -1,4 +1,4 @@
-"""The report stage: figures of merit, histories, the files for ParaView and the page.
+"""The report stage: writes metrics.json, histories, ParaView files and the page; keeps a present one.
 
 Every report writes all of them. A run that is resumed keeps them while the files of its folder are the same.
 """

@@ -1,4 +1,4 @@
-"""The results of a run, as its report needs them."""
+"""Results of a run, loaded from its folder for its report (RunResults)."""
 
 from __future__ import annotations
 

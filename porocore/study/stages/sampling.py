@@ -1,4 +1,4 @@
-"""The sampling stage: the states that a sampler asks for, and the held-out ones.
+"""The sampling stage: solves the states that a sampler asks for, and the held-out ones.
 
 States that the data sets hold are not solved again.
 """

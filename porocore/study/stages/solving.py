@@ -1,4 +1,4 @@
-"""The macro stage: every load with every law that is asked for.
+"""The macro stage: laws of a run by name, every load solved with each, fallback that learns.
 
 Existing solutions stay; an interrupted solve continues from its checkpoint.
 """

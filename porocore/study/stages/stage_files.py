@@ -1,4 +1,4 @@
-"""The files that one stage of a run hands to the next, read and checked to belong to the run."""
+"""Files that stages hand on, read and checked: prepared cell, reference, surrogate, training set."""
 
 from __future__ import annotations
 

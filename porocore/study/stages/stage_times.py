@@ -1,4 +1,4 @@
-"""Seconds that each stage of a run has taken, summed over all runs that resumed it."""
+"""Seconds that each stage has taken, over all runs that resumed it; clock of a stage."""
 
 from __future__ import annotations
 

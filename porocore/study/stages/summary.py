@@ -1,4 +1,4 @@
-"""The contents of a report, from the results of a run."""
+"""Contents of the report page from the results of a run: cases, costs, errors of surrogate and closure."""
 
 from __future__ import annotations
 

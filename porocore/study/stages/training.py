@@ -1,4 +1,4 @@
-"""The training stage: the surrogate that the closure needs, and the curve of its losses.
+"""The training stage: fits the surrogate that the closure needs; table of its losses.
 
 An interrupted training continues from its checkpoint.
 """

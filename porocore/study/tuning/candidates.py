@@ -1,4 +1,4 @@
-"""The architectures that a search tries."""
+"""Network architectures that a search tries, and the configuration of one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Networks that another search has trained on the same samples."""
+"""Store of trained candidates, so that another search does not train them again."""
 
 from __future__ import annotations
 

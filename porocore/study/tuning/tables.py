@@ -1,4 +1,4 @@
-"""The results of a search as files and as text."""
+"""Results of a search as tune.json, tune.csv, tune.png and a table of text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choice of the architecture of a network, by training a grid of them on the samples of a run (Dehghani & Zilian).
+"""The search: trains all architectures, chooses the smallest network that is good enough.
 
 The error of each candidate is measured on the held-out states. The smallest network whose error is within a margin of
 the best is chosen. The run folder keeps finished candidates, so that an interrupted search continues.

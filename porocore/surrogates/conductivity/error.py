@@ -1,4 +1,4 @@
-"""Error estimate of the conductivity of the deformed pore, from the states that it was learned from."""
+"""Error estimate of the conductivity model, from the states that it was learned from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fit of the conductivity of the deformed pore to solved states."""
+"""Least-squares fit of the conductivity model to solved states, degree by cross-validation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conductivity of the deformed pore as a smooth function of ln U and p, positive definite by construction.
+"""Conductivity model by ln U and p: prediction, flags near a closed pore, conducting directions.
 
 K_ref = B exp(S) Bᵀ with S = ln(Bᵀ K₀ B) + a polynomial in (ln U, p) that begins at first order. So K_ref is K₀ at rest,
 symmetric and positive definite for any coefficients, and objective, as it depends on F through U only. The columns of B

@@ -1,4 +1,4 @@
-"""Component that drives a flagged state out, in words."""
+"""Component of the state that drives a flagged state out, in words."""
 
 from __future__ import annotations
 

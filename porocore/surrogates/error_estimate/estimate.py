@@ -1,4 +1,4 @@
-"""Estimated distance of a surrogate from the cell, by polynomials fitted to the same solved states.
+"""Estimated error of a surrogate at a state, by the spread of polynomials (ErrorEstimate).
 
 The polynomials have a higher degree than a surrogate and a prior where the states do not determine them. The distance
 of the surrogate from their mean is its bias; their scatter is the variance that the states leave.

@@ -1,4 +1,4 @@
-"""Fit of the polynomials of an error estimate: Bayesian least squares, calibrated by cross-validation.
+"""Fit of an error estimate: Bayesian least squares, calibration by cross-validation, safe box.
 
 Coefficients have a normal prior whose width falls by a factor with each degree. This factor, the noise and the common
 scale are those under which states that were left out of a fit are most likely (cross-validation; Rasmussen & Williams

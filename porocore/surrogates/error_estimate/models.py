@@ -1,4 +1,4 @@
-"""Error estimates of the two kinds of model, from their training states."""
+"""Error estimates of the potential and of the mean-gradient model, from training states."""
 
 from __future__ import annotations
 

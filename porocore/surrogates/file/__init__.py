@@ -1,1 +1,1 @@
-"""File of a surrogate, which every backend reads."""
+"""The file of a surrogate, which every backend writes and reads."""

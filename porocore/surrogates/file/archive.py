@@ -1,4 +1,4 @@
-"""Named arrays and a header in one HDF5 file with a checksum.
+"""Named arrays and a header in one HDF5 file with a checksum: write and read.
 
 Layout: attributes ``format``, ``version``, ``checksum``; ``header``, a text in JSON; every array a dataset of
 float64 under its name. The checksum is the SHA-256 of the header and of all names, shapes and numbers.

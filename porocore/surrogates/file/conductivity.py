@@ -1,4 +1,4 @@
-"""Model of the conductivity in the file of a surrogate."""
+"""Conductivity model in the file of a surrogate: packed and unpacked."""
 
 from __future__ import annotations
 

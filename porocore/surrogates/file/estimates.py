@@ -1,4 +1,4 @@
-"""Error estimate in the file of a surrogate."""
+"""Error estimates in the file of a surrogate: packed and unpacked."""
 
 from __future__ import annotations
 

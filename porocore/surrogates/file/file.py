@@ -1,4 +1,4 @@
-"""One file for every surrogate: written by any backend, read by any, and by numpy alone.
+"""File of any surrogate: metadata, networks, terms and potentials written and read.
 
 An archive (:mod:`porocore.surrogates.file.archive`) whose header names the model, the inputs, the cell, who wrote it
 and how good it was; the arrays are weights, scalings, polynomials and the sampled range. Reading executes nothing.

@@ -1,4 +1,4 @@
-"""Parts of several models in a file: polynomials, hulls and boxes of the training states.
+"""Parts of models in a file: polynomials, hulls and boxes of the training states.
 
 Functions of this folder that unpack raise a KeyError, TypeError or ValueError where something is missing or does not
 fit together; :func:`porocore.surrogates.file.file.read` makes one message of it.

@@ -1,4 +1,4 @@
-"""Training data of the network: scaled inputs, and the remainder of the linear limit."""
+"""Training data of ``mlp``: scaled inputs, and what the linear limit leaves of <∇u¹>_s."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""<∇u¹>_s as the linear limit of the cell plus a network that starts at second order.
+"""Model of <∇u¹>_s: the cell's linear limit and a network anchored at rest (AnchoredModel).
 
 An error of the value or the gradient of a network at rest acts like a wrong stiffness or an initial stress, and
 would drown the response to small loads. Here both are exact whatever the training did.

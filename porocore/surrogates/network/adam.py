@@ -1,4 +1,4 @@
-"""Training of the network of ``mlp``: full-batch Adam on the mean squared error, resumable to the last bit.
+"""Training of ``mlp`` by full-batch Adam: loop, learning rate, validation part, resumable to the last bit.
 
 All weights and biases are one vector θ. The learning rate falls along half a cosine to a hundredth of its first value,
 and the weights with the smallest validation loss are kept. A library brings its own Adam, or only differentiates the

@@ -1,4 +1,4 @@
-"""Feed-forward networks with exact first and second derivatives, in numpy."""
+"""Feed-forward network in numpy (Network) with two derivatives; interface of its evaluation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options of the networks and of their training, the same in every library."""
+"""Options of the network models and their training, the same in every library."""
 
 from __future__ import annotations
 

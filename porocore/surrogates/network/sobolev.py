@@ -1,4 +1,4 @@
-"""Training of the network of a potential on values and gradients together, with the derivatives of any library.
+"""Training of a potential's network by L-BFGS on values and gradients; interface of derivatives.
 
 The loss is written once, in operations that torch and jax.numpy share; a backend compiles it with its own
 automatic differentiation, and scipy's L-BFGS minimises it. The network enters as it is used: its expansion at rest

@@ -1,4 +1,4 @@
-"""Surrogate whose networks a library trains: all that does not depend on the library."""
+"""Base of surrogates whose networks a library trains: models ``mlp`` and ``potential``."""
 
 from __future__ import annotations
 

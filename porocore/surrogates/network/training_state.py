@@ -1,4 +1,4 @@
-"""State of a training by Adam: the weights, the moments, the best weights and the epoch, with their checkpoint.
+"""State of a training by Adam: weights, moments, one step, checkpoint file.
 
 The learning rate follows from the epoch, so there is no scheduler to keep.
 """

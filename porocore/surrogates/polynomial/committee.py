@@ -1,4 +1,4 @@
-"""Committee of polynomials, whose disagreement shows where the samples do not determine the response.
+"""Committee of polynomials: its disagreement at candidates, and the worth of solving each.
 
 The members are least-squares polynomials of neighbouring degrees, each fitted to all but a fifth of the states (query
 by committee, Seung, Opper & Sompolinsky 1992; Krogh & Vedelsby 1995). All of one degree share the equations of their

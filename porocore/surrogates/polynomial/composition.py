@@ -1,4 +1,4 @@
-"""Functions of terms t(y), and their derivatives with respect to the variables y (7, n)."""
+"""Functions of terms t(y): sums, and derivatives by the variables y through the chain rule."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fit of the polynomial parts of a potential model."""
+"""Fit of the polynomials of a potential and of <∇u¹>_s; the potential model put together."""
 
 from __future__ import annotations
 

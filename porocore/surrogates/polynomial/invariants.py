@@ -1,4 +1,4 @@
-"""Integrity basis: invariant polynomials in L = ln U of which all others are made.
+"""Integrity basis: invariant polynomials of a point group in L = ln U.
 
 The sum of a monomial over its images is invariant, and such sums span the invariant polynomials (Reynolds' operator).
 Degree by degree those are kept that are no polynomial in the ones before. For the point groups of the cube there are

@@ -1,4 +1,4 @@
-"""Polynomials fitted to values and gradients together, their degree chosen by cross-validation."""
+"""Polynomials fitted to values and gradients, degree by cross-validation, tied coefficients."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Polynomials in several variables with their first and second derivatives, as one matrix product for all states."""
+"""Polynomials of several variables: exponents, values, gradients and Hessians for all states."""
 
 from __future__ import annotations
 

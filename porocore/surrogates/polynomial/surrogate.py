@@ -1,4 +1,4 @@
-"""Built-in surrogate: a least-squares polynomial for the potential, in numpy alone."""
+"""Surrogate ``polynomial``: least squares for the potential, in numpy alone."""
 
 from __future__ import annotations
 

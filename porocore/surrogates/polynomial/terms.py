@@ -1,4 +1,4 @@
-"""Terms of the polynomial potential: the variables themselves, or combinations with the cell's symmetry.
+"""Terms of the polynomials: plain variables, or combinations that a point group leaves unchanged.
 
 The variables y are the six components of L = ln U (11, 22, 33, 23, 13, 12) and the pressure p.
 """

@@ -1,4 +1,4 @@
-"""Training data of a potential: W as a function of L = ln U and p at the solved states."""
+"""Training data of a potential: W and its derivatives by ln U and p; expansion at rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effective potential W(ln U, p) as a sum of parts; stress, fluid volume and tangents are its derivatives.
+"""Model of the potential W(ln U, p): responses, tangents, flags, estimated error (PotentialModel).
 
 W = W₂ + polynomial + refinement + network, where W₂ is the exact second-order expansion at rest and the other parts
 begin at third order; the last two, the fine ones, come to rest where the sampled states end. So W, P_E and their

@@ -1,4 +1,4 @@
-"""Training of a potential whose third and higher orders are a network."""
+"""Training of a potential whose third and higher orders are a network; the network's inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Six components of a symmetric tensor: 11, 22, 33, 23, 13, 12."""
+"""Order of the six components of a symmetric tensor, their places and shares."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Second divided differences in the second derivative of a function of ln C, in the eigenbasis."""
+"""Second derivative of a function of ln C by C in the eigenbasis, from divided differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logarithmic stretch and its derivatives where every F is diagonal: few entries are not zero.
+"""Stress and tangent through ln U where every F is diagonal, in fewer operations.
 
 One-dimensional consolidation asks for nothing else. For the second derivatives the potential must couple no shear
 with anything else. All arrays are component-first; s (3, n) are the stretches, the diagonal of F.

@@ -1,4 +1,4 @@
-"""Logarithmic stretch L = ln U of F = I + H = R U, and derivatives through it.
+"""Logarithmic stretch ln U and rotation of F = R U; stress and tangent through it (LogStretch).
 
 A function of L is objective by construction. With the eigenvectors of U as a basis everything is closed: for
 C = U² the derivative of ln C in the direction dC is the divided difference of ln times dC, entry by entry, and so

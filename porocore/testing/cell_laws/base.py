@@ -1,4 +1,4 @@
-"""The laws that every cell solver obeys, as tests that a plugin author subclasses.
+"""Suite of cell solvers (CellSolverSuite): shapes, derivatives against differences, objectivity.
 
 .. code-block:: python
 

@@ -1,4 +1,4 @@
-"""Calls of a cell solver: rows, batches, starts and inputs; nothing that was asked before changes an answer."""
+"""Laws of calls of a cell solver: batches, order, starts, inputs unchanged, failed rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laws of cell solvers in contact of the pore surface with itself, as tests that a plugin author subclasses."""
+"""Suite of cell solvers in self-contact (CellContactSuite): derivatives, stiffness, overlap, starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""States of a cell whose responses are known from elsewhere: at rest, under a pressure on all sides, K, an overlap."""
+"""Laws on cells with known responses: rest, uniform pressure, conductivity, an overlap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laws that hold for the responses of every cell, as misfits: how far a response is from obeying them.
+"""Identities of every cell as misfits: Biot, reciprocity, cubic symmetry; difference quotients.
 
 Misfits are relative to the largest entry of what is compared, unless said otherwise.
 """

@@ -1,4 +1,4 @@
-"""Additional laws of a cell solver on porocore's meshes: mirrors, statuses of the wall, known and open cells."""
+"""Suite of cell solvers on porocore's meshes (MeshedCellSuite): symmetry, eighth and whole, percolation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Law of cells whose pores stay open under a small strain: random images and minimal surfaces are no overlap there."""
+"""Law that random images and minimal surfaces stay open under a small strain."""
 
 from __future__ import annotations
 

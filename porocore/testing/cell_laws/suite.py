@@ -1,4 +1,4 @@
-"""Shared part of the suites of cell solvers: the solver under test, a prepared cell and the states."""
+"""Shared part of the suites of cell solvers: solver under test, prepared cell, states, a comparison."""
 
 from __future__ import annotations
 

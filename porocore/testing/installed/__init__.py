@@ -1,1 +1,1 @@
-"""The kit against an installed plugin, in a process of its own."""
+"""Check of an installed plugin by the conformance kit, in a process of its own."""

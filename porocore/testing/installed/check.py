@@ -1,4 +1,4 @@
-"""Holding an installed plugin to the laws of its interface, in a process of its own.
+"""Run of the suites of an installed plugin (check_plugin): starts a process, reads the results.
 
 The process runs pytest on the suites that the plugin's offer names and tells each result in a line of a file, so that
 a plugin that kills its process, or changes how pytest works, does no harm here.

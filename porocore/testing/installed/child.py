@@ -1,4 +1,4 @@
-"""The process of a plugin check: pytest on the suites of one offer, with each result in a line of a file."""
+"""Process of a plugin check: pytest on the suites of one offer, each result a line of a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The suites that an installed plugin is held to by ``porocore plugin check``."""
+"""Suites that an offer names, or the default ones of its kind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The laws that every macro solver obeys, as tests that a plugin author subclasses.
+"""Suite of macro solvers (MacroSolverSuite): all laws of this room together.
 
 .. code-block:: python
 

@@ -1,4 +1,4 @@
-"""Bodies of any shape: oblique planes, tetrahedra, pressures that follow the surface, courses in time, probes."""
+"""Laws on bodies of any shape: oblique planes, tetrahedra, followers, reactions, probes, patches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Histories: orders of convergence, laws against each other, balances."""
+"""Laws of histories: orders of convergence, balance of fluid, linear limit; a discrete Terzaghi."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small bodies of the laws of macro solvers, one of them a file of tetrahedra."""
+"""Small bodies of the suite of macro solvers, one of them a file of tetrahedra."""
 
 from __future__ import annotations
 

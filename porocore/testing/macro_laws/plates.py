@@ -1,4 +1,4 @@
-"""Rigid plates: a face that moves as one under a given force."""
+"""Laws of rigid plates: a face that moves as one under a given force."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Running a macro solve: Newton's iteration, failed steps, errors and checkpoints."""
+"""Laws of a macro run: Newton's convergence, halved steps, errors, checkpoints, refused files."""
 
 from __future__ import annotations
 

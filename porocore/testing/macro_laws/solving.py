@@ -1,4 +1,4 @@
-"""Problems and helpers of the conformance suite of macro solvers."""
+"""Shared part of the suite of macro solvers: problems, preparation, solve, tangent against differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The discrete equations, and states that are known exactly."""
+"""Laws on the discrete equations and on states that are known exactly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The laws that every sampler obeys, as tests that a plugin author subclasses.
+"""Suite of samplers (SamplerSuite): budget, determinism, interruption, refused options.
 
 .. code-block:: python
 

@@ -1,4 +1,4 @@
-"""A made-up cell that a sampler is driven over, for the conformance suite of samplers: nothing is solved."""
+"""Made-up cell and study over which the suite drives a sampler (SamplingRecord, run)."""
 
 from __future__ import annotations
 

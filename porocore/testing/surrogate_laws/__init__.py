@@ -1,1 +1,1 @@
-"""Laws that every surrogate obeys."""
+"""Laws that every surrogate obeys, as suites to subclass, one group in each file."""

@@ -1,4 +1,4 @@
-"""The laws that every surrogate obeys, as tests that a plugin author subclasses.
+"""Suite of surrogates (SurrogateSuite): learned map, derivatives, batches, flags, exact rest.
 
 .. code-block:: python
 

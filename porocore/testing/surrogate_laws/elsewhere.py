@@ -1,4 +1,4 @@
-"""A surrogate's file in another process: what is predicted from it, and whether reading it unpickled anything."""
+"""Prediction from a surrogate's file in another process, and a watch over unpickling."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of a surrogate: read as they were written, or refused, and nothing in them is executed."""
+"""Laws of a surrogate's file: read as written, refused if damaged, nothing executed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Training of the conformance suite of surrogates, and its data."""
+"""Shared part of the suite of surrogates: training data, the surrogate fitted once, its file."""
 
 from __future__ import annotations
 

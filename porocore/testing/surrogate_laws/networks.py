@@ -1,4 +1,4 @@
-"""Laws of the network models, the same for all libraries.
+"""Suites of the network models ``mlp`` and ``potential``, the same for all libraries.
 
 A plugin names its class and the version of the kit that it passes, see :func:`network_suites`.
 """

@@ -1,4 +1,4 @@
-"""The laws of a surrogate whose stress and fluid volume derive from one potential, beside those of every surrogate."""
+"""Suite of surrogates with a potential (PotentialSuite): symmetry, reciprocity, closed cycles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Training a surrogate: by a seed alone, interrupted and resumed."""
+"""Laws of a training: by a seed alone, interrupted and resumed, refused checkpoints."""
 
 from __future__ import annotations
 

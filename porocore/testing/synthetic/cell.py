@@ -1,4 +1,4 @@
-"""A made-up cell in closed form: responses and exact derivatives for tests of what learns or uses them.
+"""Made-up cell in closed form: responses, exact derivatives, training set.
 
 Nothing of it comes from a finite element solve. <∇u¹>_s has the size and the bend of that of the paper's cell;
 stress and fluid volume derive from one potential.

@@ -1,4 +1,4 @@
-"""A made-up cubic cell with a potential, in closed form, for states that stretch, shear and rotate.
+"""Made-up cubic cell with a potential, in closed form, and its training set.
 
 With E = (FᵀF − I)/2 and J = det F,
 

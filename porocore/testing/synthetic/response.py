@@ -1,4 +1,4 @@
-"""A made-up cell and the confined column, for tests that need a law and a problem but no cell solve."""
+"""Made-up undeformed cell, laws of it, and the confined column, for tests without cell solves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Running a backend so that its failure is a result, with its time."""
+"""Call of a backend whose failure is a result, with its wall time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Backends that take part in a crosscheck."""
+"""Selection of the backends that take part in a crosscheck."""
 
 from __future__ import annotations
 

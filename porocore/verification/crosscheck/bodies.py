@@ -1,4 +1,4 @@
-"""The macro solvers: the history of one body under the same law."""
+"""Crosscheck of macro solvers: histories of one body under the same law, compared pair by pair."""
 
 from __future__ import annotations
 

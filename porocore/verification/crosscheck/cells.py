@@ -1,4 +1,4 @@
-"""The cell solvers: averages, derivatives and conductivity of the same states on the same mesh."""
+"""Crosscheck of cell solvers: averages, derivatives and conductivity of the same states; tolerances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A whole crosscheck, part by part: cell solvers → samples → surrogates → macro solvers."""
+"""The whole crosscheck: cell solvers, samples, surrogates, macro solvers, one after another."""
 
 from __future__ import annotations
 

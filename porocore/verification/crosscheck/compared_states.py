@@ -1,4 +1,4 @@
-"""The states on which backends are compared: three of the cell solver, and the samples that all surrogates share."""
+"""States of a crosscheck: three of the cell solver, and samples shared by all surrogates."""
 
 from __future__ import annotations
 

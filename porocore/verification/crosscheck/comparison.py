@@ -1,4 +1,4 @@
-"""One line of a crosscheck: what was compared, by how much it differs, and by how much it may."""
+"""One line of a crosscheck (Comparison): difference of two backends, tolerance, passed or not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Histories of all macro solvers above, and the differences of every pair below."""
+"""Figure of a crosscheck: histories of all macro solvers, differences of every pair."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of a crosscheck: JSON with every number that was compared and what it was computed with, and a page."""
+"""Files crosscheck.json and crosscheck.html: every compared number as plain data."""
 
 from __future__ import annotations
 

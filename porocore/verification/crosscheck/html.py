@@ -1,4 +1,4 @@
-"""The crosscheck as one HTML file that holds everything and asks for nothing else."""
+"""The crosscheck as one HTML page: worst lines, times, sections, pictures."""
 
 from __future__ import annotations
 

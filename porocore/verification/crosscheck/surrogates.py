@@ -1,4 +1,4 @@
-"""The surrogates: each trained on the same states, held against states that it never saw and against the others."""
+"""Crosscheck of surrogates: training, errors on held-out states, pairs compared between states."""
 
 from __future__ import annotations
 

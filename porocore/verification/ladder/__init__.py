@@ -1,1 +1,1 @@
-"""Cases with known solutions, from simple to complex, solved by every installed finite-element backend."""
+"""Verification: cases with known solutions, solved by every installed finite-element backend."""

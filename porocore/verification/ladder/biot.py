@@ -1,4 +1,4 @@
-"""Linear poroelasticity of an isotropic medium, and the norm in which fields are compared."""
+"""Isotropic linear poroelastic coefficients, and the relative L² norm of a difference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A case with a known answer, and what is checked in it."""
+"""Case with a known answer (VerificationCase), its checks, relative error, observed order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All verification cases, and their solution by every backend."""
+"""List of all verification cases, their selection, and their solution by every backend."""
 
 from __future__ import annotations
 

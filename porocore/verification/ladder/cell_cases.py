@@ -1,4 +1,4 @@
-"""Identities that the responses of every cell obey, and the cell without pores."""
+"""Cases of the cell: identities of its responses, derivatives, a cell without pores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A clay of constant compressibility at finite strain, as a macroscopic law (Xie & Leo 2004)."""
+"""Macroscopic law of a clay of constant compressibility at finite strain (Xie & Leo 2004)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear consolidation with a known history, in the setting in which a finite-volume code publishes its errors.
+"""Cases of linear consolidation: Terzaghi, Mandel; errors beside those of a finite-volume code.
 
 PorePy (Keilegavlen et al. 2021, Comput. Geosci. 25) tests its Biot models against Terzaghi's and Mandel's solutions
 and keeps the errors that it finds, in the discrete L² norm of the values in the middle of the cells. Here the same

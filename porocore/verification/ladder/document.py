@@ -1,4 +1,4 @@
-"""Results of ``porocore verify`` as JSON."""
+"""Results of ``porocore verify`` as a JSON file."""
 
 from __future__ import annotations
 

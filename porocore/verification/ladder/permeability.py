@@ -1,4 +1,4 @@
-"""Conductivity of cells for which it is known: a straight channel, spheres, cylinders."""
+"""Cases of conductivity: a straight channel, arrays of spheres and of cylinders."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small-strain limit: the nonlinear model tends to linear poroelasticity in proportion to the load."""
+"""Case of the small-strain limit: nonlinear histories tend to linear ones with the load."""
 
 from __future__ import annotations
 

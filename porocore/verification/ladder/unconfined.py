@@ -1,4 +1,4 @@
-"""Unconfined compression of a poroelastic cylinder, on a quarter of it and on a wedge with an oblique plane."""
+"""Case of unconfined compression of a cylinder, on a quarter and on a wedge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Large-strain consolidation of a clay layer (Xie & Leo 2004): the layer as a column, against what is published."""
+"""Case of large-strain consolidation of a clay layer (Xie & Leo 2004), as a column."""
 
 from __future__ import annotations
 

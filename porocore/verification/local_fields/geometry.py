@@ -1,4 +1,4 @@
-"""A cell to look at: its phases as files for ParaView, and as a picture."""
+"""Phases of a cell as files for ParaView, and as a picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of local fields: drawn by VTK without a display in a process of its own, labelled by matplotlib."""
+"""Pictures of local fields by VTK in a process of its own: views, labels, panels."""
 
 from __future__ import annotations
 

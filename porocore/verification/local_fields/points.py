@@ -1,4 +1,4 @@
-"""Deformation, energy and stress at the quadrature points of the solid, from the micro displacement of any backend."""
+"""Deformation, energy and stress at the quadrature points of the solid, from its displacement."""
 
 from __future__ import annotations
 

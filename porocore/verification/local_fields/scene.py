@@ -1,4 +1,4 @@
-"""Drawing by VTK in a process of its own: ``python -m porocore.verification.local_fields.scene FIELDS.vtu JOBS.json``.
+"""Drawing of views of one .vtu file by VTK; main program of the child process.
 
 VTK ends the process where it finds no way to draw, so it must not be that of the user. JOBS.json is a list of views,
 see :class:`porocore.verification.local_fields.pictures.View`; each becomes a PNG image without any text.

@@ -1,4 +1,4 @@
-"""One state of the cell, solved and written with its local fields."""
+"""One state of the cell solved and written with local fields; states of the paper; names of files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Local fields as a file that ParaView opens."""
+"""Local fields of the solid as a .vtu file that ParaView opens."""
 
 from __future__ import annotations
 

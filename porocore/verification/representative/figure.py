@@ -1,4 +1,4 @@
-"""Picture of a study of sub-volumes: each result against the edge of the sub-volume."""
+"""Figure of a study of sub-volumes: each result against the edge of the sub-volume."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Expected time and memory of the cells of one size, and sizes that are left out."""
+"""Expected time and memory of the sub-volumes of one size; sizes that are left out."""
 
 from __future__ import annotations
 

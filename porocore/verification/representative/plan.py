@@ -1,4 +1,4 @@
-"""Sub-volumes that are asked for: sizes, numbers, places."""
+"""Plan of a study of sub-volumes: sizes, numbers, seed of the places, overlap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The record of a study of sub-volumes: what is solved so far, and what it belongs to."""
+"""Record of a study of sub-volumes in a JSON file: what is solved, and what it belongs to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of a study of sub-volumes."""
+"""Results of a study of sub-volumes (RepresentativeVolume), and its files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An image, and the sub-volumes that are cut out of it."""
+"""Sub-volumes cut out of an image (Scan): sizes, places, porosities, mesh sizes from voxels, cell settings."""
 
 from __future__ import annotations
 

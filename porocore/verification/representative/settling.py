@@ -1,4 +1,4 @@
-"""Means and scatter of the sub-volumes of each size, and the size from which they stay."""
+"""Mean and scatter of each quantity by size; judgement which size suffices."""
 
 from __future__ import annotations
 

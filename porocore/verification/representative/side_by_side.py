@@ -1,4 +1,4 @@
-"""Sub-volumes solved side by side in processes, no more of them than the memory allows."""
+"""Sub-volumes solved in parallel processes, no more of them than the memory allows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Study of sub-volumes: from an image to the size that suffices."""
+"""The study of sub-volumes as a whole: solves or reads each, judges, writes tables and figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One sub-volume, solved at rest: permeability, drained elasticity, Biot's coefficients."""
+"""Solution of one sub-volume at rest: permeability, drained elasticity, Biot's coefficients."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of a study of sub-volumes, in the units of the study."""
+"""Tables sizes.csv and subvolumes.csv of a study of sub-volumes, in the units of the study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The outcome of a study of sub-volumes in sentences."""
+"""Outcome of a study of sub-volumes in sentences: verdict, failures, uncertainty, settings."""
 
 from __future__ import annotations
 

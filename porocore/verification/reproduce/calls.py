@@ -1,4 +1,4 @@
-"""Time of a call of the surrogate, measured once and kept."""
+"""Time of a call of the surrogate, measured once and kept in a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures of the numerical part of Dehghani & Zilian (2022), each with what it needs and how it is drawn.
+"""List of the publication's figures, each with what it needs and the function that draws it.
 
 They are numbered as in the paper. Figures 1, 10 and 12 are sketches and hold no results.
 """

@@ -1,4 +1,4 @@
-"""A number or a statement of a publication, and how it compares with what was computed."""
+"""Claim of a publication and its check: numbers within a tolerance, statements, verdicts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dehghani & Zilian 2022 on the cell: its undeformed values, local fields, and one load at a time."""
+"""Claims of Dehghani & Zilian 2022 on the cell: undeformed values, local fields, single loads."""
 
 from __future__ import annotations
 

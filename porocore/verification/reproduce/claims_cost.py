@@ -1,4 +1,4 @@
-"""Dehghani & Zilian 2022 on sampling, network and computational cost."""
+"""Claims of Dehghani & Zilian 2022 on sampling, network and computational cost."""
 
 from __future__ import annotations
 

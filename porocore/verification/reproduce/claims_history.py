@@ -1,4 +1,4 @@
-"""Dehghani & Zilian 2022 on the column as a whole: settlement, pressure and drainage against time."""
+"""Claims of Dehghani & Zilian 2022 on histories: settlement, pressure, drainage."""
 
 from __future__ import annotations
 

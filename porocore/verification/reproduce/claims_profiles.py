@@ -1,4 +1,4 @@
-"""Dehghani & Zilian 2022 along the column: profiles of pressure, deformation, conductivity, velocity and tangents."""
+"""Claims of Dehghani & Zilian 2022 on profiles: pressure, deformation, conductivity, tangents."""
 
 from __future__ import annotations
 

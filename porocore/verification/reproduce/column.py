@@ -1,4 +1,4 @@
-"""The column as the claims and figures of a reproduction ask for it."""
+"""The consolidation run with both closures (Column): figures of merit, times, tangents."""
 
 from __future__ import annotations
 

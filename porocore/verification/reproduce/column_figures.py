@@ -1,4 +1,4 @@
-"""The paper's figures of the column: histories, profiles, and the test of the network."""
+"""The paper's figures of the column: histories, profiles, tangents, test of the network."""
 
 from __future__ import annotations
 

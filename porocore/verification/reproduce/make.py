@@ -1,4 +1,4 @@
-"""A reproduction as a whole: figures, claims and pages from the results."""
+"""The reproduction as a whole: claims its folder, draws the figures, writes the pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A reproduction for its readers: the tables in Markdown, and with all figures as one HTML page."""
+"""Pages of a reproduction: tables in Markdown, and with all figures in HTML; count of verdicts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of a reproduction, each computed at its first use and kept in the folder."""
+"""Results that a reproduction needs, each computed at its first use and kept in the folder."""
 
 from __future__ import annotations
 

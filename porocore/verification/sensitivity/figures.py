@@ -1,4 +1,4 @@
-"""A sensitivity study as the figures of the paper's section "RVE numerical tests", one for each of its panels."""
+"""Figures of a sensitivity study, one for each panel of the paper's "RVE numerical tests"."""
 
 from __future__ import annotations
 

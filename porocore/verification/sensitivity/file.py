@@ -1,4 +1,4 @@
-"""The HDF5 file of a sensitivity study.
+"""HDF5 file of a sensitivity study: save and load.
 
 Layout: attributes ``format``, ``version``, ``identity``, ``plan`` (JSON), ``law`` (of the flux); ``provenance/*``
 (texts); ``conductivity`` (3, 3); ``rest/*`` and ``lines/<load><sign>/*`` with ``values``, ``seconds``, ``status`` (n)

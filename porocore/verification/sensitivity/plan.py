@@ -1,4 +1,4 @@
-"""Plan of a sensitivity study: loads, their goals and steps."""
+"""Plan of a sensitivity study: loads, their goals and steps, the states of a load."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The quantities of the paper's figures from the responses along a load, by the names that tables and figures use."""
+"""Quantities of the paper's figures from the responses along a load, by name and unit."""
 
 from __future__ import annotations
 

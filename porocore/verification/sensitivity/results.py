@@ -1,4 +1,4 @@
-"""The half lines of a study together, and as a table."""
+"""Half lines of a sensitivity study put together by load, and the table sensitivity.csv."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sensitivity study: its half lines side by side in worker processes, each kept as soon as it is finished."""
+"""The sensitivity study as a whole: half lines solved side by side, each kept when finished."""
 
 from __future__ import annotations
 
