@@ -26,7 +26,8 @@ ZERO = 1e-12
 BELONGS = {
     "porosity": "of the undeformed cell",
     "conductivity": "of the undeformed cell",
-    "fluid_volume": "in this state, per volume of the undeformed cell; at rest it is the porosity",
+    "fluid_volume": "volume of fluid in this state / volume of the undeformed cell; "
+    "equals the porosity if H = 0 and p = 0",
     "deformed_conductivity": "in this state, for the flux through undeformed area",
 }
 NoPicturesOption = Annotated[
