@@ -60,7 +60,8 @@ def test_a_deformed_state_says_what_is_of_the_undeformed_cell(asked):
     assert invoke("cell", BRAIN).stdout.splitlines()[0] == "porosity: 0.4"
     told = as_text({"fluid_volume": 0.533}, BELONGS)
     assert told == (
-        "fluid_volume (volume of fluid in this state / volume of the undeformed cell; equals the porosity if H = 0 and p = 0): 0.533"
+        "fluid_volume (volume of fluid in this state / volume of the undeformed cell; equals the porosity if H = 0 "
+        "and p = 0): 0.533"
     )
 
 
