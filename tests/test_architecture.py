@@ -60,6 +60,8 @@ ROOMS = {
 MOST_ENTRIES = 12
 #: Lines of a file, and of a function with its docstring, without its decorators.
 MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 300, 60
+#: Characters of the first line of a module's docstring.
+MOST_OF_A_FIRST_LINE = 110
 #: Rooms of which a plugin may import what is public, beside ``porocore`` itself and the modules of the root.
 FOR_PLUGINS = ("core", "interfaces", "plugins", "cell", "surrogates", "macro", "testing")
 #: Third-party packages that belong to plugins.
@@ -304,6 +306,28 @@ def test_the_page_of_the_architecture_is_the_tree():
     there = {f"{name}/" for name in ROOMS} | {f"{name}.py" for name in ("__init__", *ROOT_MODULES)}
     there |= {f"{name}/{entry}" for name in ROOMS for entry in entries(CORE / name)}
     assert told == there
+
+
+def test_the_page_has_the_first_line_of_every_file():
+    command = [sys.executable, str(ROOT / "docs" / "make_architecture.py"), "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    missing = [str(path) for path in SOURCES if f"  {path.name} " not in page and path.name != "__init__.py"]
+    assert missing == []
+
+
+def test_the_first_line_of_a_module_is_short_and_whole():
+    faults = []
+    for path in SOURCES:
+        first, _, rest = (ast.get_docstring(tree_of(path)) or "").partition("\n")
+        if (
+            len(first) > MOST_OF_A_FIRST_LINE
+            or not first.endswith(".")
+            or (rest and not rest.startswith("\n"))
+        ):
+            faults.append(f"{path.relative_to(ROOT)}: {first}")
+    assert faults == []
 
 
 def test_there_are_plugins_and_modules_to_look_at():

@@ -1,4 +1,4 @@
-"""Interface of a contact model and its state; choice of the model of a mesh, default stiffness."""
+"""Interface of a contact model and its state; choice of the model of a mesh, its penalty by element edges."""
 
 from __future__ import annotations
 

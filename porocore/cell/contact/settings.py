@@ -1,4 +1,4 @@
-"""Keys of self-contact in the configuration: ``kind`` and the stiffness of the penalty."""
+"""Keys of self-contact in the configuration with their defaults: ``kind``, stiffness of the penalty."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.geometry.part import PoreGeometry
+from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.cell.meshing.estimate import PER_CUBE, PER_FILLET
 from porocore.cell.meshing.shape_functions import EDGES
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, least_stretch, used, volumes

@@ -12,7 +12,7 @@ from porocore.cell.geometry.cad import DrawnGeometry, DrawnPart
 from porocore.cell.geometry.crossing import crossing_volume
 from porocore.cell.geometry.drawing import eighth, split, wedge
 from porocore.cell.geometry.fillet import onto_fillet, opened_volume
-from porocore.cell.geometry.part import Unfolding
+from porocore.cell.geometry.pore_geometry import Unfolding
 from porocore.cell.geometry.rounded_wedge import draw_wedge
 from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.core.units.dimensions import Unit

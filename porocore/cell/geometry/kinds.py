@@ -12,7 +12,7 @@ from pydantic import Tag
 
 from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.geometry.obstacles import CylinderArray, NoPores, SphereArray
-from porocore.cell.geometry.part import PoreGeometry
+from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.cell.geometry.spheres import SpherePores
 from porocore.cell.level_sets.tpms import TriplyPeriodic
 from porocore.cell.level_sets.voxels import Voxels

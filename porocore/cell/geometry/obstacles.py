@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from porocore.cell.geometry.cad import LARGEST_SIZE_TO_RADIUS, DrawnGeometry, DrawnPart
 from porocore.cell.geometry.drawing import split, wedge
-from porocore.cell.geometry.part import Unfolding
+from porocore.cell.geometry.pore_geometry import Unfolding
 from porocore.cell.meshing.estimate import PER_CUBE
 from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.core.units.dimensions import Unit
@@ -133,7 +133,7 @@ class CylinderArray(DrawnGeometry):
         return 0.5 - float(np.sqrt(max(self.radius**2 - min(x, y) ** 2, 0.0)))
 
     def elements(self, size: float) -> float:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`; one layer only."""
+        """See :class:`~porocore.cell.geometry.pore_geometry.PoreGeometry`; one layer only."""
         return PER_CUBE / min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest) ** 2
 
     def draw(self, gmsh: Any) -> DrawnPart:

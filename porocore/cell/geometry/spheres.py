@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from porocore.cell.geometry.cad import DrawnGeometry, DrawnPart
 from porocore.cell.geometry.capsules import Capsules
 from porocore.cell.geometry.drawing import split, wedge
-from porocore.cell.geometry.part import Unfolding
+from porocore.cell.geometry.pore_geometry import Unfolding
 from porocore.cell.level_sets.level_set import mesh_level_set
 from porocore.cell.meshing.estimate import PER_CUBE
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
@@ -136,7 +136,7 @@ class SpherePores(DrawnGeometry):
 
     @property
     def porosity(self) -> float:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`; to about 5e-5."""
+        """See :class:`~porocore.cell.geometry.pore_geometry.PoreGeometry`; to about 5e-5."""
         return _porosity(self)
 
     @property
@@ -165,7 +165,7 @@ class SpherePores(DrawnGeometry):
         return float(min([*radii, *self._spheres[1]]))
 
     def elements(self, size: float) -> float:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`; a level set has the smallest radius."""
+        """See :class:`~porocore.cell.geometry.pore_geometry.PoreGeometry`; a level set has the smallest radius."""
         return super().elements(size) if self.lattice else PER_CUBE / min(size, self.narrowest) ** 3
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:

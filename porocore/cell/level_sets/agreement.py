@@ -11,7 +11,7 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.cell.level_sets.cleaning import labelled
 from porocore.cell.level_sets.level_set import lattice_edges
-from porocore.cell.level_sets.runs import necks, runs, through_axes, way_out
+from porocore.cell.level_sets.percolation import necks, runs, through_axes, way_out
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces
 from porocore.cell.meshing.tetrahedra import Phase, curved_volumes, volume

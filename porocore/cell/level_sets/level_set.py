@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from porocore.cell.geometry.part import PoreGeometry
+from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.cell.level_sets.curving import phases
 from porocore.cell.level_sets.cutting import LevelSet, TwoPhases, cut
 from porocore.cell.level_sets.lattice import body_centred

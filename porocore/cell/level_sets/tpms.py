@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from porocore.cell.geometry.part import Unfolding
+from porocore.cell.geometry.pore_geometry import Unfolding
 from porocore.cell.level_sets.level_set import LevelSetGeometry
 from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.states import Array
@@ -78,7 +78,7 @@ class TriplyPeriodic(LevelSetGeometry):
 
     @property
     def porosity(self) -> float:
-        """See :class:`~porocore.cell.geometry.part.PoreGeometry`; to about 1e-6."""
+        """See :class:`~porocore.cell.geometry.pore_geometry.PoreGeometry`; to about 1e-6."""
         return self.void_fraction if self.void_fraction is not None else self._void_fraction(self.wall_level)
 
     @property

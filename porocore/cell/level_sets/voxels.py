@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
-from porocore.cell.geometry.part import Unfolding
+from porocore.cell.geometry.pore_geometry import Unfolding
 from porocore.cell.geometry.sides import CUBE, Sides, unit_sides
 from porocore.cell.level_sets.cleaning import Cleaned, Mask, clean
 from porocore.cell.level_sets.faces import blended, mismatch_note

@@ -37,7 +37,7 @@ class Composite:
     def allows(self, Q: IntArray, regions: Mapping[str, str] | None) -> bool:
         """Return whether a signed permutation Q (3, 3) of the axes leaves the response of the solid unchanged.
 
-        The ``regions`` are mapped as :meth:`~porocore.cell.geometry.part.PoreGeometry.regions_after` says.
+        The ``regions`` are mapped as :meth:`~porocore.cell.geometry.pore_geometry.PoreGeometry.regions_after` says.
         """
         if regions is None:
             return False

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from porocore.cell.geometry.part import PoreGeometry
+from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.meshing.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.meshing.periodicity import facet_classes

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from porocore.cell.geometry.part import PoreGeometry, Unfolding
+from porocore.cell.geometry.pore_geometry import PoreGeometry, Unfolding
 from porocore.cell.geometry.sides import CUBE, Sides, unit_sides
 from porocore.cell.meshing.periodicity import matched
 from porocore.cell.meshing.shape_functions import EDGES

@@ -14,7 +14,7 @@ from porocore.core.echo import cut, did_you_mean, echo
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.walk import bare, is_section, is_union
 from porocore.errors import ConfigurationError
-from porocore.study.config.instead import belongs_to, instead_of
+from porocore.study.config.advice import belongs_to, instead_of
 
 #: Reason of a bound, by dotted key.
 WHY = {

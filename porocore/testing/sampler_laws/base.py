@@ -23,7 +23,7 @@ import pytest
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request, Sampler
-from porocore.testing import elsewhere
+from porocore.testing import other_process
 from porocore.testing.compare import global_random_state
 from porocore.testing.expect import holds, options, refused, same
 from porocore.testing.sampler_laws.synthetic_sampling import (
@@ -125,7 +125,7 @@ class SamplerSuite(Suite):
         """A process with another PYTHONHASHSEED, such as a resumed run, asks for the same states."""
         question = "porocore.testing.sampler_laws.synthetic_sampling:requests_of_suite"
         state = "in another process, with another PYTHONHASHSEED"
-        rows = elsewhere.ask(type(self), question, state, tmp_path)
+        rows = other_process.ask(type(self), question, state, tmp_path)
         _same_states([Request(key, tuple(x), start) for key, x, start in rows], whole.asked, state)
 
     def test_the_seed_decides(self, whole: SamplingRecord) -> None:

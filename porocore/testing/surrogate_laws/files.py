@@ -12,11 +12,11 @@ import pytest
 
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
-from porocore.testing import elsewhere
+from porocore.testing import other_process
 from porocore.testing.compare import assert_identical
 from porocore.testing.expect import holds, near, refused
-from porocore.testing.surrogate_laws.elsewhere import arrays
 from porocore.testing.surrogate_laws.fitting import Fitting
+from porocore.testing.surrogate_laws.other_process import arrays
 
 #: Of the largest value of a response.
 ROUND_OFF = 1e-13
@@ -50,9 +50,9 @@ class Files(Fitting):
         states, answer = tmp_path / "states.npz", tmp_path / "answer.npz"
         np.savez(states, grad_u=unseen.states.grad_u, p=unseen.states.p)
         state = "its one file, moved to another folder, read by another process"
-        question = "porocore.testing.surrogate_laws.elsewhere:predict"
+        question = "porocore.testing.surrogate_laws.other_process:predict"
         facts = {"file": str(moved), "states": str(states), "answer": str(answer)}
-        calls = elsewhere.ask(type(self), question, state, moved.parent, **facts)
+        calls = other_process.ask(type(self), question, state, moved.parent, **facts)
         with np.load(answer) as found:
             for name, values in arrays(fitted.predict(unseen.states)).items():
                 # Another process may sum in another order.

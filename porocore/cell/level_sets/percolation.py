@@ -1,4 +1,4 @@
-"""Axes along which the pieces of an image run through from cell to cell, and the necks through which they do."""
+"""Axes along which the pieces of an image percolate, and the narrowest necks on the way."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interface of a pore geometry."""
+"""Interface of a pore geometry (PoreGeometry): porosity, part that is meshed, tetrahedra, symmetry."""
 
 from __future__ import annotations
 
