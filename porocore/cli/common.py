@@ -1,4 +1,4 @@
-"""Helpers of several commands: reading of the configuration, interruption, store, pressure and inputs."""
+"""Helpers of several commands: reading a configuration, interruption, store, texts of pressure and command."""
 
 from __future__ import annotations
 

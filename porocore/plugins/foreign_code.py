@@ -1,4 +1,4 @@
-"""Calls of a plugin's code: exits and output are caught, a fault is told with its file and line."""
+"""Calls of a plugin's code, with exits and output caught; file and line at which its code failed."""
 
 from __future__ import annotations
 

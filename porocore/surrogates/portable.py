@@ -1,4 +1,4 @@
-"""Base of surrogates with a model of porocore (ModelSurrogate): fit, predict, save, load; numpy reader."""
+"""Base of surrogates with a model of porocore (ModelSurrogate): fit, predict, save, load; reader in numpy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Expectations of a law (near, same, refused) and the message of a violation."""
+"""Expectations of a law (near, same, refused), the message of a violation, states as text."""
 
 from __future__ import annotations
 

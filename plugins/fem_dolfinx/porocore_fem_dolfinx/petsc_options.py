@@ -1,4 +1,4 @@
-"""PETSc options from the configuration, under a prefix of their own; unknown and unused ones are refused."""
+"""PETSc options from the configuration, under a prefix of their own; unknown ones refused; PETSc's errors."""
 
 from __future__ import annotations
 

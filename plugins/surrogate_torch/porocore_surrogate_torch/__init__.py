@@ -1,1 +1,1 @@
-"""A sigmoid network, trained with PyTorch, that stands in for the solid cell problem."""
+"""Networks that stand in for the solid cell problem, trained and evaluated with PyTorch."""

@@ -1,4 +1,4 @@
-"""Evaluation of a network by torch: values, gradients, Hessians; choice of the device, one thread."""
+"""Evaluation of a network by torch: values, gradients, Hessians; the GPU that there is, one thread."""
 
 from __future__ import annotations
 

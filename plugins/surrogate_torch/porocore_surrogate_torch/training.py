@@ -1,4 +1,4 @@
-"""Training by torch: its Adam for the network of ``mlp`` (Kingma & Ba 2015), and derivatives of a loss."""
+"""Training by torch: its Adam for ``mlp`` (Kingma & Ba 2015), derivatives of a loss, choice of the device."""
 
 from __future__ import annotations
 

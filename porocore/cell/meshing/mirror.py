@@ -1,4 +1,4 @@
-"""Unfolding of a mesh by reflections: wedge to eighth to whole cell; unfolding of a displacement.
+"""Unfolding of a mesh by reflections: wedge, eighth, whole cell; points set onto planes; displacements.
 
 The images share their nodes on the mirror planes exactly, so the whole cell has matching opposite faces, and that of a
 wedge has the full symmetry of the cube.

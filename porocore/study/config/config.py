@@ -1,4 +1,4 @@
-"""The configuration as a whole (RunConfig): identities of stages, other backends, differences.
+"""The configuration as a whole (RunConfig): identities of stages, copies with other backends, differences.
 
 Every stage has an identity, a hash of what its result depends on, so that a change of the macroscale does not
 invalidate the samples.

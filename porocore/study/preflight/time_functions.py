@@ -1,4 +1,4 @@
-"""Check of every function of time over the run; notes on those that go on after its end."""
+"""Check of every function of time at a run's planned times; notes on those that go on after its end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The macro stage: laws of a run by name, every load solved with each, fallback that learns.
+"""The macro stage: laws of a run by name, every load solved with each, its progress, fallback that learns.
 
 Existing solutions stay; an interrupted solve continues from its checkpoint.
 """
