@@ -182,8 +182,8 @@ def _unjudged(surrogate: SurrogateSummary) -> list[str]:
         return []
     return [
         f"None of the {len(outputs[0].solved)} held-out states lies within the range that the surrogate was trained "
-        "on. Its errors are measured outside this range only; the errors inside are unknown. Sample more states, so "
-        "that they fill the ranges, or hold out more (sampling.test.count)."
+        "on. The errors of the surrogate are measured outside this range only; the errors inside are unknown. Sample "
+        "more states, so that they fill the ranges, or use more held-out states (sampling.test.count)."
     ]
 
 

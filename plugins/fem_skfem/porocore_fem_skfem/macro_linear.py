@@ -113,15 +113,15 @@ class MacroLinearSolver:
             f"the iteration for {self._unknowns:,} unknowns left {reduction:.1g} of the residual "
             f"after {iterations} steps"
         )
-        factor = f"a direct factor takes about {spoken_bytes(needed)}"
+        factor = f"a direct factorisation takes about {spoken_bytes(needed)}"
         if free is not None:
             factor += f", and {spoken_bytes(free)} are free"
         if not fits(needed, free):
             raise StepFailed(
-                f"{failed}; {factor}: take elements that are less stretched, or fewer, or dolfinx on several "
-                f"processes, or a machine with more memory and macro.options.solver = direct; or {NOT_HELD}"
+                f"{failed}; {factor}. Use elements that are less stretched, fewer elements, dolfinx on several "
+                f"processes, or a machine with more memory and macro.options.solver = direct. Or {NOT_HELD}"
             )
-        self._d.linear.note(f"{failed}; {factor}: it takes over")
+        self._d.linear.note(f"{failed}; {factor}, and is used instead")
 
 
 class SparseLinearSolver:

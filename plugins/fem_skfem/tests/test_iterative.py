@@ -163,8 +163,8 @@ def test_a_factor_takes_over_where_the_iteration_stagnates(monkeypatch):
     expected = direct.solve(direct.prepare(problem("traction")), NONLINEAR)
     u = expected.profiles[-1].u
     np.testing.assert_allclose(solution.profiles[-1].u, u, rtol=0, atol=1e-8 * abs(u).max())
-    assert "of the residual after 2 steps; a direct factor takes about" in notes[0]
-    assert notes[0].endswith("it takes over")
+    assert "of the residual after 2 steps; a direct factorisation takes about" in notes[0]
+    assert notes[0].endswith("is used instead")
     # After so many systems it is not tried again.
     assert len(notes) == macro_linear.MOST_FAILURES < solution.work["systems"].sum()
 
@@ -175,7 +175,7 @@ def test_without_memory_for_a_factor_stagnation_is_an_error_that_says_what_to_tr
     solver = SkfemMacroSolver(solver="iterative")
     stiff = problem("traction", time={**TIME, "smallest_step": 0.06})
     with pytest.raises(
-        SolveError, match=r"after 2 steps; a direct factor takes about .* are free: take elements"
+        SolveError, match=r"after 2 steps; a direct factorisation takes about .* are free. Use elements"
     ):
         solver.solve(solver.prepare(stiff), NONLINEAR)
 

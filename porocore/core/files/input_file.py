@@ -105,5 +105,5 @@ def content_hash(path: Path) -> str:
 def _changed(path: Path, expected: str | None, found: str) -> str:
     return (
         f"expected {path} with the content {expected}, got {found}; the file has changed since the configuration was "
-        "written: bring it back, or leave sha256 out to take it as it is now"
+        "written: restore the old file, or remove the key sha256 to use the present file"
     )
