@@ -1,4 +1,4 @@
-"""Words of messages: the given value, quoted or cut, and names that are similar to it."""
+"""Words of messages: the given value, quoted or cut; similar names; names joined as in "a, b and c"."""
 
 from __future__ import annotations
 
@@ -25,6 +25,12 @@ def cut(text: str, most: int = MOST) -> str:
 def shortened(text: str, most: int) -> str:
     """Return a text as at most ``most`` characters."""
     return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def joined(names: Iterable[str]) -> str:
+    """Return names as in "a, b and c"."""
+    *head, last = list(names) or [""]
+    return f"{', '.join(head)} and {last}" if head else last
 
 
 def echo(value: Any, most: int = MOST) -> str:

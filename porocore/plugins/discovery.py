@@ -6,21 +6,21 @@ Nothing heavy is imported: listing plugins works when torch is slow to load, mis
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import metadata
 from typing import Any, Literal
 
 import pluggy
 
-from porocore.core.echo import did_you_mean
+from porocore.core.echo import did_you_mean, joined
 from porocore.errors import PluginError
 from porocore.plugins.entry_points import Source, Unreadable, entry_points
 from porocore.plugins.foreign_code import attempt, place_of, reason_of
 from porocore.plugins.hookspecs import DECLARATION, Hooks, Offer, short_repr
 from porocore.plugins.kinds import KINDS, PROJECT, Kind
 
-__all__ = ["Broken", "Offered", "Source", "discover", "joined"]
+__all__ = ["Broken", "Offered", "Source", "discover"]
 
 
 @dataclass(frozen=True)
@@ -179,9 +179,3 @@ def _importable(module: str) -> bool:
         return importlib.util.find_spec(module.partition(".")[0]) is not None
     except ValueError:  # in sys.modules, but without a spec
         return True
-
-
-def joined(names: Iterable[str]) -> str:
-    """Return names as in "a, b and c"."""
-    *head, last = list(names) or [""]
-    return f"{', '.join(head)} and {last}" if head else last

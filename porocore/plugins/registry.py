@@ -12,9 +12,9 @@ from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
-from porocore.core.echo import did_you_mean, echo
+from porocore.core.echo import did_you_mean, echo, joined
 from porocore.errors import PluginError
-from porocore.plugins.discovery import Broken, Offered, discover, joined
+from porocore.plugins.discovery import Broken, Offered, discover
 from porocore.plugins.foreign_code import attempt, place_of, reason_of
 from porocore.plugins.hookspecs import short_repr
 from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind

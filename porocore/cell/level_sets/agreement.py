@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ from porocore.cell.level_sets.percolation import necks, runs, through_axes, way_
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces
 from porocore.cell.meshing.tetrahedra import Phase, curved_volumes, volume
+from porocore.core.echo import joined
 from porocore.states import Array, IntArray
 
 #: Difference of the porosities from which there is a note: share of the image's, and of the cell.
@@ -145,18 +146,18 @@ class _Compared:
                 lambda _, axes: set(closed) <= set(through_axes(axes)),
             )
             yield (
-                f"the image's {self.name} {run} through along {_listed(closed)}, {that} of the mesh {do} not: {advice}"
+                f"the image's {self.name} {run} through along {joined(closed)}, {that} of the mesh {do} not: {advice}"
             )
         if opened := [axis for axis in mesh if axis not in image]:
             yield (
-                f"the mesh's {self.name} {run} through along {_listed(opened)}, {that} of the image {do} not: give "
+                f"the mesh's {self.name} {run} through along {joined(opened)}, {that} of the image {do} not: give "
                 f"a smaller cell.mesh.{self.key} or cell.geometry.smoothing"
             )
         if weak := sorted(axis for axis in self.narrow if axis in mesh):
             width = min(self.narrow[axis] for axis in weak)
             what = "permeability" if self.phase == "fluid" else "stiffness"
             yield (
-                f"the image's {self.name} {run} through along {_listed(weak)} by necks that no ball "
+                f"the image's {self.name} {run} through along {joined(weak)} by necks that no ball "
                 f"wider than {width:.2g} of the cell gets through, {count_text(width / self.size)} of mesh.{self.key}; "
                 f"the {what} there depends on the mesh: {self._advice([width])}"
             )
@@ -272,7 +273,3 @@ def count_text(elements: float) -> str:
     """Return a number of elements, such as ``1 element`` or ``1.6 elements``."""
     count = f"{elements:.2g}"
     return f"{count} element" if count == "1" else f"{count} elements"
-
-
-def _listed(axes: Sequence[str]) -> str:
-    return " and ".join(axes) if len(axes) < 3 else f"{axes[0]}, {axes[1]} and {axes[2]}"

@@ -1,4 +1,4 @@
-"""Reading of a dataset's file together with the unmerged solves in the folder beside it."""
+"""Reading of a dataset's file with the unmerged solves in the folder beside it; its inputs in one line."""
 
 from __future__ import annotations
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from porocore.core.echo import joined
 from porocore.core.units.results import length_text
 from porocore.verification.representative.results import RepresentativeVolume
 from porocore.verification.representative.settling import ERRORS, JUDGED, QUANTITIES, typical
@@ -32,7 +33,7 @@ def verdict(study: RepresentativeVolume) -> Iterator[str]:
     else:
         moving = [QUANTITIES[name].title for name in JUDGED if settling.settled[name] is None]
         yield (
-            f"no size suffices for {share}: {_listed(moving)} still {'change' if len(moving) > 1 else 'changes'} up to "
+            f"no size suffices for {share}: {joined(moving)} still {'change' if len(moving) > 1 else 'changes'} up to "
             f"{largest} voxels; give larger --sizes, or a larger --count where single sub-volumes scatter"
         )
 
@@ -144,7 +145,3 @@ def _place(each: Subvolume) -> str:
 
 def _percent(share: float) -> str:
     return f"{100 * share:.2g} %"
-
-
-def _listed(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
