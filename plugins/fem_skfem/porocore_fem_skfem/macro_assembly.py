@@ -1,7 +1,4 @@
-"""Discretisation of the u–p problem: residual and tangent from the law's response; chooses the small path.
-
-An integral over an element is a product of matrices: values at its points times shape functions at its points.
-"""
+"""Discretisation of the u–p problem: residual and tangent from the law's response; chooses the small path."""
 
 from __future__ import annotations
 
@@ -20,6 +17,7 @@ from porocore.macro.linear_systems.choice import Solver
 from porocore.macro.linear_systems.reuse import TIGHTEST
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array, MacroState
+from porocore_fem_skfem.macro_elements import ElementIntegrals
 from porocore_fem_skfem.macro_frames import Frames
 from porocore_fem_skfem.macro_iterative import Matrices
 from porocore_fem_skfem.macro_linear import MacroLinearSolver
@@ -65,14 +63,8 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
             elements=np.arange(len(mesh.cells)),
             dofs=np.concatenate([*(3 * mesh.cells + i for i in range(3)), mesh.n_u + mesh.p_cells], axis=1),
         )
-        self.shapes = s = make_shapes(mesh)
-        e, q, a, _ = s.grad_u.shape
-        #: (elements, a, q · 3), by which a stress with rows (q, j) is integrated against ∇N_a.
-        self._by_grad = np.ascontiguousarray(s.grad_u.transpose(0, 2, 1, 3)).reshape(e, a, 3 * q)
-        #: (elements, c, q · 4): N and its gradient at each point, by which storage and flux are integrated.
-        N = np.broadcast_to(s.p.T[None, :, :, None], (e, s.p.shape[1], q, 1))
-        by_p = np.concatenate([N, s.grad_p.transpose(0, 2, 1, 3)], axis=3)
-        self._by_p = np.ascontiguousarray(by_p).reshape(e, -1, 4 * q)
+        self.shapes = make_shapes(mesh)
+        self._integrals = ElementIntegrals(self.shapes)
         self._build_patterns()
         self._solver = MacroLinearSolver(self, solver)
         self._small = None if solver == "iterative" else self._small_tangent()
@@ -123,24 +115,10 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
         return self._equation_pattern.matrix(system.blocks)
 
     def states_of(self, x: Array) -> tuple[MacroState, Array]:
-        s, local = self.shapes, x[self.dofs]
-        e = len(local)
-        u, p = local[:, : self.n_u].reshape(e, 3, -1), local[:, self.n_u :]
-        grad_u = np.matmul(u, self._by_grad).reshape(e, 3, -1, 3).swapaxes(1, 2).reshape(-1, 3, 3)
-        grad_p = np.matmul(p[:, None, None, :], s.grad_p).reshape(-1, 3)
-        return MacroState(grad_u, (p @ s.p.T).ravel()), grad_p
+        return self._integrals.states(x[self.dofs])
 
     def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
-        w = self.shapes.weights
-        e, q = w.shape
-        stress = (
-            (response.stress.reshape(e, q, 3, 3) * w[:, :, None, None]).swapaxes(2, 3).reshape(e, 3 * q, 3)
-        )
-        forces = np.matmul(self._by_grad, stress).swapaxes(1, 2).reshape(e, -1)
-        stored = (response.storage.reshape(e, q) * w) @ self.shapes.p
-        flux = response.flux.reshape(e, q, 1, 3) * w[:, :, None, None]
-        moved = np.matmul(flux, self.shapes.grad_p.swapaxes(2, 3)).sum(axis=1).reshape(e, -1)
-        return forces, stored, moved
+        return self._integrals.contributions(response)
 
     def system(
         self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None
@@ -161,7 +139,7 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
             for pattern, shape in zip(self._patterns, ((3, 3), (3, 1), (1, 3), (1, 1)), strict=True)
         )
         for number, part in enumerate(self._parts):
-            values = self._integrate(tangent, dt, part)
+            values = self._integrals.tangent(tangent, dt, part)
             if self._frames is not None:
                 self._frames.turn(values, part)
             e, c, a = part.stop - part.start, self.mesh.element.corners, self.mesh.cells.shape[1]
@@ -188,42 +166,6 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
         found = self._patterns[0].find(entries.row // 3, entries.col // 3)
         np.add.at(uu, (found, entries.row % 3, entries.col % 3), entries.data)
 
-    def _integrate(self, tangent: MacroTangent, dt: float, part: slice) -> list[Array]:
-        """Return the entries of some elements, flat: forces by displacements and by pressures, then volumes.
-
-        These are (elements, ...) of (a, i, k, b), (a, i, c), (c, k, b) and (c, d).
-        """
-        s, total = self.shapes, len(self.elements)
-        w, g, gp = s.weights[part], s.grad_u[part], s.grad_p[part]
-        e, q, a, _ = g.shape
-        c = gp.shape[2]
-        by_grad, by_p = self._by_grad[part], self._by_p[part]
-
-        def at_points(values: Array, *shape: int) -> Array:
-            values = values.reshape(total, q, *shape)[part]
-            return values * w.reshape(e, q, *(1 for _ in shape))
-
-        # (e, q, j, i, k, l) times ∇N_b: rows (q, j), columns (i, k, b).
-        stiffness = at_points(tangent.stress_grad_u, 3, 3, 3, 3).swapaxes(2, 3).reshape(e, q, 27, 3)
-        slopes = np.matmul(stiffness, g.swapaxes(2, 3)).reshape(e, 3 * q, 9 * a)
-        forces = np.matmul(by_grad, slopes)
-        stress_p = at_points(tangent.stress_p, 3, 3).swapaxes(2, 3)[..., None] * s.p[:, None, None, :]
-        forces_p = np.matmul(by_grad, stress_p.reshape(e, 3 * q, 3 * c))
-        # Rows (q, 0) for the storage, (q, 1 … 3) for the flux.
-        by_u = np.concatenate(
-            [at_points(tangent.storage_grad_u, 1, 3, 3), -dt * at_points(tangent.flux_grad_u, 3, 3, 3)],
-            axis=2,
-        ).reshape(e, q, 12, 3)
-        by_u = np.matmul(by_u, g.swapaxes(2, 3)).reshape(e, 4 * q, 3 * a)
-        volumes = np.matmul(by_p, by_u)
-        by_value = np.concatenate(
-            [at_points(tangent.storage_p, 1), -dt * at_points(tangent.flux_p, 3)], axis=2
-        )
-        by_pressure = by_value[..., None] * s.p[:, None, :]
-        by_pressure[:, :, 1:] -= dt * np.matmul(at_points(tangent.flux_grad_p, 3, 3), gp.swapaxes(2, 3))
-        volumes_p = np.matmul(by_p, by_pressure.reshape(e, 4 * q, c))
-        return [values.reshape(e, -1) for values in (forces, forces_p, volumes, volumes_p)]
-
     def _knowing(self, system: System | SmallSystem, x: Array) -> System | SmallSystem:
         """Return the system, or one that knows the held unknowns too where ``x`` has them."""
         if isinstance(system, SmallSystem) and self._small is not None and x[self._small.held].any():
@@ -234,7 +176,8 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
         system = self._knowing(system, x)
         if isinstance(system, SmallSystem):
             terms, leading = np.zeros(len(x)), self.free[self.leading]
-            terms[leading] = abs(system.free) @ np.abs(x[leading]) + abs(system.moved) @ np.abs(x)
+            free, moved = system.sizes
+            terms[leading] = free @ np.abs(x[leading]) + moved @ np.abs(x)
             return terms
         n_u = self.mesh.n_u
         (uu, up), (pu, pp) = ((abs(part) for part in row) for row in self.matrices(system))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from skfem import Element, ElementHex1, ElementHex2, ElementTetP1, ElementTetP2
@@ -12,6 +13,8 @@ from porocore.states import Array
 
 #: Elements of the displacement and of the pressure.
 PAIRS = {"hexahedron": (ElementHex2(), ElementHex1()), "tetrahedron": (ElementTetP2(), ElementTetP1())}
+#: Elements whose Jacobians differ by no more than this share are alike: the round-off of coordinates.
+SAME = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +25,17 @@ class Shapes:
     grad_u: Array  #: (elements, q, a, 3)  ∇N of the displacement
     p: Array  #: (q, c)  N of the pressure
     grad_p: Array  #: (elements, q, c, 3)  ∇N of the pressure
+    inverse: Array  #: (elements, q, 3, 3)  ∂ξ_j/∂X_i at [j, i]
+    slopes: Array  #: (q, a, 3)  ∂N/∂ξ of the displacement, the same in all elements
+    corner_slopes: Array  #: (q, c, 3)  ∂N/∂ξ of the pressure
+
+    @cached_property
+    def alike(self) -> bool:
+        """True if all elements are alike but for their place, as in a straight column."""
+        return all(
+            np.ptp(values, axis=0).max() <= SAME * np.abs(values).max()
+            for values in (self.inverse, self.weights)
+        )
 
 
 def make_shapes(mesh: BodyMesh) -> Shapes:
@@ -38,6 +52,9 @@ def make_shapes(mesh: BodyMesh) -> Shapes:
         grad_u=np.einsum("aqj,eqji->eqai", slopes, inverse, optimize=True),
         p=np.ascontiguousarray(values.T),
         grad_p=np.einsum("cqj,eqji->eqci", corner_slopes, inverse, optimize=True),
+        inverse=inverse,
+        slopes=np.ascontiguousarray(slopes.swapaxes(0, 1)),
+        corner_slopes=np.ascontiguousarray(corner_slopes.swapaxes(0, 1)),
     )
 
 

@@ -1,5 +1,7 @@
 """Linear solvers of the macro problem and of the cell: what is checked before a native library sees it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import sparse
@@ -209,11 +211,16 @@ class Blocks(SkfemDiscretisation):
     largest_small = 0
 
 
-@pytest.mark.parametrize("name", ["column", "pushed", "plate"])
+@pytest.mark.parametrize("name", ["column", "bent", "drained", "pushed", "plate"])
 def test_a_small_body_has_the_system_of_a_large_one(name):
     """Integrated into the equations at once and solved by a band, against blocks of nodes and SuperLU."""
     column = {"elements": 6} if name == "column" else {"elements": (2, 3, 1)}
-    boundary = {"pushed": {"y+": {"displacement": (None, -0.1, None)}}, "plate": {"y+": {"plate": -0.1}}}
+    drained = {face: {"displacement": (0, None, 0), "pressure": 0} for face in ("x-", "x+")}
+    boundary = {
+        "drained": drained,
+        "pushed": {"y+": {"displacement": (None, -0.1, None)}},
+        "plate": {"y+": {"plate": -0.1}},
+    }
     problem = confined_column(**column, size=(0.7, 1.1, 0.9))
     problem = problem.model_copy(
         update={
@@ -222,9 +229,15 @@ def test_a_small_body_has_the_system_of_a_large_one(name):
         }
     )
     mesh = body_mesh(problem)
+    if name == "bent":
+        x, y, z = mesh.points.T
+        mesh = replace(
+            mesh, points=np.stack([x, y + 0.1 * y**2 + 0.1 * x * y, z * (1 + 0.1 * y * x)], axis=1)
+        )
     small, large = (
         kind(problem, mesh, boundary_data(mesh, problem)) for kind in (SkfemDiscretisation, Blocks)
     )
+    assert small.shapes.alike == (name != "bent")
     rng = np.random.default_rng(0)
     x, right = np.zeros(mesh.size), rng.standard_normal(mesh.size)
     x[small.free] = 0.01 * rng.standard_normal(len(small.free))

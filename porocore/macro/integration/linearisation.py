@@ -73,7 +73,8 @@ class Linearisations:
         d, tangent = self._d, response.tangent
         assert tangent is not None
         self._dt = _rounded(dt) if self._constant else dt
-        stiffest = d.communicator.max(float(np.abs(tangent.stress_grad_u).max(initial=0.0)))
+        largest, smallest = (each(tangent.stress_grad_u, initial=0.0) for each in (np.max, np.min))
+        stiffest = d.communicator.max(float(max(largest, -smallest)))
         system = d.system(tangent, self._dt, d.follower_tangent(x, loads))
         self._last, self._age = Linearisation(system, stiffest), 0
         return self._last
