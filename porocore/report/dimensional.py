@@ -87,7 +87,7 @@ def dimensional_rows(
     if solution.profiles:
         profile = max(solution.profiles, key=lambda p: float(np.abs(darcy_flux(p)).max()))
         time = measured(profile.time, "time")
-        name = f"largest Darcy flux through the deformed body, mean of an element (at t = {time})"
+        name = f"largest Darcy flux through the deformed body (averaged over each element; largest at t = {time})"
         rows.append((name, "velocity", float(np.abs(darcy_flux(profile)).max())))
     return [
         DimensionalRow(

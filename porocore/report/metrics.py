@@ -49,7 +49,7 @@ class LeftOut:
     @property
     def estimate(self) -> str:
         """Change of the results in words."""
-        return f"that changes results by no more than about {number(100 * self.change, 2)} %"
+        return f"Leaving {self.name} out changes the results by no more than about {number(100 * self.change, 2)} %."
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,14 +244,14 @@ def case_warnings(
     flagged = metrics["nonlinear"]
     if is_flagged(flagged) and (left_out is None or not left_out.is_small):
         where = where or (
-            f"No kept time shows where: add {spoken().text(flagged['flagged_first_time'], 'time', 3)} to "
-            "macro.time.profiles."
+            "No stored profile shows the place. Add the time "
+            f"{spoken().text(flagged['flagged_first_time'], 'time', 3)} to macro.time.profiles."
         )
         found.append(
             f"Load {load}: parts of the body are flagged. There the estimated error of the surrogate exceeds "
             f"surrogate.tolerance, or no cell was solved for a similar state. {flagged_shares(flagged)}"
             f" {where}"
-            f"{'' if left_out is None else f' Nothing but {left_out.name} flags them: {left_out.estimate}.'}"
+            f"{'' if left_out is None else f' {left_out.name} is the only cause. {left_out.estimate}'}"
         )
     for kind in ("nonlinear", "linear") if settles else ():
         drift = metrics[kind] and metrics[kind]["steady_drift"]

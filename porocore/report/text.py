@@ -17,8 +17,8 @@ from porocore.states import Status
 LARGE_SHARE = 0.1
 #: Said where a pressure follows the deformed surface.
 FOLLOWER = (
-    "The linear law carries the follower, too, on the surface that it has deformed. So under twice the load the linear "
-    "solution is not twice as large."
+    "In the linear law, too, the follower pressure acts on the deformed surface. Therefore the linear solution is not "
+    "proportional to the load."
 )
 #: What each status means, in plain words.
 MEANINGS: dict[Status, str] = {
@@ -26,12 +26,12 @@ MEANINGS: dict[Status, str] = {
     Status.contact: "in equilibrium, with the pore wall pressed against itself or its mirror image; no instability "
     "was found",
     Status.unstable: "in equilibrium, but unstable: a small disturbance moves the cell to another state (indefinite "
-    "tangent); the values are kept",
+    "tangent); the values are stored",
     Status.overlap: "the pore wall has passed through itself or its mirror image, or no fluid volume is "
     "left; every point still has J > 0; no valid data",
     Status.inverted: "even the smallest load step leads to J ≤ 0; no data",
     Status.not_converged: "the limit of iterations or steps was reached; no data",
-    Status.lost: "two workers died or exceeded the time limit while solving it, which the cell need not have caused; "
+    Status.lost: "two workers died or exceeded the time limit while they solved it, perhaps not because of the cell; "
     "no data",
 }
 
@@ -55,9 +55,9 @@ def case_sentences(metrics: dict[str, Any]) -> list[str]:
     ]
     if nonlinear["time_to_99_percent"] is not None and linear["time_to_99_percent"] is not None:
         sentences.append(
-            f"{reached} The linear settlement reaches them at "
-            f"t = {_time(linear['time_to_95_percent'])} and {_time(linear['time_to_99_percent'])}. "
-            f"The nonlinear time to 99 % is {difference(metrics['time_to_99_percent_ratio'], 'shorter', 'longer')}."
+            f"{reached} The linear settlement reaches 95 % at t = {_time(linear['time_to_95_percent'])} and 99 % at "
+            f"t = {_time(linear['time_to_99_percent'])}. The nonlinear time to 99 % is "
+            f"{difference(metrics['time_to_99_percent_ratio'], 'shorter', 'longer')}."
         )
     return sentences
 
@@ -67,15 +67,15 @@ def flagged_sentence(metrics: dict[str, Any], left_out: LeftOut | None = None) -
     nonlinear = metrics["nonlinear"]
     if is_flagged(nonlinear) and left_out is not None and left_out.is_small:
         return (
-            f"Up to {percent(nonlinear['flagged_largest'])} of the body moves in {left_out.name}, which was not "
-            f"sampled, by up to {number(abs(left_out.value), 2)}, and is flagged for it; {left_out.estimate}. To "
-            f"remove the flags, write under 'sampling.inputs:' {left_out.line}."
+            f"In up to {percent(nonlinear['flagged_largest'])} of the body, the component {left_out.name} is not zero "
+            f"(at most {number(abs(left_out.value), 2)}). It was not sampled, so these parts are flagged. "
+            f"{left_out.estimate} To remove the flags, write under 'sampling.inputs:' {left_out.line}."
         )
     if is_flagged(nonlinear):
         return (
-            f"Parts of the body are flagged: there the surrogate is not reliable. {flagged_shares(nonlinear)}"
+            f"Parts of the body are flagged: the surrogate is not reliable there. {flagged_shares(nonlinear)}"
         )
-    return "In no part of the body is the surrogate flagged as unreliable."
+    return "No part of the body is flagged."
 
 
 def flagged_around(results: list[str], metrics: dict[str, Any], left_out: LeftOut | None = None) -> list[str]:
@@ -88,12 +88,12 @@ def flagged_around(results: list[str], metrics: dict[str, Any], left_out: LeftOu
 
 
 def whole_words(copies: float) -> str:
-    """Return of which body forces and volumes are, given how many solved parts make it up."""
+    """Return the body whose forces and volumes are given; ``copies`` computed parts make it up."""
     if copies == 1:
-        return "of the body that is solved"
+        return "the computed body"
     shares = {2: "a half", 4: "a quarter", 8: "an eighth"}
     part = shares.get(round(copies)) if copies == round(copies) else None
-    return f"of the whole body, of which {part or f'one part in {copies:.4g}'} is solved"
+    return f"the whole body, of which {part or f'one part in {copies:.4g}'} is computed"
 
 
 def force_sentences(case: LoadCase, moved: Sequence[str], units: ResultUnits) -> list[str]:
@@ -105,7 +105,7 @@ def force_sentences(case: LoadCase, moved: Sequence[str], units: ResultUnits) ->
             sentences.append(_force_sentence(f"{name} (load {plain(case.load)})", nonlinear[name], units))
         if name in nonlinear and name in linear:
             peak, final = (_value(linear[name][key], "force", units) for key in ("peak", "final"))
-            sentences.append(f"With linear poroelasticity it peaks at {peak} and ends at {final}.")
+            sentences.append(f"With linear poroelasticity, its peak is {peak}, and it is {final} at the end.")
     return sentences
 
 

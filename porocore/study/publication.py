@@ -22,8 +22,8 @@ DEHGHANI_ZILIAN = Published(
     settlement="around 20 % smaller",
     steady_time=38.0,
     duration="considerably shorter time",
-    note="The published porosity is that of the radius 0.2 in the paper's text; the published K, M and Q are "
-    "those of a radius of 0.25 and a Poisson ratio of 0.35.",
+    note="The text of the paper gives the radius 0.2, and the published porosity belongs to this radius. But the "
+    "published K, M and Q belong to a radius of 0.25 and a Poisson ratio of 0.35.",
 )
 
 

@@ -158,7 +158,7 @@ def test_a_run_under_prescribed_displacement_is_told_by_its_force(plug, column):
     assert first.startswith("The compressive force on y+ (load −0.2) is 160.0 mN at its peak, at t = ")
     assert "60.00 mN in equilibrium, a ratio of 2.67" in first
     assert "95 %" in first
-    assert second == "With linear poroelasticity it peaks at 160.0 mN and ends at 60.00 mN."
+    assert second == "With linear poroelasticity, its peak is 160.0 mN, and it is 60.00 mN at the end."
     assert force_warnings(case, ("y+",)) == []
     force = 0.3 + 0.5 * np.exp(-plug.history.time / 50)
     early = LoadCase(

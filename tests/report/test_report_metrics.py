@@ -113,10 +113,12 @@ def test_a_share_that_is_zero_in_words_is_no_warning(column):
         found = replace(solution, history=replace(solution.history, outside_training_range=outside))
         said = case_warnings(case_metrics(LoadCase(found, linear)))
         assert len(said) == warns
-    assert said[0].endswith("No kept time shows where: add 50.5 to macro.time.profiles.")
+    assert said[0].endswith("No stored profile shows the place. Add the time 50.5 to macro.time.profiles.")
     with speaking(ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(time="min"))):
         said = case_warnings(case_metrics(LoadCase(found, linear)))
-    assert said[0].endswith("No kept time shows where: add 1680 min to macro.time.profiles.")
+    assert said[0].endswith(
+        "No stored profile shows the place. Add the time 1680 min to macro.time.profiles."
+    )
 
 
 def test_two_solutions_of_different_loads_are_no_case(column):
@@ -205,7 +207,7 @@ def test_errors_as_a_share_of_the_range_that_the_body_uses():
     assert rms_percent_in_body(check) == worst_percent_in_body(check) == pytest.approx(0.5)
     assert check.counted_in_body == 1
     assert few_in_body([check]).startswith(
-        "Most held-out states lie beyond the values that the body has of x,"
+        "For x, most held-out states lie outside the range of values in the body."
     )
     wide = replace(check, in_body=(-0.8, 0.0))
     assert few_in_body([wide]) == ""

@@ -57,7 +57,7 @@ def test_a_flagged_share_that_is_zero_in_words_is_not_shown(context):
 
 @pytest.mark.usefixtures("undrawn")
 def test_says_that_the_linear_law_carries_a_follower_too(context):
-    said = "The linear law carries the follower, too, on the surface that it has deformed."
+    said = "In the linear law, too, the follower pressure acts on the deformed surface."
     assert said in render(replace(context, loading_mode=LoadingMode(follows=True)))
     assert said not in render(context)
 
@@ -70,8 +70,8 @@ def replace_outside(context, share):
 
 def test_says_how_far_the_conductivity_rises(context, page):
     found = re.search(
-        r"as in the paper.*At t = (\S+) the values in the body are (\S+)(?: to (\S+))? for K_ref,22 and "
-        r"(\S+)(?: to (\S+))? for K_t,22; in the undeformed cell both are 1\.94",
+        r"as in the paper.*At t = (\S+), K_ref,22 is (\S+)(?: to (\S+))? in the body, and K_t,22 is "
+        r"(\S+)(?: to (\S+))?\. In the undeformed cell, both are 1\.94",
         page.words,
     )
     assert found
@@ -100,7 +100,7 @@ def test_the_conductivity_is_told_along_the_axes_along_which_the_body_drains(con
     assert "The body drains along x. At t" in words
     assert "K_ref,11" in words
     assert "K_ref,22" not in words
-    assert "both are 1.94, so K_ref,11 is lowered." in words
+    assert "both are 1.94. Therefore K_ref,11 is lowered." in words
     assert "depends on this increase" not in words
 
 
@@ -109,7 +109,7 @@ def test_a_large_flagged_share_is_told_before_the_results(context):
     for share, first in ((1.0, True), (0.05, False)):
         case = LoadCase(replace_outside(context, share), context.cases[0].linear)
         words = Page(render(replace(context, warnings=(), cases=(case,)))).words
-        flagged = words.index("Parts of the body are flagged: there the surrogate is not reliable")
+        flagged = words.index("Parts of the body are flagged: the surrogate is not reliable there")
         assert (flagged < words.index("Under the load −0.2")) == first
 
 
@@ -118,15 +118,15 @@ def test_the_stress_spread_is_a_share_of_the_load_only_where_stresses_are_prescr
     moved = replace(context, loading_mode=LoadingMode(displaced=("top",), stressed=False))
     for case, shown in ((context, True), (moved, False)):
         words = Page(render(case)).words
-        assert "deviates from the mean of the body by at most" in words
-        assert (re.search("body by at most .{1,20} of the load[.]", words) is not None) == shown
+        assert "differs from the mean over the body by at most" in words
+        assert (re.search("body by at most .{1,20} times the load[.]", words) is not None) == shown
 
 
 def test_says_that_the_conductivity_is_that_of_the_deformed_pore(context):
     cell = replace(context.cell, law="deformed")
     words = conductivity_sentence(context.cases[0], cell)
-    assert "K_ref relates ∇p to the flux through reference area. It is that of the deformed pore" in words
-    assert "in the undeformed cell both are 1.94" in words
+    assert "K_ref is the conductivity of the deformed pore" in words
+    assert "In the undeformed cell, both are 1.94" in words
     assert "as in the paper" not in words
 
 
@@ -259,7 +259,7 @@ def test_times_that_a_store_saved_are_told(context):
     page = " ".join(render(replace(context, stages=stages)).split())
     assert "wall time with<br>an empty store" in page
     assert "The stages of this run itself took 90 s." in page
-    assert "the time in which this report is written, and that of starting the program, are not" in page
+    assert "do not include the time to start the program or to write this report" in page
 
 
 @pytest.mark.usefixtures("undrawn")

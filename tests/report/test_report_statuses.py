@@ -32,8 +32,8 @@ def test_of_the_solved_states():
     found = solved_shares(sampling(*ends, *5 * [Status.converged]))
     assert found == {"contact": 0.2, "unstable": 0.1, "without_values": 0.2}
     assert solved_sentence(found) == (
-        "Of the solved states, 20 % are in contact: the pore wall is pressed against itself. 10 % are unstable, and "
-        "20 % have no valid data."
+        "Of the solved states, 20 % are in contact: the pore wall is pressed against itself. 10 % of the states are "
+        "unstable, and 20 % have no valid data."
     )
 
 
@@ -70,7 +70,7 @@ def test_of_the_body_by_volume(column):
     assert {second[name] for name in SHARES} == {0.0}
     assert "70 %" in visited_sentence([first, second])
     assert (
-        "each element of the body, the nearest solved state of the cell is stable and free of contact"
+        "each element of the body, the nearest solved state of the cell is stable and has no contact"
         in visited_sentence([second])
     )
     assert json.loads(json.dumps([first, second], allow_nan=False)) == [first, second]
@@ -82,9 +82,9 @@ def test_the_share_of_the_wall_in_contact_stands_beside_that_of_the_body(column)
     touched = replace(sampling(*3 * [Status.contact]), contact_share=np.full(3, 5e-4))
     found = visited_shares(solution, touched)
     assert found[-1]["wall_in_contact"] == 5e-4
-    said = "the pore wall touches itself somewhere in the cells of 100 % of the body (0.050 % of the wall at most)"
+    said = "in the cells of 100 % of the body. In each cell, at most 0.050 % of the wall is in contact."
     assert said in visited_sentence(found)
-    assert "is pressed against itself (0.050 % of the wall at most)." in solved_sentence(
+    assert "itself. In each state, at most 0.050 % of the wall is in contact." in solved_sentence(
         solved_shares(touched)
     )
     free = replace(sampling(*3 * [Status.converged]), contact_share=np.full(3, np.nan))

@@ -35,7 +35,7 @@ def test_a_study_with_units_speaks_in_them(context):
         "4.850 · 10⁻¹⁴ m²",
         "−0.007566 1/mmHg",
         "Numbers have the units of the study",
-        "the scales are in SI units, and by them all other values are made dimensionless",
+        "The scales are in SI units. All other values are dimensionless",
     ):
         assert text in page.words.replace("|", ""), text
     assert "Numbers without a unit are dimensionless" not in page.words

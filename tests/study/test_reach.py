@@ -258,7 +258,7 @@ def test_a_shear_that_alone_flags_a_body_is_weighed(tmp_path, tolerance, remark)
     case = LoadCase(solution, solution, left_out=found)
     metrics = case_metrics(case)
     said, warnings = flagged_sentence(metrics, found), case_warnings(metrics, settles=False, left_out=found)
-    estimate = f"changes results by no more than about {100 * found.change:.2g} %"
+    estimate = f"changes the results by no more than about {100 * found.change:.2g} %"
     assert estimate in (said if remark else warnings[0])
     assert ("not reliable" in said) != remark
     assert (warnings == []) == remark

@@ -109,8 +109,9 @@ def mesh_rows(mesh: Mapping[str, str]) -> list[tuple[str, str]]:
 
 #: Transformation of K, by whether it rotates with the solid.
 _TRANSFORMED = {
-    False: "transformed by the mean deformation gradient F̄ of the solid as in the paper: K_t = F̄⁻¹ K F̄⁻ᵀ",
-    True: "transformed by the mean deformation gradient F̄ = R̄ Ū of the solid and rotates with it: K_t = Ū⁻¹ K Ū⁻¹",
+    False: "transformed with the mean deformation gradient F̄ of the solid, as in the paper: K_t = F̄⁻¹ K F̄⁻ᵀ",
+    True: "transformed with the mean deformation gradient F̄ = R̄ Ū of the solid, and it rotates with the solid: "
+    "K_t = Ū⁻¹ K Ū⁻¹",
 }
 
 
@@ -118,17 +119,18 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
     """Return the conductivity of the flux in words, with its component 22 at the last profile."""
     if cell.law == "deformed":
         found = (
-            "The conductivity K_ref relates ∇p to the flux through reference area. It is that of the deformed pore: "
-            "the flow was solved in the deformed pore of every sampled state, and a surrogate was trained on the "
-            "results. The figures show K_t = K_ref/det F̄."
+            "The flux through reference area is −K_ref ∇p. K_ref is the conductivity of the deformed pore. For every "
+            "sampled state, the flow was solved in the deformed pore, and a surrogate was trained on the results. "
+            "The figures show K_t = K_ref/det F̄."
         )
     else:
         turned = cell.law == "piola" and not is_isotropic(cell.linear.conductivity)
         found = (
             f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}. The figures show K_t. "
-            "The flux through reference area follows K_ref = det F̄ K_t. Compression along an axis raises K_t "
-            "and K_ref along this axis, although the pores become narrower, and extension lowers them. The time of "
-            "consolidation depends on K_ref along the axes along which the body drains."
+            "The flux of the fluid through reference area is −K_ref ∇p with K_ref = det F̄ K_t. In this model, "
+            "compression along an axis raises K_t and K_ref along this axis, although the pores become narrower. "
+            "Extension lowers them. The time of consolidation depends on K_ref along the axes along which the body "
+            "drains."
         )
     if not case.nonlinear.profiles:
         return found
@@ -138,7 +140,7 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
     told = [_at_axis(i, last, K) for i in drained or ((1,) if is_isotropic(K) else range(3))]
     if drained:
         found += " The body drains along " + " and ".join("xyz"[i] for i in drained) + "."
-    return f"{found} At t = {measured(last.time, 'time', 3)} the values in the body are {'; '.join(told)}."
+    return f"{found} At t = {measured(last.time, 'time', 3)}, {' '.join(told)}"
 
 
 def drained_axes(case: LoadCase) -> tuple[int, ...]:
@@ -171,7 +173,7 @@ def _at_axis(i: int, profile: Profile, K: Array) -> str:
     )
     at = f"{i + 1}{i + 1}"
     return (
-        f"{through_reference} for K_ref,{at} and {transformed} for K_t,{at}{unit('conductivity')}; "
-        f"in the undeformed cell both are {measured(float(K[i, i]), 'conductivity', 3)}, so K_ref,{at} is "
-        f"{_change(profile.reference_conductivity[:, i, i], float(K[i, i]))}"
+        f"K_ref,{at} is {through_reference} in the body, and K_t,{at} is {transformed}{unit('conductivity')}. "
+        f"In the undeformed cell, both are {measured(float(K[i, i]), 'conductivity', 3)}. Therefore K_ref,{at} is "
+        f"{_change(profile.reference_conductivity[:, i, i], float(K[i, i]))}."
     )

@@ -102,8 +102,8 @@ def few_in_body(checks: Sequence[OutputCheck]) -> str:
     if not few:
         return ""
     return (
-        f"Most held-out states lie beyond the values that the body has of {', '.join(few)}, so the error there is "
-        "known from few states. Ranges under sampling.inputs that fit the body have more of them where they count."
+        f"For {', '.join(few)}, most held-out states lie outside the range of values in the body. Therefore the error "
+        "in the body is known from few states only. Choose ranges under sampling.inputs that fit the body."
     )
 
 

@@ -64,20 +64,21 @@ def _wall(sampling: SamplingSummary, rows: IntArray) -> dict[str, float]:
     return {"wall_in_contact": float(np.nanmax(touching, initial=0.0))}
 
 
-def _of_the_wall(shares: dict[str, float]) -> str:
-    """Return how much of the wall touches, in words; empty where it is not known or nothing touches."""
+def _of_the_wall(shares: dict[str, float], where: str) -> str:
+    """Return a sentence on how much of the wall touches; empty where it is not known or nothing touches."""
     wall = shares.get("wall_in_contact", 0.0)
     if not wall:
         return ""
-    return f" ({'less than 0.01' if wall < 1e-4 else number(100 * wall, 2)} % of the wall at most)"
+    most = "less than 0.01" if wall < 1e-4 else f"at most {number(100 * wall, 2)}"
+    return f" In {where}, {most} % of the wall is in contact."
 
 
 def solved_sentence(shares: dict[str, float]) -> str:
     """Return :func:`solved_shares` in words."""
     contact, unstable, without = (percent(shares[name], 0) for name in SHARES)
     return (
-        f"Of the solved states, {contact} are in contact: the pore wall is pressed against itself"
-        f"{_of_the_wall(shares)}. {unstable} are unstable, and {without} have no valid data."
+        f"Of the solved states, {contact} are in contact: the pore wall is pressed against itself."
+        f"{_of_the_wall(shares, 'each state')} {unstable} of the states are unstable, and {without} have no valid data."
     )
 
 
@@ -88,11 +89,14 @@ def visited_sentence(visited: list[dict[str, float]]) -> str:
     end = visited[-1]
     largest = {name: max(at[name] for at in visited) for name in SHARES}
     if not any(largest.values()):
-        return "For each element of the body, the nearest solved state of the cell is stable and free of contact."
+        return (
+            "For each element of the body, the nearest solved state of the cell is stable and has no contact."
+        )
     at_end, at_most = ([percent(shares[name], 0) for name in SHARES] for shares in (end, largest))
     return (
-        "Each element of the body has the status of the nearest solved state of the cell. At the end of the run the "
-        f"pore wall touches itself somewhere in the cells of {at_end[0]} of the body{_of_the_wall(end)}, {at_end[1]} "
-        f"of the body is unstable, and {at_end[2]} has no valid data. Over the times of the profiles, the largest "
-        f"shares are {at_most[0]} in contact, {at_most[1]} unstable and {at_most[2]} without valid data."
+        "For the next numbers, each element of the body is given the status of the nearest solved state of the cell. "
+        f"At the end of the run, the pore wall touches itself in the cells of {at_end[0]} of the body."
+        f"{_of_the_wall(end, 'each cell')} {at_end[1]} of the body is unstable, and {at_end[2]} has no valid data. "
+        f"At the times at which profiles are stored, the largest shares are {at_most[0]} in contact, {at_most[1]} "
+        f"unstable and {at_most[2]} without valid data."
     )

@@ -136,7 +136,8 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
     table = read_training_curve(results.folder.training_curve_of(config))
     return SurrogateSummary(
         backend=config.surrogate.backend,
-        description=f"{f'model {model}, ' if model else ''}{closure} closure",
+        description=f"{f'the model {model}' if model else 'a model'} of the backend {config.surrogate.backend}, for "
+        f"the closure {closure}",
         training_states=int(results.dataset.responses().stable.sum()),
         outputs=output_checks(results.dataset, results.held_out, surrogate, _in_bodies(results)),
         # A fit that is done at once has no curve.
