@@ -21,8 +21,9 @@ from porocore.study import backends
 from porocore.study.config.loading import load_config
 from porocore.study.magnitudes.left_out import left_out
 from porocore.study.preflight.checks import check_backends, check_sampling, outline, place
-from porocore.study.preflight.guess import decisions
+from porocore.study.preflight.guess import decision_time, decisions, rounds
 from porocore.study.preflight.reach_notes import prescribed_reach
+from porocore.study.preflight.workload import as_time
 
 
 def test_check_tells_what_a_run_would_do():
@@ -46,19 +47,26 @@ def test_check_tells_what_a_run_would_do():
 
 
 def test_check_tells_the_time_of_macro_runs_between_rounds(tmp_path):
-    """It told 2.5 s of cells in all, and the sampling took 32."""
+    """It told 9.6 s of a sampling that took 30."""
     options = {
         "sampling__sampler": "macro-driven",
-        "sampling__options": {"count": 24, "batch": 6, "steps": 50},
+        "sampling__options": {"count": 24, "initial": 12, "batch": 6, "elements": 4},
     }
-    sampler = backends.make_backend("sampler", load_config(study_of(tmp_path, **options)))
-    (line,) = decisions(sampler)
+    config = load_config(study_of(tmp_path, **options))
+    sampler = backends.make_backend("sampler", config)
+    assert rounds(sampler) == 3  # after 12, 18 and 24 states; none is made before the first of them
+    (line,) = decisions(config, sampler)
+    each = decision_time(config, sampler)
     assert line.startswith(
-        "  on top, exploring by macro runs between the rounds: some 4 times 2 s, 8 s in all"
+        f"  exploring by macro runs between the rounds: at most some 3 times {as_time(each)}, "
     )
+    loads = config.model_copy(update={"macro": config.macro.model_copy(update={"loads": (0.02, 0.04, 0.06)})})
+    assert decision_time(loads, sampler) == pytest.approx(3 * each)
+    fine = backends.make_backend("sampler", load_config(study_of(tmp_path, sampling__options={"count": 24})))
+    assert decision_time(config, fine) > 1.3 * each  # on 6 and 20 elements along each axis, not 4
     plan = {"sampler": "sobol", "inputs": {"p": {"range": [-0.1, 0.1]}}, "options": {"count": 24}}
     plain = load_config(study_of(tmp_path, sampling=plan))
-    assert list(decisions(backends.make_backend("sampler", plain))) == []
+    assert list(decisions(plain, backends.make_backend("sampler", plain))) == []
 
 
 def study_of(tmp_path, **changes):

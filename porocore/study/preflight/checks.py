@@ -32,7 +32,7 @@ from porocore.study.config.config import RunConfig
 from porocore.study.magnitudes.left_out import left_out
 from porocore.study.magnitudes.separation import separation
 from porocore.study.preflight.at_rest import cell_length, edges
-from porocore.study.preflight.guess import decisions
+from porocore.study.preflight.guess import RunTimes, decisions
 from porocore.study.preflight.limits import require_memory, slow_states
 from porocore.study.preflight.resolution import resolution
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
@@ -186,8 +186,10 @@ def outline(config: RunConfig) -> Iterator[str]:
     sampler = backends.make_backend("sampler", config)
     nodes, fluid = (phase.nodes if phase else 0 for phase in (quality.solid, quality.fluid))
     nodes *= math.prod(config.cell.supercell)
-    yield from Workload.of(config, sampler.expected, len(place(config).cells), (nodes, fluid)).as_lines()
-    yield from decisions(sampler)
+    work = Workload.of(config, sampler.expected, len(place(config).cells), (nodes, fluid))
+    yield from work.as_lines()
+    yield from decisions(config, sampler)
+    yield RunTimes.of(config, work, sampler).line(max(1, work.workers))
     share = share_solved(config)
     if slow := slow_states(nodes * share, config.cell.mesh.size, share):
         yield f"note: {slow}"

@@ -1,6 +1,6 @@
-"""Measured time and memory of a cell problem by its number of nodes, interpolated.
+"""Measured time and memory of a cell problem by its number of nodes, and times of the other stages of a run.
 
-``benchmarks/cell_cost.py`` measures them again and prints the ratio of each estimate to what it finds.
+``benchmarks/cell_cost.py`` measures those of cells again and prints the ratio of each estimate to what it finds.
 """
 
 from __future__ import annotations
@@ -93,3 +93,56 @@ def costs(share: float) -> Costs:
 def process_memory(nodes: float, share: float = 1.0) -> float:
     """Return the memory of one process that solves so many nodes, which are this share of a solid [bytes]."""
     return max(PROCESS, LIBRARIES + costs(share).solid.at(nodes))
+
+
+#: Seconds of any state beside those of the tables, which are near rest: the 256 states of ``dehghani2022``, of which a
+#: third are in contact, take 0.12 s of processor time in the mean, where these make 0.05 of their eighth.
+LEAST = 0.07
+#: Seconds in which a process has loaded the libraries and prepared the cell: coarse cells. Of a run until it begins.
+START, BEGIN = 0.7, 3.0
+#: Seconds of the report, and more for each load: 4.7 and 5.5 with one, 10.7 with three.
+REPORT, REPORT_OF_LOAD = 2.0, 3.0
+#: Time steps between two kinks of the loads, times the root of the tolerance. The examples ``cartilage-confined``,
+#: ``soil-strip`` and ``brain-indentation`` took 115, 102 and 87, which makes 1.8, 2.3 and 1.9.
+STEPS = 2.0
+#: Linear systems of a step, 2.1 to 2.5 in these and in ``filter``.
+SYSTEMS = 2.35
+#: Seconds of one by the quadrature points of the body: of the linear law in these examples, whose matrix changes with
+#: the steps, and of the cubes of ``benchmarks/macro_size.py``.
+POINTS = (972, 3_888, 5_832, 24_352, 76_432, 224_100)
+SYSTEM = Measured(POINTS, (0.0085, 0.038, 0.096, 0.34, 1.6, 5.8))
+#: Seconds of a law and of its tangent for each point by the closure: 0.007 to 0.014 ms in these examples, with two to
+#: seven inputs, and less with the paper's closure in the column of ``benchmarks/macro_iteration.py``.
+LAW = {"potential": 1.3e-5, "mean-gradient": 4e-6}
+#: Systems of the linear law for each step of one length: its matrix stays.
+LINEAR_FIXED = 0.3
+
+
+@dataclass(frozen=True)
+class Training:
+    """Time of a training.
+
+    Attributes
+    ----------
+    once, state
+        Seconds without and for each state that is learned from.
+    """
+
+    once: float
+    state: float
+
+    def at(self, states: float) -> float:
+        """Return the seconds of a training on so many states."""
+        return self.once + self.state * states
+
+
+#: By backend and model, on 8 to 300 states with two to seven inputs. A network for the mean gradient ends early on
+#: fewer than 20 states, after 3 s.
+TRAINING = {
+    ("torch", "potential"): Training(2.7, 0.004),
+    ("torch", "mlp"): Training(7.0, 0.015),
+    ("jax", "potential"): Training(3.2, 0.004),
+    ("jax", "mlp"): Training(3.2, 0.02),
+    ("polynomial", "potential"): Training(0.1, 0.005),
+    ("polynomial", "mlp"): Training(0.1, 0.005),
+}

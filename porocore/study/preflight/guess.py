@@ -1,22 +1,140 @@
-"""Expected times of a sampling before anything of it is measured; slowness of a busy machine."""
+"""Expected times of a run and of its sampling before anything of it is measured; slowness of a busy machine."""
 
 from __future__ import annotations
 
 import math
 import os
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from porocore.interfaces.sampler import Sampler
+from porocore.macro.integration.forecast import StepForecast
+from porocore.macro.integration.stepping import Stepper
+from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.sampling.forecast import Guess
+from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.cost import costs
-from porocore.study.preflight.workload import as_time, expected_nodes, share_solved, workers_here
+from porocore.study.preflight import cost
+from porocore.study.preflight.workload import (
+    Workload,
+    as_time,
+    expected_nodes,
+    share_solved,
+    workers_here,
+)
+from porocore.study.stages.exploration import coarse_problem
 
-#: Seconds of a quiet core in which a process has loaded the libraries and prepared the cell: coarse cells.
-START = 0.7
-#: Seconds of a state on the coarsest cells: 0.04 to 0.3.
-LEAST = 0.15
+
+@dataclass(frozen=True)
+class RunTimes:
+    """Times of the stages of a run on quiet cores [s].
+
+    Attributes
+    ----------
+    cells
+        Of all cell problems.
+    choosing
+        Of the sampler, which chooses states between rounds.
+    training
+        Of the surrogate; None where it is not known.
+    macro
+        Of the body under all loads with both laws.
+    around
+        Of the start and of the report.
+    """
+
+    cells: float
+    choosing: float
+    training: float | None
+    macro: float
+    around: float
+
+    @classmethod
+    def of(cls, config: RunConfig, work: Workload, sampler: Sampler) -> RunTimes:
+        """Return the times of a study, of which the states and the meshes are known."""
+        training = cost.TRAINING.get((config.surrogate.backend, config.surrogate_model))
+        start = cost.START if work.workers > 1 else 0.0
+        return cls(
+            work.cell_time + start,
+            rounds(sampler) * decision_time(config, sampler),
+            None if training is None else training.at(sampler.expected),
+            sum(macro_time(config, load) for load in config.macro.loads),
+            cost.BEGIN + cost.REPORT + cost.REPORT_OF_LOAD * len(config.macro.loads),
+        )
+
+    @property
+    def total(self) -> float:
+        """Time of the run, without what is not known [s]."""
+        return self.cells + self.choosing + (self.training or 0.0) + self.macro + self.around
+
+    def line(self, workers: int) -> str:
+        """Return the times as a sentence."""
+        parts = [f"cells {as_time(self.cells)}"]
+        parts += [f"choosing them {as_time(self.choosing)}"] if self.choosing else []
+        parts += [] if self.training is None else [f"training {as_time(self.training)}"]
+        parts += [f"macro {as_time(self.macro)}", f"start and report {as_time(self.around)}"]
+        unknown = "; the time of training is not known, and comes on top" if self.training is None else ""
+        cores = f"{workers} quiet {'core' if workers == 1 else 'cores'}"
+        return (
+            f"  the run takes about {as_time(self.total)} in all on {cores}, within a factor of two or so: "
+            f"{', '.join(parts)}{unknown}"
+        )
+
+
+def macro_time(config: RunConfig, load: float) -> float:
+    """Return the time of the body under a load, with the cell's law and linearly, on a quiet core [s]."""
+    problem = config.macro.problem(load)
+    linear = 1.0 if problem.time.tolerance is not None else cost.LINEAR_FIXED
+    system = cost.SYSTEM.at(_points(problem))
+    return _law_time(config, problem) + expected_steps(problem) * linear * system
+
+
+def _law_time(config: RunConfig, problem: MacroProblem) -> float:
+    """Return the time of a body with the cell's law."""
+    points = _points(problem)
+    system = cost.SYSTEM.at(points) + cost.LAW.get(config.closure, max(cost.LAW.values())) * points
+    return expected_steps(problem) * cost.SYSTEMS * system
+
+
+def _points(problem: MacroProblem) -> int:
+    """Return the number of quadrature points of a body."""
+    mesh = body_mesh(problem)
+    return len(mesh.cells) * len(mesh.element.weights)
+
+
+def expected_steps(problem: MacroProblem) -> float:
+    """Return about how many time steps a body takes; those of a plan without tolerance are counted.
+
+    A step of backward Euler has an error that goes with its square, so that the number of steps between two kinks of
+    the loads goes with the inverse root of the tolerance.
+    """
+    planned, plan = StepForecast(problem).remaining(), problem.time
+    if plan.tolerance is None:
+        return planned
+    kinks = {kink for kink in Stepper(plan, problem.corners).kinks if kink < plan.end}
+    return max(planned, cost.STEPS * len(kinks) / math.sqrt(plan.tolerance))
+
+
+def decision_time(config: RunConfig, sampler: Sampler) -> float:
+    """Return the time in which a sampler chooses a round on a quiet core [s]."""
+    if not isinstance(sampler, MacroDriven):
+        return sampler.outlook.decision
+    problems = [
+        coarse_problem(config.macro.problem(load), sampler.elements, sampler.steps)
+        for load in config.macro.loads
+    ]
+    return sum(_law_time(config, problem) for problem in problems)
+
+
+def rounds(sampler: Sampler) -> int:
+    """Return on how many rounds a sampler decides in a time that counts, at most."""
+    outlook = sampler.outlook
+    if not outlook.batch or not outlook.decision:
+        return 0
+    # The first states are a design; after them and after every round the body is computed.
+    begun = sampler.initial - outlook.batch if isinstance(sampler, MacroDriven) else 0
+    return max(math.ceil((outlook.expected - begun) / outlook.batch), 1)
 
 
 def guessed_times(config: RunConfig, sampler: Sampler, solved: Array | None = None) -> Guess:
@@ -32,22 +150,21 @@ def guessed_times(config: RunConfig, sampler: Sampler, solved: Array | None = No
         Seconds of states that these workers have solved before.
     """
     workers, slow = workers_here(config), slowness()
-    decision = sampler.outlook.decision * slow
+    decision = decision_time(config, sampler) * slow
     if solved is not None and len(solved):
         return Guess(max(workers, 1), 0.0, float(solved.mean()), decision, first=1.0)
-    start = 0.0 if workers == 1 else START * slow
-    state = (LEAST + costs(share_solved(config)).state.at(expected_nodes(config)[0])) * slow
+    start = 0.0 if workers == 1 else cost.START * slow
+    state = (cost.LEAST + cost.costs(share_solved(config)).state.at(expected_nodes(config)[0])) * slow
     return Guess(max(workers, 1), start, state, decision)
 
 
-def decisions(sampler: Sampler) -> Iterator[str]:
+def decisions(config: RunConfig, sampler: Sampler) -> Iterator[str]:
     """Yield the time that a sampler takes to choose its rounds, beside that of the cells; nothing where it is none."""
-    outlook = sampler.outlook
-    if outlook.batch and outlook.decision:
-        rounds = math.ceil(outlook.expected / outlook.batch)
+    if count := rounds(sampler):
+        each = decision_time(config, sampler)
         yield (
-            f"  on top, {sampler.choosing} between the rounds: some {rounds} times {as_time(outlook.decision)}, "
-            f"{as_time(rounds * outlook.decision)} in all on a coarse body, more on one of many elements"
+            f"  {sampler.choosing} between the rounds: at most some {count} times {as_time(each)}, "
+            f"{as_time(count * each)} in all"
         )
 
 

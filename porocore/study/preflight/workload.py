@@ -111,7 +111,7 @@ class Workload:
         costs = cost.costs(share)
         # The flow through a deformed pore is solved on the domain of the state.
         flow = costs.conductivity.at(self.fluid * share) if self.deformed else 0.0
-        return costs.state.at(self.solid * share) + flow
+        return cost.LEAST + costs.state.at(self.solid * share) + flow
 
     @property
     def first(self) -> float:
@@ -149,8 +149,7 @@ class Workload:
             f"  cell problems of {solid:,.0f} nodes of the solid and {fluid:,.0f} of the fluid: "
             f"{as_time(self.state)} for a state with its derivatives, {as_time(self.state + self.first)} for the "
             f"first, {as_time(self.conductivity)} for K; "
-            f"all cells {as_time(self.cell_time)} on {workers} quiet {'core' if workers == 1 else 'cores'}, without "
-            "training, macro runs and report"
+            f"all cells {as_time(self.cell_time)} on {workers} quiet {'core' if workers == 1 else 'cores'}"
         )
 
     @property
@@ -196,7 +195,7 @@ def sheared(config: RunConfig, nodes: int, more: Iterable[str] = ()) -> list[str
     sampled, names = shears(config.sampling.inputs), shears(more or config.sampling.inputs)
     if not config.cell.mirrored or not names or (more and sampled):
         return []
-    eighth, whole = (as_time(cost.costs(share).state.at(nodes * share)) for share in (1 / 8, 1))
+    eighth, whole = (as_time(cost.LEAST + cost.costs(share).state.at(nodes * share)) for share in (1 / 8, 1))
     them = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
     is_ = "would be" if more else "is" if len(names) == 1 else "are"
     return [
