@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from porocore.states import Array, IntArray
+from porocore_fem_skfem.products import SparseMatrix, in_blocks
 
 #: Squared norms of a group's motions, of the largest, below which one depends on the others.
 DEPENDENT = 1e-8
@@ -38,9 +39,7 @@ class Nodes:
     spans: Array
 
 
-def aggregated(
-    matrix: sparse.csr_matrix, nodes: Nodes
-) -> tuple[sparse.csr_matrix, Nodes, npt.NDArray[np.bool_]]:
+def aggregated(matrix: SparseMatrix, nodes: Nodes) -> tuple[SparseMatrix, Nodes, npt.NDArray[np.bool_]]:
     """Return the prolongation from groups of nodes, the groups, and which of their unknowns take part (unknowns,).
 
     Nodes that share an entry of ``matrix`` are neighbours, whatever its value. The columns are orthonormal.
@@ -64,10 +63,14 @@ def aggregated(
     fields = fields @ (vectors * (kept / roots)[:, None, :])[group]
     blocks = sparse.bsr_matrix((fields, group, np.arange(count + 1)), shape=(count * block, groups * motions))
     of_groups = (kept * roots)[:, :, None] * vectors.transpose(0, 2, 1)
-    return blocks.tocsr(), Nodes(nodes.points[first] + mean, of_groups, nodes.spans), kept.ravel()
+    return (
+        in_blocks(blocks, block, motions),
+        Nodes(nodes.points[first] + mean, of_groups, nodes.spans),
+        kept.ravel(),
+    )
 
 
-def _groups(matrix: sparse.csr_matrix, block: int) -> IntArray:
+def _groups(matrix: SparseMatrix, block: int) -> IntArray:
     """Return the number of each node's group; a node without neighbours is a group of its own."""
     from pyamg.aggregation import standard_aggregation
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,8 @@ from porocore_fem_skfem.node_grid import NodeGrid
 from porocore_fem_skfem.operators import Pattern
 
 SENSITIVITY_TOLERANCE = 1e-11
+#: Residual of the known answer to a rotation, of the largest load's. Newton's iteration leaves about 1e-12.
+ROTATION_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,10 @@ class LinearResponse:
     U: Array
     curvature: Array
     negative: int
+
+    def at(self, places: IntArray) -> LinearResponse:
+        """Return the same with some of the rows of U."""
+        return replace(self, U=self.U[places])
 
 
 class Constraints:
@@ -136,8 +142,8 @@ class Constraints:
             raise LoadStepFailed(Status.not_converged) from error
         return x
 
-    def sensitivities(self, entries: Array, R: Array) -> LinearResponse:
-        """Return the answer to loads with the residuals R (n, k).
+    def sensitivities(self, entries: Array, R: Array, known: Array) -> LinearResponse:
+        """Return the answer to loads with the residuals R (n, k), the last of which ``known`` (n, r) ought to solve.
 
         Raises
         ------
@@ -146,14 +152,34 @@ class Constraints:
         """
         negative = self.factorise(entries)
         matrix = self.pattern.full(entries)
+        rotations = KnownRotations(R, known, matrix @ known)
         # A direct factor serves indefinite matrices.
-        solved = refine(matrix, -R, self.precondition, tolerance=SENSITIVITY_TOLERANCE)
+        solved = refine(matrix, -rotations.R, self.precondition, tolerance=SENSITIVITY_TOLERANCE)
         U = solved.x if solved.converged else np.full_like(solved.x, np.nan)
         product = solved.product if solved.converged and solved.product is not None else matrix @ U
-        return LinearResponse(U, curvature(R, U, product), negative)
+        return rotations.response(U, product, negative)
 
 
-def curvature(R: Array, U: Array, KU: Array) -> Array:
-    """Return RᵀU + UᵀR + UᵀKU (k, k)."""
-    mixed = R.T @ U
-    return np.asarray(mixed + mixed.T + U.T @ KU)
+class KnownRotations:
+    """Loads of which the last ones rotate the deformed cell, so that their answer is known.
+
+    Attributes
+    ----------
+    R : (n, m)
+        Residuals of the loads that are to be solved for: all, if what is known is no answer.
+    """
+
+    def __init__(self, R: Array, known: Array, product: Array) -> None:
+        self._all, self._known, self._product = R, known, product
+        k, r = R.shape[1], known.shape[1]
+        left = np.linalg.norm(R[:, k - r :] + product, axis=0)
+        goal = ROTATION_TOLERANCE * np.linalg.norm(R, axis=0).max(initial=0.0)
+        self._solves = bool((left <= goal).all())
+        self.R = R[:, : k - r] if self._solves else R
+
+    def response(self, U: Array, product: Array, negative: int) -> LinearResponse:
+        """Return the answer to all loads from that to ``R`` and its product with the matrix."""
+        if self._solves:
+            U, product = np.hstack([U, self._known]), np.hstack([product, self._product])
+        mixed = self._all.T @ U
+        return LinearResponse(U, np.asarray(mixed + mixed.T + U.T @ product), negative)

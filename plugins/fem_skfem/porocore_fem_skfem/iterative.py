@@ -10,14 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy import sparse
 
 from porocore.cell.equilibrium.discrete import FactorError, LoadStepFailed
 from porocore.cell.equilibrium.path import least_shifted
 from porocore.macro.linear_systems.memory import available_bytes, factor_bytes, fits
 from porocore.states import Array, IntArray, Status
 from porocore_fem_skfem import pardiso
-from porocore_fem_skfem.constraints import SENSITIVITY_TOLERANCE, Constraints, LinearResponse, curvature
+from porocore_fem_skfem.constraints import SENSITIVITY_TOLERANCE, Constraints, KnownRotations, LinearResponse
 from porocore_fem_skfem.linalg import FACTOR_LIMIT, Iteration, conjugate_gradients
 from porocore_fem_skfem.multigrid import IndefiniteError, Multigrid
 from porocore_fem_skfem.node_grid import NodeGrid, PaddedPattern
@@ -51,7 +50,7 @@ class IterativeConstraints(Constraints):
         self._multigrid = Multigrid(self._padded, grid)
         #: Entries for which the cycle is set up, and their matrix.
         self._of: Array | None = None
-        self._matrix: sparse.csr_matrix | None = None
+        self._product: Product | None = None
         self._per_digit = 0.0
         self._has_factors = solver == "auto" and len(free) <= FACTOR_LIMIT and pardiso.library() is not None
         self._places = places
@@ -59,12 +58,12 @@ class IterativeConstraints(Constraints):
 
     def reset(self, undeformed: Callable[[], Array]) -> None:
         """Discard the cycle and the factor of the last load path."""
-        self._of, self._matrix, self._direct, self.shift = None, None, None, 0.0
+        self._of, self._product, self._direct, self.shift = None, None, None, 0.0
 
     def take_over(self, narrow: Constraints) -> None:
         """Begin without a cycle, with the shift of the narrower matrix."""
         super().take_over(narrow)
-        self._of, self._matrix = None, None
+        self._of, self._product = None, None
 
     def factorise(self, entries: Array) -> int:
         """Set up the cycle for ``entries``; return 1 if they prove indefinite thereby, else -1."""
@@ -82,9 +81,9 @@ class IterativeConstraints(Constraints):
         FactorError
             They are indefinite, or the iteration does not converge.
         """
-        if self._of is None or self._matrix is None:
+        if self._of is None or self._product is None:
             raise FactorError("the tangent is indefinite")
-        solved = self._iterate(self._matrix, self._padded.padded(rhs), SENSITIVITY_TOLERANCE)
+        solved = self._iterate(self._product, self._padded.padded(rhs), SENSITIVITY_TOLERANCE)
         if not solved.converged:
             raise FactorError("conjugate gradients did not converge")
         return solved.x[self._padded.places]
@@ -113,20 +112,21 @@ class IterativeConstraints(Constraints):
             raise LoadStepFailed(Status.not_converged) from error
         return x
 
-    def sensitivities(self, entries: Array, R: Array) -> LinearResponse:
+    def sensitivities(self, entries: Array, R: Array, known: Array) -> LinearResponse:
         """Return −K⁻¹ R, and whether K is definite, by one iteration for all columns and a random one."""
         solved = None
         if self.factorise(entries) <= 0:
-            assert self._matrix is not None
-            right = np.column_stack([-self._padded.padded(R), self._random()])
-            tolerance = np.array([SENSITIVITY_TOLERANCE] * R.shape[1] + [DEFINITE])
-            solved = self._iterate(self._matrix, right, tolerance)
+            assert self._product is not None
+            padded = self._padded.padded(known)
+            rotations = KnownRotations(self._padded.padded(R), padded, self._product @ padded)
+            right = np.column_stack([-rotations.R, self._random()])
+            tolerance = np.array([SENSITIVITY_TOLERANCE] * rotations.R.shape[1] + [DEFINITE])
+            solved = self._iterate(self._product, right, tolerance)
             if solved.converged:
                 U = solved.x[:, :-1]
-                second = curvature(-right[:, :-1], U, self._matrix @ U)
-                return LinearResponse(U[self._padded.places], second, 0)
+                return rotations.response(U, self._product @ U, 0).at(self._padded.places)
         if (direct := self._by_factor()) is not None:
-            return direct.sensitivities(entries, R)
+            return direct.sensitivities(entries, R, known)
         unknown = np.full_like(R, np.nan)
         return LinearResponse(unknown, R.T @ unknown, 1 if solved is None or solved.indefinite else -1)
 
@@ -134,8 +134,8 @@ class IterativeConstraints(Constraints):
         """Return the number of negative eigenvalues; without a factor 1 for one or more, -1 if nothing tells."""
         indefinite = self.factorise(entries) > 0
         if not indefinite:
-            assert self._matrix is not None
-            solved = self._iterate(self._matrix, self._random(), DEFINITE)
+            assert self._product is not None
+            solved = self._iterate(self._product, self._random(), DEFINITE)
             if solved.converged:
                 return 0
             indefinite = solved.indefinite
@@ -152,34 +152,32 @@ class IterativeConstraints(Constraints):
 
     def _set_up(self, entries: Array) -> None:
         if self._of is not entries:
-            self._of, matrix = None, self._padded.matrix(entries)
-            self._matrix = None
+            self._of, self._product, matrix = None, None, self._padded.matrix(entries)
             if not np.isfinite(matrix.data).all():
                 raise FactorError("the matrix is not finite")
             self._multigrid.set_up(matrix)
-            self._of, self._matrix = entries, matrix
+            self._of, self._product = entries, Product(matrix)
 
     def _worn(self, entries: Array, right: Array, accuracy: float) -> Iteration | None:
         """Return the solution with the cycle of an earlier tangent; None where there is none or it takes too long."""
         if self._of is None or self._of is entries:
             return None
         limit = AT_LEAST + round(TIMES * self._per_digit * -np.log10(accuracy))
-        solved = self._iterate(self._padded.matrix(entries), right, accuracy, limit)
+        solved = self._iterate(Product(self._padded.matrix(entries)), right, accuracy, limit)
         return solved if solved.converged else None
 
     def _fresh(self, entries: Array, right: Array, accuracy: float) -> Iteration | None:
         """Return the solution with a cycle of these entries; None where that proves them indefinite."""
         if self.factorise(entries) > 0:
             return None
-        assert self._matrix is not None
-        solved = self._iterate(self._matrix, right, accuracy)
+        assert self._product is not None
+        solved = self._iterate(self._product, right, accuracy)
         self._per_digit = solved.iterations / -np.log10(accuracy)
         return solved
 
     def _iterate(
-        self, matrix: sparse.csr_matrix, right: Array, tolerance: float | Array, limit: int | None = None
+        self, product: Product, right: Array, tolerance: float | Array, limit: int | None = None
     ) -> Iteration:
-        product = Product(matrix)
         return conjugate_gradients(
             product.__matmul__, right, self._multigrid.cycle, tolerance=tolerance, limit=limit or LIMIT
         )

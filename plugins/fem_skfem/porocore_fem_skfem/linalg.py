@@ -199,27 +199,32 @@ def conjugate_gradients(
     single = rhs.ndim == 1
     b = rhs[:, None] if single else rhs
     goal = tolerance * np.linalg.norm(b, axis=0)
-    x = np.zeros_like(b)
+    x, step = np.zeros_like(b), np.empty_like(b)
     r = b.copy()
     p = z = precondition(r)
-    rz = (r * z).sum(axis=0)
+    rz = _products(r, z)
     iterations, indefinite = 0, False
-    active = ~(np.linalg.norm(r, axis=0) <= goal)  # what is not a number is not small
+    active = ~(np.sqrt(_products(r, r)) <= goal)  # what is not a number is not small
     while active.any() and iterations < limit:
         q = apply(p)
-        curvature = (p * q).sum(axis=0)
+        curvature = _products(p, q)
         if (curvature[active] <= 0).any():
             indefinite = True
             break
         alpha = np.where(active, rz / np.where(curvature > 0, curvature, 1.0), 0.0)
-        x += alpha * p
-        r -= alpha * q
+        x += np.multiply(alpha, p, out=step)
+        r -= np.multiply(alpha, q, out=step)
         iterations += 1
-        active = ~(np.linalg.norm(r, axis=0) <= goal)
+        active = ~(np.sqrt(_products(r, r)) <= goal)
         if not active.any():
             break
         z = precondition(r)
-        rz_new = (r * z).sum(axis=0)
-        p = z + np.where(active, rz_new / np.where(rz != 0, rz, 1.0), 0.0) * p
+        rz_new = _products(r, z)
+        p = z + np.multiply(np.where(active, rz_new / np.where(rz != 0, rz, 1.0), 0.0), p, out=step)
         rz = rz_new
     return Iteration(x[:, 0] if single else x, iterations, not active.any(), indefinite)
+
+
+def _products(one: Array, other: Array) -> Array:
+    """Return the inner products (k,) of the columns of two (n, k)."""
+    return np.asarray(np.einsum("ij,ij->j", one, other))

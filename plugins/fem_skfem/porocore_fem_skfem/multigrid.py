@@ -20,7 +20,7 @@ from porocore.cell.equilibrium.discrete import FactorError
 from porocore.states import Array, IntArray
 from porocore_fem_skfem.aggregation import Nodes, aggregated
 from porocore_fem_skfem.node_grid import NodeGrid, PaddedPattern
-from porocore_fem_skfem.products import Product
+from porocore_fem_skfem.products import Product, SparseMatrix, block_of, in_blocks
 
 #: Degree of the smoothing polynomials, and largest over smallest eigenvalue that they damp. At 46,000 unknowns eleven
 #: right-hand sides take 28 iterations and 2.7 s to 1e-10, with degree 3 and a ratio of 15 they take 23 and 3.0 s.
@@ -47,21 +47,29 @@ class IndefiniteError(FactorError):
 class _Level:
     """A matrix, the inverse of its diagonal blocks, and a Chebyshev polynomial of their product as smoother."""
 
-    def __init__(self, matrix: sparse.csr_matrix, block: int, ratio: float, dtype: Precision) -> None:
-        blocks = _diagonal_blocks(matrix, block)
+    def __init__(self, matrix: SparseMatrix, ratio: float, dtype: Precision) -> None:
+        blocks = _diagonal_blocks(matrix)
         try:
             np.linalg.cholesky(blocks)
         except np.linalg.LinAlgError as error:
             raise IndefiniteError("the block of a node is not positive definite") from error
         self.inverse = _block_diagonal(np.linalg.inv(blocks))
         self.largest = _largest_eigenvalue(matrix, self.inverse)
-        self._matrix = Product(matrix.astype(dtype, copy=False))
-        self._inverse = Product(self.inverse.astype(dtype, copy=False))
+        self._matrix, self._inverse = Product(matrix, dtype), Product(self.inverse, dtype)
         high = SAFETY * self.largest
         self._middle, self._half = (high + high / ratio) / 2, (high - high / ratio) / 2
 
     def smooth(self, r: Any) -> tuple[Any, Any]:
         """Return the smoother's answer to a residual, and the residual that it leaves."""
+        x, r, d = self._smoothed(r)
+        return x, r - self._matrix @ d
+
+    def answer(self, r: Any) -> Any:
+        """Return the smoother's answer to a residual."""
+        return self._smoothed(r)[0]
+
+    def _smoothed(self, r: Any) -> tuple[Any, Any, Any]:
+        """Return the answer, the residual before its last step, and that step."""
         sigma = self._middle / self._half
         rho = 1 / sigma
         d = (self._inverse @ r) * r.dtype.type(1 / self._middle)
@@ -71,7 +79,7 @@ class _Level:
             last, rho = rho, 1 / (2 * sigma - rho)
             d = d.dtype.type(rho * last) * d + d.dtype.type(2 * rho / self._half) * (self._inverse @ r)
             x = x + d
-        return x, r - self._matrix @ d
+        return x, r, d
 
     def apply(self, x: Any) -> Any:
         """Return the product of the matrix with x."""
@@ -94,20 +102,20 @@ class Multigrid:
 
     def __init__(self, pattern: PaddedPattern, grid: NodeGrid, dtype: Precision = np.float32) -> None:
         self._dtype = dtype
-        self._block, self._free = grid.components, pattern.free
         corners, to_corners = np.unique(grid.ends[pattern.used], return_inverse=True)
         present = np.isin(corners, pattern.used)
-        self._linear: sparse.csr_matrix | None = None
-        points, free = grid.points[pattern.used], pattern.free
+        self._linear: SparseMatrix | None = None
+        points, free, b = grid.points[pattern.used], pattern.free, grid.components
         if len(corners) < len(pattern.used):
-            numbers, b = np.searchsorted(pattern.used, corners[present]), self._block
+            numbers = np.searchsorted(pattern.used, corners[present])
             points, free = points[numbers], free.reshape(-1, b)[numbers].ravel()
             self._linear = _interpolation(to_corners.reshape(-1, 2), present, pattern.free, free, b)
-        self._held = sparse.diags((~free).astype(float))
-        motions = np.zeros((len(points), self._block, 6 if self._block == 3 else 1))
-        motions[:, range(self._block), range(self._block)] = free.reshape(-1, self._block)
+        #: Unknowns of the linear level that are held.
+        self._held = ~free
+        motions = np.zeros((len(points), b, 6 if b == 3 else 1))
+        motions[:, range(b), range(b)] = free.reshape(-1, b)
         self._nodes = Nodes(points, motions, grid.spans)
-        self._groups: list[tuple[sparse.csr_matrix, Nodes, npt.NDArray[np.bool_]]] = []
+        self._groups: list[tuple[SparseMatrix, Nodes, npt.NDArray[np.bool_]]] = []
         self._levels: list[_Level] = []
 
     @property
@@ -115,8 +123,8 @@ class Multigrid:
         """Unknowns of the levels."""
         return [*(level.inverse.shape[0] for level in self._levels), len(self._coarsest[0])]
 
-    def set_up(self, matrix: sparse.csr_matrix) -> None:
-        """Set up for a matrix.
+    def set_up(self, matrix: SparseMatrix) -> None:
+        """Set up for a matrix of the pattern.
 
         Raises
         ------
@@ -126,14 +134,12 @@ class Multigrid:
             Its nodes do not group into few enough.
         """
         self._levels, self._between = [], list[tuple[Product, Product]]()
-        block = self._block
         if self._linear is not None:
-            self._levels.append(_Level(matrix, block, RATIO, self._dtype))
-            matrix = self._restricted(matrix, self._linear)
-            matrix = (matrix + self._held * matrix.diagonal().mean()).tocsr()
+            self._levels.append(_Level(matrix, RATIO, self._dtype))
+            matrix = _filled(self._restricted(matrix, self._linear, block_of(matrix)[0]), self._held)
         depth = 0
         while matrix.shape[0] > COARSEST:
-            level = _Level(matrix, block, COARSE_RATIO, self._dtype)
+            level = _Level(matrix, COARSE_RATIO, self._dtype)
             if depth == len(self._groups):
                 self._groups.append(aggregated(matrix, self._nodes if not depth else self._groups[-1][1]))
             tentative, groups, active = self._groups[depth]
@@ -141,9 +147,8 @@ class Multigrid:
                 break
             self._levels.append(level)
             smoothed = tentative - (SMOOTHING / level.largest) * (level.inverse @ (matrix @ tentative))
-            matrix = self._restricted(matrix, smoothed.tocsr())
-            matrix = (matrix + sparse.diags(~active * matrix.diagonal().mean())).tocsr()
-            block, depth = groups.motions.shape[1], depth + 1
+            matrix = _filled(self._restricted(matrix, smoothed, groups.motions.shape[1]), ~active)
+            depth += 1
         if matrix.shape[0] > LARGEST_COARSEST:
             raise FactorError(f"no level of multigrid below {matrix.shape[0]:,} unknowns was found")
         try:
@@ -156,15 +161,12 @@ class Multigrid:
         """Return the approximate inverse applied to (n,) or (n, k)."""
         return np.asarray(self._cycle(residual.astype(self._dtype), 0), np.float64)
 
-    def _restricted(self, matrix: sparse.csr_matrix, prolongation: sparse.csr_matrix) -> sparse.csr_matrix:
-        transposed = prolongation.T.tocsr()
-        self._between.append(
-            (
-                Product(prolongation.astype(self._dtype, copy=False)),
-                Product(transposed.astype(self._dtype, copy=False)),
-            )
-        )
-        return (transposed @ (matrix @ prolongation)).tocsr()
+    def _restricted(self, matrix: SparseMatrix, prolongation: SparseMatrix, columns: int) -> SparseMatrix:
+        """Return the matrix of the next level, with blocks of so many unknowns."""
+        rows, transposed = block_of(matrix)[0], prolongation.T
+        self._between.append((Product(prolongation, self._dtype), Product(transposed.tocsr(), self._dtype)))
+        blocks = in_blocks(prolongation, rows, columns)
+        return in_blocks(transposed, columns, rows) @ (matrix @ blocks)
 
     def _cycle(self, r: Any, depth: int) -> Any:
         if depth == len(self._levels):
@@ -173,7 +175,7 @@ class Multigrid:
         x, r = level.smooth(r)
         correction = prolong @ self._cycle(restrict @ r, depth + 1)
         x = x + correction
-        x += level.smooth(r - level.apply(correction))[0]
+        x += level.answer(r - level.apply(correction))
         return x
 
 
@@ -192,22 +194,29 @@ def _interpolation(
     return masked
 
 
-def _diagonal_blocks(matrix: sparse.csr_matrix, block: int) -> Array:
-    rows = np.repeat(np.arange(matrix.shape[0], dtype=np.int32), np.diff(matrix.indptr))
-    near = np.flatnonzero(rows // block == matrix.indices // block)
-    row, column = rows[near], matrix.indices[near]
+def _diagonal_blocks(matrix: SparseMatrix) -> Array:
+    rows = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr))
+    near = np.flatnonzero(rows == matrix.indices)
+    block = block_of(matrix)[0]
     blocks = np.zeros((matrix.shape[0] // block, block, block))
-    blocks[row // block, row % block, column % block] = matrix.data[near]
+    blocks[rows[near]] = matrix.data[near].reshape(-1, block, block)
     return blocks
 
 
-def _block_diagonal(blocks: Array) -> sparse.csr_matrix:
+def _block_diagonal(blocks: Array) -> SparseMatrix:
     count, block = blocks.shape[:2]
     places = np.arange(count), np.arange(count + 1)
-    return sparse.bsr_matrix((blocks, *places), shape=(count * block,) * 2).tocsr()
+    return in_blocks(sparse.bsr_matrix((blocks, *places), shape=(count * block,) * 2), block, block)
 
 
-def _largest_eigenvalue(matrix: sparse.csr_matrix, inverse: sparse.csr_matrix) -> float:
+def _filled(matrix: SparseMatrix, idle: npt.NDArray[np.bool_]) -> SparseMatrix:
+    """Return a matrix with the mean of its diagonal where unknowns take no part."""
+    block = block_of(matrix)[0]
+    diagonal = np.where(idle, matrix.diagonal().mean(), 0.0).reshape(-1, block)
+    return matrix + _block_diagonal(diagonal[:, :, None] * np.eye(block))
+
+
+def _largest_eigenvalue(matrix: SparseMatrix, inverse: SparseMatrix) -> float:
     """Return the largest eigenvalue of inverse · matrix, from below, by Lanczos' iteration."""
     r = np.random.default_rng(0).normal(size=matrix.shape[0])
     z = inverse @ r

@@ -11,6 +11,7 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.shape_functions import EDGES
 from porocore.states import Array, IntArray
 from porocore_fem_skfem.checks import Indices
+from porocore_fem_skfem.products import SparseMatrix, in_blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +82,14 @@ class PaddedPattern:
         columns = np.concatenate([column, row[off], held])
         entries = np.concatenate([entry, entry[off], np.full(len(held), len(indices) + 1, np.int32)])
         whole = sparse.csr_matrix((entries, (rows, columns)), shape=(self.size, self.size))
-        self._indptr, self._indices, self._source = whole.indptr, whole.indices, whole.data - np.int32(1)
+        #: Number of each entry, those of what is held last but one, and that of entries that vanish last.
+        self._source = in_blocks(whole, b, b)
+        self._source.data -= np.int32(1)
 
-    def matrix(self, data: Array) -> sparse.csr_matrix:
-        """Return the symmetric matrix in CSR from the entries of its upper triangle."""
-        known = np.append(data, 1.0)
-        return sparse.csr_matrix((known[self._source], self._indices, self._indptr), shape=(self.size,) * 2)
+    def matrix(self, data: Array) -> SparseMatrix:
+        """Return the symmetric matrix, in blocks of nodes, from the entries of its upper triangle."""
+        known, source = np.append(data, [1.0, 0.0]), self._source
+        return type(source)((known[source.data], source.indices, source.indptr), shape=source.shape)
 
     def padded(self, values: Array) -> Array:
         """Return values (size, ...) with zeros for what is held from those of the unknowns (n, ...)."""

@@ -6,6 +6,7 @@ one sparse product and an assembly one batched product followed by one sparse sc
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -148,14 +149,13 @@ class Scatter:
 
     def __init__(self, cells: IntArray, n: int, components: int = 1) -> None:
         self._shape = (len(cells), components, cells.shape[1], components, cells.shape[1])
-        pairs = (cells[:, :, None] * n + cells[:, None, :]).ravel()
+        pairs = cells[:, :, None] * n + cells[:, None, :]
         unique, slot = np.unique(pairs, return_inverse=True)
-        places = slot.reshape(-1), np.arange(len(pairs) + 1)
-        whole = sparse.csc_matrix((np.ones(len(pairs)), *places), shape=(len(unique), len(pairs))).tocsr()
+        #: Number of each element's pairs of nodes among all pairs, (elements, a, a).
+        self._slot = slot.reshape(pairs.shape)
         row, column = unique // n, unique % n
-        upper = np.flatnonzero(row <= column)
-        #: Sums of the pairs on and above the diagonal, and of all.
-        self._sums = (whole[upper], whole) if components > 1 else (whole[upper],)
+        #: Pairs on and above the diagonal.
+        self._upper = upper = np.flatnonzero(row <= column)
         width, upper_width = np.bincount(row, minlength=n), np.bincount(row[upper], minlength=n)
         rank, upper_rank = _rank(row, width), _rank(row[upper], upper_width)
         widths = np.concatenate([upper_width + (components - 1 - i) * width for i in range(components)])
@@ -172,14 +172,28 @@ class Scatter:
                 after = start + upper_width + (j - i - 1) * width
                 self._parts.append((i, j, after[row] + rank))
                 indices[self._parts[-1][2]] = column + j * n
+        self._count = len(unique)
         self.pattern = Pattern(rows, indices, components * n)
 
     def __call__(self, blocks: Array) -> Array:
         """Return the entries (nnz) from blocks (elements, components · a, components · a)."""
-        blocks, out = blocks.reshape(self._shape), np.empty(len(self.pattern.indices))
+        blocks = blocks.reshape(self._shape)
+        return self._sum(self._slot.ravel(), lambda i, j: blocks[:, i, :, j])
+
+    def by_nodes(self, part: Callable[[int, int], Array]) -> Array:
+        """Return the entries (nnz) from the blocks (a, a, elements) of two components, by nodes and not by elements."""
+        return self._sum(self._slot_by_nodes, part)
+
+    def _sum(self, slot: IntArray, part: Callable[[int, int], Array]) -> Array:
+        out = np.empty(len(self.pattern.indices))
         for i, j, places in self._parts:
-            out[places] = self._sums[int(i != j)] @ blocks[:, i, :, j].ravel()
+            sums = np.bincount(slot, part(i, j).ravel(), self._count)
+            out[places] = sums if i != j else sums[self._upper]
         return out
+
+    @cached_property
+    def _slot_by_nodes(self) -> IntArray:
+        return self._slot.transpose(1, 2, 0).ravel()
 
 
 def _rank(row: IntArray, width: IntArray) -> IntArray:

@@ -6,6 +6,7 @@ Arrays at quadrature points are component-first, (3, 3, points), element by elem
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -142,24 +143,48 @@ class NeoHookeanResponse(SolidResponse):
     def stiffness(self, at: PointKinematics) -> Array:
         _, first, second = self.volumetric(np.log(at.J))
         pJ = at.p * at.J
+        # Blocks w (d ga⊗gb − c gb⊗ga) with ga = F⁻ᵀ∇N_a
+        d, c = self.w * (second + pJ), self.w * (first + pJ)
+        if self.grad_N.shape[1] == 1:
+            return self._at_one_point(at.cof / at.J, d, c) + self._laplacian
         e, q, a, _ = self.grad_N.shape
         F_inverse = np.ascontiguousarray(np.moveaxis(at.cof / at.J, -1, 0)).transpose(0, 2, 1)
         g = np.matmul(self.grad_N.reshape(e * q, a, 3), F_inverse).transpose(0, 2, 1).reshape(e, q, 3 * a)
-        d = (self.w * (second + pJ)).reshape(e, q, 1)
-        c = (self.w * (first + pJ)).reshape(e, q, 1)
+        d, c = d.reshape(e, q, 1), c.reshape(e, q, 1)
         blocks = np.empty((e, 3, a, 3, a))
         chunk = max(1, CACHED // (3 * a) ** 2)
         for k in range(0, e, chunk):
             part = slice(k, k + chunk)
-            g_T = g[part].transpose(0, 2, 1)
-            if q == 1:
-                plus, minus = g_T * (d[part] * g[part]), g_T * (c[part] * g[part])
-            else:
-                g_T = np.ascontiguousarray(g_T)
-                plus, minus = np.matmul(g_T, d[part] * g[part]), np.matmul(g_T, c[part] * g[part])
+            g_T = np.ascontiguousarray(g[part].transpose(0, 2, 1))
+            plus, minus = np.matmul(g_T, d[part] * g[part]), np.matmul(g_T, c[part] * g[part])
             shape = (-1, 3, a, 3, a)
             np.subtract(plus.reshape(shape), minus.reshape(shape).transpose(0, 3, 2, 1, 4), out=blocks[part])
         return self.scatter(blocks) + self._laplacian
+
+    def _at_one_point(self, G: Array, d: Array, c: Array) -> Array:
+        """Return the varying part of the stiffness of elements with one point each, by nodes and then elements."""
+        grad = self._grad_by_nodes
+        _, a, e = grad.shape
+        g = np.stack([G[i, 0] * grad[0] + G[i, 1] * grad[1] + G[i, 2] * grad[2] for i in range(3)])
+        plus, minus, chunk = d * g, c * g, max(1, CACHED // (2 * a * a))
+
+        def part(i: int, j: int) -> Array:
+            out, product = np.empty((a, a, e)), np.empty((a, a, min(e, chunk)))
+            for k in range(0, e, chunk):
+                some = slice(k, min(k + chunk, e))
+                here = out[:, :, some]
+                np.multiply(plus[i, :, None, some], g[j, None, :, some], out=here)
+                here -= np.multiply(
+                    minus[j, :, None, some], g[i, None, :, some], out=product[:, :, : here.shape[2]]
+                )
+            return out
+
+        return self.scatter.by_nodes(part)
+
+    @cached_property
+    def _grad_by_nodes(self) -> Array:
+        """∇N of elements with one point each, (3, a, elements)."""
+        return np.ascontiguousarray(self.grad_N[:, 0].transpose(2, 1, 0))
 
     def _constant_blocks(self, operators: Operators) -> Array:
         """Return the constant part μ ∇N_a·∇N_b δ_ij of the tangent."""

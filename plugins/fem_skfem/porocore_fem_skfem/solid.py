@@ -14,6 +14,7 @@ from scipy import sparse
 from porocore.cell.contact.model import ContactModel
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorisedTangent, Iterate
 from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities, second_derivatives
+from porocore.cell.equilibrium.rotations import load_basis
 from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import CellMesh
@@ -250,10 +251,14 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
             for load, column in zip(loads, columns, strict=True)
         ]
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
-        solved = constraints.sensitivities(factor.entries, R)
+        basis = load_basis(iterate.H, columns)
+        known = [(spin @ iterate.u).ravel()[constraints.free] for spin in basis.spins]
+        known = np.array(known).reshape(-1, len(constraints.free)).T
+        solved = constraints.sensitivities(factor.entries, R @ basis.loads, known)
+        back = np.linalg.inv(basis.loads)
         direct = second_derivatives(columns, np.stack([(load @ self.w).ravel() for load in loads]))
-        grad = np.stack([self.field(u, parity) @ self.grad_weights for u in solved.U.T])
-        return Sensitivities(grad, direct + solved.curvature, solved.negative)
+        grad = np.stack([self.field(u, parity) @ self.grad_weights for u in (solved.U @ back).T])
+        return Sensitivities(grad, direct + back.T @ solved.curvature @ back, solved.negative)
 
     def merged(self, values: Array) -> Array:
         """Return the sums (3, nodes) over periodic nodes of values (nodes of the mesh, 3)."""

@@ -20,7 +20,7 @@ from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.linalg import conjugate_gradients
 from porocore_fem_skfem.multigrid import Multigrid
 from porocore_fem_skfem.node_grid import PaddedPattern, node_grid
-from porocore_fem_skfem.products import Product
+from porocore_fem_skfem.products import Product, block_of, in_blocks
 from porocore_fem_skfem.solid import SkfemSolid
 from porocore_fem_skfem.stokes import SkfemStokes
 
@@ -184,10 +184,12 @@ def test_the_conductivity_is_more_exact_than_velocity_and_pressure(monkeypatch):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("columns", [None, 1, 2, 3, 11])
-def test_products_are_those_of_scipy(dtype, columns):
+@pytest.mark.parametrize("columns", [None, 0, 1, 2, 3, 11])
+@pytest.mark.parametrize("block", [(1, 1), (3, 3), (6, 6), (3, 6)])
+def test_products_are_those_of_scipy(dtype, columns, block):
     rng = np.random.default_rng(0)
-    matrix = sparse.random(40, 30, 0.2, format="csr", random_state=0).astype(dtype)
+    matrix = in_blocks(sparse.random(42, 30, 0.2, format="csr", random_state=0).astype(dtype), *block)
+    assert block_of(matrix) == block
     x = rng.normal(size=30 if columns is None else (30, columns)).astype(dtype)
     found = Product(matrix) @ x
     assert found.dtype == dtype
