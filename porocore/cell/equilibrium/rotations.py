@@ -1,4 +1,4 @@
-"""Loads that only rotate the deformed cell: under δH = W F₀ with a skew W the equilibrium moves by δu¹ = W u¹.
+"""Loads that only rotate the deformed cell (load_basis): under δH = W F₀ with a skew W, u¹ moves by W u¹.
 
 The energies of solid and contact do not change under rotations, so this holds for each solid, whatever its fibres.
 """
