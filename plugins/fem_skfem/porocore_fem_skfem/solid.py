@@ -252,8 +252,8 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
         ]
         R = np.stack([force.ravel()[constraints.free] for force in forces], axis=1)
         basis = load_basis(iterate.H, columns)
-        known = [(spin @ iterate.u).ravel()[constraints.free] for spin in basis.spins]
-        known = np.array(known).reshape(-1, len(constraints.free)).T
+        turned = [(spin @ iterate.u).ravel()[constraints.free] for spin in basis.spins]
+        known = np.reshape(turned, (-1, len(constraints.free))).T
         solved = constraints.sensitivities(factor.entries, R @ basis.loads, known)
         back = np.linalg.inv(basis.loads)
         direct = second_derivatives(columns, np.stack([(load @ self.w).ravel() for load in loads]))
