@@ -167,10 +167,15 @@ class Console:
         self.note(f"warning: {text}")
 
     @contextmanager
-    def task(self, title: str, unit: str, begins: str = "") -> Iterator[Task]:
-        """Show the progress of a task while the block runs, and its duration at the end; see :class:`Task`."""
+    def task(
+        self, title: str, unit: str, begins: str = "", clock: Callable[[], float] | None = None
+    ) -> Iterator[Task]:
+        """Show the progress of a task while the block runs, and its duration at the end; see :class:`Task`.
+
+        ``clock`` tells the times of work that another process does; by default the console's own does.
+        """
         with self._bar(title) if self.stream.isatty() else self._lines(title) as show:
-            task = Task(title, unit, begins, lambda share: show(share, task), self.clock)
+            task = Task(title, unit, begins, lambda share: show(share, task), clock or self.clock)
             yield task
         self.note(f"{title}: {task.summary(WIDTH - len(title) - 2)}")
 

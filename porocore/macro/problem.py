@@ -135,6 +135,12 @@ class TimePlan(StrictModel):
             raise ValueError(f"a time of load_curve lies behind end = {_time(self.end)}")
         return self
 
+    @property
+    def least_steps(self) -> int:
+        """Number of steps, if none is shortened."""
+        after = self.end - self.ramp_increments * self.ramp_step
+        return self.ramp_increments + int(after / self.step) + 1
+
     def share(self, time: float) -> float:
         """Return the share of the load that acts at ``time``."""
         ramp_end = self.ramp_increments * self.ramp_step

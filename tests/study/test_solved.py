@@ -21,7 +21,7 @@ from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import case_metrics
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
 from porocore.study.api.study import Study
-from porocore.study.stages.solving import require_laws
+from porocore.study.stages.laws import require_laws
 
 UNITS = ResultUnits(
     Scales(modulus=2000, length=0.01, pore=5e-6), OutputUnits(length="mm", stress="kPa", time="h", force="mN")

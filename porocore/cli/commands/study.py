@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from porocore.plugins.kinds import Kind
     from porocore.study.config.config import RunConfig
     from porocore.study.run_folder.folder import RunFolder
-    from porocore.study.stages.solving import LawKind
+    from porocore.study.stages.laws import LawKind
 
 
 def run(
@@ -180,7 +180,7 @@ def solve(
     from porocore.core import parallel
     from porocore.study import backends
     from porocore.study.run_folder.folder import CONFIG
-    from porocore.study.stages.solving import USUAL_LAWS, law_names, with_fallback
+    from porocore.study.stages.laws import USUAL_LAWS, law_names, with_fallback
     from porocore.study.stages.stage_files import train_command
 
     folder, kept = _open(run), chosen_store(store, no_store)
@@ -270,7 +270,7 @@ def _open(path: Path) -> RunFolder:
 
 def _laws_of_run(law: list[LawName] | None, fallback: FallbackName) -> tuple[LawKind, ...]:
     """Return the laws that a run solves with; its report shows the surrogate, whatever is beside it."""
-    from porocore.study.stages.solving import USUAL_LAWS, with_fallback
+    from porocore.study.stages.laws import USUAL_LAWS, with_fallback
 
     laws: tuple[LawKind, ...] = tuple(kind.value for kind in law) if law else USUAL_LAWS
     if "surrogate" not in laws:

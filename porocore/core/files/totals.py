@@ -16,29 +16,35 @@ Numbers = dict[str, float]
 
 @contextmanager
 def added_up(
-    path: Path, totals: dict[str, Numbers], entry: str, gained: Callable[[], Numbers]
+    path: Path, read: Callable[[Path], dict[str, Numbers]], entry: str, gained: Callable[[], Numbers]
 ) -> Iterator[None]:
-    """Add what ``gained`` returns after the block to an entry of ``totals``, also when the block is interrupted.
+    """Add what ``gained`` returns after the block to an entry of the file, also when the block is interrupted.
 
-    Where that is nothing, the file is not touched.
+    Where that is nothing, the file is not touched. It is read by ``read`` before the block, so that a damaged one is
+    told at once, and after it, since other blocks may end meanwhile.
 
     Raises
     ------
+    DataError
+        The file is damaged; the block is not run.
     RunFolderError
         The file cannot be written; not where an error of the block is on its way, which is the one to tell.
     """
 
     def write() -> None:
-        known, more = totals.get(entry, {}), gained()
+        more = gained()
         if not more:
             return
+        totals = read(path)
+        known = totals.get(entry, {})
         totals[entry] = {name: known.get(name, 0) + more.get(name, 0) for name in {**known, **more}}
         write_json(path, totals, indent=2)
 
+    read(path)
     try:
         yield
     except BaseException:
-        with suppress(RunFolderError):
+        with suppress(RunFolderError, DataError):
             write()
         raise
     write()

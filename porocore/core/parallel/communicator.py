@@ -37,6 +37,11 @@ def launched() -> tuple[int, int]:
     return 0, 1
 
 
+def launched_by_mpi() -> bool:
+    """Return whether an MPI launcher has started this process, be it alone."""
+    return any(rank in os.environ and size in os.environ for rank, size in _VARIABLES)
+
+
 def let_the_first_speak() -> None:
     """Wait before a process other than the first ends with an error that all have.
 

@@ -72,12 +72,12 @@ def cost_recorded(path: Path, solution: str, work: Work) -> Iterator[None]:
     RunFolderError
         The disk is full or read-only.
     """
-    records, before = direct_records(path), work.numbers()
+    before = work.numbers()
 
     def gained() -> Numbers:
         return {name: value - before.get(name, 0) for name, value in work.numbers().items()}
 
-    with added_up(path, records, solution, gained):
+    with added_up(path, direct_records, solution, gained):
         yield
 
 

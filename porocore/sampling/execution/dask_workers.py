@@ -17,10 +17,10 @@ from importlib.metadata import version
 from typing import Any
 from urllib.parse import urlsplit
 
+from porocore.core.parallel.children import interrupts_blocked, script_left_out
 from porocore.core.parallel.threads import THREAD_VARIABLES, one_thread_in_children
 from porocore.errors import PluginError, PorocoreError
 from porocore.sampling.execution.address import check_reachable
-from porocore.sampling.execution.environment import interrupts_blocked, script_left_out
 from porocore.sampling.execution.futures import ExecutorWorker
 from porocore.sampling.execution.tasks import Ready
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend

@@ -11,13 +11,14 @@ from types import TracebackType
 from typing import Any, Self
 from uuid import uuid4
 
+from porocore.core.parallel.failure import Failure
 from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField
 from porocore.sampling.execution import tasks
 from porocore.sampling.execution.choice import ExecutorChoice, check_choice, make_worker_backend
 from porocore.sampling.execution.losses import Losses, PendingState, means_death, place_of
 from porocore.sampling.execution.solved_store import SolvedStore
-from porocore.sampling.execution.tasks import Factory, Failure, FinishedSolve, Ready, Recipe, Unprepared
+from porocore.sampling.execution.tasks import SOLVER, Factory, FinishedSolve, Ready, Recipe, Unprepared
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 from porocore.states import CellResponse, MacroState
 
@@ -257,12 +258,9 @@ class CellPool:
         if future.cancelled() or isinstance(trouble, BrokenExecutor) or means_death(trouble):
             self._died(worker, task)
             return
-        if trouble is not None:
-            self._failures.append(Failure(type(trouble).__name__, str(trouble), "").as_error(place_of(task)))
-            return
-        result = future.result()
+        result = Failure(type(trouble).__name__, str(trouble), "") if trouble else future.result()
         if isinstance(result, Failure):
-            self._failures.append(result.as_error(place_of(task)))
+            self._failures.append(result.as_error(SOLVER, place_of(task)))
         elif isinstance(result, Ready):
             worker.prepared, self.losses.preparations = True, 0
             self._tell(self._backend.check(result))

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
-from multiprocessing import active_children, get_context, parent_process
+from multiprocessing import active_children, get_context
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from porocore.core.parallel.threads import one_thread_in_children
-from porocore.sampling.execution.environment import interrupts_blocked, require_children, script_left_out
+from porocore.core.parallel.children import begin_child, require_children, starting_children
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
 
 
@@ -51,14 +47,14 @@ class _Process(Worker):
     def __init__(self) -> None:
         super().__init__()
         self._process: BaseProcess | None = None
-        self._executor = ProcessPoolExecutor(1, get_context("spawn"), initializer=_start)
+        self._executor = ProcessPoolExecutor(1, get_context("spawn"), initializer=begin_child)
 
     def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
         if self._process is not None:
             return self._executor.submit(call, *args)
         require_children()
         others = set(active_children())
-        with one_thread_in_children(), interrupts_blocked(), script_left_out():
+        with starting_children():
             future = self._executor.submit(call, *args)
         self._process = next(iter(set(active_children()) - others), None)
         return future
@@ -69,16 +65,3 @@ class _Process(Worker):
     def terminate(self) -> None:
         if self._process is not None:
             self._process.terminate()
-
-
-def _start() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=end_with_parent, daemon=True).start()
-
-
-def end_with_parent() -> None:
-    """Wait for the end of the parent process and end this one; for a thread of a worker."""
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

@@ -11,7 +11,6 @@ import signal
 import socket
 import threading
 import time
-import traceback
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,10 +18,9 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
 
-from porocore import errors
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.parallel.failure import Failure
 from porocore.core.parallel.threads import THREAD_VARIABLES
-from porocore.errors import PorocoreError, UnexpectedError
 from porocore.interfaces.cell import CellField, CellSolver
 from porocore.interfaces.records import SolvedState
 from porocore.plugins.border import solution_of
@@ -30,6 +28,8 @@ from porocore.states import CellResponse, MacroState
 
 #: Returns a solver and its prepared cell; called once in each worker.
 Factory = Callable[..., tuple[CellSolver, Any]]
+#: Who raises, in messages.
+SOLVER = "the cell solver"
 #: Prepared cells that a process keeps: those of the pools that used it last.
 MOST_CELLS = 4
 
@@ -69,27 +69,6 @@ class Ready:
     version: str
     #: Values of :data:`porocore.core.parallel.threads.THREAD_VARIABLES` there.
     threads: tuple[str | None, ...]
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Exception as text, since not every exception survives pickling."""
-
-    kind: str
-    message: str
-    details: str
-
-    @classmethod
-    def from_exception(cls, error: Exception) -> Failure:
-        """Return the exception that is being handled, as text."""
-        return cls(type(error).__name__, str(error), traceback.format_exc())
-
-    def as_error(self, where: str) -> PorocoreError:
-        """Return the error to raise in the asking process."""
-        kind = getattr(errors, self.kind, None)
-        if isinstance(kind, type) and issubclass(kind, PorocoreError):
-            return kind(self.message)
-        return UnexpectedError(f"the cell solver raised {self.kind} {where}: {self.message}", self.details)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from porocore.study.preflight.at_rest import at_rest
 from porocore.study.preflight.checks import check_backends, outline
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
-from porocore.study.stages.solving import USUAL_LAWS, LawKind, macro_laws, require_laws
+from porocore.study.stages.laws import USUAL_LAWS, LawKind, macro_laws, require_laws
 from porocore.study.stages.stage_files import load_reference, load_solution, load_surrogate
 from porocore.study.store import chosen_store
 from porocore.study.tuning.candidates import DEPTHS, WIDTHS, candidates

@@ -71,7 +71,8 @@ class SamplingSettings(StrictModel):
     options: dict[str, Any] = Field(default={})
     """Further options of the sampler."""
     workers: Literal["auto"] | Annotated[int, Field(ge=1, le=MOST_WORKERS)] = "auto"
-    """Processes; ``auto`` is one for each core; the result does not depend on it."""
+    """Processes that solve cells, and bodies where there are several to solve; ``auto`` is one for each core; the
+    result does not depend on it."""
     executor: ExecutorName = "auto"
     """Place where the cells are solved: this process, processes of this machine, or the workers of dask; ``auto`` is
     ``dask`` with a scheduler, ``serial`` for one worker without a time limit, else ``processes``; the result does not

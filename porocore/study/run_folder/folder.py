@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from porocore.core.files.atomic import RUN_RECORD, atomic_path, require_outside_a_run
 from porocore.core.files.lock import Locked, take_lock
@@ -134,10 +134,16 @@ class RunFolder(RunFiles):
         self._remove_half_written()
         return self
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the lock out: a process that this one starts works under it."""
+        return self.__dict__ | {"_lock": None}
+
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         note_folder(error, self.path)
+        if kind is not None:
+            self._remove_half_written()  # processes that worked beside this one have been ended
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None

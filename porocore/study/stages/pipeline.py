@@ -14,10 +14,11 @@ from porocore.core.files.store import ResultStore
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
+from porocore.study.stages.laws import USUAL_LAWS, LawKind, law_names
 from porocore.study.stages.reference import solve_cell, solve_reference
 from porocore.study.stages.reporting import kept_report, report
 from porocore.study.stages.sampling import sample
-from porocore.study.stages.solving import USUAL_LAWS, LawKind, law_names, solve
+from porocore.study.stages.solving import solve
 from porocore.study.stages.training import train
 
 __all__ = ["report", "run", "sample", "solve", "solve_cell", "solve_reference", "train"]

@@ -22,8 +22,8 @@ from porocore.study.config.config import RunConfig, cell_identity
 from porocore.study.config.sections import FemSettings
 from porocore.study.preflight.symmetry_notes import broken_by_the_mesh
 from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder.stage_times import StageClock, timed
 from porocore.study.stages.stage_files import load_reference, prepare_cell
-from porocore.study.stages.stage_times import StageClock, timed
 from porocore.study.store import cell_key, fetch_files, keep_files, solved_states, told
 
 

@@ -17,8 +17,8 @@ from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.finished import FinishedRun
 from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder.stage_times import stage_times, timed
 from porocore.study.stages.stage_files import finished, held_out_states
-from porocore.study.stages.stage_times import stage_times, timed
 
 
 def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:

@@ -14,13 +14,13 @@ from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.files import LINEAR
 from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder.stage_times import StageTime, stage_times
 from porocore.study.stages.stage_files import (
     linear_coefficients,
     load_reference,
     load_solution,
     load_surrogate,
 )
-from porocore.study.stages.stage_times import StageTime, stage_times
 
 
 @dataclass(frozen=True, eq=False)

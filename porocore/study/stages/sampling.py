@@ -24,6 +24,7 @@ from porocore.study.preflight.guess import guessed_times
 from porocore.study.preflight.symmetry_notes import uncovered
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.provenance import versions
+from porocore.study.run_folder.stage_times import timed
 from porocore.study.stages.exploration import inform
 from porocore.study.stages.stage_files import (
     drop_misplaced,
@@ -31,7 +32,6 @@ from porocore.study.stages.stage_files import (
     load_reference,
     prepare_cell,
 )
-from porocore.study.stages.stage_times import timed
 from porocore.study.store import solved_states, told
 
 

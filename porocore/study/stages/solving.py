@@ -1,4 +1,4 @@
-"""The macro stage: laws of a run by name, every load solved with each, its progress, fallback that learns.
+"""The macro stage: every load solved with each law, side by side in processes where that pays; its progress.
 
 Existing solutions stay; an interrupted solve continues from its checkpoint.
 """
@@ -6,75 +6,34 @@ Existing solutions stay; an interrupted solve continues from its checkpoint.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import Literal, get_args
+from typing import Any
 
 from porocore.core.console import Console
-from porocore.core.echo import echo, suggestion
 from porocore.core.files.store import ResultStore
+from porocore.core.parallel.calls import Call, CallProcesses, Tell
 from porocore.core.units.results import ResultUnits, speaking
-from porocore.errors import ConfigurationError
-from porocore.interfaces.law import MacroLaw
+from porocore.errors import PorocoreError
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import StepReport
 from porocore.macro.boundary.symmetry import whole_specimen
 from porocore.macro.integration.forecast import StepForecast
-from porocore.macro.laws import AdaptiveLaw, ClosedLaw
-from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
-from porocore.macro.laws.direct import DirectCellLaw
-from porocore.macro.laws.direct_record import SolvesCells, cost_recorded
-from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.linear_systems.figures import step_in_words, work_in_words
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.border import body_solution_of
-from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.execution import CellPool
-from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.abilities import require_parts
-from porocore.study.run_folder.files import LINEAR, direct_law, fallback_law
+from porocore.study.preflight.workload import bodies_at_once
 from porocore.study.run_folder.folder import RunFolder
-from porocore.study.run_folder.provenance import versions
-from porocore.study.stages.stage_files import (
-    linear_coefficients,
-    load_reference,
-    load_solution,
-    load_surrogate,
-    prepare_cell,
-    training_set,
-)
-from porocore.study.stages.stage_times import StageClock, timed
-from porocore.study.store import solved_states, told
+from porocore.study.run_folder.stage_times import StageClock, timed
+from porocore.study.stages.laws import USUAL_LAWS, LawKind, RunLaw, law_names, macro_laws, require_laws
+from porocore.study.stages.stage_files import load_solution
 
-LawKind = Literal["surrogate", "linear", "direct", "fallback"]
-#: Laws that are solved by default.
-USUAL_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
-
-
-@dataclass(frozen=True)
-class RunLaw:
-    """A law of a run, and for one that solves cells their solver, the record of its work and the pool."""
-
-    law: MacroLaw
-    cells: SolvesCells | None = None
-    record: Path | None = None
-    pool: CellPool | None = None
-
-    def cost_recorded(self, solution: str) -> AbstractContextManager[None]:
-        """Add the cells that the block solves to the record of ``solution``."""
-        if self.cells is None or self.record is None:
-            return nullcontext()
-        return cost_recorded(self.record, solution, self.cells.work)
-
-    def taken_told(self, title: str, console: Console, clock: StageClock) -> AbstractContextManager[None]:
-        """Tell what the block takes from the store, and count on the clock what it saves."""
-        if self.pool is None:
-            return nullcontext()
-        return told(self.pool.known, title, console.note, clock.add, self.pool.workers)
+#: Law and load of a solution.
+Case = tuple[str, float]
 
 
 def solve(
@@ -93,6 +52,7 @@ def solve(
     With ``solver``, named ``backend``, solutions of other backends are replaced; otherwise the configured one solves
     what is missing. All processes that share a solver call this. ``direct_closure`` closes the cells of direct FE²;
     by default the closure of ``config`` does. Cells that a law solves are taken from ``store`` where it holds them.
+    Solutions do not depend on one another: several are solved at a time where there are cores and memory.
 
     Raises
     ------
@@ -100,109 +60,44 @@ def solve(
         ``laws`` is no sequence of known kinds.
     """
     require_laws(laws)
+    closure = direct_closure or config.closure
+    kinds = dict(zip(law_names(config, laws, closure), dict.fromkeys(laws), strict=True))
+    solver = make_backend("macro solver", config) if solver is None else solver
     with ExitStack() as stack:
         stack.enter_context(speaking(config.result_units))
-        chosen = macro_laws(folder, config, stack, laws, direct_closure or config.closure, store)
-        if solver is None:
-            solver = make_backend("macro solver", config)
-        said: set[str] = set()
-        for load in config.macro.loads:
-            _solve_load(folder, config, load, chosen, solver, backend, console, said)
-        return list(chosen)
-
-
-def require_laws(laws: Sequence[LawKind]) -> None:
-    """Refuse what is no sequence of kinds of laws.
-
-    Raises
-    ------
-    ConfigurationError
-        It is a text, or a kind is unknown.
-    """
-    kinds = get_args(LawKind)
-    if isinstance(laws, str):
-        raise ConfigurationError(f"laws: expected a sequence, such as ('linear',), got the text '{laws}'")
-    for kind in laws:
-        if kind not in kinds:
-            advice = suggestion(str(kind), kinds, "the kinds of laws are")
-            raise ConfigurationError(f"laws: no law is called {echo(kind)}; {advice}")
-
-
-def with_fallback(laws: Sequence[LawKind], fallback: str) -> tuple[LawKind, ...]:
-    """Return ``laws``, with the one that learns on the way unless ``fallback`` is ``none``."""
-    more: tuple[LawKind, ...] = () if fallback == "none" else ("fallback",)
-    return (*laws, *more)
-
-
-def law_names(config: RunConfig, laws: Sequence[LawKind], direct_closure: str) -> list[str]:
-    """Return the names under which :func:`solve` keeps the solutions."""
-    names = {"surrogate": config.closure, "linear": LINEAR, "direct": direct_law(direct_closure)}
-    names["fallback"] = fallback_law(config.closure)
-    return [names[kind] for kind in dict.fromkeys(laws)]
-
-
-def macro_laws(
-    folder: RunFolder,
-    config: RunConfig,
-    stack: ExitStack,
-    kinds: Sequence[LawKind] = USUAL_LAWS,
-    direct_closure: str = "potential",
-    store: ResultStore | None = None,
-) -> dict[str, RunLaw]:
-    """Return the laws of a run by name; processes that a law needs end with ``stack``."""
-    reference = load_reference(folder, config)
-    laws: dict[str, RunLaw] = {}
-    for kind, name in zip(dict.fromkeys(kinds), law_names(config, kinds, direct_closure), strict=True):
-        if kind == "surrogate":
-            closure = reference.closure(config.closure, config.cell.solid, config.conductivity)
-            surrogate = load_surrogate(folder, config)
-            laws[name] = RunLaw(ClosedLaw(surrogate, closure, identity=config.stages.training))
-        elif kind == "linear":
-            laws[name] = RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
-        elif kind == "fallback":
-            laws[name] = _learning(folder, config, stack.enter_context(_pool(config, store)), stack, name)
+        kept = solver.communicator.on_root(partial(_kept, folder, config, list(kinds), backend))
+        missing = [case for case, (stays, _) in kept.items() if not stays]
+        count = bodies_at_once(config, [kinds[name] for name, _ in missing], solver)
+        if count > 1:
+            console.note(f"solving: {len(missing)} solutions, {count} at a time")
+            with CallProcesses(count) as processes:
+                _solve_beside(folder, config, kinds, kept, backend, console, processes)
         else:
-            rest = reference.resting(config.conductivity)
-            identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
-            pool = stack.enter_context(_pool(config, store))
-            cells = DirectCellLaw(pool, rest, identity)
-            closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
-            laws[name] = RunLaw(ClosedLaw(cells, closure, name=name), cells, folder.direct_work, pool)
-    return laws
+            chosen = macro_laws(folder, config, stack, laws, closure, store)
+            said: set[str] = set()
+            for load in config.macro.loads:
+                _solve_load(folder, config, load, chosen, kept, solver, backend, console, said)
+    return list(kinds)
 
 
-def _pool(config: RunConfig, store: ResultStore | None) -> CellPool:
-    arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
-    known: SolvedStore | None = solved_states(store, *arguments)
-    return CellPool(prepare_cell, arguments, **config.sampling.pool_options(), known=known)
-
-
-def _learning(folder: RunFolder, config: RunConfig, pool: CellPool, stack: ExitStack, name: str) -> RunLaw:
-    """Return the law whose surrogate learns the states outside the sampled range that the run reaches."""
-    reference, surrogate = load_reference(folder, config), load_surrogate(folder, config)
-    dataset = Dataset.create_or_open(
-        folder.fallback,
-        inputs=config.sampling.input_space(),
-        identity=config.stages.sampling,
-        provenance=versions(),
-    )
-    stack.enter_context(dataset.writing())
-    adaptive = AdaptiveSurrogate(
-        pool,
-        dataset,
-        training_set(folder, config),
-        partial(make_backend, "surrogate", config),
-        config.surrogate.seed,
-        objective=config.surrogate_model == "potential",
-    )
-    law = AdaptiveLaw(
-        adaptive.known(surrogate),
-        reference.closure(config.closure, config.cell.solid, config.conductivity),
-        adaptive,
-        identity=f"{config.stages.training} with fallback",
-        name=name,
-    )
-    return RunLaw(law, adaptive, folder.fallback_work, pool)
+def _kept(
+    folder: RunFolder, config: RunConfig, names: Sequence[str], backend: str | None
+) -> dict[Case, tuple[bool, str]]:
+    """Return whether the folder holds a solution that may stay, and a line on one that it holds, for each case."""
+    found = {}
+    for load in config.macro.loads:
+        for name in names:
+            path, stays, line = folder.solution(name, load), False, ""
+            if path.exists():
+                of = load_solution(folder, name, load).backend
+                stays = backend is None or of == backend
+                line = f"solving: {path.name} is there already"
+                if not stays:
+                    line = (
+                        f"solving: {path.name} is of {of or 'another backend'}; solved again with {backend}"
+                    )
+            found[name, load] = stays, line
+    return found
 
 
 def _solve_load(
@@ -210,6 +105,7 @@ def _solve_load(
     config: RunConfig,
     load: float,
     laws: dict[str, RunLaw],
+    kept: dict[Case, tuple[bool, str]],
     solver: MacroSolver,
     backend: str | None,
     console: Console,
@@ -219,46 +115,170 @@ def _solve_load(
     problem = config.macro.problem(load)
     for name, run in laws.items():
         path = folder.solution(name, load)
-        if communicator.on_root(partial(_is_solved, folder, name, load, backend, console)):
+        stays, line = kept[name, load]
+        _say_once(line, said, console)
+        if stays:
             continue
         if prepared is None:
-            require_parts(type(solver), backend or config.macro_backend, problem)
-            prepared = solver.prepare(problem)
-            _say_once(solver.remark(prepared), said, console)
-        checkpoint, clock = folder.macro_checkpoint(name, load), StageClock()
+            prepared = _prepared(solver, config, problem, backend)
+            _say_once(_remark(solver, prepared), said, console)
+        clock = StageClock()
         with (
-            communicator.holding(timed(folder.timings, f"macro, {name}, load {load:g}", clock)),
+            communicator.holding(timed(folder.timings, _stage(name, load), clock)),
             run.cost_recorded(path.stem),
             run.taken_told(path.stem, console, clock),
             body_progress(console, f"{name}, load {load:g}", problem, config.result_units) as (show, say),
         ):
             if run.cells is not None:
                 run.cells.on_work = say
-            solution = body_solution_of(
-                solver, prepared, run.law, problem, checkpoint=checkpoint, on_step=show
-            )
-            solution = whole_specimen(solution, problem)
-            solution = replace(solution, backend=backend or config.macro_backend)
-            communicator.on_root(partial(solution.save, path))
-        if words := work_in_words(solution.work):
+            words = _solve_body(folder, config, run, problem, solver, prepared, backend, name, show)
+        if words:
             console.note(f"{path.stem}: {words}")
         if run.cells is not None:
             console.note(f"{path.stem}: {run.cells.work.in_words()}")
-        communicator.on_root(partial(checkpoint.unlink, missing_ok=True))
+
+
+def _prepared(solver: MacroSolver, config: RunConfig, problem: MacroProblem, backend: str | None) -> Any:
+    require_parts(type(solver), backend or config.macro_backend, problem)
+    return solver.prepare(problem)
+
+
+def _remark(solver: MacroSolver, prepared: Any) -> str:
+    line = solver.remark(prepared)
+    return line and f"solving: {line}"
+
+
+def _stage(law: str, load: float) -> str:
+    return f"macro, {law}, load {load:g}"
+
+
+def _solve_body(
+    folder: RunFolder,
+    config: RunConfig,
+    run: RunLaw,
+    problem: MacroProblem,
+    solver: MacroSolver,
+    prepared: Any,
+    backend: str | None,
+    name: str,
+    show: Callable[[StepReport], None],
+) -> str:
+    """Solve one load with one law, save the solution, and return the work of the linear systems in words."""
+    load, communicator = problem.load, solver.communicator
+    checkpoint = folder.macro_checkpoint(name, load)
+    solution = body_solution_of(solver, prepared, run.law, problem, checkpoint=checkpoint, on_step=show)
+    solution = replace(whole_specimen(solution, problem), backend=backend or config.macro_backend)
+    communicator.on_root(partial(solution.save, folder.solution(name, load)))
+    communicator.on_root(partial(checkpoint.unlink, missing_ok=True))
+    return work_in_words(solution.work)
+
+
+def solve_elsewhere(
+    tell: Tell, folder: RunFolder, config: RunConfig, laws: Sequence[LawKind], case: Case, backend: str | None
+) -> str:
+    """Solve one load with one of ``laws`` in this process; see :func:`_solve_body`.
+
+    ``tell`` receives how the linear systems are solved, and then every step.
+    """
+    name, load = case
+    with ExitStack() as stack:
+        stack.enter_context(speaking(config.result_units))
+        # All of them, since the libraries of a surrogate are loaded before those of the solver, as in one process.
+        run = macro_laws(folder, config, stack, laws)[name]
+        solver = make_backend("macro solver", config.with_backends(macro=backend))
+        problem = config.macro.problem(load)
+        prepared = _prepared(solver, config, problem, backend)
+        tell(_remark(solver, prepared))
+        return _solve_body(folder, config, run, problem, solver, prepared, backend, name, tell)
+
+
+def _solve_beside(
+    folder: RunFolder,
+    config: RunConfig,
+    kinds: dict[str, LawKind],
+    kept: dict[Case, tuple[bool, str]],
+    backend: str | None,
+    console: Console,
+    processes: CallProcesses,
+) -> None:
+    """Solve what is missing in processes; show one after the other, as if they were solved in that order."""
+    laws = tuple(kinds.values())
+    calls = {
+        case: processes.submit(
+            f"while it solved '{case[0]}' under load {case[1]:g}",
+            *(solve_elsewhere, folder, config, laws, case, backend),
+        )
+        for case, (stays, _) in kept.items()
+        if not stays
+    }
+    said: set[str] = set()
+    with _cut_short_timed(folder, calls, processes):
+        for (name, load), (_, line) in kept.items():
+            _say_once(line, said, console)
+            if call := calls.pop((name, load), None):
+                _follow(folder, config, name, load, call, console, said)
+
+
+def _follow(
+    folder: RunFolder, config: RunConfig, name: str, load: float, call: Call, console: Console, said: set[str]
+) -> None:
+    """Show the steps of a solve in another process, and how it ended."""
+    call.begin()
+    problem = config.macro.problem(load)
+    with (
+        timed(folder.timings, _stage(name, load), StageClock(call.time)),
+        body_progress(console, f"{name}, load {load:g}", problem, config.result_units, call.time) as (
+            show,
+            _,
+        ),
+    ):
+        for told in call.reports():
+            if isinstance(told, StepReport):
+                show(told)
+            else:
+                _say_once(told, said, console)
+        words = call.result()
+    if words:
+        console.note(f"{folder.solution(name, load).stem}: {words}")
+
+
+@contextmanager
+def _cut_short_timed(folder: RunFolder, calls: dict[Case, Call], processes: CallProcesses) -> Iterator[None]:
+    """Where the block is interrupted, record the times of the solves that run beside it, which end with it."""
+    try:
+        yield
+    except BaseException:
+        while processes.receive(0.0):
+            pass
+        for (name, load), call in calls.items():
+            if call.began is not None:
+                with (
+                    suppress(PorocoreError),
+                    timed(folder.timings, _stage(name, load), StageClock(call.time)),
+                ):
+                    call.catch_up()
+        raise
 
 
 def _say_once(line: str, said: set[str], console: Console) -> None:
     """Print a line that is the same for several loads when it first comes."""
     if line and line not in said:
-        console.note(f"solving: {line}")
+        console.note(line)
         said.add(line)
 
 
 @contextmanager
 def body_progress(
-    console: Console, title: str, problem: MacroProblem, units: ResultUnits
+    console: Console,
+    title: str,
+    problem: MacroProblem,
+    units: ResultUnits,
+    clock: Callable[[], float] | None = None,
 ) -> Iterator[tuple[Callable[[StepReport], None], Callable[[str], None]]]:
-    """Show the progress of a macro solve; yield what to call after each step, and with the work between two steps."""
+    """Show the progress of a macro solve; yield what to call after each step, and with the work between two steps.
+
+    ``clock`` tells the time of the process that solves; by default this one does.
+    """
     time, length = units.factor("time"), units.factor("displacement")
     unit, of_length = (f" {units.name(kind)}" if units.given else "" for kind in ("time", "displacement"))
     forecast, reached, work = StepForecast(problem), 0.0, (0.0, 1.0)
@@ -274,20 +294,5 @@ def body_progress(
             console.note(f"{title}: {line}")
         update(f"settlement {length * step.settlement:.4g}{of_length}{step_in_words(step.work)}")
 
-    with console.task(title, unit.strip(), "t = ") as task:
+    with console.task(title, unit.strip(), "t = ", clock) as task:
         yield show, update
-
-
-def _is_solved(folder: RunFolder, law: str, load: float, backend: str | None, console: Console) -> bool:
-    """Return True if the folder holds a solution that may stay."""
-    path = folder.solution(law, load)
-    if not path.exists():
-        return False
-    found = load_solution(folder, law, load)
-    if backend is None or found.backend == backend:
-        console.note(f"solving: {path.name} is there already")
-        return True
-    console.note(
-        f"solving: {path.name} is of {found.backend or 'another backend'}; solved again with {backend}"
-    )
-    return False

@@ -18,8 +18,8 @@ from porocore.states import Array
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder.stage_times import timed
 from porocore.study.stages.stage_files import load_surrogate, training_set
-from porocore.study.stages.stage_times import timed
 from porocore.study.store import fetch_files, keep_files, training_key
 
 HEADER = "epoch,loss,validation_loss"

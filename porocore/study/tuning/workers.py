@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Callable, Generator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children, get_context
 from typing import Any
 
-from porocore.core.parallel.threads import one_thread_in_children
+from porocore.core.parallel.children import begin_child, require_children, starting_children
 from porocore.errors import PorocoreError
-from porocore.sampling.execution import end_with_parent, require_children, script_left_out
 
 #: Key, and a function at the top level of a module with its first arguments.
 Task = tuple[str, tuple[Callable[..., Any], tuple[Any, ...]]]
@@ -42,7 +39,7 @@ def run_tasks(
     others = set(active_children())
     executor = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_start, initargs=(shared,))
     try:
-        with one_thread_in_children(), script_left_out():  # a worker starts as its task is submitted
+        with starting_children():  # a worker starts as its task is submitted
             futures = {
                 executor.submit(_call, function, arguments): key for key, (function, arguments) in tasks
             }
@@ -62,8 +59,7 @@ def run_tasks(
 def _start(shared: tuple[Any, ...]) -> None:
     global _shared
     _shared = shared
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    begin_child()
 
 
 def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:

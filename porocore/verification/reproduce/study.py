@@ -13,11 +13,11 @@ from porocore.macro.reference import CellReference
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder.stage_times import StageClock, timed
 from porocore.study.stages import pipeline
 from porocore.study.stages.figures_of_merit import figures_of_merit
 from porocore.study.stages.results import RunResults
 from porocore.study.stages.stage_files import linear_coefficients, prepare_cell
-from porocore.study.stages.stage_times import StageClock, timed
 from porocore.study.stages.summary import report_context
 from porocore.verification.local_fields.solve import PAPER_STATES, LocalFields, solve_and_write
 from porocore.verification.reproduce.calls import CallTimes, call_times

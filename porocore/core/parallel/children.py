@@ -1,15 +1,17 @@
-"""Environment in which worker processes start: no Ctrl-C, not the user's script run again."""
+"""Environment of child processes: one thread, no Ctrl-C, not the user's script; end with the parent."""
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.machinery import ModuleSpec
-from multiprocessing import current_process, resource_tracker
-from threading import Lock
+from multiprocessing import current_process, parent_process, resource_tracker
 
+from porocore.core.parallel.threads import one_thread_in_children
 from porocore.errors import PorocoreError
 
 
@@ -44,7 +46,7 @@ class _Script:
     """Script, module or standard input that this process was started with, as its children are told of it."""
 
     def __init__(self) -> None:
-        self._lock, self._blocks = Lock(), 0
+        self._lock, self._blocks = threading.Lock(), 0
         self._spec: ModuleSpec | None = None
 
     @contextmanager
@@ -70,3 +72,23 @@ class _Script:
 
 
 script_left_out = _Script().left_out
+
+
+@contextmanager
+def starting_children() -> Iterator[None]:
+    """Start the processes of the block on one thread, without Ctrl-C and the script of the user."""
+    with one_thread_in_children(), interrupts_blocked(), script_left_out():
+        yield
+
+
+def begin_child() -> None:
+    """Ignore Ctrl-C, which the parent handles, and end when it has gone, however it went; called first in a child."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,15 +29,18 @@ class StageClock:
     ----------
     idle
         True if the stage found its work done, so that its time is not to be added.
+    now
+        Tells the time; another clock where another process works.
     """
 
-    def __init__(self) -> None:
-        self._began, self._saved, self.idle = time.perf_counter(), 0.0, False
+    def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
+        self.now = now
+        self._began, self._saved, self.idle = now(), 0.0, False
 
     @property
     def seconds(self) -> float:
         """Seconds so far, stored results included."""
-        return time.perf_counter() - self._began + self._saved
+        return self.now() - self._began + self._saved
 
     @property
     def saved(self) -> float:
@@ -62,12 +65,12 @@ def timed(path: Path, stage: str, clock: StageClock | None = None) -> Iterator[S
     RunFolderError
         The disk is full or read-only.
     """
-    record, clock = _record(path), clock or StageClock()
+    clock = clock or StageClock()
 
     def gained() -> Numbers:
         return {} if clock.idle else {"seconds": clock.seconds, "runs": 1, "saved": clock.saved}
 
-    with added_up(path, record, stage, gained):
+    with added_up(path, _record, stage, gained):
         yield clock
 
 

@@ -1,0 +1,201 @@
+"""Calls in other processes (CallProcesses, Call): reports and results, whenever they are asked for."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import active_children, get_context
+from multiprocessing.process import BaseProcess
+from types import TracebackType
+from typing import Any, Self
+
+from porocore.core.parallel.children import begin_child, require_children, starting_children
+from porocore.core.parallel.failure import Failure
+from porocore.errors import PorocoreError
+
+#: Seconds between two looks at processes and interrupts while nothing is reported.
+PATIENCE = 0.2
+#: Takes what a call has to tell while it runs.
+Tell = Callable[[Any], None]
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a call told, and when, by the monotonic clock."""
+
+    at: float
+    told: Any
+
+
+class CallProcesses:
+    """Processes that take calls, each one at a time; a context manager, at whose end they end.
+
+    They start when they are needed, ignore Ctrl-C and end with this process, however it ends. They import the library,
+    not the script that runs. An interrupted block ends them with the calls that they are at.
+
+    Parameters
+    ----------
+    count
+        Number of processes, at least 1.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self._executor: ProcessPoolExecutor | None = None
+        self._reports: Any = None
+        self._calls: list[Call] = []
+        self._processes: set[BaseProcess] = set()
+
+    def submit(self, what: str, function: Callable[..., Any], *args: Any) -> Call:
+        """Start ``function(tell, *args)`` as soon as a process is free; ``tell`` sends here whatever is not None.
+
+        Parameters
+        ----------
+        what
+            The call in words, for messages: ``while it …``.
+        function
+            Function at the top level of a module of the library.
+
+        Raises
+        ------
+        PorocoreError
+            This process may not have children.
+        """
+        if self._executor is None:
+            require_children()
+            context = get_context("spawn")
+            self._reports = context.Queue()
+            self._executor = ProcessPoolExecutor(
+                self.count, context, initializer=_begin, initargs=(self._reports,)
+            )
+        others = set(active_children())
+        with starting_children():
+            future = self._executor.submit(_called, len(self._calls), function, args)
+        self._processes |= set(active_children()) - others
+        self._calls.append(Call(what, future, self))
+        return self._calls[-1]
+
+    def receive(self, seconds: float) -> bool:
+        """Hand the next report to its call; wait for at most so many seconds, and return whether one came."""
+        try:
+            number, report = self._reports.get(timeout=seconds)
+        except queue.Empty:
+            return False
+        self._calls[number].take(report)
+        return True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._executor is None:
+            return
+        if kind is not None:
+            for process in self._processes:
+                process.terminate()
+        self._executor.shutdown(cancel_futures=True)
+
+
+class Call:
+    """Call in another process.
+
+    Attributes
+    ----------
+    began, ended
+        Times of its begin and end by the monotonic clock; None before they are known.
+    """
+
+    def __init__(self, what: str, future: Future[Any], processes: CallProcesses) -> None:
+        self.what = what
+        self.began: float | None = None
+        self.ended: float | None = None
+        self._shown = 0.0
+        self._future, self._processes = future, processes
+        self._waiting: deque[Report] = deque()
+
+    def take(self, report: Report) -> None:
+        """Take a report of the process; the first tells the begin of the call, the last its end."""
+        if self.began is None:
+            self.began = self._shown = report.at
+        elif report.told is None:
+            self.ended = report.at
+        else:
+            self._waiting.append(report)
+
+    def begin(self) -> None:
+        """Wait until the call has begun."""
+        while self.began is None:
+            self._look()
+
+    def reports(self) -> Iterator[Any]:
+        """Yield what the call has told since the last time, and what it tells until it ends."""
+        while True:
+            while self._waiting:
+                report = self._waiting.popleft()
+                self._shown = report.at
+                yield report.told
+            if self.ended is not None:
+                self._shown = self.ended
+                return
+            self._look()
+
+    def time(self) -> float:
+        """Return the time of what :meth:`reports` has yielded last, by the monotonic clock, or of the begin or end."""
+        return self._shown
+
+    def catch_up(self) -> None:
+        """Let :meth:`time` be that of the end of the call, or the present."""
+        self._shown = time.monotonic() if self.ended is None else self.ended
+
+    def result(self) -> Any:
+        """Return what the call returned, once it has.
+
+        Raises
+        ------
+        PorocoreError
+            What the call raised, or its process ended before it.
+        """
+        for _ in self.reports():
+            pass
+        found = self._future.result()
+        if isinstance(found, Failure):
+            raise found.as_error("a process", self.what)
+        return found
+
+    def _look(self) -> None:
+        if self._processes.receive(PATIENCE) or not self._future.done():
+            return
+        if isinstance(self._future.exception(), BrokenProcessPool):
+            raise PorocoreError(
+                f"a process ended without a message {self.what} (out of memory, or killed); what is finished is kept: "
+                "resume, where memory is short with sampling.workers: 1"
+            )
+
+
+_channel: Any = None
+
+
+def _begin(channel: Any) -> None:
+    global _channel
+    _channel = channel
+    begin_child()
+
+
+def _called(number: int, function: Callable[..., Any], args: tuple[Any, ...]) -> Any:
+    def tell(what: Any) -> None:
+        _channel.put((number, Report(time.monotonic(), what)))
+
+    tell(None)
+    try:
+        return function(tell, *args)
+    except Exception as error:  # noqa: BLE001 - it is raised again where the result is asked for
+        return Failure.from_exception(error)
+    finally:
+        tell(None)

@@ -1,0 +1,158 @@
+"""Laws of a run by name: the surrogate's, linear, direct FE², a surrogate that learns on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Literal, get_args
+
+from porocore.core.console import Console
+from porocore.core.echo import echo, suggestion
+from porocore.core.files.store import ResultStore
+from porocore.errors import ConfigurationError
+from porocore.interfaces.law import MacroLaw
+from porocore.macro.laws import AdaptiveLaw, ClosedLaw
+from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
+from porocore.macro.laws.direct import DirectCellLaw
+from porocore.macro.laws.direct_record import SolvesCells, cost_recorded
+from porocore.macro.laws.linear import LinearPoroelasticity
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.sampling.execution import CellPool
+from porocore.sampling.execution.solved_store import SolvedStore
+from porocore.study.backends import make_backend
+from porocore.study.config.config import RunConfig
+from porocore.study.run_folder.files import LINEAR, direct_law, fallback_law
+from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder.provenance import versions
+from porocore.study.run_folder.stage_times import StageClock
+from porocore.study.stages.stage_files import (
+    linear_coefficients,
+    load_reference,
+    load_surrogate,
+    prepare_cell,
+    training_set,
+)
+from porocore.study.store import solved_states, told
+
+LawKind = Literal["surrogate", "linear", "direct", "fallback"]
+#: Laws that are solved by default.
+USUAL_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
+
+
+@dataclass(frozen=True)
+class RunLaw:
+    """A law of a run, and for one that solves cells their solver, the record of its work and the pool."""
+
+    law: MacroLaw
+    cells: SolvesCells | None = None
+    record: Path | None = None
+    pool: CellPool | None = None
+
+    def cost_recorded(self, solution: str) -> AbstractContextManager[None]:
+        """Add the cells that the block solves to the record of ``solution``."""
+        if self.cells is None or self.record is None:
+            return nullcontext()
+        return cost_recorded(self.record, solution, self.cells.work)
+
+    def taken_told(self, title: str, console: Console, clock: StageClock) -> AbstractContextManager[None]:
+        """Tell what the block takes from the store, and count on the clock what it saves."""
+        if self.pool is None:
+            return nullcontext()
+        return told(self.pool.known, title, console.note, clock.add, self.pool.workers)
+
+
+def require_laws(laws: Sequence[LawKind]) -> None:
+    """Refuse what is no sequence of kinds of laws.
+
+    Raises
+    ------
+    ConfigurationError
+        It is a text, or a kind is unknown.
+    """
+    kinds = get_args(LawKind)
+    if isinstance(laws, str):
+        raise ConfigurationError(f"laws: expected a sequence, such as ('linear',), got the text '{laws}'")
+    for kind in laws:
+        if kind not in kinds:
+            advice = suggestion(str(kind), kinds, "the kinds of laws are")
+            raise ConfigurationError(f"laws: no law is called {echo(kind)}; {advice}")
+
+
+def with_fallback(laws: Sequence[LawKind], fallback: str) -> tuple[LawKind, ...]:
+    """Return ``laws``, with the one that learns on the way unless ``fallback`` is ``none``."""
+    more: tuple[LawKind, ...] = () if fallback == "none" else ("fallback",)
+    return (*laws, *more)
+
+
+def law_names(config: RunConfig, laws: Sequence[LawKind], direct_closure: str) -> list[str]:
+    """Return the names under which :func:`solve` keeps the solutions."""
+    names = {"surrogate": config.closure, "linear": LINEAR, "direct": direct_law(direct_closure)}
+    names["fallback"] = fallback_law(config.closure)
+    return [names[kind] for kind in dict.fromkeys(laws)]
+
+
+def macro_laws(
+    folder: RunFolder,
+    config: RunConfig,
+    stack: ExitStack,
+    kinds: Sequence[LawKind] = USUAL_LAWS,
+    direct_closure: str = "potential",
+    store: ResultStore | None = None,
+) -> dict[str, RunLaw]:
+    """Return the laws of a run by name; processes that a law needs end with ``stack``."""
+    reference = load_reference(folder, config)
+    laws: dict[str, RunLaw] = {}
+    for kind, name in zip(dict.fromkeys(kinds), law_names(config, kinds, direct_closure), strict=True):
+        if kind == "surrogate":
+            closure = reference.closure(config.closure, config.cell.solid, config.conductivity)
+            surrogate = load_surrogate(folder, config)
+            laws[name] = RunLaw(ClosedLaw(surrogate, closure, identity=config.stages.training))
+        elif kind == "linear":
+            laws[name] = RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
+        elif kind == "fallback":
+            laws[name] = _learning(folder, config, stack.enter_context(_pool(config, store)), stack, name)
+        else:
+            rest = reference.resting(config.conductivity)
+            identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
+            pool = stack.enter_context(_pool(config, store))
+            cells = DirectCellLaw(pool, rest, identity)
+            closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
+            laws[name] = RunLaw(ClosedLaw(cells, closure, name=name), cells, folder.direct_work, pool)
+    return laws
+
+
+def _pool(config: RunConfig, store: ResultStore | None) -> CellPool:
+    arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
+    known: SolvedStore | None = solved_states(store, *arguments)
+    return CellPool(prepare_cell, arguments, **config.sampling.pool_options(), known=known)
+
+
+def _learning(folder: RunFolder, config: RunConfig, pool: CellPool, stack: ExitStack, name: str) -> RunLaw:
+    """Return the law whose surrogate learns the states outside the sampled range that the run reaches."""
+    reference, surrogate = load_reference(folder, config), load_surrogate(folder, config)
+    dataset = Dataset.create_or_open(
+        folder.fallback,
+        inputs=config.sampling.input_space(),
+        identity=config.stages.sampling,
+        provenance=versions(),
+    )
+    stack.enter_context(dataset.writing())
+    adaptive = AdaptiveSurrogate(
+        pool,
+        dataset,
+        training_set(folder, config),
+        partial(make_backend, "surrogate", config),
+        config.surrogate.seed,
+        objective=config.surrogate_model == "potential",
+    )
+    law = AdaptiveLaw(
+        adaptive.known(surrogate),
+        reference.closure(config.closure, config.cell.solid, config.conductivity),
+        adaptive,
+        identity=f"{config.stages.training} with fallback",
+        name=name,
+    )
+    return RunLaw(law, adaptive, folder.fallback_work, pool)
