@@ -85,15 +85,20 @@ class RunTimes:
 def macro_time(config: RunConfig, load: float) -> float:
     """Return the time of the body under a load, with the cell's law and linearly, on a quiet core [s]."""
     problem = config.macro.problem(load)
-    linear = 1.0 if problem.time.tolerance is not None else cost.LINEAR_FIXED
-    system = cost.SYSTEM.at(_points(problem))
-    return _law_time(config, problem) + expected_steps(problem) * linear * system
+    changing = problem.time.tolerance is not None or problem.is_column
+    linear = 1.0 if changing else cost.LINEAR_FIXED
+    return _law_time(config, problem) + expected_steps(problem) * linear * _system_time(problem)
+
+
+def _system_time(problem: MacroProblem) -> float:
+    """Return the time of a linear system of a body, without that of its law."""
+    return cost.SYSTEM.at(_points(problem)) * (cost.COLUMN if problem.is_column else 1.0)
 
 
 def _law_time(config: RunConfig, problem: MacroProblem) -> float:
     """Return the time of a body with the cell's law."""
-    points = _points(problem)
-    system = cost.SYSTEM.at(points) + cost.LAW.get(config.closure, max(cost.LAW.values())) * points
+    law = cost.LAW.get(config.closure, max(cost.LAW.values())) * _points(problem)
+    system = _system_time(problem) + law
     return expected_steps(problem) * cost.SYSTEMS * system
 
 
